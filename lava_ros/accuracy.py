@@ -1,0 +1,89 @@
+"""The knobs that trade accuracy for time."""
+
+from dataclasses import dataclass, fields
+import math
+
+from lava_ros import validation
+from lava_ros.scene import Scene
+
+#: Smoothing kernels by name: equations 3.6 to 3.8 of the paper, and Wendland C2.
+KERNELS = ('wendland', 'poly6', 'spiky', 'visc')
+
+PRECISIONS = ('float32', 'float64')
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """How finely a scene is resolved in space and time.
+
+    Attributes:
+        spacing: Distance between neighbouring particles where the flow has its expected thickness
+            [m]; None takes the terrain's resolution.
+        thickness: Expected thickness of the flow [m], with the spacing it sets the volume of a
+            particle; None derives it from discharge and viscosity (``expected_thickness``).
+        ratio: Kernel radius over spacing: 3 to 6, neighbours 28 to 113.
+        kernel: One of ``wendland``, ``poly6``, ``spiky``, ``visc``.
+        raster_ratio: Kernel radius of the output grid over the particles' kernel radius; at least
+            one and a half cells are always covered.
+        diffusion_number: Step over the explicit limit spacing^2 / (4 D) of thickness diffusion.
+        courant_number: Largest displacement in a step over the smaller of kernel radius and
+            terrain cell.
+        longest_step: Longest step [s].
+        precision: ``float32``, or ``float64`` as the reference.
+    """
+
+    spacing: float | None = None
+    thickness: float | None = None
+    ratio: float = 3.0
+    kernel: str = 'wendland'
+    raster_ratio: float = 1.0
+    diffusion_number: float = 1.0
+    courant_number: float = 0.25
+    longest_step: float = 60.0
+    precision: str = 'float32'
+
+    def __post_init__(self) -> None:
+        """Validate every field.
+
+        Raises:
+            LavaError: A field is not usable.
+        """
+        for name in ('spacing', 'thickness'):
+            value = getattr(self, name)
+            if value is not None:
+                value = validation.number(f'accuracy.{name}', value, above=0.0, unit='m')
+                object.__setattr__(self, name, value)
+        limits = {
+            'ratio': {'at_least': 1.5, 'at_most': 12.0},
+            'raster_ratio': {'above': 0.0, 'at_most': 20.0},
+            'diffusion_number': {'above': 0.0, 'at_most': 20.0},
+            'courant_number': {'above': 0.0, 'at_most': 0.5},
+            'longest_step': {'above': 0.0, 'unit': 's'},
+        }
+        for name, limit in limits.items():
+            value = validation.number(f'accuracy.{name}', getattr(self, name), **limit)  # type: ignore[arg-type]
+            object.__setattr__(self, name, value)
+        validation.choice('accuracy.kernel', self.kernel, KERNELS)
+        validation.choice('accuracy.precision', self.precision, PRECISIONS)
+
+
+def accuracy_from_dict(data: object) -> Accuracy:
+    """Build an ``Accuracy`` from the plain data of a YAML file.
+
+    Raises:
+        LavaError: A key is unknown or a value is not usable.
+    """
+    names = [item.name for item in fields(Accuracy)]
+    return Accuracy(**validation.keys('accuracy', data, allowed=names))  # type: ignore[arg-type]
+
+
+def expected_thickness(scene: Scene) -> float:
+    """Thickness scale of a flow from a point source, (3 mu Q / (rho g))^(1/4) [m].
+
+    It is the thickness at which spreading balances supply, on a plane (Huppert 1982) as on a slope
+    (Lister 1992). Q is the largest discharge of any vent; without one it is 1 m3/s.
+    """
+    lava = scene.lava
+    discharge = max((flux for vent in scene.vents for _, flux in vent.series), default=0.0)
+    scale = 3.0 * lava.viscosity * (discharge or 1.0) / (lava.density * scene.gravity)
+    return math.sqrt(math.sqrt(scale))

@@ -1,0 +1,24 @@
+"""The one exception this package raises for bad input."""
+
+
+class LavaError(ValueError):
+    """Input that cannot be used.
+
+    The message is one sentence that names the field, the value and what would be right, so that a
+    node can log it and a command can print it as it is.
+
+    Attributes:
+        field: Dotted name of what is wrong, for example ``vents[0].discharge``.
+        value: The offending value.
+        expected: What would be right, as a phrase.
+    """
+
+    def __init__(self, field: str, value: object, expected: str) -> None:
+        """Compose the sentence from its three parts."""
+        self.field = field
+        self.value = value
+        self.expected = expected
+        shown = repr(value)
+        if len(shown) > 80:
+            shown = shown[:77] + '...'
+        super().__init__(f'{field} is {shown}, expected {expected}')

@@ -1,0 +1,413 @@
+"""What the user describes: terrain, vents, lava and the scene they make.
+
+Everything here is plain data in SI units (metres, seconds, kelvin) and validates itself: a scene
+that exists can be simulated. Only numpy is needed.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+
+#: Most cells along one side: nav_msgs/MapMetaData consumers index cells with 16-bit integers.
+MAX_SIDE_CELLS = 32767
+
+#: Temperatures lava can have at a vent [K]: from the coldest carbonatite to the hottest komatiite.
+VENT_TEMPERATURE_RANGE = (700.0, 2000.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """Ground elevation on a regular grid of square cells in the map frame (ENU).
+
+    Attributes:
+        elevation: Elevation of the cell centres [m], float32, shape [rows, columns]; row 0 has the
+            smallest y. NaN marks cells without data: lava that reaches them leaves the domain.
+        resolution: Side of a cell [m].
+        origin: Map position (x, y) [m] of the lower-left corner of cell [0, 0].
+        epsg: EPSG code of the projected coordinate system the map frame is an offset of.
+        offset: Easting and northing [m] of the map frame's origin in that system.
+    """
+
+    elevation: np.ndarray
+    resolution: float
+    origin: tuple[float, float] = (0.0, 0.0)
+    epsg: int | None = None
+    offset: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Validate and normalise every field.
+
+        Raises:
+            LavaError: A field is not usable.
+        """
+        put = object.__setattr__
+        try:
+            elevation = np.array(self.elevation, dtype=np.float32, order='C')
+        except (TypeError, ValueError):
+            raise LavaError(
+                'terrain.elevation', type(self.elevation).__name__, 'a 2-D array of numbers [m]'
+            ) from None
+        if elevation.ndim != 2 or min(elevation.shape) < 2:
+            raise LavaError(
+                'terrain.elevation',
+                f'array of shape {elevation.shape}',
+                'a 2-D array of at least 2 x 2 cells',
+            )
+        if max(elevation.shape) > MAX_SIDE_CELLS:
+            raise LavaError(
+                'terrain.elevation',
+                f'array of shape {elevation.shape}',
+                f'at most {MAX_SIDE_CELLS} cells a side',
+            )
+        if np.isinf(elevation).any():
+            raise LavaError('terrain.elevation', math.inf, 'finite metres, NaN where unknown')
+        if np.isnan(elevation).all():
+            raise LavaError('terrain.elevation', math.nan, 'at least one cell with data')
+        elevation.setflags(write=False)
+        put(self, 'elevation', elevation)
+        put(
+            self,
+            'resolution',
+            validation.number('terrain.resolution', self.resolution, above=0.0, unit='m'),
+        )
+        put(self, 'origin', validation.pair('terrain.origin', self.origin))
+        put(self, 'offset', validation.pair('terrain.offset', self.offset))
+        if self.epsg is not None and (
+            isinstance(self.epsg, bool) or not isinstance(self.epsg, int) or self.epsg < 1024
+        ):
+            raise LavaError('terrain.epsg', self.epsg, 'an EPSG code such as 32633, or None')
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the grid."""
+        return self.elevation.shape  # type: ignore[return-value]
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Smallest x, smallest y, largest x, largest y of the cells' edges [m]."""
+        rows, columns = self.shape
+        x, y = self.origin
+        return (x, y, x + columns * self.resolution, y + rows * self.resolution)
+
+    @cached_property
+    def has_data(self) -> np.ndarray:
+        """True where the elevation is known, bool, shape [rows, columns]."""
+        mask = np.isfinite(self.elevation)
+        mask.setflags(write=False)
+        return mask
+
+    def cell_at(self, x: float, y: float) -> tuple[int, int] | None:
+        """Row and column of the cell that holds a map position, None outside the grid."""
+        column = math.floor((x - self.origin[0]) / self.resolution)
+        row = math.floor((y - self.origin[1]) / self.resolution)
+        rows, columns = self.shape
+        return (row, column) if 0 <= row < rows and 0 <= column < columns else None
+
+    def covers(self, x: float, y: float) -> bool:
+        """Whether a map position lies on a cell with data."""
+        cell = self.cell_at(x, y)
+        return cell is not None and bool(self.has_data[cell])
+
+    def to_map(self, easting: float, northing: float) -> tuple[float, float]:
+        """Turn projected coordinates [m] into map coordinates [m]."""
+        return (easting - self.offset[0], northing - self.offset[1])
+
+
+Discharge = float | Sequence[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Vent:
+    """A place where lava comes out: a disc, or a fissure when ``end`` is given.
+
+    Attributes:
+        position: Centre of the disc, or one end of the fissure, (x, y) [m] in the map frame.
+        discharge: Volume flux [m3/s]: a constant, or a series of (time [s], flux [m3/s]) pairs of
+            increasing time. Each flux holds from its time until the next; before the first it is 0.
+        temperature: Temperature of the erupting lava [K].
+        radius: Radius of the disc, or half the width of the fissure [m].
+        end: The other end of the fissure, (x, y) [m], None for a disc.
+        name: Free text that identifies the vent in logs and messages.
+    """
+
+    position: tuple[float, float]
+    discharge: Discharge
+    temperature: float = 1423.0
+    radius: float = 10.0
+    end: tuple[float, float] | None = None
+    name: str = ''
+
+    def __post_init__(self) -> None:
+        """Validate and normalise every field.
+
+        Raises:
+            LavaError: A field is not usable.
+        """
+        put = object.__setattr__
+        label = f'vent {self.name!r}.' if self.name else 'vent.'
+        put(self, 'position', validation.pair(label + 'position', self.position))
+        if self.end is not None:
+            put(self, 'end', validation.pair(label + 'end', self.end))
+        put(self, 'radius', validation.number(label + 'radius', self.radius, above=0.0, unit='m'))
+        put(
+            self,
+            'temperature',
+            validation.number(
+                label + 'temperature',
+                self.temperature,
+                at_least=VENT_TEMPERATURE_RANGE[0],
+                at_most=VENT_TEMPERATURE_RANGE[1],
+                unit='K',
+            ),
+        )
+        put(self, 'discharge', _discharge(label + 'discharge', self.discharge))
+
+    @property
+    def series(self) -> tuple[tuple[float, float], ...]:
+        """The discharge as (time [s], flux [m3/s]) pairs; a constant starts at minus infinity."""
+        if isinstance(self.discharge, float):
+            return ((-math.inf, self.discharge),)
+        return tuple(self.discharge)  # type: ignore[arg-type]
+
+    def volume_between(self, start: float, end: float) -> float:
+        """Volume [m3] the vent emits from ``start`` to ``end`` [s]: the exact integral."""
+        total = 0.0
+        series = self.series
+        for index, (time, flux) in enumerate(series):
+            until = series[index + 1][0] if index + 1 < len(series) else math.inf
+            total += flux * max(0.0, min(end, until) - max(start, time))
+        return total
+
+
+def _discharge(label: str, value: object) -> float | tuple[tuple[float, float], ...]:
+    if not isinstance(value, (list, tuple, np.ndarray)):
+        return validation.number(label, value, at_least=0.0, unit='m3/s')
+    pairs: list[tuple[float, float]] = []
+    for index, item in enumerate(value):
+        time, flux = validation.pair(f'{label}[{index}]', item, unit='(s, m3/s)')
+        validation.number(f'{label}[{index}][1]', flux, at_least=0.0, unit='m3/s')
+        if pairs and time <= pairs[-1][0]:
+            raise LavaError(f'{label}[{index}][0]', time, f'a time after {pairs[-1][0]:g} s')
+        pairs.append((time, flux))
+    if not pairs:
+        raise LavaError(label, value, 'a flux [m3/s] or at least one (s, m3/s) pair')
+    return tuple(pairs)
+
+
+@dataclass(frozen=True)
+class Lava:
+    """Material constants. The defaults are table 3.1 of the paper this method comes from.
+
+    Attributes:
+        density: Density [kg/m3].
+        viscosity: Dynamic viscosity at ``reference_temperature`` [Pa s].
+        reference_temperature: Temperature at which ``viscosity`` holds [K].
+        arrhenius: Rate of the Arrhenius law mu = viscosity exp(arrhenius (reference - T)) [1/K];
+            0 keeps the viscosity constant. 8e-3 is the paper's, 0.04 is usual in the field
+            (Dragoni 1989).
+        specific_heat: Specific heat capacity [J/(kg K)].
+        emissivity: Emissivity of the surface, 0 to 1. 0 switches radiation off.
+        convection: Coefficient of heat transfer to the air [W/(m2 K)]. 0 switches it off.
+    """
+
+    density: float = 2500.0
+    viscosity: float = 100.0
+    reference_temperature: float = 1423.0
+    arrhenius: float = 8e-3
+    specific_heat: float = 1150.0
+    emissivity: float = 0.9
+    convection: float = 50.0
+
+    def __post_init__(self) -> None:
+        """Validate every field.
+
+        Raises:
+            LavaError: A field is not usable.
+        """
+        limits: dict[str, dict[str, Any]] = {
+            'density': {'above': 0.0, 'unit': 'kg/m3'},
+            'viscosity': {'above': 0.0, 'unit': 'Pa s'},
+            'reference_temperature': {'above': 0.0, 'unit': 'K'},
+            'arrhenius': {'at_least': 0.0, 'unit': '1/K'},
+            'specific_heat': {'above': 0.0, 'unit': 'J/(kg K)'},
+            'emissivity': {'at_least': 0.0, 'at_most': 1.0},
+            'convection': {'at_least': 0.0, 'unit': 'W/(m2 K)'},
+        }
+        for name, limit in limits.items():
+            value = validation.number(f'lava.{name}', getattr(self, name), **limit)
+            object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Everything a simulation needs to know about the world.
+
+    Attributes:
+        terrain: The ground.
+        vents: Where lava comes out; may be empty.
+        lava: The material.
+        ambient_temperature: Temperature of the air [K].
+        gravity: Acceleration of gravity [m/s2].
+    """
+
+    terrain: Terrain
+    vents: tuple[Vent, ...] = ()
+    lava: Lava = field(default_factory=Lava)
+    ambient_temperature: float = 300.0
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        """Validate the parts together.
+
+        Raises:
+            LavaError: A part is of the wrong kind, or a vent is not on the terrain.
+        """
+        put = object.__setattr__
+        for name, kind in (('terrain', Terrain), ('lava', Lava)):
+            if not isinstance(getattr(self, name), kind):
+                raise LavaError(f'scene.{name}', getattr(self, name), f'a {kind.__name__}')
+        put(self, 'vents', check_vents(self.vents, self.terrain))
+        put(
+            self,
+            'ambient_temperature',
+            validation.number(
+                'scene.ambient_temperature',
+                self.ambient_temperature,
+                at_least=100.0,
+                at_most=600.0,
+                unit='K',
+            ),
+        )
+        put(
+            self,
+            'gravity',
+            validation.number('scene.gravity', self.gravity, above=0.0, unit='m/s2'),
+        )
+
+
+def check_vents(vents: Iterable[Vent], terrain: Terrain) -> tuple[Vent, ...]:
+    """Return the vents as a tuple when each lies on the terrain.
+
+    Raises:
+        LavaError: A vent's position or end is outside the terrain or on a cell without data.
+    """
+    result = tuple(vents)
+    x0, y0, x1, y1 = terrain.extent
+    for index, vent in enumerate(result):
+        if not isinstance(vent, Vent):
+            raise LavaError(f'vents[{index}]', vent, 'a Vent')
+        for name in ('position', 'end'):
+            point = getattr(vent, name)
+            if point is not None and not terrain.covers(*point):
+                raise LavaError(
+                    f'vents[{index}].{name}',
+                    point,
+                    f'a place on the terrain, which covers x {x0:g} to {x1:g} m and '
+                    f'y {y0:g} to {y1:g} m (cells without data excluded)',
+                )
+    return result
+
+
+def vents_from_list(items: object, terrain: Terrain) -> tuple[Vent, ...]:
+    """Build vents from the plain data of a YAML file.
+
+    Each item is a mapping with the fields of ``Vent``; ``projected: [easting, northing]`` may
+    stand in place of ``position`` (and ``projected_end`` of ``end``).
+
+    Raises:
+        LavaError: The data is not such a list.
+    """
+    if not isinstance(items, list):
+        raise LavaError('vents', items, 'a list of vents')
+    names = [item.name for item in fields(Vent)]
+    vents = []
+    for index, item in enumerate(items):
+        where = f'vents[{index}]'
+        allowed = [*names, 'projected', 'projected_end']
+        data = validation.keys(where, item, allowed=allowed, required=['discharge'])
+        for source, target in (('projected', 'position'), ('projected_end', 'end')):
+            if source in data:
+                if target in data:
+                    raise LavaError(f'{where}.{source}', data[source], f'absent beside {target}')
+                place = validation.pair(f'{where}.{source}', data.pop(source))
+                data[target] = terrain.to_map(*place)
+        if 'position' not in data:
+            raise LavaError(f'{where}.position', None, 'a value: this key is required')
+        data.setdefault('name', f'vent {index}')
+        vents.append(Vent(**data))  # type: ignore[arg-type]
+    return check_vents(vents, terrain)
+
+
+def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scene:
+    """Read a scene file.
+
+    The file has the keys ``terrain`` (a mapping: ``file``, relative to the scene file, and the
+    options of ``terrain_files.load_terrain``), ``vents``, ``lava``, ``ambient_temperature`` and
+    ``gravity``; all but the terrain may be left out.
+
+    Args:
+        path: The YAML file.
+        terrain: Ground to use in place of the file's own.
+
+    Raises:
+        LavaError: The file cannot be read, or one of its fields is not usable.
+    """
+    import yaml
+
+    from lava_ros.terrain_files import load_terrain
+
+    path = Path(path)
+    try:
+        data = yaml.safe_load(path.read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise LavaError('scene', str(path), f'a readable YAML file ({error})') from error
+    names = ['terrain', 'vents', 'lava', 'ambient_temperature', 'gravity']
+    data = validation.keys('scene', data, allowed=names)
+    if terrain is None:
+        options = validation.keys(
+            'scene.terrain',
+            data.get('terrain'),
+            allowed=['file', 'epsg', 'resolution', 'offset'],
+            required=['file'],
+        )
+        terrain = load_terrain(path.parent / str(options.pop('file')), **options)
+    lava_names = [item.name for item in fields(Lava)]
+    lava = validation.keys('scene.lava', data.get('lava', {}), allowed=lava_names)
+    rest: Mapping[str, Any] = {
+        name: data[name] for name in ('ambient_temperature', 'gravity') if name in data
+    }
+    return Scene(
+        terrain=terrain,
+        vents=vents_from_list(data.get('vents', []), terrain),
+        lava=Lava(**lava),  # type: ignore[arg-type]
+        **rest,
+    )
+
+
+def scene_to_dict(scene: Scene) -> dict[str, Any]:
+    """Plain data that describes a scene, the elevation itself left out: for logs and bags."""
+    terrain = scene.terrain
+    return {
+        'terrain': {
+            'shape': list(terrain.shape),
+            'resolution': terrain.resolution,
+            'origin': list(terrain.origin),
+            'epsg': terrain.epsg,
+            'offset': list(terrain.offset),
+        },
+        'vents': [
+            {name: value for name, value in asdict(vent).items() if value not in (None, '')}
+            for vent in scene.vents
+        ],
+        'lava': asdict(scene.lava),
+        'ambient_temperature': scene.ambient_temperature,
+        'gravity': scene.gravity,
+    }

@@ -1,0 +1,146 @@
+"""Thickness, surface slope and the local balance of gravity and basal viscous drag.
+
+Heights are SPH sums (3.9 with q = h); the surface gradient is grad S = grad h + grad H, the first
+an SPH sum, the second sampled from the staggered terrain grid. Where inertia and lateral stress
+are negligible the depth-averaged velocity is u = -rho g h^2 grad S / (3 mu).
+"""
+
+from functools import lru_cache
+import math
+from typing import Any
+
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.simulation.kernels import bessel, smoothing_kernel
+from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
+from lava_ros.simulation.rheology import Rheology, viscosity_function
+from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+
+
+@wp.struct
+class FlowConstants:
+    """What the flow's equations need beside the particles.
+
+    ``radius`` is the kernel's [m], ``weight`` is rho g [N/m3], ``particle_volume`` the volume of a
+    particle [m3], ``reach`` the largest displacement in a step [m] and ``diffusion_number`` the
+    step over its explicit limit.
+    """
+
+    radius: wp.float64
+    weight: wp.float64
+    particle_volume: wp.float64
+    reach: wp.float64
+    diffusion_number: wp.float64
+
+
+@lru_cache
+def flow_kernel(real: Any, kernel_name: str, ratio: float, effects: Effects) -> Any:
+    """Return the kernel that computes thickness and local velocity, for one set of effects."""
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    norm, shape, slope = smoothing_kernel(kernel_name, real, ratio)
+    gradient_at = terrain_functions(real).gradient_at
+    column_of, row_of = cell_functions(real)
+    viscosity = viscosity_function(real, effects.arrhenius)
+    x_k1 = bessel(real).x_k1
+    steep, green = effects.steep, effects.green
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def thickness_and_velocity(
+        ordered: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        cells: CellFrame,
+        gradient: wp.array2d(dtype=vec2),
+        terrain: TerrainFrame,
+        law: Rheology,
+        constants: FlowConstants,
+        flow: wp.array(dtype=vec3),
+        drive: wp.array(dtype=vec3),
+        rates: wp.array(dtype=real),
+    ):
+        i = wp.tid()
+        if i >= counts[PARTICLES]:
+            return
+        p = ordered[i]
+        radius = real(constants.radius)
+        inverse = real(1.0) / radius
+        height = real(0.0)
+        rise_x = real(0.0)
+        rise_y = real(0.0)
+        column = column_of(cells, p[0])
+        row = row_of(cells, p[1])
+        first = wp.max(column - 1, 0)
+        last = wp.min(column + 1, cells.columns - 1)
+        for r in range(wp.max(row - 1, 0), wp.min(row + 2, cells.rows)):
+            for j in range(
+                starts[r * cells.columns + first], starts[r * cells.columns + last + 1]
+            ):
+                other = ordered[j]
+                dx = (p[0] - other[0]) * inverse
+                dy = (p[1] - other[1]) * inverse
+                square = dx * dx + dy * dy
+                if square < real(1.0):
+                    q = wp.sqrt(square)
+                    height += other[2] * shape(q)
+                    pull = other[2] * slope(q)
+                    rise_x += pull * dx
+                    rise_y += pull * dy
+        scale = real(wp.static(norm)) * inverse * inverse
+        height *= scale
+        ground = gradient_at(gradient, terrain, p[0], p[1])
+        surface = vec2(rise_x, rise_y) * (scale * inverse) + ground
+        mobility = real(constants.weight) * height * height / (
+            real(3.0) * viscosity(law, p[3])
+        )
+        if wp.static(steep):
+            along = real(1.0) / (real(1.0) + wp.dot(ground, ground))
+            mobility *= along * along
+        velocity = -mobility * surface
+        flow[i] = vec3(height, velocity[0], velocity[1])
+        diffusivity = mobility * height
+        area = real(constants.particle_volume) / height
+        relief = real(constants.diffusion_number)
+        if wp.static(green):
+            drive[i] = vec3(height * velocity[0], height * velocity[1], p[2] / height)
+            # lateral stress divides the response at the finest scale, q^2 = 8 / spacing^2, by
+            # 1 + q^2 / k^2, as far as the Green's function is not cut off
+            whole = real(1.0) - x_k1(real(wp.static(math.sqrt(3.0))) * radius / height)
+            relief *= wp.max(
+                real(1.0), whole * (real(1.0) + real(8.0 / 3.0) * height * height / area)
+            )
+        wp.atomic_max(rates, DIFFUSION, real(4.0) * diffusivity / (relief * area))
+        wp.atomic_max(rates, ADVECTION, wp.length(velocity) / real(constants.reach))
+
+    return thickness_and_velocity
+
+
+def compute_flow(
+    state: State,
+    neighbors: NeighborGrid,
+    terrain: StaggeredTerrain,
+    law: Rheology,
+    constants: FlowConstants,
+    kernel: Any,
+) -> None:
+    """Fill ``state.flow`` (and ``state.drive``) of the ordered particles and raise the rates."""
+    state.rates.zero_()
+    wp.launch(
+        kernel,
+        dim=state.capacity,
+        inputs=[
+            state.ordered,
+            state.counts,
+            neighbors.starts,
+            neighbors.frame,
+            terrain.gradient,
+            terrain.frame,
+            law,
+            constants,
+        ],
+        outputs=[state.flow, state.drive if state.effects.green else state.flow, state.rates],
+        device=state.device,
+    )

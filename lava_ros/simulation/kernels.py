@@ -1,0 +1,141 @@
+"""Smoothing kernels in two dimensions and the Bessel functions of the Green's function.
+
+Each smoothing kernel of radius l is W(r) = norm / l^2 * shape(r / l), and its gradient is
+norm / l^4 * slope(r / l) * (x_i - x_j), with slope(q) = shape'(q) / q.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any, NamedTuple
+
+import warp as wp
+
+
+class SmoothingKernel(NamedTuple):
+    """A kernel as device functions of q = r / l in [0, 1).
+
+    Attributes:
+        norm: Factor that makes the integral over the plane 1.
+        shape: Device function, the kernel over ``norm``.
+        slope: Device function, the derivative of ``shape`` over q.
+    """
+
+    norm: float
+    shape: Any
+    slope: Any
+
+
+@lru_cache
+def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKernel:
+    """Return a smoothing kernel by name.
+
+    Args:
+        name: ``wendland`` (C2), or ``poly6``, ``spiky``, ``visc``: equations 3.6, 3.7, 3.8.
+        real: Warp scalar type to compute in.
+        ratio: Kernel radius over particle spacing. It only enters ``visc``, which is infinite at
+            r = 0: there its mean over the particle's own disc of area spacing^2 stands in.
+    """
+    own_disc = 1.0 / (ratio * math.sqrt(math.pi))
+    visc_centre = -5.0 + 6.0 * (0.5 - math.log(own_disc)) + 4.5 * own_disc**2
+
+    @wp.func
+    def wendland_shape(q: real) -> real:
+        p = real(1.0) - q
+        return p * p * p * p * (real(1.0) + real(4.0) * q)
+
+    @wp.func
+    def wendland_slope(q: real) -> real:
+        p = real(1.0) - q
+        return real(-20.0) * p * p * p
+
+    @wp.func
+    def poly6_shape(q: real) -> real:
+        p = real(1.0) - q * q
+        return p * p * p
+
+    @wp.func
+    def poly6_slope(q: real) -> real:
+        p = real(1.0) - q * q
+        return real(-6.0) * p * p
+
+    @wp.func
+    def spiky_shape(q: real) -> real:
+        p = real(1.0) - q
+        return p * p * p
+
+    @wp.func
+    def spiky_slope(q: real) -> real:
+        p = real(1.0) - q
+        return real(-3.0) * p * p / wp.max(q, real(1.0e-6))
+
+    @wp.func
+    def visc_shape(q: real) -> real:
+        if q < real(1.0e-6):
+            return real(wp.static(visc_centre))
+        return real(-4.0) * q * q * q + real(9.0) * q * q - real(5.0) - real(6.0) * wp.log(q)
+
+    @wp.func
+    def visc_slope(q: real) -> real:
+        p = wp.max(q, real(1.0e-6))
+        return real(-12.0) * p + real(18.0) - real(6.0) / (p * p)
+
+    return {
+        'wendland': SmoothingKernel(7.0 / math.pi, wendland_shape, wendland_slope),
+        'poly6': SmoothingKernel(4.0 / math.pi, poly6_shape, poly6_slope),
+        'spiky': SmoothingKernel(10.0 / math.pi, spiky_shape, spiky_slope),
+        'visc': SmoothingKernel(10.0 / (9.0 * math.pi), visc_shape, visc_slope),
+    }[name]
+
+
+class Bessel(NamedTuple):
+    """Modified Bessel functions of the second kind as device functions of x > 0."""
+
+    k0: Any
+    x_k1: Any
+
+
+@lru_cache
+def bessel(real: Any) -> Bessel:
+    """Return K0(x) and x K1(x), to 2e-7 absolute.
+
+    Polynomials 9.8.1, 9.8.3 and 9.8.5 to 9.8.8 of Abramowitz & Stegun, Handbook of Mathematical
+    Functions.
+    """
+
+    @wp.func
+    def i0_small(x: real) -> real:
+        t = x * x / real(14.0625)
+        return real(1.0) + t * (real(3.5156229) + t * (real(3.0899424) + t * (real(1.2067492)
+               + t * (real(0.2659732) + t * (real(0.0360768) + t * real(0.0045813))))))  # fmt: skip
+
+    @wp.func
+    def i1_over_x_small(x: real) -> real:
+        t = x * x / real(14.0625)
+        return real(0.5) + t * (real(0.87890594) + t * (real(0.51498869) + t * (real(0.15084934)
+               + t * (real(0.02658733) + t * (real(0.00301532) + t * real(0.00032411))))))  # fmt: skip
+
+    @wp.func
+    def k0(x: real) -> real:
+        if x <= real(2.0):
+            t = real(0.25) * x * x
+            return -wp.log(real(0.5) * x) * i0_small(x) + (real(-0.57721566) + t * (
+                real(0.42278420) + t * (real(0.23069756) + t * (real(0.03488590) + t * (
+                    real(0.00262698) + t * (real(0.00010750) + t * real(0.00000740)))))))  # fmt: skip
+        t = real(2.0) / x
+        return wp.exp(-x) / wp.sqrt(x) * (real(1.25331414) + t * (real(-0.07832358) + t * (
+            real(0.02189568) + t * (real(-0.01062446) + t * (real(0.00587872) + t * (
+                real(-0.00251540) + t * real(0.00053208)))))))  # fmt: skip
+
+    @wp.func
+    def x_k1(x: real) -> real:
+        if x <= real(2.0):
+            t = real(0.25) * x * x
+            return x * x * wp.log(real(0.5) * x) * i1_over_x_small(x) + (real(1.0) + t * (
+                real(0.15443144) + t * (real(-0.67278579) + t * (real(-0.18156897) + t * (
+                    real(-0.01919402) + t * (real(-0.00110404) + t * real(-0.00004686)))))))  # fmt: skip
+        t = real(2.0) / x
+        return wp.exp(-x) * wp.sqrt(x) * (real(1.25331414) + t * (real(0.23498619) + t * (
+            real(-0.03655620) + t * (real(0.01504268) + t * (real(-0.00780353) + t * (
+                real(0.00325614) + t * real(-0.00068245)))))))  # fmt: skip
+
+    return Bessel(k0, x_k1)

@@ -1,0 +1,159 @@
+"""The neighbour grid (section 3.2.1): particles sorted by cells as wide as the kernel radius.
+
+Cells are numbered row by row, so the 3 x 3 cells around a particle are three contiguous ranges of
+the ordered particles.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any, NamedTuple
+
+import warp as wp
+
+from lava_ros.simulation.state import PARTICLES, State
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+
+
+@wp.struct
+class CellFrame:
+    """Where the cells lie, relative to the terrain's centre."""
+
+    x0: wp.float64
+    y0: wp.float64
+    size: wp.float64
+    rows: wp.int32
+    columns: wp.int32
+
+
+class CellFunctions(NamedTuple):
+    """Device functions that find cells."""
+
+    column_of: Any
+    row_of: Any
+
+
+@lru_cache
+def cell_functions(real: Any) -> CellFunctions:
+    """Return the column and row of the cell at a position, clamped to the grid."""
+
+    @wp.func
+    def column_of(frame: CellFrame, x: real) -> int:
+        column = int(wp.floor((x - real(frame.x0)) / real(frame.size)))
+        return wp.clamp(column, 0, frame.columns - 1)
+
+    @wp.func
+    def row_of(frame: CellFrame, y: real) -> int:
+        row = int(wp.floor((y - real(frame.y0)) / real(frame.size)))
+        return wp.clamp(row, 0, frame.rows - 1)
+
+    return CellFunctions(column_of, row_of)
+
+
+@lru_cache
+def _kernels(real: Any) -> tuple[Any, Any, Any]:
+    vec4 = wp.types.vector(4, real)
+    is_known = terrain_functions(real).is_known
+    column_of, row_of = cell_functions(real)
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def bin_particles(
+        particle: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        known: wp.array2d(dtype=wp.uint8),
+        terrain: TerrainFrame,
+        cells: CellFrame,
+        cell: wp.array(dtype=wp.int32),
+        rank: wp.array(dtype=wp.int32),
+        sizes: wp.array(dtype=wp.int32),
+        left: wp.array(dtype=wp.float64),
+    ):
+        """Find each particle's cell and its rank there; what left the terrain goes last."""
+        i = wp.tid()
+        if i >= counts[PARTICLES]:
+            return
+        p = particle[i]
+        c = cells.rows * cells.columns
+        if is_known(known, terrain, p[0], p[1]):
+            c = row_of(cells, p[1]) * cells.columns + column_of(cells, p[0])
+        else:
+            wp.atomic_add(left, 0, wp.float64(p[2]))
+        cell[i] = c
+        rank[i] = wp.atomic_add(sizes, c, 1)
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def order_particles(
+        particle: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        cell: wp.array(dtype=wp.int32),
+        rank: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        ordered: wp.array(dtype=vec4),
+    ):
+        i = wp.tid()
+        if i < counts[PARTICLES]:
+            ordered[starts[cell[i]] + rank[i]] = particle[i]
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def count_inside(
+        starts: wp.array(dtype=wp.int32), last: int, counts: wp.array(dtype=wp.int32)
+    ):
+        counts[PARTICLES] = starts[last]
+
+    return bin_particles, order_particles, count_inside
+
+
+class NeighborGrid:
+    """The cells of a terrain for one kernel radius.
+
+    Attributes:
+        frame: Where the cells lie.
+        starts: Index of each cell's first ordered particle, shape [cells + 1]; the entry after the
+            last cell is the number of particles on the terrain.
+    """
+
+    def __init__(self, terrain: StaggeredTerrain, radius: float, real: Any, device: Any) -> None:
+        """Cover the terrain with cells of the given size [m]."""
+        self._terrain = terrain
+        self._kernels = _kernels(real)
+        self.frame = CellFrame()
+        self.frame.x0, self.frame.y0 = terrain.frame.x0, terrain.frame.y0
+        self.frame.size = radius
+        side = terrain.frame.resolution
+        self.frame.rows = max(1, math.ceil(terrain.frame.rows * side / radius))
+        self.frame.columns = max(1, math.ceil(terrain.frame.columns * side / radius))
+        self._cell_count = self.frame.rows * self.frame.columns
+        self._sizes = wp.zeros(self._cell_count + 1, dtype=wp.int32, device=device)
+        self.starts = wp.zeros(self._cell_count + 1, dtype=wp.int32, device=device)
+
+    def rebuild(self, state: State) -> None:
+        """Sort ``state.particle`` into ``state.ordered`` and drop what left the terrain."""
+        bin_particles, order_particles, count_inside = self._kernels
+        self._sizes.zero_()
+        wp.launch(
+            bin_particles,
+            dim=state.capacity,
+            inputs=[
+                state.particle,
+                state.counts,
+                self._terrain.known,
+                self._terrain.frame,
+                self.frame,
+            ],
+            outputs=[state.cell, state.rank, self._sizes, state.left],
+            device=state.device,
+        )
+        wp.utils.array_scan(self._sizes, self.starts, inclusive=False)
+        wp.launch(
+            order_particles,
+            dim=state.capacity,
+            inputs=[state.particle, state.counts, state.cell, state.rank, self.starts],
+            outputs=[state.ordered],
+            device=state.device,
+        )
+        wp.launch(
+            count_inside,
+            dim=1,
+            inputs=[self.starts, self._cell_count],
+            outputs=[state.counts],
+            device=state.device,
+        )

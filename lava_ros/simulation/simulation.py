@@ -1,0 +1,358 @@
+"""The simulation of a scene: algorithm 1 of the paper with a step that follows the limits."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+import math
+import time as wall_clock
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from lava_ros import validation
+from lava_ros.accuracy import Accuracy, expected_thickness
+from lava_ros.effects import Effects, effects_for
+from lava_ros.errors import LavaError
+from lava_ros.scene import check_vents, Scene, Terrain, Vent
+from lava_ros.simulation.flow import compute_flow, flow_kernel, FlowConstants
+from lava_ros.simulation.heat import heat_constants
+from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.raster import Raster
+from lava_ros.simulation.rheology import rheology_of
+from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+from lava_ros.simulation.state import (
+    centre_of,
+    FULL,
+    FULL_STEP,
+    LIMIT,
+    Particles,
+    ParticleSample,
+    State,
+    STEPS,
+    TARGET,
+    TIME,
+)
+from lava_ros.simulation.terrain import StaggeredTerrain
+from lava_ros.simulation.timestep import choose_step, LIMITS, move_particles
+from lava_ros.simulation.vents import VentSet
+from lava_ros.simulation.viscosity import spread_velocity
+
+#: Particles there is room for at the start; room doubles whenever half of it is taken.
+_FIRST_CAPACITY = 4096
+
+#: Steps between two looks at the clock: on CUDA they are one graph launch.
+_GRAPH_STEPS = 16
+
+
+class Simulation:
+    """Lava flowing over a terrain.
+
+    Attributes:
+        scene: The scene as it is now.
+        effects: The physics that is switched on.
+        accuracy: The resolution, with every automatic value filled in.
+        device: Name of the Warp device.
+        particle_volume: Volume of the particles that vents emit [m3].
+        radius: Radius of the smoothing kernel [m].
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        effects: Effects | None = None,
+        accuracy: Accuracy | None = None,
+        device: str | None = None,
+        particles: Particles | None = None,
+    ) -> None:
+        """Prepare a simulation at time 0.
+
+        Args:
+            scene: Terrain, vents and lava.
+            effects: The physics to switch on; chosen from the scene when left out.
+            accuracy: The resolution; automatic when left out.
+            device: ``cpu`` or ``cuda:0``; the first CUDA device when there is one, else the CPU.
+            particles: Lava that is on the terrain at the start.
+
+        Raises:
+            LavaError: The device does not exist, or a particle is not on the terrain.
+        """
+        self._device = _device(device)
+        self.scene = scene
+        self.effects = effects_for(scene) if effects is None else effects
+        self.accuracy = _resolved(accuracy or Accuracy(), scene)
+        spacing, thickness = self.accuracy.spacing, self.accuracy.thickness
+        assert spacing is not None and thickness is not None
+        # a float32 keeps the sum of the particles' volumes equal to their number times this
+        self.particle_volume = float(np.float32(spacing * spacing * thickness))
+        self.radius = self.accuracy.ratio * spacing
+        self._state = State(
+            _FIRST_CAPACITY, self.effects, self.accuracy.precision, self._device
+        )
+        self._emitted_before = 0.0
+        self._place(scene.terrain)
+        self._start_with(particles)
+        self._vents = self._vent_set(scene.vents, since=0.0, carried=[0.0] * len(scene.vents))
+
+    @property
+    def device(self) -> str:
+        """Name of the Warp device."""
+        return str(self._device)
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self._state.clock.numpy()[TIME])
+
+    @property
+    def particle_count(self) -> int:
+        """Particles there are."""
+        return self._state.count
+
+    def advance(self, until: float, *, wall_limit: float | None = None) -> float:
+        """Simulate up to a time.
+
+        Args:
+            until: Simulated time to reach [s]; a time that has passed changes nothing.
+            wall_limit: Stop early after about this much wall time [s].
+
+        Returns:
+            The simulated time reached [s].
+
+        Raises:
+            LavaError: ``until`` is not a finite number.
+        """
+        until = validation.number('until', until, unit='s')
+        deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
+        self._write_clock(TARGET, until)
+        while self.time < until and wall_clock.monotonic() < deadline:
+            self._run_steps()
+            self._make_room()
+        self._write_clock(TARGET, self.time)
+        return self.time
+
+    def snapshot(self) -> Snapshot:
+        """Put the flow on the terrain's cells."""
+        self._sort()
+        thickness, temperature = self._raster.fill(self._state, self._neighbors)
+        unknown = ~self.scene.terrain.has_data
+        thickness[unknown] = np.nan
+        temperature[unknown] = np.nan
+        clock, counts = self._state.clock.numpy(), self._state.counts.numpy()
+        return Snapshot(
+            time=float(clock[TIME]),
+            terrain=self.scene.terrain,
+            thickness=thickness,
+            temperature=temperature,
+            budget=self.budget(),
+            particle_count=self.particle_count,
+            steps=StepReport(
+                count=int(counts[STEPS]),
+                length=float(clock[FULL_STEP]),
+                limit=LIMITS[int(counts[LIMIT])],
+            ),
+        )
+
+    def budget(self) -> VolumeBudget:
+        """Account for the volume: emitted by the integral of Q(t), held by summing particles."""
+        time = self.time
+        held = float(self._state.read_particles()[:, 2].sum())
+        return VolumeBudget(
+            emitted=self._emitted_before + self._vents.emitted(time),
+            held=held,
+            pending=float(self._vents.pending(time).sum()),
+            left=float(self._state.left.numpy()[0]),
+        )
+
+    def sample(self) -> ParticleSample:
+        """Read the particles back, with the thickness and velocity they have now."""
+        self._sort()
+        self._compute_velocity()
+        rows = self._state.read_particles()
+        flow = self._state.flow.numpy()[: len(rows)].astype(np.float64)
+        return ParticleSample(
+            position=rows[:, :2] + centre_of(self.scene.terrain),
+            volume=rows[:, 2],
+            temperature=rows[:, 3],
+            thickness=flow[:, 0],
+            velocity=flow[:, 1:],
+        )
+
+    def set_vents(self, vents: Iterable[Vent]) -> None:
+        """Replace the vents from now on.
+
+        A vent that keeps its place keeps what is in its conduit; what is in the conduit of a vent
+        that closes comes out as one last, smaller particle.
+
+        Raises:
+            LavaError: A vent is not on the terrain; the old vents stay.
+        """
+        vents = check_vents(vents, self.scene.terrain)
+        if vents == self._vents.vents:
+            return
+        now = self.time
+        conduits: dict[Any, float] = {}
+        for vent, volume in zip(self._vents.vents, self._vents.pending(now)):
+            place = (vent.position, vent.end)
+            conduits[place] = conduits.get(place, 0.0) + float(volume)
+        carried = [conduits.pop((vent.position, vent.end), 0.0) for vent in vents]
+        self._emitted_before += self._vents.emitted(now)
+        last = [
+            (vent, conduits.pop((vent.position, vent.end), 0.0)) for vent in self._vents.vents
+        ]
+        self._vents = self._vent_set(vents, since=now, carried=carried)
+        self.scene = replace(self.scene, vents=vents)
+        self._append(
+            [
+                (*vent.position, volume, vent.temperature)
+                for vent, volume in last
+                if volume > 0.0
+            ]
+        )
+        self._graph = None
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Replace the ground under the flow; lava outside the new one has left.
+
+        Raises:
+            LavaError: A vent does not lie on the new terrain; the old one stays.
+        """
+        scene = replace(self.scene, terrain=terrain)
+        rows = self._state.read_particles()
+        rows[:, :2] += centre_of(self.scene.terrain) - centre_of(terrain)
+        pending = self._vents.pending(self.time)
+        self._emitted_before += self._vents.emitted(self.time)
+        self.scene = scene
+        self._place(terrain)
+        self._state.write_particles(rows)
+        self._vents = self._vent_set(scene.vents, since=self.time, carried=pending)
+        self._sort()
+
+    def _place(self, terrain: Terrain) -> None:
+        """Put a terrain and the grids that depend on it on the device."""
+        accuracy = self.accuracy
+        self._terrain = StaggeredTerrain(terrain, accuracy.precision, self._device)
+        self._neighbors = NeighborGrid(
+            self._terrain, self.radius, self._state.real, self._device
+        )
+        output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
+        self._raster = Raster(
+            self._terrain, output_radius, accuracy.kernel, accuracy.ratio, self._device
+        )
+        self._law = rheology_of(self.scene.lava)
+        self._heat = heat_constants(self.scene)
+        self._flow = FlowConstants()
+        self._flow.radius = self.radius
+        self._flow.weight = self.scene.lava.density * self.scene.gravity
+        self._flow.particle_volume = self.particle_volume
+        self._flow.reach = accuracy.courant_number * min(self.radius, terrain.resolution)
+        self._flow.diffusion_number = accuracy.diffusion_number
+        self._flow_kernel = flow_kernel(
+            self._state.real, accuracy.kernel, accuracy.ratio, self.effects
+        )
+        self._graph: Any = None
+
+    def _start_with(self, particles: Particles | None) -> None:
+        if particles is None:
+            return
+        for index, place in enumerate(particles.position):
+            if not self.scene.terrain.covers(*place):
+                raise LavaError(
+                    f'particles.position[{index}]', tuple(place), 'a place on the terrain'
+                )
+        rows = np.column_stack([particles.position, particles.volume, particles.temperature])
+        self._append(rows.tolist())
+        self._emitted_before = float(self._state.read_particles()[:, 2].sum())
+
+    def _append(self, rows: list[tuple[float, ...]]) -> None:
+        """Add particles given as (map x, map y, volume, temperature)."""
+        if not rows:
+            return
+        added = np.array(rows, dtype=np.float64)
+        added[:, :2] -= centre_of(self.scene.terrain)
+        self._state.write_particles(np.concatenate([self._state.read_particles(), added]))
+        self._graph = None
+
+    def _vent_set(
+        self, vents: tuple[Vent, ...], *, since: float, carried: Iterable[float]
+    ) -> VentSet:
+        spacing = self.accuracy.spacing
+        assert spacing is not None
+        return VentSet(
+            vents,
+            since=since,
+            carried=list(carried),
+            centre=centre_of(self.scene.terrain),
+            particle_volume=self.particle_volume,
+            least_radius=spacing,
+            precision=self.accuracy.precision,
+            device=self._device,
+        )
+
+    def _step(self) -> None:
+        """Take one time step: algorithm 1 of the paper."""
+        self._neighbors.rebuild(self._state)
+        self._compute_velocity()
+        choose_step(self._state, self._longest_step())
+        move_particles(self._state, self._heat)
+        self._vents.emit(self._state)
+
+    def _compute_velocity(self) -> None:
+        compute_flow(
+            self._state, self._neighbors, self._terrain, self._law, self._flow, self._flow_kernel
+        )
+        if self.effects.green:
+            spread_velocity(self._state, self._neighbors, self.radius)
+
+    def _longest_step(self) -> float:
+        assert self.accuracy.thickness is not None
+        return min(
+            self.accuracy.longest_step, self._vents.longest_step(self.accuracy.thickness)
+        )
+
+    def _run_steps(self) -> None:
+        """Take one step on the CPU, or a graph of several on a GPU; past the target they idle."""
+        if not self._device.is_cuda:
+            self._step()
+            return
+        if self._graph is None:
+            self._step()
+            with wp.ScopedCapture(device=self._device) as capture:
+                for _ in range(_GRAPH_STEPS):
+                    self._step()
+            self._graph = capture.graph
+        wp.capture_launch(self._graph)
+
+    def _make_room(self) -> None:
+        """Double the room for particles when it is half full or a vent found none."""
+        counts = self._state.counts.numpy()
+        if counts[FULL] or 2 * self._state.count > self._state.capacity:
+            self._state.grow(2 * self._state.capacity)
+            self._graph = None
+
+    def _sort(self) -> None:
+        """Bring the particles into the order of their cells and drop those that have left."""
+        self._neighbors.rebuild(self._state)
+        wp.copy(self._state.particle, self._state.ordered)
+
+    def _write_clock(self, place: int, value: float) -> None:
+        clock = self._state.clock.numpy()
+        clock[place] = value
+        self._state.clock.assign(clock)
+
+
+def _device(name: str | None) -> Any:
+    try:
+        if name is None:
+            return wp.get_preferred_device()
+        return wp.get_device(name)
+    except (ValueError, RuntimeError):
+        known = ', '.join(str(device) for device in wp.get_devices())
+        raise LavaError('device', name, f'one of {known}') from None
+
+
+def _resolved(accuracy: Accuracy, scene: Scene) -> Accuracy:
+    """Fill in the automatic values."""
+    spacing = accuracy.spacing or scene.terrain.resolution
+    thickness = accuracy.thickness or expected_thickness(scene)
+    return replace(accuracy, spacing=spacing, thickness=thickness)

@@ -1,0 +1,71 @@
+"""What a simulation shows of itself: plain numpy data, free of device arrays."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lava_ros.scene import Terrain
+
+
+@dataclass(frozen=True)
+class VolumeBudget:
+    """Where the lava is [m3]: what came in equals what is held and what has left.
+
+    Attributes:
+        emitted: What the vents have given, the exact integral of their discharge, and what the
+            simulation was started with.
+        held: What the particles on the terrain carry, summed over the particles.
+        pending: Emitted, and less than a particle's volume at each vent: still in the conduit.
+        left: What has flowed over the terrain's border or onto cells without data.
+    """
+
+    emitted: float
+    held: float
+    pending: float
+    left: float
+
+    @property
+    def error(self) -> float:
+        """Share of the emitted volume that is unaccounted for."""
+        missing = self.emitted - self.held - self.pending - self.left
+        return abs(missing) / self.emitted if self.emitted > 0.0 else abs(missing)
+
+
+@dataclass(frozen=True)
+class StepReport:
+    """How the simulation has been stepping.
+
+    Attributes:
+        count: Time steps taken since the start.
+        length: Length of the latest full step [s].
+        limit: What bounded that step: ``diffusion``, ``advection``, ``cooling`` or ``longest``.
+    """
+
+    count: int
+    length: float
+    limit: str
+
+
+@dataclass(frozen=True, eq=False)
+class Snapshot:
+    """The state of the flow at one moment, on the cells of its terrain.
+
+    Attributes:
+        time: Simulated time [s].
+        terrain: The ground the arrays belong to.
+        thickness: Lava thickness [m], float32, shape [rows, columns], 0 where there is none and
+            NaN where the terrain has no data.
+        temperature: Depth-averaged temperature [K], float32, same shape, NaN where there is no
+            lava.
+        budget: The volume budget.
+        particle_count: Particles on the terrain.
+        steps: The time stepping so far.
+    """
+
+    time: float
+    terrain: Terrain
+    thickness: np.ndarray
+    temperature: np.ndarray
+    budget: VolumeBudget
+    particle_count: int
+    steps: StepReport

@@ -1,0 +1,164 @@
+"""The arrays of a simulation on its device, and the particles a caller may start from."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.scene import Terrain
+
+# Places in State.clock.
+TIME = wp.constant(0)
+STEP = wp.constant(1)
+TARGET = wp.constant(2)
+FULL_STEP = wp.constant(3)
+
+# Places in State.counts.
+PARTICLES = wp.constant(0)
+STEPS = wp.constant(1)
+LIMIT = wp.constant(2)
+FULL = wp.constant(3)
+
+# Places in State.rates: reciprocals of the longest step each limit allows [1/s].
+DIFFUSION = wp.constant(0)
+ADVECTION = wp.constant(1)
+
+REAL = {'float32': wp.float32, 'float64': wp.float64}
+
+
+@dataclass(frozen=True, eq=False)
+class Particles:
+    """Lava given as particles, each a column of constant volume.
+
+    Attributes:
+        position: Positions (x, y) in the map frame [m], shape [count, 2].
+        volume: Volumes [m3], shape [count] or one for all.
+        temperature: Temperatures [K], shape [count] or one for all.
+    """
+
+    position: np.ndarray
+    volume: np.ndarray | float
+    temperature: np.ndarray | float
+
+    def __post_init__(self) -> None:
+        """Normalise to float64 arrays.
+
+        Raises:
+            LavaError: A shape does not fit, or a value is not finite or not positive.
+        """
+        position = np.array(self.position, dtype=np.float64)
+        if position.ndim != 2 or position.shape[1] != 2 or not np.isfinite(position).all():
+            raise LavaError(
+                'particles.position', f'array of shape {position.shape}', 'finite [count, 2] metres'
+            )
+        object.__setattr__(self, 'position', position)
+        for name in ('volume', 'temperature'):
+            values = np.array(getattr(self, name), dtype=np.float64)
+            if values.ndim == 0:
+                values = np.full(len(position), float(values))
+            if values.shape != (len(position),) or not (np.isfinite(values) & (values > 0)).all():
+                raise LavaError(
+                    f'particles.{name}', f'array of shape {values.shape}', 'positive, one each'
+                )
+            object.__setattr__(self, name, values)
+
+
+@dataclass(frozen=True, eq=False)
+class ParticleSample:
+    """The particles of a running simulation, as numpy arrays of float64.
+
+    Attributes:
+        position: Positions (x, y) in the map frame [m], shape [count, 2].
+        volume: Volumes [m3], shape [count].
+        temperature: Temperatures [K], shape [count].
+        thickness: Lava thickness at the particles [m], shape [count].
+        velocity: Depth-averaged velocity [m/s], shape [count, 2].
+    """
+
+    position: np.ndarray
+    volume: np.ndarray
+    temperature: np.ndarray
+    thickness: np.ndarray
+    velocity: np.ndarray
+
+
+class State:
+    """Every device array that depends on the number of particles, and the clock.
+
+    Positions are kept relative to the terrain's centre: float32 resolves 1 mm at 10 km.
+
+    Attributes:
+        particle: x, y [m], volume [m3], temperature [K] of each particle, shape [capacity].
+        ordered: The same in the order of the neighbour grid's cells.
+        flow: Thickness [m], velocity x and y [m/s], of each ordered particle, shape [capacity].
+        drive: Only with the Green's function: thickness times local velocity, x and y [m2/s], and
+            the area V/h [m2] of each ordered particle, shape [capacity].
+        clock: Simulated time, step, target time and latest full step [s], float64.
+        counts: Particles, steps, what limited the step, and whether the capacity was reached.
+        rates: Reciprocal of the step each limit allows [1/s].
+        left: Volume that has left the terrain [m3], float64.
+    """
+
+    def __init__(self, capacity: int, effects: Effects, precision: str, device: Any) -> None:
+        """Allocate for ``capacity`` particles."""
+        self.real = REAL[precision]
+        self.vec2 = wp.types.vector(2, self.real)
+        self.vec3 = wp.types.vector(3, self.real)
+        self.vec4 = wp.types.vector(4, self.real)
+        self.effects = effects
+        self.device = device
+        self.clock = wp.zeros(4, dtype=wp.float64, device=device)
+        self.counts = wp.zeros(4, dtype=wp.int32, device=device)
+        self.rates = wp.zeros(2, dtype=self.real, device=device)
+        self.left = wp.zeros(1, dtype=wp.float64, device=device)
+        self.capacity = 0
+        self._allocate(capacity)
+
+    def _allocate(self, capacity: int) -> None:
+        self.capacity = capacity
+        self.particle = wp.zeros(capacity, dtype=self.vec4, device=self.device)
+        self.ordered = wp.zeros(capacity, dtype=self.vec4, device=self.device)
+        self.flow = wp.zeros(capacity, dtype=self.vec3, device=self.device)
+        self.cell = wp.zeros(capacity, dtype=wp.int32, device=self.device)
+        self.rank = wp.zeros(capacity, dtype=wp.int32, device=self.device)
+        if self.effects.green:
+            self.drive = wp.zeros(capacity, dtype=self.vec3, device=self.device)
+
+    def grow(self, capacity: int) -> None:
+        """Make room for ``capacity`` particles and keep those there are."""
+        kept, count = self.particle, self.count
+        self._allocate(capacity)
+        if count:
+            wp.copy(self.particle, kept, count=count)
+        counts = self.counts.numpy()
+        counts[FULL] = 0
+        self.counts.assign(counts)
+
+    @property
+    def count(self) -> int:
+        """Number of particles (read back from the device)."""
+        return int(self.counts.numpy()[PARTICLES])
+
+    def write_particles(self, values: np.ndarray) -> None:
+        """Replace all particles by rows of (x, y, volume, temperature), x and y from the centre."""
+        if len(values) > self.capacity:
+            self._allocate(len(values))
+        if len(values):
+            rows = wp.array(values, dtype=self.vec4, device=self.device)
+            wp.copy(self.particle, rows, count=len(values))
+        counts = self.counts.numpy()
+        counts[PARTICLES] = len(values)
+        self.counts.assign(counts)
+
+    def read_particles(self) -> np.ndarray:
+        """Rows of (x, y, volume, temperature), float64, x and y from the centre."""
+        return self.particle.numpy()[: self.count].astype(np.float64)
+
+
+def centre_of(terrain: Terrain) -> np.ndarray:
+    """Map position [m] that particle positions are relative to: the middle of the terrain."""
+    x0, y0, x1, y1 = terrain.extent
+    return np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1)])

@@ -1,0 +1,177 @@
+"""Vents: particles of constant volume, as many as the integral of the discharge asks for."""
+
+from collections.abc import Sequence
+from functools import lru_cache
+import math
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from lava_ros.scene import Vent
+from lava_ros.simulation.state import FULL, PARTICLES, REAL, State, TIME
+
+
+@lru_cache
+def _kernel(real: Any) -> Any:
+    vec4 = wp.types.vector(4, real)
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def emit(
+        shape: wp.array2d(dtype=wp.float64),
+        starts: wp.array(dtype=wp.int32),
+        times: wp.array(dtype=wp.float64),
+        fluxes: wp.array(dtype=wp.float64),
+        volumes: wp.array(dtype=wp.float64),
+        particle_volume: wp.float64,
+        clock: wp.array(dtype=wp.float64),
+        capacity: int,
+        emitted: wp.array(dtype=wp.int32),
+        counts: wp.array(dtype=wp.int32),
+        particle: wp.array(dtype=vec4),
+    ):
+        """Release the whole particles that the discharge up to now makes and are not out yet."""
+        v = wp.tid()
+        time = clock[TIME]
+        k = starts[v]
+        if time < times[k]:
+            return
+        while k + 1 < starts[v + 1] and times[k + 1] <= time:
+            k += 1
+        volume = volumes[k] + fluxes[k] * (time - times[k])
+        due = int(volume / particle_volume) - emitted[v]
+        if due <= 0:
+            return
+        slot = wp.atomic_add(counts, PARTICLES, due)
+        if slot + due > capacity:
+            # no room: what is due stays in the conduit until the host has made some
+            wp.atomic_sub(counts, PARTICLES, due)
+            counts[FULL] = 1
+            return
+        for n in range(due):
+            # additive recurrence of the plastic number: stratified, never the same place twice
+            turn = wp.float64(emitted[v] + n + 1)
+            a = wp.float64(0.7548776662466927) * turn
+            b = wp.float64(0.5698402909980532) * turn
+            a = a - wp.floor(a)
+            b = b - wp.floor(b)
+            x = shape[v, 0]
+            y = shape[v, 1]
+            radius = shape[v, 4]
+            if shape[v, 6] > wp.float64(0.0):
+                along_x = shape[v, 2] - x
+                along_y = shape[v, 3] - y
+                length = shape[v, 6]
+                across = radius * (wp.float64(2.0) * b - wp.float64(1.0)) / length
+                x = x + a * along_x - across * along_y
+                y = y + a * along_y + across * along_x
+            else:
+                angle = wp.float64(2.0) * wp.float64(wp.pi) * a
+                x = x + radius * wp.sqrt(b) * wp.cos(angle)
+                y = y + radius * wp.sqrt(b) * wp.sin(angle)
+            particle[slot + n] = vec4(
+                real(x), real(y), real(particle_volume), real(shape[v, 5])
+            )
+        emitted[v] = emitted[v] + due
+
+    return emit
+
+
+class VentSet:
+    """The vents of one span of time, on a device.
+
+    Attributes:
+        vents: The vents.
+        since: Time from which they emit [s].
+    """
+
+    def __init__(
+        self,
+        vents: Sequence[Vent],
+        *,
+        since: float,
+        carried: Sequence[float],
+        centre: np.ndarray,
+        particle_volume: float,
+        least_radius: float,
+        precision: str,
+        device: Any,
+    ) -> None:
+        """Lay out the vents' tables.
+
+        Args:
+            vents: The vents.
+            since: Time from which they emit [s].
+            carried: Volume already in each vent's conduit [m3].
+            centre: Map position particles are relative to [m].
+            particle_volume: Volume of a particle [m3].
+            least_radius: Radius below which a vent is not resolved [m]: it is widened to this.
+            precision: Precision of the particles.
+            device: Warp device.
+        """
+        self.vents = tuple(vents)
+        self.since = since
+        self._carried = np.array(carried, dtype=np.float64)
+        self._particle_volume = particle_volume
+        self._device = device
+        self._kernel = _kernel(REAL[precision])
+        shape = np.zeros((len(self.vents), 7))
+        starts, times, fluxes, volumes = [0], [], [], []
+        for row, vent, conduit in zip(shape, self.vents, carried):
+            end = vent.position if vent.end is None else vent.end
+            row[0:2] = vent.position - centre
+            row[2:4] = end - centre
+            row[4] = max(vent.radius, least_radius)
+            row[5] = vent.temperature
+            row[6] = math.dist(vent.position, end)
+            for time, flux in vent.series:
+                times.append(max(time, since))
+                fluxes.append(flux)
+                volumes.append(conduit + vent.volume_between(since, times[-1]))
+            starts.append(len(times))
+        self._areas = [math.pi * row[4] ** 2 + 2.0 * row[4] * row[6] for row in shape]
+        self._shape = wp.array(shape, dtype=wp.float64, ndim=2, device=device)
+        self._starts = wp.array(starts, dtype=wp.int32, device=device)
+        self._times = wp.array(times, dtype=wp.float64, device=device)
+        self._fluxes = wp.array(fluxes, dtype=wp.float64, device=device)
+        self._volumes = wp.array(volumes, dtype=wp.float64, device=device)
+        self._released = wp.zeros(max(1, len(self.vents)), dtype=wp.int32, device=device)
+
+    def emit(self, state: State) -> None:
+        """Append to the state's particles what is due at its time."""
+        if not self.vents:
+            return
+        wp.launch(
+            self._kernel,
+            dim=len(self.vents),
+            inputs=[
+                self._shape,
+                self._starts,
+                self._times,
+                self._fluxes,
+                self._volumes,
+                self._particle_volume,
+                state.clock,
+                state.capacity,
+            ],
+            outputs=[self._released, state.counts, state.particle],
+            device=self._device,
+        )
+
+    def emitted(self, time: float) -> float:
+        """Volume [m3] the vents have given from ``since`` to ``time``."""
+        return sum(vent.volume_between(self.since, time) for vent in self.vents)
+
+    def pending(self, time: float) -> np.ndarray:
+        """Volume [m3] of each vent that is emitted but not yet a particle."""
+        released = self._released.numpy()[: len(self.vents)]
+        given = [vent.volume_between(self.since, time) for vent in self.vents]
+        return self._carried + given - released * self._particle_volume
+
+    def longest_step(self, thickness: float) -> float:
+        """Time [s] in which the strongest vent raises its own area by half a thickness [m]."""
+        strongest = 0.0
+        for vent, area in zip(self.vents, self._areas):
+            flux = max(value for _, value in vent.series)
+            strongest = max(strongest, flux / area)
+        return 0.5 * thickness / strongest if strongest > 0.0 else math.inf

@@ -1,0 +1,93 @@
+"""Checks of values that come from outside: each returns the clean value or raises LavaError."""
+
+from collections.abc import Iterable, Mapping, Sequence
+import math
+
+from lava_ros.errors import LavaError
+
+
+def number(
+    field: str,
+    value: object,
+    *,
+    above: float | None = None,
+    at_least: float | None = None,
+    at_most: float | None = None,
+    unit: str = '',
+) -> float:
+    """Return ``value`` as a finite float inside the given limits.
+
+    Text that reads as a number is taken: YAML 1.1 parses ``1e4`` as text.
+
+    Raises:
+        LavaError: The value is not a finite number or lies outside the limits.
+    """
+    suffix = f' {unit}' if unit else ''
+    limits = [f'above {above:g}{suffix}'] if above is not None else []
+    limits += [f'at least {at_least:g}{suffix}'] if at_least is not None else []
+    limits += [f'at most {at_most:g}{suffix}'] if at_most is not None else []
+    expected = f'a finite number{suffix if not limits else " " + " and ".join(limits)}'
+    if isinstance(value, bool):
+        raise LavaError(field, value, expected)
+    try:
+        result = float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise LavaError(field, value, expected) from None
+    inside = (
+        math.isfinite(result)
+        and (above is None or result > above)
+        and (at_least is None or result >= at_least)
+        and (at_most is None or result <= at_most)
+    )
+    if not inside:
+        raise LavaError(field, value, expected)
+    return result
+
+
+def pair(field: str, value: object, *, unit: str = 'm') -> tuple[float, float]:
+    """Return ``value`` as two finite floats.
+
+    Raises:
+        LavaError: The value is not a sequence of two finite numbers.
+    """
+    if isinstance(value, str) or not isinstance(value, Sequence) and not hasattr(value, 'tolist'):
+        raise LavaError(field, value, f'two numbers [x, y] {unit}')
+    items = list(value)  # type: ignore[call-overload]
+    if len(items) != 2:
+        raise LavaError(field, value, f'two numbers [x, y] {unit}')
+    return (
+        number(f'{field}[0]', items[0], unit=unit),
+        number(f'{field}[1]', items[1], unit=unit),
+    )
+
+
+def choice(field: str, value: object, allowed: Iterable[str]) -> str:
+    """Return ``value`` when it is one of the allowed words.
+
+    Raises:
+        LavaError: It is not.
+    """
+    words = list(allowed)
+    if not isinstance(value, str) or value not in words:
+        raise LavaError(field, value, f'one of {", ".join(words)}')
+    return value
+
+
+def keys(
+    field: str, value: object, *, allowed: Iterable[str], required: Iterable[str] = ()
+) -> dict[str, object]:
+    """Return ``value`` as a dict whose keys are all allowed and hold every required one.
+
+    Raises:
+        LavaError: It is not a mapping, a key is unknown, or a required key is missing.
+    """
+    names = list(allowed)
+    if not isinstance(value, Mapping):
+        raise LavaError(field, value, f'a mapping with keys {", ".join(names)}')
+    for key in value:
+        if key not in names:
+            raise LavaError(f'{field}.{key}', value[key], f'no such key; one of {", ".join(names)}')
+    for key in required:
+        if key not in value:
+            raise LavaError(f'{field}.{key}', None, 'a value: this key is required')
+    return dict(value)

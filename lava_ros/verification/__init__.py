@@ -1,0 +1,1 @@
+"""Exact solutions and the cases that hold the solver against them."""
