@@ -25,7 +25,8 @@ class Accuracy:
         kernel: One of ``wendland``, ``poly6``, ``spiky``, ``visc``.
         raster_ratio: Kernel radius of the output grid over the particles' kernel radius; at least
             one and a half cells are always covered.
-        diffusion_number: Step over the explicit limit spacing^2 / (4 D) of thickness diffusion.
+        diffusion_number: Rate of the fastest decaying thickness wave times the step: explicit
+            steps are stable up to 2.
         courant_number: Largest displacement in a step over the smaller of kernel radius and
             terrain cell.
         longest_step: Longest step [s].
@@ -55,8 +56,8 @@ class Accuracy:
                 object.__setattr__(self, name, value)
         limits = {
             'ratio': {'at_least': 1.5, 'at_most': 12.0},
-            'raster_ratio': {'above': 0.0, 'at_most': 20.0},
-            'diffusion_number': {'above': 0.0, 'at_most': 20.0},
+            'raster_ratio': {'above': 0.0, 'at_most': 2.0},
+            'diffusion_number': {'above': 0.0, 'at_most': 2.0},
             'courant_number': {'above': 0.0, 'at_most': 0.5},
             'longest_step': {'above': 0.0, 'unit': 's'},
         }

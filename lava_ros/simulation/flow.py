@@ -23,16 +23,15 @@ from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, Ter
 class FlowConstants:
     """What the flow's equations need beside the particles.
 
-    ``radius`` is the kernel's [m], ``weight`` is rho g [N/m3], ``particle_volume`` the volume of a
-    particle [m3], ``reach`` the largest displacement in a step [m] and ``diffusion_number`` the
-    step over its explicit limit.
+    ``radius`` is the kernel's [m], ``weight`` is rho g [N/m3], ``stiffness`` the rate at which
+    thickness diffuses at the kernel's stiffest wave number, over the diffusivity and over the
+    diffusion number [1/m2], and ``reach`` the largest displacement in a step [m].
     """
 
     radius: wp.float64
     weight: wp.float64
-    particle_volume: wp.float64
+    stiffness: wp.float64
     reach: wp.float64
-    diffusion_number: wp.float64
 
 
 @lru_cache
@@ -41,7 +40,7 @@ def flow_kernel(real: Any, kernel_name: str, ratio: float, effects: Effects) -> 
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    norm, shape, slope = smoothing_kernel(kernel_name, real, ratio)
+    norm, shape, slope, _, stiffest, excess = smoothing_kernel(kernel_name, real, ratio)
     gradient_at = terrain_functions(real).gradient_at
     column_of, row_of = cell_functions(real)
     viscosity = viscosity_function(real, effects.arrhenius)
@@ -91,6 +90,7 @@ def flow_kernel(real: Any, kernel_name: str, ratio: float, effects: Effects) -> 
                     rise_y += pull * dy
         scale = real(wp.static(norm)) * inverse * inverse
         height *= scale
+        height *= real(1.0) - excess(p[2] * inverse * inverse / height)
         ground = gradient_at(gradient, terrain, p[0], p[1])
         surface = vec2(rise_x, rise_y) * (scale * inverse) + ground
         mobility = real(constants.weight) * height * height / (
@@ -101,18 +101,17 @@ def flow_kernel(real: Any, kernel_name: str, ratio: float, effects: Effects) -> 
             mobility *= along * along
         velocity = -mobility * surface
         flow[i] = vec3(height, velocity[0], velocity[1])
-        diffusivity = mobility * height
-        area = real(constants.particle_volume) / height
-        relief = real(constants.diffusion_number)
+        stiffness = mobility * height * real(constants.stiffness)
         if wp.static(green):
             drive[i] = vec3(height * velocity[0], height * velocity[1], p[2] / height)
-            # lateral stress divides the response at the finest scale, q^2 = 8 / spacing^2, by
-            # 1 + q^2 / k^2, as far as the Green's function is not cut off
+            # lateral stress divides the response at the stiffest wave number by 1 + q^2 / k^2,
+            # as far as the Green's function is not cut off
+            square_q = real(wp.static(stiffest * stiffest)) * inverse * inverse
             whole = real(1.0) - x_k1(real(wp.static(math.sqrt(3.0))) * radius / height)
-            relief *= wp.max(
-                real(1.0), whole * (real(1.0) + real(8.0 / 3.0) * height * height / area)
+            stiffness /= wp.max(
+                real(1.0), whole * (real(1.0) + square_q * height * height / real(3.0))
             )
-        wp.atomic_max(rates, DIFFUSION, real(4.0) * diffusivity / (relief * area))
+        wp.atomic_max(rates, DIFFUSION, stiffness)
         wp.atomic_max(rates, ADVECTION, wp.length(velocity) / real(constants.reach))
 
     return thickness_and_velocity

@@ -18,11 +18,22 @@ class SmoothingKernel(NamedTuple):
         norm: Factor that makes the integral over the plane 1.
         shape: Device function, the kernel over ``norm``.
         slope: Device function, the derivative of ``shape`` over q.
+        stiffness: Largest value of (q l)^2 W^(q), W^ the kernel's Fourier transform: a thickness
+            wave with diffusivity D decays at most at the rate D stiffness / l^2, so explicit steps
+            are stable up to 2 l^2 / (D stiffness) whatever the particle spacing.
+        stiffest: q l at which that is.
+        excess: Device function of V / (h l^2): the relative excess of the sum of V W over evenly
+            spaced particles, the own one included, over their thickness. It is what the kernel's
+            transform aliases, measured on hexagonal and square lattices (after Dehnen & Aly 2012,
+            who take it off the own weight).
     """
 
     norm: float
     shape: Any
     slope: Any
+    stiffness: float
+    stiffest: float
+    excess: Any
 
 
 @lru_cache
@@ -79,11 +90,23 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
         p = wp.max(q, real(1.0e-6))
         return real(-12.0) * p + real(18.0) - real(6.0) / (p * p)
 
+    @wp.func
+    def wendland_excess(x: real) -> real:
+        return real(1.25) * x * x * wp.sqrt(x)
+
+    @wp.func
+    def spiky_excess(x: real) -> real:
+        return real(2.15) * x * wp.sqrt(x)
+
+    @wp.func
+    def no_excess(x: real) -> real:
+        return real(0.0)
+
     return {
-        'wendland': SmoothingKernel(7.0 / math.pi, wendland_shape, wendland_slope),
-        'poly6': SmoothingKernel(4.0 / math.pi, poly6_shape, poly6_slope),
-        'spiky': SmoothingKernel(10.0 / math.pi, spiky_shape, spiky_slope),
-        'visc': SmoothingKernel(10.0 / (9.0 * math.pi), visc_shape, visc_slope),
+        'wendland': SmoothingKernel(7.0 / math.pi, wendland_shape, wendland_slope, 10.18, 5.09, wendland_excess),
+        'poly6': SmoothingKernel(4.0 / math.pi, poly6_shape, poly6_slope, 6.76, 4.10, no_excess),
+        'spiky': SmoothingKernel(10.0 / math.pi, spiky_shape, spiky_slope, 10.28, 5.31, spiky_excess),
+        'visc': SmoothingKernel(10.0 / (9.0 * math.pi), visc_shape, visc_slope, 13.62, 6.78, no_excess),
     }[name]
 
 

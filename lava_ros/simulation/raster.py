@@ -15,7 +15,7 @@ from lava_ros.simulation.terrain import StaggeredTerrain, TerrainFrame
 @lru_cache
 def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
     vec4 = wp.types.vector(4, real)
-    norm, shape, _ = smoothing_kernel(kernel_name, real, ratio)
+    norm, shape, *_ = smoothing_kernel(kernel_name, real, ratio)
     column_of, row_of = cell_functions(real)
 
     @wp.kernel(module='unique', enable_backward=False)

@@ -16,6 +16,7 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.simulation.flow import compute_flow, flow_kernel, FlowConstants
 from lava_ros.simulation.heat import heat_constants
+from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.raster import Raster
 from lava_ros.simulation.rheology import rheology_of
@@ -156,11 +157,11 @@ class Simulation:
     def budget(self) -> VolumeBudget:
         """Account for the volume: emitted by the integral of Q(t), held by summing particles."""
         time = self.time
-        held = float(self._state.read_particles()[:, 2].sum())
+        pending = float(self._vents.pending(time).sum())
         return VolumeBudget(
             emitted=self._emitted_before + self._vents.emitted(time),
-            held=held,
-            pending=float(self._vents.pending(time).sum()),
+            held=float(self._state.read_particles()[:, 2].sum()) + pending,
+            pending=pending,
             left=float(self._state.left.numpy()[0]),
         )
 
@@ -244,9 +245,9 @@ class Simulation:
         self._flow = FlowConstants()
         self._flow.radius = self.radius
         self._flow.weight = self.scene.lava.density * self.scene.gravity
-        self._flow.particle_volume = self.particle_volume
         self._flow.reach = accuracy.courant_number * min(self.radius, terrain.resolution)
-        self._flow.diffusion_number = accuracy.diffusion_number
+        kernel = smoothing_kernel(accuracy.kernel, self._state.real, accuracy.ratio)
+        self._flow.stiffness = kernel.stiffness / (accuracy.diffusion_number * self.radius**2)
         self._flow_kernel = flow_kernel(
             self._state.real, accuracy.kernel, accuracy.ratio, self.effects
         )

@@ -14,8 +14,8 @@ class VolumeBudget:
     Attributes:
         emitted: What the vents have given, the exact integral of their discharge, and what the
             simulation was started with.
-        held: What the particles on the terrain carry, summed over the particles.
-        pending: Emitted, and less than a particle's volume at each vent: still in the conduit.
+        held: What the simulation holds: the sum of the particles' volumes, and ``pending``.
+        pending: The part of ``held`` that waits in the vents' conduits, less than a particle each.
         left: What has flowed over the terrain's border or onto cells without data.
     """
 
@@ -27,8 +27,8 @@ class VolumeBudget:
     @property
     def error(self) -> float:
         """Share of the emitted volume that is unaccounted for."""
-        missing = self.emitted - self.held - self.pending - self.left
-        return abs(missing) / self.emitted if self.emitted > 0.0 else abs(missing)
+        missing = abs(self.emitted - self.held - self.left)
+        return missing / self.emitted if self.emitted > 0.0 else missing
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class StepReport:
     Attributes:
         count: Time steps taken since the start.
         length: Length of the latest full step [s].
-        limit: What bounded that step: ``diffusion``, ``advection``, ``cooling`` or ``longest``.
+        limit: What bounded that step: ``diffusion``, ``advection`` or ``longest``.
     """
 
     count: int

@@ -41,7 +41,7 @@ def green_response(wave_number: float, thickness: float) -> float:
 class FixedVolumeSpread:
     """A fixed volume that spreads on a plane (Huppert 1982, J. Fluid Mech. 121, axisymmetric).
 
-    h r-integrated over the disc is V; the similarity variable r / R(t) turns the equation into
+    The similarity variable r / R(t) turns the equation into
     h = h0 (1 - r^2/R^2)^(1/3), R = 0.89391 (g V^3 t / 3 nu)^(1/8),
     h0 = 0.53113 (3 nu V / (g t))^(1/4). The two coefficients are
     (2^10 / (3^4 pi^3))^(1/8) and 4 / (3 pi 0.89391^2): from V = (3 pi / 4) h0 R^2 and from

@@ -1,0 +1,143 @@
+"""Thickness, velocity and the limits they set, against sums over all pairs and exact sheets."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.verification.cases import green_response, sheet_on_slope
+
+BARE = Effects(arrhenius=False, cooling=False, steep=False)
+
+
+def scattered(device, precision='float64', **options):
+    """A simulation of 500 random particles on a wavy terrain, and the particles."""
+    rng = np.random.default_rng(7)
+    x = np.arange(30) * 10.0
+    terrain = Terrain(5 * np.sin(x / 40)[None, :] + 0.1 * x[:, None], 10.0, origin=(-40.0, 15.0))
+    particles = Particles(
+        rng.uniform([0, 60], [200, 260], (500, 2)),
+        rng.uniform(50, 150, 500),
+        rng.uniform(1100, 1400, 500),
+    )
+    simulation = Simulation(
+        Scene(terrain, lava=Lava(viscosity=1e4)),
+        accuracy=Accuracy(spacing=9.0, thickness=1.0, precision=precision),
+        particles=particles,
+        device=device,
+        **options,
+    )
+    return simulation, particles
+
+
+@pytest.mark.parametrize('precision', ['float32', 'float64'])
+def test_thickness_is_the_sum_over_all_pairs(device, precision):
+    """The neighbour grid finds every pair: thickness equals the direct sum (3.9)."""
+    simulation, given = scattered(device, precision, effects=BARE)
+    sample = simulation.sample()
+    distance = np.linalg.norm(sample.position[:, None] - given.position[None], axis=-1)
+    q = np.clip(distance / simulation.radius, 0, 1)
+    weight = 7 / (math.pi * simulation.radius**2) * (1 - q) ** 4 * (1 + 4 * q)
+    total = (weight * given.volume).sum(axis=1)
+    excess = 1.25 * (sample.volume / (total * simulation.radius**2)) ** 2.5
+    tolerance = 1e-5 if precision == 'float32' else 1e-12
+    assert len(sample.position) == 500
+    assert sample.thickness == pytest.approx(total * (1 - excess), rel=tolerance)
+
+
+def test_velocity_is_minus_the_gradient_of_the_sum():
+    """The SPH gradient is the derivative of the thickness sum with respect to position."""
+    rng = np.random.default_rng(1)
+    places = rng.uniform(20, 80, (60, 2))
+    scene = Scene(Terrain(np.zeros((10, 10)), 10.0), lava=Lava(viscosity=1e4))
+
+    def sample(at):
+        simulation = Simulation(
+            scene,
+            effects=BARE,
+            accuracy=Accuracy(spacing=8.0, thickness=1.0, precision='float64'),
+            particles=Particles(at, 64.0, 1400.0),
+            device='cpu',
+        )
+        rows = simulation.sample()
+        index = np.argmin(np.linalg.norm(rows.position - at[0], axis=1))
+        radius = simulation.radius
+        q = np.linalg.norm(at - at[0], axis=1) / radius
+        total = (7 / (math.pi * radius**2) * 64.0 * np.clip(1 - q, 0, 1) ** 4 * (1 + 4 * q)).sum()
+        return rows.thickness[index], rows.velocity[index], total
+
+    thickness, velocity, _ = sample(places)
+    slope = []
+    for axis in (0, 1):
+        totals = []
+        for sign in (1, -1):
+            moved = places.copy()
+            moved[0, axis] += sign * 1e-4
+            totals.append(sample(moved)[2])
+        slope.append((totals[0] - totals[1]) / 2e-4)
+    mobility = 2500.0 * 9.81 * thickness**2 / (3 * 1e4)
+    assert velocity == pytest.approx(-mobility * np.array(slope), rel=1e-5)
+
+
+@pytest.mark.parametrize('degrees', [2.0, 10.0, 30.0, 45.0])
+def test_sheet_moves_at_the_exact_speed(device, degrees):
+    """A uniform sheet moves at rho g h^2 sin(b) / (3 mu) along the slope, however steep."""
+    result = sheet_on_slope(math.radians(degrees), accuracy=Accuracy(), device=device)
+    assert result.error < 0.002
+
+
+@pytest.mark.parametrize('wavelength', [4.0, 8.0, 20.0])
+def test_green_velocity_has_the_exact_response(device, wavelength):
+    """The response to sin(q x) is 1 / (1 + q^2 / k^2), support 6 / k."""
+    result = green_response(wavelength, support=6.0, accuracy=Accuracy(ratio=6.0), device=device)
+    assert result.error < 0.02
+
+
+def test_green_velocity_of_a_uniform_sheet_is_the_local_one(device):
+    """On a uniform sheet the Green's function changes nothing."""
+    places = np.stack(np.meshgrid(np.arange(20.0), np.arange(20.0)), -1).reshape(-1, 2)
+    terrain = Terrain(np.tile(0.1 * np.arange(40.0), (40, 1)), 1.0, origin=(-10.0, -10.0))
+    velocities = []
+    for green in (True, False):
+        simulation = Simulation(
+            Scene(terrain),
+            effects=Effects(green=green, arrhenius=False, cooling=False, steep=False),
+            accuracy=Accuracy(spacing=1.0, thickness=1.0, ratio=4.0),
+            particles=Particles(places, 1.0, 1400.0),
+            device=device,
+        )
+        sample = simulation.sample()
+        middle = np.abs(sample.position - 9.5).max(axis=1) < 1.0
+        velocities.append(sample.velocity[middle].mean(axis=0))
+    assert velocities[0] == pytest.approx(velocities[1], rel=1e-4, abs=1e-5)
+
+
+def test_viscosity_follows_arrhenius(device):
+    """A colder particle is slower by exp(-alpha dT)."""
+    speeds = []
+    for temperature in (1423.0, 1323.0):
+        simulation = Simulation(
+            Scene(Terrain(np.tile(np.arange(10.0), (10, 1)), 1.0)),
+            effects=Effects(cooling=False, steep=False),
+            accuracy=Accuracy(spacing=1.0, thickness=1.0),
+            particles=Particles([[5.0, 5.0]], 1.0, temperature),
+            device=device,
+        )
+        speeds.append(simulation.sample().velocity[0, 0])
+    assert speeds[1] / speeds[0] == pytest.approx(math.exp(-0.8), rel=1e-5)
+
+
+def test_steps_beyond_the_limit_are_not_taken(device):
+    """The step never exceeds the stable 2 l^2 / (stiffness D) nor the displacement limit."""
+    simulation, _ = scattered(device, effects=BARE)
+    simulation.advance(50.0)
+    sample = simulation.sample()
+    diffusivity = (2500.0 * 9.81 * sample.thickness**3 / (3 * 1e4)).max()
+    simulation.advance(50.0 + 1e3, wall_limit=0.0)
+    steps = simulation.snapshot().steps
+    assert steps.limit == 'diffusion' or steps.limit == 'advection'
+    assert steps.length <= 1.05 * simulation.radius**2 / (10.18 * diffusivity)

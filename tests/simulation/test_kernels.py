@@ -1,0 +1,90 @@
+"""Smoothing kernels and Bessel functions against numpy and scipy."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import special
+import warp as wp
+
+from lava_ros.accuracy import KERNELS
+from lava_ros.simulation.kernels import bessel, smoothing_kernel
+
+
+def evaluate(function, values, real=wp.float64):
+    """Values of a device function of one argument."""
+
+    @wp.kernel(module='unique')
+    def apply(x: wp.array(dtype=real), y: wp.array(dtype=real)):
+        i = wp.tid()
+        y[i] = function(x[i])
+
+    x = wp.array(values, dtype=real, device='cpu')
+    y = wp.zeros_like(x)
+    wp.launch(apply, dim=len(values), inputs=[x], outputs=[y], device='cpu')
+    return y.numpy()
+
+
+@pytest.mark.parametrize('name', KERNELS)
+def test_kernel_integrates_to_one(name):
+    """The integral of W over its disc is 1."""
+    kernel = smoothing_kernel(name, wp.float64)
+    q = (np.arange(20000) + 0.5) / 20000
+    integral = kernel.norm * (2 * math.pi * q * evaluate(kernel.shape, q)).sum() / 20000
+    assert integral == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize('name', KERNELS)
+def test_slope_is_the_derivative(name):
+    """Slope(q) q is the derivative of shape(q)."""
+    kernel = smoothing_kernel(name, wp.float64)
+    q = np.linspace(0.05, 0.95, 50)
+    step = 1e-6
+    difference = evaluate(kernel.shape, q + step) - evaluate(kernel.shape, q - step)
+    assert evaluate(kernel.slope, q) * q == pytest.approx(difference / (2 * step), rel=1e-6)
+
+
+@pytest.mark.parametrize('name', KERNELS)
+def test_stiffness_is_the_maximum_of_the_transform(name):
+    """No wave decays faster than stiffness says, and the stiffest decays that fast."""
+    kernel = smoothing_kernel(name, wp.float64)
+    q = (np.arange(20000) + 0.5) / 20000
+    shape = evaluate(kernel.shape, q)
+    waves = np.linspace(0.5, 30.0, 600)
+    transform = [
+        kernel.norm * 2 * math.pi * (q * shape * special.j0(w * q)).sum() / 20000 for w in waves
+    ]
+    rates = waves**2 * np.array(transform)
+    assert kernel.stiffness == pytest.approx(rates.max(), rel=2e-3)
+    assert kernel.stiffest == pytest.approx(waves[rates.argmax()], rel=2e-2)
+
+
+@pytest.mark.parametrize('name', ['wendland', 'spiky'])
+@pytest.mark.parametrize('ratio', [2.5, 3.0, 4.0, 6.0])
+def test_excess_is_what_a_lattice_sums_to_much(name, ratio):
+    """The sum over a square or hexagonal lattice, less the excess, is the thickness."""
+    kernel = smoothing_kernel(name, wp.float64)
+    i, j = np.meshgrid(np.arange(-20, 21), np.arange(-20, 21))
+    side = math.sqrt(2 / math.sqrt(3))
+    for x, y in ((i, j), (side * (i + 0.5 * j), side * math.sqrt(0.75) * j)):
+        q = np.hypot(x, y).ravel() / ratio
+        total = kernel.norm / ratio**2 * evaluate(kernel.shape, q[q < 1]).sum()
+        corrected = total * (1 - evaluate(kernel.excess, np.array([1 / (total * ratio**2)]))[0])
+        assert abs(corrected - 1) < 0.2 * (total - 1) + 2e-6
+
+
+def test_bessel_functions_match_scipy():
+    """K0(x) and x K1(x) are right to 2e-7 over their whole range, and finite at tiny x."""
+    x = np.concatenate([np.geomspace(1e-6, 2.0, 200), np.linspace(2.0, 60.0, 200)])
+    k0, x_k1 = bessel(wp.float64)
+    assert np.abs(evaluate(k0, x) - special.k0(x)).max() < 2e-7
+    assert np.abs(evaluate(x_k1, x) - x * special.k1(x)).max() < 2e-7
+
+
+def test_bessel_is_positive_where_the_papers_series_is_not():
+    """The two-term series the paper prints (3.41) is negative past 1.9; K0 never is."""
+    x = np.linspace(1.9, 5.0, 50)
+    log = np.log(2 / x) - 0.577216
+    series = log + 0.25 * x**2 * (log + 1)
+    assert (series < 0).all()
+    assert (evaluate(bessel(wp.float64).k0, x) > 0).all()

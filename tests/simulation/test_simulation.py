@@ -1,0 +1,263 @@
+"""The simulation as its users see it: volume, vents, terrain, refusals."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.errors import LavaError
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Particles, Simulation
+
+LAVA = Lava(viscosity=2e3, density=2600.0)
+
+
+def hillside(rows=60, columns=90, resolution=10.0, slope=0.2):
+    """A plane that falls towards +x."""
+    x = np.arange(columns) * resolution
+    return Terrain(np.tile(1000.0 - slope * x, (rows, 1)), resolution)
+
+
+def eruption(device='cpu', *vents, terrain=None, **options):
+    """A simulation on the hillside with one strong vent unless others are given."""
+    vents = vents or (Vent((150.0, 300.0), 20.0, radius=15.0),)
+    scene = Scene(terrain or hillside(), vents, LAVA)
+    options.setdefault('accuracy', Accuracy(spacing=6.0))
+    return Simulation(scene, device=device, **options)
+
+
+def test_five_lines_simulate_a_flow(device):
+    """The way the README shows: lava appears, is thick, hot and on the terrain."""
+    simulation = eruption(device)
+    simulation.advance(600.0)
+    snapshot = simulation.snapshot()
+    assert simulation.time == snapshot.time == 600.0
+    assert snapshot.thickness.shape == snapshot.temperature.shape == (60, 90)
+    wet = snapshot.thickness > 0.1
+    assert 50 < wet.sum() < 2000
+    assert np.isfinite(snapshot.temperature[wet]).all()
+    assert np.isnan(snapshot.temperature[snapshot.thickness == 0.0]).all()
+    assert 300.0 < np.nanmin(snapshot.temperature) <= np.nanmax(snapshot.temperature) <= 1423.1
+
+
+def test_volume_is_accounted_for_at_every_frame(device):
+    """Emitted equals held plus left within 1e-5 at every frame, while lava leaves the map."""
+    simulation = eruption(device, terrain=hillside(columns=40))
+    for frame in range(1, 21):
+        simulation.advance(120.0 * frame)
+        budget = simulation.snapshot().budget
+        assert budget.emitted == pytest.approx(20.0 * 120.0 * frame, rel=1e-12)
+        assert budget.error < 1e-5
+        assert 0.0 <= budget.pending < simulation.particle_volume
+    assert budget.left > 0.1 * budget.emitted
+
+
+def test_raster_holds_the_volume(device):
+    """The grid's thickness times its cells is the volume of the particles."""
+    simulation = eruption(device)
+    simulation.advance(900.0)
+    snapshot = simulation.snapshot()
+    held = snapshot.budget.held - snapshot.budget.pending
+    assert snapshot.thickness.sum() * 100.0 == pytest.approx(held, rel=0.01)
+
+
+def test_lava_flows_downhill():
+    """The flow's centre moves down the slope, and across it only by chance."""
+    simulation = eruption()
+    centres = []
+    for time in (300.0, 1200.0):
+        simulation.advance(time)
+        centres.append(simulation.sample().position.mean(axis=0))
+    assert centres[1][0] > centres[0][0] + 20.0
+    assert abs(centres[1][1] - 300.0) < 3.0
+
+
+def test_discharge_series_and_fissure(device):
+    """A series emits its exact integral; a fissure emits along its line."""
+    vent = Vent((100.0, 200.0), [(100.0, 30.0), (200.0, 0.0), (300.0, 6.0)], end=(100.0, 400.0))
+    simulation = eruption(device, vent)
+    for time, volume in ((99.0, 0.0), (150.0, 1500.0), (250.0, 3000.0), (400.0, 3600.0)):
+        simulation.advance(time)
+        budget = simulation.budget()
+        assert budget.emitted == pytest.approx(volume)
+        assert budget.error < 1e-5
+    y = simulation.sample().position[:, 1]
+    assert y.min() < 230.0 and y.max() > 370.0
+
+
+def test_particles_are_never_coincident():
+    """Stratified emission keeps new particles apart."""
+    simulation = eruption('cpu', Vent((150.0, 300.0), 200.0, radius=15.0))
+    simulation.advance(30.0)
+    position = simulation.sample().position
+    gaps = np.linalg.norm(position[:, None] - position[None], axis=-1)
+    np.fill_diagonal(gaps, np.inf)
+    assert len(position) > 50
+    assert gaps.min() > 0.05
+
+
+def test_changing_vents_loses_nothing():
+    """Closing, opening and repeating vents keeps the budget; a vent in place keeps its conduit."""
+    simulation = eruption()
+    simulation.advance(100.0)
+    stays = simulation.scene.vents[0]
+    simulation.set_vents([stays])
+    for index in range(30):
+        moving = Vent((200.0 + index, 300.0), 3.0, name=str(index))
+        simulation.set_vents([stays, moving])
+        simulation.advance(simulation.time + 1.7)
+        assert simulation.budget().error < 1e-5
+    simulation.set_vents([])
+    emitted = simulation.budget().emitted
+    simulation.advance(400.0)
+    budget = simulation.budget()
+    assert budget.emitted == emitted == pytest.approx(20.0 * 151.0 + 3.0 * 51.0)
+    assert budget.pending == pytest.approx(0.0, abs=1e-6)
+    assert budget.error < 1e-5
+
+
+def test_room_grows_with_the_flow(device):
+    """More particles than there is room for at first: none is lost."""
+    simulation = eruption(
+        device,
+        Vent((150.0, 300.0), 500.0, radius=50.0),
+        accuracy=Accuracy(spacing=3.0, thickness=1.0, longest_step=100.0),
+    )
+    simulation.advance(150.0)
+    assert simulation.particle_count > 8000
+    assert simulation.budget().error < 1e-5
+
+
+def test_replacing_the_terrain_keeps_the_lava_in_place(device):
+    """A new terrain with another origin and cell size keeps positions, volume and time."""
+    simulation = eruption(device)
+    simulation.advance(300.0)
+    before = simulation.sample().position
+    x = np.arange(0, 900, 5.0)
+    simulation.set_terrain(Terrain(np.tile(500 + 0.1 * x, (160, 1)), 5.0, origin=(-20.0, 10.0)))
+    after = simulation.sample().position
+    assert np.sort(after[:, 0]) == pytest.approx(np.sort(before[:, 0]), abs=1e-2)
+    assert simulation.snapshot().thickness.shape == (160, 180)
+    simulation.advance(900.0)
+    assert simulation.budget().error < 1e-5
+    assert simulation.budget().emitted == pytest.approx(18000.0)
+
+
+def test_lava_on_a_hole_leaves(device):
+    """Cells without data swallow what reaches them, and it is counted."""
+    terrain = hillside()
+    elevation = terrain.elevation.copy()
+    elevation[:, 25:27] = np.nan
+    simulation = eruption(device, terrain=Terrain(elevation, 10.0))
+    simulation.advance(2400.0)
+    snapshot = simulation.snapshot()
+    assert snapshot.budget.left > 0.2 * snapshot.budget.emitted
+    assert snapshot.budget.error < 1e-5
+    assert np.isnan(snapshot.thickness[:, 25:27]).all()
+    assert simulation.sample().position[:, 0].max() < 250.0
+
+
+def test_refused_changes_leave_the_simulation_as_it_was():
+    """A vent off the map, a terrain that lacks a vent: an error, and everything goes on."""
+    simulation = eruption()
+    simulation.advance(60.0)
+    scene, volume = simulation.scene, simulation.budget()
+    with pytest.raises(LavaError, match=r'vents\[0\]\.position'):
+        simulation.set_vents([Vent((-5.0, 0.0), 1.0)])
+    with pytest.raises(LavaError, match=r'vents\[0\]\.position'):
+        simulation.set_terrain(hillside(rows=10))
+    assert simulation.scene is scene
+    assert simulation.budget() == volume
+    simulation.advance(120.0)
+    assert simulation.budget().emitted == pytest.approx(2400.0)
+
+
+@pytest.mark.parametrize(
+    ('options', 'field'),
+    [
+        ({'device': 'tpu'}, 'device'),
+        ({'particles': Particles([[1e6, 0.0]], 1.0, 1400.0)}, r'particles\.position\[0\]'),
+    ],
+)
+def test_wrong_arguments_are_refused_by_name(options, field):
+    """A device that does not exist and a particle off the map are named."""
+    with pytest.raises(LavaError, match=f'^{field}'):
+        Simulation(Scene(hillside()), **options)
+
+
+@pytest.mark.parametrize(
+    ('field', 'change'),
+    [
+        ('position', {'position': [1.0, 2.0]}),
+        ('position', {'position': [[1.0, math.nan]]}),
+        ('volume', {'volume': 0.0}),
+        ('volume', {'volume': [1.0, 2.0]}),
+        ('temperature', {'temperature': math.inf}),
+    ],
+)
+def test_wrong_particles_are_refused_by_name(field, change):
+    """Shapes and values of given particles are checked."""
+    with pytest.raises(LavaError, match=rf'^particles\.{field}'):
+        Particles(**{'position': [[1.0, 2.0]], 'volume': 1.0, 'temperature': 1400.0, **change})
+
+
+def test_wall_limit_returns_early_and_resumes():
+    """A short wall limit stops before the target; calling again gets there."""
+    simulation = eruption()
+    assert simulation.advance(3600.0, wall_limit=0.01) < 3600.0
+    reached = simulation.time
+    assert simulation.advance(reached - 1.0) == reached
+    assert simulation.advance(reached + 10.0) == reached + 10.0
+
+
+def test_same_scene_gives_the_same_bits_on_the_cpu():
+    """Two runs on the CPU agree to the bit."""
+    grids = []
+    for _ in range(2):
+        simulation = eruption()
+        simulation.advance(300.0)
+        grids.append(simulation.snapshot())
+    assert np.array_equal(grids[0].thickness, grids[1].thickness)
+    assert np.array_equal(grids[0].temperature, grids[1].temperature, equal_nan=True)
+
+
+def test_single_precision_agrees_with_double(device):
+    """float32 gives the float64 flow to rounding noise."""
+    grids = []
+    for precision in ('float32', 'float64'):
+        simulation = eruption(device, accuracy=Accuracy(spacing=6.0, precision=precision))
+        simulation.advance(300.0)
+        grids.append(simulation.snapshot().thickness)
+    assert np.abs(grids[0] - grids[1]).max() < 2e-3 * grids[1].max()
+
+
+def test_devices_agree(device):
+    """Every device gives the CPU's flow to rounding noise."""
+    grids = []
+    for name in ('cpu', device):
+        simulation = eruption(name)
+        simulation.advance(300.0)
+        grids.append(simulation.snapshot().thickness)
+    assert np.abs(grids[0] - grids[1]).max() < 2e-3 * grids[0].max()
+
+
+def test_nothing_to_do_is_no_error(device):
+    """No vents and no particles: time passes and the map stays dry."""
+    simulation = Simulation(Scene(hillside()), device=device)
+    simulation.advance(1e5)
+    snapshot = simulation.snapshot()
+    assert snapshot.time == 1e5
+    assert (snapshot.thickness == 0.0).all()
+    assert snapshot.budget.error == 0.0
+
+
+def test_effects_left_out_leave_no_array():
+    """Without the Green's function its array is not allocated; with it, it is."""
+    plain = eruption()
+    assert not hasattr(plain._state, 'drive')
+    green = eruption(effects=replace(plain.effects, green=True))
+    green.advance(60.0)
+    assert hasattr(green._state, 'drive')
+    assert green.budget().error < 1e-5

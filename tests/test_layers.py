@@ -1,0 +1,201 @@
+"""Layers: files of msg_configs/, and the values they make of a snapshot."""
+
+import copy
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from lava_ros.errors import LavaError
+from lava_ros.layers import IMAGE, layers_from_dict, load_layers, OCCUPANCY_GRID
+from lava_ros.scene import Terrain
+from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+
+CONFIGS = Path(__file__).parents[1] / 'msg_configs'
+
+
+def _snapshot(thickness, celsius):
+    thickness = np.array(thickness, dtype=np.float32)
+    elevation = np.where(np.isnan(thickness), np.nan, 100.0)
+    return Snapshot(
+        time=1.0,
+        terrain=Terrain(elevation, 10.0),
+        thickness=thickness,
+        temperature=np.array(celsius, dtype=np.float32) + np.float32(273.15),
+        budget=VolumeBudget(1.0, 1.0, 0.0, 0.0),
+        particle_count=1,
+        steps=StepReport(1, 1.0, 'diffusion'),
+    )
+
+
+# dry, thinner than the threshold, just wet, thick, thicker than the range, outside
+SNAPSHOT = _snapshot(
+    [[0.0, 0.09, 0.1], [5.0, 50.0, np.nan]], [[np.nan, 900.0, 60.0], [600.0, 2000.0, np.nan]]
+)
+
+
+def _layer(**changes):
+    data = {'source': 'thickness', 'message': 'nav_msgs/OccupancyGrid', 'range': [0.0, 100.0]}
+    data.update(changes)
+    data = {key: value for key, value in data.items() if value is not None}
+    return layers_from_dict({'layers': {'one': data}})[0]
+
+
+def test_height_grid():
+    """Thickness maps to 1..100 where wet, 0 where dry, -1 outside."""
+    values = _layer(range=[0.0, 100.0]).values(SNAPSHOT)
+    assert values.dtype == np.int8
+    assert values.tolist() == [[0, 0, 1], [5, 50, -1]]
+    assert _layer(range=[0.0, 10.0]).values(SNAPSHOT).tolist() == [[0, 0, 1], [50, 100, -1]]
+
+
+def test_a_wet_cell_is_never_zero():
+    """A wet cell at or below the range's low end is 1, not 0."""
+    assert _layer(range=[5.0, 6.0]).values(SNAPSHOT).tolist() == [[0, 0, 1], [1, 100, -1]]
+
+
+def test_temperature_grid():
+    """Temperature is in Celsius, and known only where there is lava."""
+    layer = _layer(source='temperature', range=[0.0, 1200.0])
+    assert layer.values(SNAPSHOT).tolist() == [[0, 0, 5], [50, 100, -1]]
+
+
+def test_hazard_grid():
+    """Hazard takes its limits from the file, in Celsius."""
+    layer = _layer(source='hazard', range=None, threshold=0.0)
+    assert layer.values(SNAPSHOT).tolist() == [[0, 100, 23], [100, 100, -1]]
+    limits = {'lethal_thickness': 1.0, 'safe_temperature': 40.0, 'lethal_temperature': 80.0}
+    layer = _layer(source='hazard', range=None, threshold=0.0, hazard=limits)
+    assert layer.values(SNAPSHOT).tolist() == [[0, 100, 55], [100, 100, -1]]
+
+
+def test_threshold_and_outside():
+    """The threshold decides what is wet; outside is the file's value."""
+    layer = _layer(threshold=1.0, outside=100)
+    assert layer.values(SNAPSHOT).tolist() == [[0, 0, 0], [5, 50, 100]]
+
+
+def test_raw_images():
+    """Images carry metres and Celsius unscaled, NaN where there is nothing to say."""
+    height = _layer(message='sensor_msgs/Image', range=None, threshold=0.0)
+    np.testing.assert_array_equal(height.values(SNAPSHOT), SNAPSHOT.thickness)
+    temperature = _layer(source='temperature', message='sensor_msgs/Image', range=None)
+    np.testing.assert_allclose(
+        temperature.values(SNAPSHOT), [[np.nan, np.nan, 60.0], [600.0, 2000.0, np.nan]], rtol=1e-6
+    )
+    assert temperature.values(SNAPSHOT).dtype == np.float32
+
+
+def test_default_file():
+    """The default file has the three grids on, the raw images off, all latched."""
+    layers = {layer.name: layer for layer in load_layers(CONFIGS / 'default.yaml')}
+    enabled = [name for name, layer in layers.items() if layer.enabled]
+    assert enabled == ['height', 'temperature', 'hazard']
+    assert all(layers[name].message == OCCUPANCY_GRID for name in enabled)
+    assert layers['height_raw'].message == layers['temperature_raw'].message == IMAGE
+    for layer in layers.values():
+        assert (layer.qos.reliability, layer.qos.durability, layer.qos.depth) == (
+            'reliable',
+            'transient_local',
+            1,
+        )
+
+
+def test_a_changed_file_changes_the_values(tmp_path):
+    """Editing the YAML changes what is published, without touching code."""
+    data = yaml.safe_load((CONFIGS / 'default.yaml').read_text())
+    data['layers']['height'].update(range=[0.0, 100.0], outside=0, topic='lava/depth', rate=5.0)
+    path = tmp_path / 'changed.yaml'
+    path.write_text(yaml.safe_dump(data, sort_keys=False))
+    before, after = load_layers(CONFIGS / 'default.yaml')[0], load_layers(path)[0]
+    assert before.values(SNAPSHOT).tolist() == [[0, 0, 1], [50, 100, -1]]
+    assert after.values(SNAPSHOT).tolist() == [[0, 0, 1], [5, 50, 0]]
+    assert (after.topic, after.rate) == ('lava/depth', 5.0)
+
+
+def test_every_example_file_loads():
+    """All files of msg_configs/ are valid, and the monitoring example differs as it says."""
+    for path in CONFIGS.glob('*.yaml'):
+        assert load_layers(path)
+    monitoring = {layer.name: layer for layer in load_layers(CONFIGS / 'monitoring.yaml')}
+    assert monitoring['height_raw'].message == IMAGE
+    assert monitoring['hazard'].outside == 100
+    assert monitoring['hazard'].hazard.lethal_temperature == pytest.approx(373.15)
+
+
+@pytest.mark.parametrize(
+    ('changes', 'field', 'words'),
+    [
+        ({'source': 'depth'}, 'source', 'thickness, temperature, hazard'),
+        ({'source': None}, 'source', 'required'),
+        ({'message': 'std_msgs/String'}, 'message', 'nav_msgs/OccupancyGrid'),
+        ({'message': None}, 'message', 'required'),
+        ({'range': None}, 'range', '[low, high] m'),
+        ({'range': [1.0, 1.0]}, 'range[1]', 'above 1'),
+        ({'range': [0.0, float('nan')]}, 'range[1]', 'finite'),
+        ({'range': 3.0}, 'range', 'two numbers'),
+        ({'threshold': -0.1}, 'threshold', 'at least 0 m'),
+        ({'outside': 101}, 'outside', '-1 to 100'),
+        ({'outside': 'unknown'}, 'outside', '-1 to 100'),
+        ({'enabled': 1}, 'enabled', 'true or false'),
+        ({'record': 'sometimes'}, 'record', 'true or false'),
+        ({'rate': 0.0}, 'rate', 'Hz'),
+        ({'rate': 1000}, 'rate', 'at most 50'),
+        ({'topic': '/absolute'}, 'topic', 'relative'),
+        ({'topic': 'with space'}, 'topic', 'relative'),
+        ({'qos': {'reliability': 'best'}}, 'qos.reliability', 'reliable, best_effort'),
+        ({'qos': {'durability': 'latched'}}, 'qos.durability', 'transient_local, volatile'),
+        ({'qos': {'depth': 0}}, 'qos.depth', '1 to 1000'),
+        ({'qos': {'history': 'keep_all'}}, 'qos.history', 'reliability, durability, depth'),
+        ({'hazard': {}}, 'hazard', 'source is hazard'),
+        ({'colour': 'red'}, 'colour', 'topic, source, message'),
+        ({'message': 'sensor_msgs/Image'}, 'range', 'absent'),
+    ],
+)
+def test_a_wrong_layer_is_refused(changes, field, words):
+    """The error names the key and says what is allowed."""
+    with pytest.raises(LavaError) as caught:
+        _layer(**changes)
+    assert caught.value.field == f'layers.one.{field}'
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ('limits', 'field'),
+    [
+        ({'lethal_thickness': 0.0}, 'lethal_thickness'),
+        ({'safe_temperature': 300.0, 'lethal_temperature': 300.0}, 'lethal_temperature'),
+        ({'safe_temperature': -300.0}, 'safe_temperature'),
+        ({'deadly': 1}, 'deadly'),
+    ],
+)
+def test_wrong_hazard_limits_are_refused(limits, field):
+    """So do errors in the limits of the hazard."""
+    with pytest.raises(LavaError) as caught:
+        _layer(source='hazard', hazard=limits)
+    assert caught.value.field == f'layers.one.hazard.{field}'
+
+
+@pytest.mark.parametrize('data', [None, [], {'layers': {}}, {'layers': None}, {'layer': {}}, 'x'])
+def test_a_file_without_layers_is_refused(data):
+    """What is not a mapping of layers is an error."""
+    with pytest.raises(LavaError):
+        layers_from_dict(data)
+
+
+def test_two_layers_need_two_topics():
+    """One topic cannot carry two layers."""
+    one = {'source': 'hazard', 'message': 'nav_msgs/OccupancyGrid', 'topic': 'same'}
+    with pytest.raises(LavaError, match='layer a has this one'):
+        layers_from_dict({'layers': {'a': one, 'b': copy.deepcopy(one)}})
+
+
+def test_an_unreadable_file_is_refused(tmp_path):
+    """A missing file and broken YAML are errors that name the file."""
+    with pytest.raises(LavaError, match='missing.yaml'):
+        load_layers(tmp_path / 'missing.yaml')
+    broken = tmp_path / 'broken.yaml'
+    broken.write_text('layers: [')
+    with pytest.raises(LavaError, match=r'broken\.yaml'):
+        load_layers(broken)

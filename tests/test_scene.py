@@ -1,0 +1,163 @@
+"""The scene: validation, discharge, YAML."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.errors import LavaError
+from lava_ros.scene import (
+    check_vents,
+    Lava,
+    Scene,
+    scene_from_yaml,
+    scene_to_dict,
+    Terrain,
+    Vent,
+    vents_from_list,
+)
+
+
+def flat(rows=10, columns=20, **options):
+    """A flat terrain of 10 m cells."""
+    return Terrain(np.zeros((rows, columns)), 10.0, **options)
+
+
+def test_terrain_knows_where_its_cells_are():
+    """Extent, cells and coverage follow origin and resolution; outside there is no cell."""
+    terrain = flat(origin=(100.0, -50.0))
+    assert terrain.extent == (100.0, -50.0, 300.0, 50.0)
+    assert terrain.cell_at(100.0, -50.0) == (0, 0)
+    assert terrain.cell_at(299.9, 49.9) == (9, 19)
+    assert terrain.cell_at(300.0, 0.0) is None
+    assert not terrain.covers(0.0, 0.0)
+
+
+def test_terrain_does_not_cover_cells_without_data():
+    """A NaN cell is a hole: nothing lies on it."""
+    elevation = np.zeros((4, 4))
+    elevation[1, 2] = np.nan
+    terrain = Terrain(elevation, 1.0)
+    assert not terrain.covers(2.5, 1.5)
+    assert terrain.covers(1.5, 2.5)
+
+
+@pytest.mark.parametrize(
+    ('field', 'change'),
+    [
+        ('elevation', {'elevation': np.zeros(5)}),
+        ('elevation', {'elevation': np.zeros((1, 5))}),
+        ('elevation', {'elevation': np.full((3, 3), np.nan)}),
+        ('elevation', {'elevation': np.full((3, 3), np.inf)}),
+        ('elevation', {'elevation': 'hill'}),
+        ('elevation', {'elevation': np.broadcast_to(np.float32(0), (2, 40000))}),
+        ('resolution', {'resolution': 0.0}),
+        ('resolution', {'resolution': -5.0}),
+        ('origin', {'origin': (0.0, math.nan)}),
+        ('epsg', {'epsg': 'UTM'}),
+        ('offset', {'offset': 3}),
+    ],
+)
+def test_terrain_refuses_by_name(field, change):
+    """Each unusable field raises an error that names it."""
+    with pytest.raises(LavaError, match=rf'^terrain\.{field}'):
+        Terrain(**{'elevation': np.zeros((3, 3)), 'resolution': 1.0, **change})
+
+
+@pytest.mark.parametrize(
+    ('field', 'change'),
+    [
+        ('discharge', {'discharge': -1.0}),
+        ('discharge', {'discharge': math.nan}),
+        ('discharge', {'discharge': []}),
+        ('discharge', {'discharge': [(0.0, 1.0), (0.0, 2.0)]}),
+        ('discharge', {'discharge': [(0.0, -1.0)]}),
+        ('temperature', {'temperature': 20.0}),
+        ('temperature', {'temperature': 1e5}),
+        ('radius', {'radius': 0.0}),
+        ('position', {'position': (1.0,)}),
+        ('end', {'end': 'far'}),
+    ],
+)
+def test_vent_refuses_by_name(field, change):
+    """Each unusable field raises an error that names it."""
+    with pytest.raises(LavaError, match=rf'{field}'):
+        Vent(**{'position': (0.0, 0.0), 'discharge': 1.0, **change})
+
+
+@pytest.mark.parametrize(
+    ('name', 'value'), [('density', 0), ('viscosity', -1), ('emissivity', 1.1), ('arrhenius', 'x')]
+)
+def test_lava_refuses_by_name(name, value):
+    """Each unusable material constant raises an error that names it."""
+    with pytest.raises(LavaError, match=rf'^lava\.{name}'):
+        Lava(**{name: value})
+
+
+def test_discharge_series_integrates_exactly():
+    """The volume is the integral of the stepwise series, over any span."""
+    vent = Vent((0.0, 0.0), [(0.0, 2.0), (10.0, 5.0), (20.0, 0.0)])
+    assert vent.volume_between(0.0, 30.0) == 70.0
+    assert vent.volume_between(5.0, 15.0) == 35.0
+    assert vent.volume_between(-10.0, 0.0) == 0.0
+    assert Vent((0.0, 0.0), 3.0).volume_between(10.0, 12.0) == 6.0
+
+
+def test_vents_must_lie_on_the_terrain():
+    """A vent, or its fissure's end, outside the terrain is an error that names it."""
+    with pytest.raises(LavaError, match=r'vents\[1\]\.position'):
+        Scene(flat(), (Vent((5.0, 5.0), 1.0), Vent((5.0, 500.0), 1.0)))
+    with pytest.raises(LavaError, match=r'vents\[0\]\.end'):
+        check_vents([Vent((5.0, 5.0), 1.0, end=(-1.0, 5.0))], flat())
+
+
+def test_scene_from_yaml_reads_everything(tmp_path):
+    """A scene file gives terrain, lava and vents, in map or projected coordinates."""
+    ground = {'elevation': np.zeros((10, 20)), 'resolution': 10.0, 'origin': (1000.0, 2000.0)}
+    np.savez(tmp_path / 'ground.npz', **ground)
+    (tmp_path / 'scene.yaml').write_text(
+        """
+terrain: {file: ground.npz, offset: [1000.0, 2000.0]}
+lava: {viscosity: 1e4, density: 2600}
+vents:
+  - {position: [50, 50], discharge: 3, temperature: 1400}
+  - {projected: [1060, 2070], projected_end: [1080, 2070], radius: 2, discharge: [[0, 1], [60, 2]]}
+ambient_temperature: 290
+"""
+    )
+    scene = scene_from_yaml(tmp_path / 'scene.yaml')
+    assert scene.lava == Lava(viscosity=1e4, density=2600.0)
+    assert scene.vents[0] == Vent((50.0, 50.0), 3.0, 1400.0, name='vent 0')
+    assert scene.vents[1].position == (60.0, 70.0)
+    assert scene.vents[1].end == (80.0, 70.0)
+    assert scene.vents[1].discharge == ((0.0, 1.0), (60.0, 2.0))
+    assert scene.ambient_temperature == 290.0
+    assert scene_to_dict(scene)['terrain']['offset'] == [1000.0, 2000.0]
+
+
+@pytest.mark.parametrize(
+    ('text', 'field'),
+    [
+        ('[1, 2', 'scene'),
+        ('- 1', 'scene'),
+        ('volcano: Etna', r'scene\.volcano'),
+        ('terrain: {}', r'scene\.terrain\.file'),
+        ('lava: {stickiness: 3}\nterrain: {file: ground.npz}', r'scene\.lava\.stickiness'),
+        ('vents: 3\nterrain: {file: ground.npz}', 'vents'),
+        ('vents: [{position: [5, 5]}]\nterrain: {file: ground.npz}', r'vents\[0\]\.discharge'),
+        ('vents: [{discharge: 5}]\nterrain: {file: ground.npz}', r'vents\[0\]\.position'),
+    ],
+)
+def test_scene_from_yaml_refuses_by_name(tmp_path, text, field):
+    """A wrong scene file is refused with the key that is wrong."""
+    np.savez(tmp_path / 'ground.npz', elevation=np.zeros((10, 20)), resolution=10.0)
+    (tmp_path / 'scene.yaml').write_text(text)
+    with pytest.raises(LavaError, match=f'^{field}'):
+        scene_from_yaml(tmp_path / 'scene.yaml')
+
+
+def test_projected_and_map_position_exclude_each_other():
+    """A vent is placed once."""
+    data = [{'position': [5, 5], 'projected': [5, 5], 'discharge': 1}]
+    with pytest.raises(LavaError, match='absent beside position'):
+        vents_from_list(data, flat())
