@@ -193,7 +193,7 @@ def test_two_layers_need_two_topics():
 
 def test_an_unreadable_file_is_refused(tmp_path):
     """A missing file and broken YAML are errors that name the file."""
-    with pytest.raises(LavaError, match='missing.yaml'):
+    with pytest.raises(LavaError, match=r'missing\.yaml'):
         load_layers(tmp_path / 'missing.yaml')
     broken = tmp_path / 'broken.yaml'
     broken.write_text('layers: [')

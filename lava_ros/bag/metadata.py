@@ -1,0 +1,208 @@
+"""The metadata.yaml of a bag, as rosbag2 of Jazzy writes it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+import os
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from lava_ros.bag.qos import QosProfile
+from lava_ros.errors import LavaError
+
+FILE_NAME = 'metadata.yaml'
+
+#: Version of rosbag2's metadata: the first with QoS policies as words and as a list.
+VERSION = 9
+
+ROS_DISTRO = 'jazzy'
+
+_ROOT = 'rosbag2_bagfile_information'
+
+# Start of a bag without messages, as rosbag2 has it.
+_NEVER = 2**63 - 1
+
+
+@dataclass(frozen=True)
+class TopicRecord:
+    """A topic of a bag.
+
+    Attributes:
+        name: Absolute topic name.
+        message_type: Type such as ``nav_msgs/msg/OccupancyGrid``.
+        qos: What the topic's publisher offered.
+        type_hash: RIHS01 hash of the type.
+        message_count: Messages of the topic in the bag.
+    """
+
+    name: str
+    message_type: str
+    qos: QosProfile
+    type_hash: str
+    message_count: int
+
+    def to_dict(self) -> dict[str, Any]:
+        """The topic as metadata.yaml holds it."""
+        return {
+            'topic_metadata': {
+                'name': self.name,
+                'type': self.message_type,
+                'serialization_format': 'cdr',
+                'offered_qos_profiles': [self.qos.to_dict()],
+                'type_description_hash': self.type_hash,
+            },
+            'message_count': self.message_count,
+        }
+
+
+@dataclass(frozen=True)
+class FileRecord:
+    """A file of a bag.
+
+    Attributes:
+        path: File name, relative to the bag's directory.
+        start_ns: Log time of the first message [ns], None without messages.
+        end_ns: Log time of the last message [ns], None without messages.
+        message_count: Messages in the file.
+    """
+
+    path: str
+    start_ns: int | None = None
+    end_ns: int | None = None
+    message_count: int = 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """The file as metadata.yaml holds it."""
+        return {
+            'path': self.path,
+            **_time_span(self.start_ns, self.end_ns),
+            'message_count': self.message_count,
+        }
+
+
+@dataclass(frozen=True)
+class BagMetadata:
+    """What metadata.yaml and the ``rosbag2`` record of each file say.
+
+    Attributes:
+        files: The bag's files, oldest first.
+        topics: The bag's topics.
+        custom_data: Free text by name.
+    """
+
+    files: tuple[FileRecord, ...]
+    topics: tuple[TopicRecord, ...] = ()
+    custom_data: Mapping[str, str] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The metadata without its root key, keys in rosbag2's order."""
+        starts = [item.start_ns for item in self.files if item.start_ns is not None]
+        ends = [item.end_ns for item in self.files if item.end_ns is not None]
+        span = _time_span(min(starts, default=None), max(ends, default=None))
+        return {
+            'version': VERSION,
+            'storage_identifier': 'mcap',
+            'duration': span['duration'],
+            'starting_time': span['starting_time'],
+            'message_count': sum(item.message_count for item in self.files),
+            'topics_with_message_count': [item.to_dict() for item in self.topics],
+            'compression_format': '',
+            'compression_mode': '',
+            'relative_file_paths': [item.path for item in self.files],
+            'files': [item.to_dict() for item in self.files],
+            'custom_data': dict(self.custom_data),
+            'ros_distro': ROS_DISTRO,
+        }
+
+
+def serialize(metadata: BagMetadata) -> str:
+    """The text of a file's ``rosbag2`` record: YAML without its root key."""
+    return _dump(metadata.to_dict())
+
+
+def write_metadata(directory: Path, metadata: BagMetadata) -> None:
+    """Write metadata.yaml: either the whole file is there afterwards or none of it."""
+    partial = directory / f'{FILE_NAME}.partial'
+    partial.write_text(_dump({_ROOT: metadata.to_dict()}), encoding='utf-8')
+    os.replace(partial, directory / FILE_NAME)
+
+
+@dataclass(frozen=True)
+class StoredMetadata:
+    """What a reader needs of metadata that is found in a bag, of any version.
+
+    Attributes:
+        file_names: Names of the bag's files, oldest first.
+        custom_data: Free text by name.
+    """
+
+    file_names: tuple[str, ...]
+    custom_data: dict[str, str]
+
+
+def read_metadata(path: Path) -> StoredMetadata:
+    """Read a metadata.yaml.
+
+    Raises:
+        LavaError: The file is unreadable, or describes a bag that is not plain MCAP.
+    """
+    try:
+        data = yaml.safe_load(path.read_text(encoding='utf-8'))[_ROOT]
+    except (OSError, UnicodeDecodeError, yaml.YAMLError, TypeError, KeyError) as error:
+        raise LavaError(
+            'bag',
+            str(path),
+            f'metadata that rosbag2 wrote; if it is damaged, remove it and the bag is read '
+            f'without ({type(error).__name__}: {error})',
+        ) from error
+    return parse_metadata(data, path)
+
+
+def parse_metadata(data: object, path: Path) -> StoredMetadata:
+    """Take what a reader needs from metadata without its root key.
+
+    Args:
+        data: The parsed YAML.
+        path: File that holds it, for messages.
+
+    Raises:
+        LavaError: It is no such metadata, or describes a bag that is not plain MCAP.
+    """
+    if not isinstance(data, Mapping):
+        raise LavaError('bag', str(path), 'metadata that rosbag2 wrote: a YAML mapping')
+    storage = data.get('storage_identifier')
+    if storage != 'mcap':
+        raise LavaError(
+            f'storage_identifier of {path}',
+            storage,
+            'mcap; `ros2 bag convert` turns other bags into MCAP',
+        )
+    if str(data.get('compression_mode') or 'none').lower() != 'none':
+        raise LavaError(
+            f'compression_mode of {path}',
+            data['compression_mode'],
+            'none (compression inside the MCAP file is fine); `ros2 bag convert` rewrites it',
+        )
+    names = data.get('relative_file_paths') or []
+    custom_data = data.get('custom_data') or {}
+    if not isinstance(names, list) or not isinstance(custom_data, Mapping):
+        raise LavaError('bag', str(path), 'a list relative_file_paths, a mapping custom_data')
+    return StoredMetadata(
+        tuple(Path(str(item)).name for item in names),
+        {str(key): str(value) for key, value in custom_data.items()},
+    )
+
+
+def _time_span(start_ns: int | None, end_ns: int | None) -> dict[str, Any]:
+    if start_ns is None or end_ns is None:
+        start_ns = end_ns = _NEVER
+    return {
+        'starting_time': {'nanoseconds_since_epoch': start_ns},
+        'duration': {'nanoseconds': end_ns - start_ns},
+    }
+
+
+def _dump(data: Mapping[str, Any]) -> str:
+    # Lines are not folded, so that a long value stays as it is for every YAML reader.
+    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=2**31)

@@ -1,0 +1,235 @@
+"""Reads rosbag2 MCAP bags, also those whose recording was cut off."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+import re
+from typing import NamedTuple
+
+import yaml
+
+from lava_ros.bag import metadata as bag_metadata
+from lava_ros.bag import qos as bag_qos
+from lava_ros.bag.mcap_file import McapFile, open_mcap
+from lava_ros.bag.qos import QosProfile
+from lava_ros.bag.schemas import MessageSchema
+from lava_ros.bag.writer import METADATA_RECORD
+from lava_ros.errors import LavaError
+
+
+class BagMessage(NamedTuple):
+    """A message of a bag.
+
+    Attributes:
+        topic: Absolute topic name.
+        stamp_ns: Log time [ns]: when it is played.
+        publish_ns: Publish time [ns].
+        data: The message, serialised to CDR.
+    """
+
+    topic: str
+    stamp_ns: int
+    publish_ns: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic of a bag.
+
+    Attributes:
+        name: Absolute topic name.
+        message_type: Type such as ``nav_msgs/msg/OccupancyGrid``.
+        qos: One offer that stands for those of all publishers that were recorded.
+        count: Messages in the bag, None when a file does not say.
+        schema: Definition of the type as the bag holds it.
+    """
+
+    name: str
+    message_type: str
+    qos: QosProfile
+    count: int | None
+    schema: MessageSchema
+
+
+class BagReader:
+    """Reads a bag without loading it: memory holds the chunks that overlap in time.
+
+    The reader keeps no file open: each iteration opens its own.
+
+    Attributes:
+        path: The bag as it was given.
+        files: The MCAP files it is made of, oldest first.
+        topics: Topics by name.
+        custom_data: Free text by name that describes the recording.
+        recovered: Whether a file was not finished; then everything before the place where it
+            breaks off is there.
+        start_ns: Log time of the first message [ns], None without messages.
+        end_ns: Log time of the last message [ns], None without messages.
+        size: Size of the files together [bytes].
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        """Find out what the bag holds; an unfinished file is read once from start to end.
+
+        Args:
+            path: The bag's directory, or an .mcap file.
+
+        Raises:
+            LavaError: There is no bag, or it is not one that can be read.
+        """
+        self.path = Path(path)
+        stored = None
+        if self.path.is_dir():
+            yaml_path = self.path / bag_metadata.FILE_NAME
+            stored = bag_metadata.read_metadata(yaml_path) if yaml_path.exists() else None
+            names = stored.file_names if stored else _mcap_names(self.path)
+            self.files = tuple(self.path / name for name in names)
+            if not self.files:
+                raise LavaError(
+                    'bag', str(path), 'a directory with .mcap files; this one has none'
+                )
+        elif self.path.exists():
+            self.files = (self.path,)
+        else:
+            raise LavaError('bag', str(path), 'a bag directory or an .mcap file that exists')
+        self._contents = [open_mcap(item) for item in self.files]
+        self.topics = _topics(self._contents)
+        self.custom_data = stored.custom_data if stored else _custom_data(self._contents)
+        self.recovered = not all(item.finished for item in self._contents)
+        blocks = [block for item in self._contents for block in item.blocks]
+        self.start_ns = min((block.start_ns for block in blocks), default=None)
+        self.end_ns = max((block.end_ns for block in blocks), default=None)
+        self.size = sum(item.stat().st_size for item in self.files)
+
+    @property
+    def duration_ns(self) -> int:
+        """Time from the first message to the last [ns]."""
+        if self.start_ns is None or self.end_ns is None:
+            return 0
+        return self.end_ns - self.start_ns
+
+    @property
+    def message_count(self) -> int | None:
+        """Messages in the bag, None when a file does not say."""
+        counts = [topic.count for topic in self.topics.values()]
+        return None if None in counts else sum(item for item in counts if item is not None)
+
+    def messages(
+        self, topics: Collection[str] | None = None, start_ns: int | None = None
+    ) -> Iterator[BagMessage]:
+        """Yield messages in the order of log time, file by file.
+
+        Args:
+            topics: Names of the topics to read, None for all; names the bag lacks give nothing.
+            start_ns: Earliest log time [ns].
+
+        Raises:
+            LavaError: A file is damaged or cannot be read.
+        """
+        for contents in self._contents:
+            names = _channel_topics(contents, topics)
+            for message in contents.messages(names, start_ns):
+                yield BagMessage(
+                    names[message.channel_id],
+                    message.log_time,
+                    message.publish_time,
+                    message.data,
+                )
+
+    def newest(self, topics: Collection[str], before_ns: int) -> list[BagMessage]:
+        """The newest message of each topic before a time, oldest first.
+
+        Args:
+            topics: Names of the topics; one without such a message gives nothing.
+            before_ns: Log time [ns] the messages are older than.
+
+        Raises:
+            LavaError: A file is damaged or cannot be read.
+        """
+        found: dict[str, BagMessage] = {}
+        for contents in reversed(self._contents):
+            names = _channel_topics(contents, [item for item in topics if item not in found])
+            here: dict[str, BagMessage] = {}
+            for channel_id, message in contents.newest(names, before_ns).items():
+                item = BagMessage(
+                    names[channel_id], message.log_time, message.publish_time, message.data
+                )
+                if item.topic not in here or item.stamp_ns > here[item.topic].stamp_ns:
+                    here[item.topic] = item
+            found.update(here)
+        return sorted(found.values(), key=lambda item: item.stamp_ns)
+
+
+def _mcap_names(directory: Path) -> tuple[str, ...]:
+    """MCAP files of a directory by the number in their names: 2 comes before 10."""
+
+    def order(name: str) -> list[tuple[int, str]]:
+        return [(int(part) if part.isdigit() else -1, part) for part in re.split(r'(\d+)', name)]
+
+    return tuple(sorted((item.name for item in directory.glob('*.mcap')), key=order))
+
+
+def _channel_topics(contents: McapFile, topics: Collection[str] | None) -> dict[int, str]:
+    return {
+        channel.id: channel.topic
+        for channel in contents.channels.values()
+        if topics is None or channel.topic in topics
+    }
+
+
+def _topics(files: list[McapFile]) -> dict[str, Topic]:
+    schemas: dict[str, MessageSchema] = {}
+    profiles: dict[str, list[QosProfile]] = {}
+    counts: dict[str, int | None] = {}
+    for contents in files:
+        for channel in contents.channels.values():
+            schema = contents.schemas.get(channel.schema_id)
+            if channel.message_encoding != 'cdr' or schema is None:
+                raise LavaError(
+                    f'topic {channel.topic} of {contents.path}',
+                    channel.message_encoding,
+                    'messages in the cdr encoding that ROS 2 uses, with a schema',
+                )
+            name = channel.topic
+            known = schemas.setdefault(
+                name,
+                MessageSchema(
+                    schema.name,
+                    schema.data.decode(errors='replace'),
+                    channel.metadata.get('topic_type_hash', ''),
+                    schema.encoding,
+                ),
+            )
+            if known.name != schema.name:
+                raise LavaError(
+                    f'topic {name} of {contents.path}', schema.name, f'{known.name} as before'
+                )
+            profiles.setdefault(name, []).extend(
+                bag_qos.profiles_from_yaml(channel.metadata.get('offered_qos_profiles', ''))
+            )
+            before = counts.setdefault(name, 0)
+            counts[name] = (
+                None
+                if before is None or contents.counts is None
+                else before + contents.counts.get(channel.id, 0)
+            )
+    return {
+        name: Topic(name, schema.name, bag_qos.merge(profiles[name]), counts[name], schema)
+        for name, schema in sorted(schemas.items())
+    }
+
+
+def _custom_data(files: list[McapFile]) -> dict[str, str]:
+    """Custom data of the newest file whose metadata record can be read."""
+    for contents in reversed(files):
+        text = contents.metadata.get(METADATA_RECORD, {}).get('serialized_metadata', '')
+        if text:
+            try:
+                data = yaml.safe_load(text)
+            except yaml.YAMLError as error:
+                raise LavaError(
+                    f'record {METADATA_RECORD} of {contents.path}', text, f'YAML ({error})'
+                ) from error
+            return bag_metadata.parse_metadata(data, contents.path).custom_data
+    return {}

@@ -1,0 +1,147 @@
+"""When to publish what: the timing of a replay, free of ROS and of real clocks."""
+
+from collections.abc import Callable, Iterator
+import math
+from typing import NamedTuple, Protocol
+
+from lava_ros import validation
+from lava_ros.bag.reader import BagMessage, Topic
+from lava_ros.errors import LavaError
+
+#: Wall time between the last message and the first of the next round of a loop [s].
+LOOP_PAUSE = 1.0
+
+#: Time between two clock ticks [s]: 100 Hz, as ros2 bag play can do it.
+TICK = 0.01
+
+
+class Bag(Protocol):
+    """What a replay needs of a bag."""
+
+    topics: dict[str, Topic]
+    start_ns: int | None
+    end_ns: int | None
+
+    def messages(self, *, start_ns: int | None) -> Iterator[BagMessage]:
+        """Yield messages in the order of log time."""
+
+    def newest(self, topics: list[str], before_ns: int) -> list[BagMessage]:
+        """The newest message of each topic before a time."""
+
+
+class Due(NamedTuple):
+    """A message and when to publish it.
+
+    Attributes:
+        at: Wall time since the start of the replay [s].
+        clock_ns: Bag time at that moment [ns].
+        message: The message.
+        round: 0 for the first time through the bag, 1 for the next, ...
+    """
+
+    at: float
+    clock_ns: int
+    message: BagMessage
+    round: int
+
+
+class Step(NamedTuple):
+    """What to publish now.
+
+    Attributes:
+        clock_ns: Bag time [ns].
+        message: The message, None for a clock tick only.
+        round: Which time through the bag, from 0.
+    """
+
+    clock_ns: int
+    message: BagMessage | None
+    round: int
+
+
+def schedule(
+    bag: Bag, *, rate: float = 1.0, loop: bool = False, start_offset: float = 0.0
+) -> Iterator[Due]:
+    """Say when each message of a bag is to be published.
+
+    A start offset skips what lies before it, save that the newest message of every latched
+    (transient_local) topic is due at once: a map that was published early still holds.
+
+    Args:
+        bag: The bag.
+        rate: Bag time that passes in a second of wall time [s/s].
+        loop: Whether to start over at the end, for ever.
+        start_offset: Where to start, from the bag's first message [s of bag time].
+
+    Raises:
+        LavaError: An argument is out of range, or the bag has no messages.
+    """
+    rate = validation.number('rate', rate, above=0.0)
+    start_offset = validation.number('start_offset', start_offset, at_least=0.0, unit='s')
+    if bag.start_ns is None or bag.end_ns is None:
+        raise LavaError('bag', 'without messages', 'at least one message to replay')
+    begin = bag.start_ns + round(start_offset * 1e9)
+    if begin > bag.end_ns:
+        length = (bag.end_ns - bag.start_ns) / 1e9
+        raise LavaError('start_offset', start_offset, f'at most the {length:g} s the bag lasts')
+    return _schedule(bag, rate, loop, begin)
+
+
+def _schedule(bag: Bag, rate: float, loop: bool, begin: int) -> Iterator[Due]:
+    assert bag.end_ns is not None
+    latched = [name for name, topic in bag.topics.items() if topic.qos.is_latched]
+    period = (bag.end_ns - begin) / 1e9 / rate + LOOP_PAUSE
+    count = 0
+    while True:
+        base = count * period
+        for message in bag.newest(latched, begin):
+            yield Due(base, begin, message, count)
+        for message in bag.messages(start_ns=begin):
+            at = base + (message.stamp_ns - begin) / 1e9 / rate
+            yield Due(at, message.stamp_ns, message, count)
+        if not loop:
+            return
+        count += 1
+
+
+def pace(
+    dues: Iterator[Due],
+    *,
+    rate: float,
+    now: Callable[[], float],
+    wait: Callable[[float], bool],
+    tick: float | None = TICK,
+) -> Iterator[Step]:
+    """Yield each message when it is due, and clock ticks while waiting for it.
+
+    The clock follows wall time times the rate and never passes the next message, so that a late
+    message does not turn it back.
+
+    Args:
+        dues: The schedule.
+        rate: The rate it was made for [s/s].
+        now: Clock that only goes forward [s].
+        wait: Sleeps for a time [s] or less; True means stop.
+        tick: Time between clock ticks [s], None for none.
+    """
+    start = now()
+    next_tick = math.inf if tick is None else start + tick
+    clock_ns = 0
+    current_round = -1
+    for due in dues:
+        at = start + due.at
+        while (moment := now()) < at:
+            if wait(max(min(at, next_tick) - moment, 0.0)):
+                return
+            moment = now()
+            if tick is not None and moment >= next_tick:
+                next_tick = moment + tick
+                # In the pause between two rounds the clock stands at the end of the bag.
+                if due.round in (current_round, 0):
+                    behind = max(at - moment, 0.0) * rate
+                    clock_ns = max(clock_ns, due.clock_ns - round(behind * 1e9))
+                yield Step(clock_ns, None, max(current_round, 0))
+        if wait(0.0):
+            return
+        clock_ns, current_round = due.clock_ns, due.round
+        yield Step(clock_ns, due.message, current_round)

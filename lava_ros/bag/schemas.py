@@ -1,0 +1,120 @@
+"""Message definitions and type hashes, from the share directories of installed packages."""
+
+from dataclasses import dataclass
+from functools import cache
+import json
+import os
+from pathlib import Path
+import re
+import sys
+
+from lava_ros.errors import LavaError
+
+_TYPE_NAME = re.compile(r'([A-Za-z]\w*)/msg/([A-Za-z]\w*)')
+
+# A field or constant: the type, a bound on a string's length, an array suffix, then a name.
+_FIELD_TYPE = re.compile(r'\s*([A-Za-z][\w/]*)(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]')
+
+_PRIMITIVE = re.compile(r'bool|byte|char|float(32|64)|u?int(8|16|32|64)|w?string')
+
+_SEPARATOR = '=' * 80
+
+
+@dataclass(frozen=True)
+class MessageSchema:
+    """What a bag has to hold so that its messages can be read anywhere.
+
+    Attributes:
+        name: Type of the message, for example ``nav_msgs/msg/OccupancyGrid``.
+        text: Definition in the ros2msg encoding: the type's own, then every dependency once.
+        type_hash: The type's RIHS01 hash.
+        encoding: Language of the text.
+    """
+
+    name: str
+    text: str
+    type_hash: str
+    encoding: str = 'ros2msg'
+
+
+def message_schema(message_type: str) -> MessageSchema:
+    """Look up a message type among the installed packages.
+
+    Packages are found under ``share`` of every prefix in AMENT_PREFIX_PATH, of the interpreter
+    and of every site-packages directory on the import path.
+
+    Args:
+        message_type: Name such as ``nav_msgs/msg/OccupancyGrid``.
+
+    Raises:
+        LavaError: The name is not a message type's, or it or a dependency is not installed.
+    """
+    return _message_schema(message_type, _prefixes())
+
+
+def _prefixes() -> tuple[Path, ...]:
+    prefixes = [Path(item) for item in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)]
+    prefixes = [item for item in prefixes if item.is_absolute()]
+    prefixes.append(Path(sys.prefix))
+    for entry in map(Path, sys.path):
+        if entry.name in ('site-packages', 'dist-packages') and len(entry.parts) > 3:
+            prefixes.append(entry.parents[2])
+    return tuple(dict.fromkeys(prefixes))
+
+
+@cache
+def _message_schema(message_type: str, prefixes: tuple[Path, ...]) -> MessageSchema:
+    if not isinstance(message_type, str) or not _TYPE_NAME.fullmatch(message_type):
+        raise LavaError('message_type', message_type, 'a name such as nav_msgs/msg/OccupancyGrid')
+    package, _, name = message_type.split('/')
+    path = _definition_file(f'{package}/{name}', prefixes)
+    text = _full_text(f'{package}/{name}', prefixes, set())
+    return MessageSchema(message_type, text, _type_hash(message_type, path.with_suffix('.json')))
+
+
+def _definition_file(resource: str, prefixes: tuple[Path, ...]) -> Path:
+    package, name = resource.split('/')
+    for prefix in prefixes:
+        path = prefix / 'share' / package / 'msg' / f'{name}.msg'
+        if path.is_file():
+            return path
+    raise LavaError(
+        'message_type',
+        f'{package}/msg/{name}',
+        f'a type of an installed package: no share/{package}/msg/{name}.msg under '
+        f'{", ".join(map(str, prefixes))}; install {package} or source its workspace',
+    )
+
+
+def _full_text(resource: str, prefixes: tuple[Path, ...], seen: set[str]) -> str:
+    seen.add(resource)
+    text = _definition_file(resource, prefixes).read_text(encoding='utf-8')
+    parts = [text]
+    for dependency in _dependencies(text, resource.split('/')[0]):
+        if dependency not in seen:
+            parts.append(f'\n{_SEPARATOR}\nMSG: {dependency}\n')
+            parts.append(_full_text(dependency, prefixes, seen))
+    return ''.join(parts)
+
+
+def _dependencies(text: str, package: str) -> list[str]:
+    found = set()
+    for line in text.splitlines():
+        match = _FIELD_TYPE.match(line.split('#', 1)[0])
+        if match and not _PRIMITIVE.fullmatch(match[1]):
+            parts = match[1].split('/')
+            found.add(f'{parts[0] if len(parts) > 1 else package}/{parts[-1]}')
+    return sorted(found)
+
+
+def _type_hash(message_type: str, path: Path) -> str:
+    try:
+        hashes = json.loads(path.read_text(encoding='utf-8'))['type_hashes']
+        return next(item['hash_string'] for item in hashes if item['type_name'] == message_type)
+    except (OSError, ValueError, KeyError, TypeError, StopIteration) as error:
+        raise LavaError(
+            'message_type',
+            message_type,
+            f'a type whose hash is in {path.name} beside its definition, as packages built for '
+            f'ROS 2 Jazzy have it ({type(error).__name__})',
+        ) from error

@@ -1,0 +1,306 @@
+"""The layers of a simulation that are published, as a file in msg_configs/ describes them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+import re
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.hazard import hazard, LETHAL_TEMPERATURE, LETHAL_THICKNESS, SAFE_TEMPERATURE
+
+if TYPE_CHECKING:
+    # The solver's package loads Warp, which files and messages do not need.
+    from lava_ros.simulation.snapshot import Snapshot
+
+#: 0 C in kelvin.
+ZERO_CELSIUS = 273.15
+
+OCCUPANCY_GRID = 'nav_msgs/msg/OccupancyGrid'
+IMAGE = 'sensor_msgs/msg/Image'
+
+#: What a file may call a message type, and its full name.
+MESSAGES = {
+    'nav_msgs/OccupancyGrid': OCCUPANCY_GRID,
+    OCCUPANCY_GRID: OCCUPANCY_GRID,
+    'sensor_msgs/Image': IMAGE,
+    IMAGE: IMAGE,
+}
+
+SOURCES = ('thickness', 'temperature', 'hazard')
+RELIABILITIES = ('reliable', 'best_effort')
+DURABILITIES = ('transient_local', 'volatile')
+
+_TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
+
+
+@dataclass(frozen=True)
+class Qos:
+    """How a layer's messages are delivered.
+
+    Attributes:
+        reliability: ``reliable`` or ``best_effort``.
+        durability: ``transient_local`` (a late subscriber gets the last message) or ``volatile``.
+        depth: Messages kept for slow or late subscribers.
+    """
+
+    reliability: str = 'reliable'
+    durability: str = 'transient_local'
+    depth: int = 1
+
+
+@dataclass(frozen=True)
+class HazardLimits:
+    """Where burial and heat become dangerous.
+
+    Attributes:
+        lethal_thickness: Thickness at which burial alone is lethal [m].
+        safe_temperature: Temperature up to which heat does no harm [K].
+        lethal_temperature: Temperature from which heat alone is lethal [K].
+    """
+
+    lethal_thickness: float = LETHAL_THICKNESS
+    safe_temperature: float = SAFE_TEMPERATURE
+    lethal_temperature: float = LETHAL_TEMPERATURE
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One output of the node: what is shown and how it becomes a message.
+
+    Attributes:
+        name: The layer's key in its file.
+        topic: Relative topic name.
+        source: ``thickness``, ``temperature`` or ``hazard``.
+        message: Full name of the message type.
+        range: Values that map to 0 and to 100 [m, Celsius, or hazard]; None for raw images.
+        threshold: Thickness below which a cell counts as dry [m].
+        outside: Grid value outside the terrain.
+        enabled: Whether the layer is published at all.
+        rate: Messages per second [Hz], at most.
+        record: Whether the messages go into a bag that is being recorded.
+        qos: Delivery of the messages.
+        hazard: Limits of the hazard, for that source.
+    """
+
+    name: str
+    topic: str
+    source: str
+    message: str
+    range: tuple[float, float] | None = None
+    threshold: float = 0.1
+    outside: int = -1
+    enabled: bool = True
+    rate: float = 1.0
+    record: bool = True
+    qos: Qos = field(default_factory=Qos)
+    hazard: HazardLimits = field(default_factory=HazardLimits)
+
+    def raw_values(self, snapshot: 'Snapshot') -> np.ndarray:
+        """Return the layer's quantity on the terrain's cells.
+
+        Returns:
+            float32, shape [rows, columns]: thickness [m], temperature [Celsius] or hazard 0..100.
+            Dry cells are 0, or NaN for temperature; cells outside the terrain are NaN.
+        """
+        wet = self.wet(snapshot)
+        dry_value = np.nan if self.source == 'temperature' else 0.0
+        values = np.full(snapshot.thickness.shape, dry_value, dtype=np.float32)
+        values[wet] = self._quantity(snapshot.thickness[wet], snapshot.temperature[wet])
+        values[np.isnan(snapshot.thickness)] = np.nan
+        return values
+
+    def grid_values(self, snapshot: 'Snapshot') -> np.ndarray:
+        """Return the layer's quantity on the scale of an occupancy grid.
+
+        Returns:
+            int8, shape [rows, columns]: 0 without lava, 1 to 100 with lava, ``outside`` outside
+            the terrain. The largest value stands in for a wet cell whose quantity is unknown.
+
+        Raises:
+            LavaError: The layer has no range.
+        """
+        if self.range is None:
+            raise LavaError(f'layers.{self.name}.range', None, 'two numbers [low, high]')
+        low, high = self.range
+        wet = self.wet(snapshot)
+        quantity = self._quantity(snapshot.thickness[wet], snapshot.temperature[wet])
+        scaled = np.rint((quantity - np.float32(low)) * np.float32(100.0 / (high - low)))
+        values = np.zeros(snapshot.thickness.shape, dtype=np.int8)
+        values[wet] = np.clip(np.where(np.isnan(scaled), 100.0, scaled), 1.0, 100.0)
+        values[np.isnan(snapshot.thickness)] = self.outside
+        return values
+
+    def values(self, snapshot: 'Snapshot') -> np.ndarray:
+        """Return what the layer's message carries: grid values or raw values by message type."""
+        if self.message == OCCUPANCY_GRID:
+            return self.grid_values(snapshot)
+        return self.raw_values(snapshot)
+
+    def wet(self, snapshot: 'Snapshot') -> np.ndarray:
+        """Where this layer sees lava, bool, shape [rows, columns]."""
+        return (snapshot.thickness > 0.0) & (snapshot.thickness >= self.threshold)
+
+    def _quantity(self, thickness: np.ndarray, temperature: np.ndarray) -> np.ndarray:
+        """The layer's quantity in wet cells alone: they are few."""
+        if self.source == 'thickness':
+            return thickness
+        if self.source == 'temperature':
+            return temperature - np.float32(ZERO_CELSIUS)
+        return hazard(
+            thickness,
+            temperature,
+            lethal_thickness=self.hazard.lethal_thickness,
+            safe_temperature=self.hazard.safe_temperature,
+            lethal_temperature=self.hazard.lethal_temperature,
+        )
+
+
+def load_layers(path: str | Path) -> tuple[Layer, ...]:
+    """Read a file of msg_configs/.
+
+    Raises:
+        LavaError: The file cannot be read, or a key or value in it is wrong.
+    """
+    import yaml
+
+    try:
+        data = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise LavaError('msg_config', str(path), f'a readable YAML file ({error})') from error
+    return layers_from_dict(data)
+
+
+def layers_from_dict(data: object) -> tuple[Layer, ...]:
+    """Build the layers from the plain data of a YAML file.
+
+    Raises:
+        LavaError: A key or value is wrong; the message names it and what is allowed.
+    """
+    top = validation.keys('msg_config', data, allowed=['layers'], required=['layers'])
+    entries = top['layers']
+    if not isinstance(entries, Mapping) or not entries:
+        raise LavaError('layers', entries, 'a mapping of layer names to layers')
+    layers = tuple(_layer(str(name), entry) for name, entry in entries.items())
+    topics: dict[str, str] = {}
+    for layer in layers:
+        if layer.topic in topics:
+            raise LavaError(
+                f'layers.{layer.name}.topic',
+                layer.topic,
+                f'a topic of its own: layer {topics[layer.topic]} has this one',
+            )
+        topics[layer.topic] = layer.name
+    return layers
+
+
+def _layer(name: str, entry: object) -> Layer:
+    where = f'layers.{name}'
+    allowed = [item.name for item in fields(Layer) if item.name != 'name']
+    data = validation.keys(where, entry, allowed=allowed, required=['source', 'message'])
+    source = validation.choice(f'{where}.source', data['source'], SOURCES)
+    message = MESSAGES[validation.choice(f'{where}.message', data['message'], MESSAGES)]
+    topic = data.get('topic', name)
+    if not isinstance(topic, str) or not _TOPIC.fullmatch(topic):
+        raise LavaError(
+            f'{where}.topic', topic, 'a relative topic name: letters, digits, _ and / between'
+        )
+    result: dict[str, Any] = {
+        'name': name,
+        'topic': topic,
+        'source': source,
+        'message': message,
+        'threshold': validation.number(
+            f'{where}.threshold', data.get('threshold', 0.1), at_least=0.0, unit='m'
+        ),
+        'enabled': _switch(f'{where}.enabled', data.get('enabled', True)),
+        'rate': validation.number(
+            f'{where}.rate', data.get('rate', 1.0), at_least=0.001, at_most=50.0, unit='Hz'
+        ),
+        'record': _switch(f'{where}.record', data.get('record', True)),
+        'qos': _qos(f'{where}.qos', data.get('qos', {})),
+    }
+    if message == OCCUPANCY_GRID:
+        result['range'] = _range(where, source, data)
+        result['outside'] = _integer(
+            f'{where}.outside', data.get('outside', -1), lowest=-1, highest=100
+        )
+    else:
+        for key in ('range', 'outside'):
+            if key in data:
+                raise LavaError(
+                    f'{where}.{key}', data[key], 'absent: an image carries the values unscaled'
+                )
+    if source == 'hazard':
+        result['hazard'] = _hazard_limits(f'{where}.hazard', data.get('hazard', {}))
+    elif 'hazard' in data:
+        raise LavaError(f'{where}.hazard', data['hazard'], 'absent unless source is hazard')
+    return Layer(**result)
+
+
+def _range(where: str, source: str, data: Mapping[str, object]) -> tuple[float, float]:
+    unit = {'thickness': 'm', 'temperature': 'Celsius', 'hazard': 'hazard'}[source]
+    if source == 'hazard' and 'range' not in data:
+        return (0.0, 100.0)
+    value = data.get('range')
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise LavaError(f'{where}.range', value, f'two numbers [low, high] {unit}')
+    low = validation.number(f'{where}.range[0]', value[0], unit=unit)
+    high = validation.number(f'{where}.range[1]', value[1], above=low, unit=unit)
+    return (low, high)
+
+
+def _qos(where: str, value: object) -> Qos:
+    data = validation.keys(where, value, allowed=[item.name for item in fields(Qos)])
+    default = Qos()
+    return Qos(
+        reliability=validation.choice(
+            f'{where}.reliability', data.get('reliability', default.reliability), RELIABILITIES
+        ),
+        durability=validation.choice(
+            f'{where}.durability', data.get('durability', default.durability), DURABILITIES
+        ),
+        depth=_integer(f'{where}.depth', data.get('depth', default.depth), lowest=1, highest=1000),
+    )
+
+
+def _hazard_limits(where: str, value: object) -> HazardLimits:
+    data = validation.keys(where, value, allowed=[item.name for item in fields(HazardLimits)])
+    default = HazardLimits()
+    safe = validation.number(
+        f'{where}.safe_temperature',
+        data.get('safe_temperature', default.safe_temperature - ZERO_CELSIUS),
+        at_least=-ZERO_CELSIUS,
+        unit='Celsius',
+    )
+    lethal = validation.number(
+        f'{where}.lethal_temperature',
+        data.get('lethal_temperature', default.lethal_temperature - ZERO_CELSIUS),
+        above=safe,
+        unit='Celsius',
+    )
+    return HazardLimits(
+        lethal_thickness=validation.number(
+            f'{where}.lethal_thickness',
+            data.get('lethal_thickness', default.lethal_thickness),
+            above=0.0,
+            unit='m',
+        ),
+        safe_temperature=safe + ZERO_CELSIUS,
+        lethal_temperature=lethal + ZERO_CELSIUS,
+    )
+
+
+def _switch(where: str, value: object) -> bool:
+    if not isinstance(value, bool):
+        raise LavaError(where, value, 'true or false')
+    return value
+
+
+def _integer(where: str, value: object, *, lowest: int, highest: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not lowest <= value <= highest:
+        raise LavaError(where, value, f'a whole number from {lowest} to {highest}')
+    return value

@@ -1,0 +1,146 @@
+"""What the node says about itself on /diagnostics."""
+
+from collections import Counter
+from collections.abc import Mapping
+import threading
+import time
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+from lava_ros.errors import LavaError
+from lava_ros.ros.recorder import RecorderStatus
+from lava_ros.ros.worker import WorkerState, WorkerStatus
+from lava_ros.simulation.snapshot import Snapshot
+
+#: Share of the emitted volume that may be unaccounted for: the promise of the simulation.
+VOLUME_TOLERANCE = 1e-5
+
+#: Time after which an unchanged error of a topic is logged again [s].
+LOG_INTERVAL = 60.0
+
+_LEVELS = {
+    WorkerState.WAITING: DiagnosticStatus.WARN,
+    WorkerState.STARTING: DiagnosticStatus.OK,
+    WorkerState.RUNNING: DiagnosticStatus.OK,
+    WorkerState.PAUSED: DiagnosticStatus.OK,
+    WorkerState.FINISHED: DiagnosticStatus.OK,
+    WorkerState.FAILED: DiagnosticStatus.ERROR,
+    WorkerState.STOPPED: DiagnosticStatus.OK,
+}
+
+
+class InputLog:
+    """Counts what was taken and refused, by topic. Any thread may report."""
+
+    def __init__(self) -> None:
+        """Start with nothing."""
+        self._lock = threading.Lock()
+        self._accepted: Counter[str] = Counter()
+        self._rejected: Counter[str] = Counter()
+        self._newest_is_bad: dict[str, bool] = {}
+        self._last_error = ''
+        self._logged: dict[str, tuple[str, float]] = {}
+
+    def accept(self, topic: str) -> None:
+        """Note a message that was taken."""
+        with self._lock:
+            self._accepted[topic] += 1
+            self._newest_is_bad[topic] = False
+            self._logged.pop(topic, None)
+
+    def reject(self, topic: str, error: LavaError) -> bool:
+        """Note a message that was refused.
+
+        Returns:
+            Whether to log it: not when the same thing was just said about the topic.
+        """
+        with self._lock:
+            self._rejected[topic] += 1
+            self._newest_is_bad[topic] = True
+            self._last_error = f'{topic}: {error}'
+            now, text = time.monotonic(), str(error)
+            last_text, last_time = self._logged.get(topic, ('', 0.0))
+            if text == last_text and now - last_time < LOG_INTERVAL:
+                return False
+            self._logged[topic] = (text, now)
+            return True
+
+    def status(self) -> DiagnosticStatus:
+        """ERROR while a topic's newest message was refused, WARN when an earlier one was."""
+        with self._lock:
+            rejected = sum(self._rejected.values())
+            bad = sorted(topic for topic, is_bad in self._newest_is_bad.items() if is_bad)
+            values: dict[str, object] = {
+                'accepted': sum(self._accepted.values()),
+                'rejected': rejected,
+                'last_error': self._last_error,
+            }
+            values |= {f'rejected.{topic}': count for topic, count in self._rejected.items()}
+            last_error = self._last_error
+        if bad:
+            return _status('inputs', DiagnosticStatus.ERROR, f'refused {last_error}', values)
+        if rejected:
+            return _status('inputs', DiagnosticStatus.WARN, f'{rejected} refused so far', values)
+        return _status('inputs', DiagnosticStatus.OK, 'all taken', values)
+
+
+def simulation_status(
+    worker: WorkerStatus, snapshot: Snapshot | None, *, wet_cells: int, frame_stamp_ns: int
+) -> DiagnosticStatus:
+    """Say how the simulation is doing.
+
+    Args:
+        worker: What the worker says.
+        snapshot: The snapshot that was published last, None before the first.
+        wet_cells: Its wet cells.
+        frame_stamp_ns: The stamp it was published with [ns].
+    """
+    level, message = _LEVELS[worker.state], worker.state.value
+    if worker.error:
+        message = f'{message}: {worker.error}'
+    elif worker.is_behind:
+        level, message = DiagnosticStatus.WARN, 'running slower than the clock asks for'
+    values: dict[str, object] = {
+        'state': worker.state.value,
+        'device': worker.device,
+        'speed': f'{worker.speed:.4g}',
+    }
+    if snapshot is not None:
+        budget, steps = snapshot.budget, snapshot.steps
+        if budget.error > VOLUME_TOLERANCE and level != DiagnosticStatus.ERROR:
+            level, message = DiagnosticStatus.ERROR, 'volume is not conserved'
+        values |= {
+            'simulated_time_s': repr(snapshot.time),
+            'frame_stamp_ns': frame_stamp_ns,
+            'particles': snapshot.particle_count,
+            'wet_cells': wet_cells,
+            'volume_emitted_m3': repr(budget.emitted),
+            'volume_held_m3': repr(budget.held),
+            'volume_pending_m3': repr(budget.pending),
+            'volume_left_m3': repr(budget.left),
+            'volume_error': f'{budget.error:.3e}',
+            'steps': steps.count,
+            'step_s': f'{steps.length:.6g}',
+            'step_limit': steps.limit,
+        }
+    return _status('simulation', level, message, values)
+
+
+def recorder_status(recorder: RecorderStatus) -> DiagnosticStatus:
+    """Say how the recorder is doing."""
+    values = {'state': recorder.state, 'bag': recorder.directory, 'messages': recorder.messages}
+    if recorder.error:
+        return _status('recorder', DiagnosticStatus.ERROR, recorder.error, values)
+    return _status('recorder', DiagnosticStatus.OK, recorder.state, values)
+
+
+def _status(
+    task: str, level: bytes, message: str, values: Mapping[str, object]
+) -> DiagnosticStatus:
+    return DiagnosticStatus(
+        level=level,
+        name=f'lava: {task}',
+        message=message,
+        hardware_id='lava',
+        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+    )

@@ -1,0 +1,68 @@
+"""A node that stands for the sensors: publishes a scene's terrain and vents as topics."""
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import MapMetaData
+from rclpy.node import Node
+from sensor_msgs.msg import Image, PointCloud2
+
+from lava_ros.layers import Qos
+from lava_ros.ros import outputs, qos
+from lava_ros.scene import Scene
+
+#: Vents reach those who come late only when published again: the node does not ask for old ones.
+VENTS = Qos(durability='volatile', depth=10)
+
+
+class SceneFeed(Node):
+    """Publishes terrain once, latched, and the vents whenever they change or somebody joins.
+
+    A discharge that changes with time follows the simulated time on ``/diagnostics``.
+    """
+
+    def __init__(self, scene: Scene, *, frame_id: str = 'map') -> None:
+        """Join the graph and publish the terrain.
+
+        Args:
+            scene: What to publish; its lava stays at home, it is the simulation's parameter.
+            frame_id: Frame of the messages.
+        """
+        super().__init__('lava_feed')
+        self._scene = scene
+        self._frame_id = frame_id
+        self._time = 0.0
+        self._sent: list[tuple[float, ...]] | None = None
+        self._readers = 0
+        latched = qos.ros_profile(qos.LATCHED)
+        self._terrain = self.create_publisher(Image, 'terrain', latched)
+        self._info = self.create_publisher(MapMetaData, 'terrain_info', latched)
+        self._vents = self.create_publisher(PointCloud2, 'vents', qos.ros_profile(VENTS))
+        self.create_subscription(
+            DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
+        )
+        image, info = outputs.terrain_messages(
+            scene.terrain, frame_id=frame_id, stamp_ns=self._stamp_ns()
+        )
+        self._terrain.publish(image)
+        self._info.publish(info)
+        self.create_timer(0.2, self._publish_vents)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            for item in status.values:
+                if item.key == 'simulated_time_s':
+                    self._time = float(item.value)
+
+    def _publish_vents(self) -> None:
+        rows = outputs.vent_rows(self._scene.vents, self._time)
+        readers = self._vents.get_subscription_count()
+        if rows != self._sent or readers > self._readers:
+            self._vents.publish(
+                outputs.vents_message(
+                    rows, self._scene.terrain, frame_id=self._frame_id, stamp_ns=self._stamp_ns()
+                )
+            )
+            self._sent = rows
+        self._readers = readers
+
+    def _stamp_ns(self) -> int:
+        return self.get_clock().now().nanoseconds

@@ -1,0 +1,106 @@
+"""Publishes the layers of snapshots, and records the same bytes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from lava_ros.layers import Layer
+from lava_ros.ros import codec, outputs, qos
+from lava_ros.ros.recorder import Recorder
+from lava_ros.simulation.snapshot import Snapshot
+
+
+@dataclass(eq=False)
+class _Output:
+    """A layer, its publisher and what was sent last."""
+
+    layer: Layer
+    publisher: Publisher
+    is_due: bool = True
+    published: Snapshot | None = None
+
+
+class LayerPublishers:
+    """The publishers of the enabled layers.
+
+    Attributes:
+        shown: The newest snapshot that was published, None before the first.
+        shown_stamp_ns: Its stamp [ns].
+        rates: The rates the layers ask for [Hz], each once.
+    """
+
+    def __init__(
+        self, node: Node, layers: Sequence[Layer], recorder: Recorder, *, frame_id: str
+    ) -> None:
+        """Create a publisher for every enabled layer.
+
+        Args:
+            node: The node that publishes.
+            layers: What to publish.
+            recorder: Where the layers that are recorded go.
+            frame_id: Frame of the messages.
+        """
+        self._recorder = recorder
+        self._frame_id = frame_id
+        self._outputs = [
+            _Output(
+                layer,
+                node.create_publisher(
+                    outputs.MESSAGE_CLASSES[layer.message],
+                    layer.topic,
+                    qos.ros_profile(layer.qos),
+                ),
+            )
+            for layer in layers
+            if layer.enabled
+        ]
+        self.rates = sorted({output.layer.rate for output in self._outputs})
+        self.shown: Snapshot | None = None
+        self.shown_stamp_ns = 0
+
+    def make_due(self, rate: float) -> None:
+        """Let the layers of a rate be published with the next new snapshot."""
+        for output in self._outputs:
+            output.is_due |= output.layer.rate == rate
+
+    def publish(
+        self, snapshot: Snapshot, stamp_ns: int, *, also_not_due: bool, repeat: bool
+    ) -> None:
+        """Publish a snapshot on the layers that have not had it.
+
+        Args:
+            snapshot: What to publish.
+            stamp_ns: ROS time of the messages [ns].
+            also_not_due: Whether layers take it whose time has not come.
+            repeat: Whether layers take it that have had it.
+        """
+        for output in self._outputs:
+            is_new = snapshot is not output.published and (output.is_due or also_not_due)
+            if is_new or repeat:
+                self._publish(output, snapshot, stamp_ns)
+
+    def _publish(self, output: _Output, snapshot: Snapshot, stamp_ns: int) -> None:
+        layer = output.layer
+        output.is_due = False
+        output.published = snapshot
+        self.shown, self.shown_stamp_ns = snapshot, stamp_ns
+        is_recorded = layer.record and self._recorder.is_recording
+        is_latched = layer.qos.durability == 'transient_local'
+        # A latched topic has readers that are not here yet.
+        if not (is_recorded or is_latched or output.publisher.get_subscription_count()):
+            return
+        message = outputs.layer_message(
+            layer, snapshot, frame_id=self._frame_id, stamp_ns=stamp_ns
+        )
+        data = codec.serialise(message)
+        output.publisher.publish(data)
+        if is_recorded:
+            self._recorder.write(
+                output.publisher.topic_name,
+                layer.message,
+                data,
+                stamp_ns,
+                qos=qos.bag_profile(layer.qos),
+            )

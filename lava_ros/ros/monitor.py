@@ -1,0 +1,113 @@
+"""Watches a lava node from outside, through what it publishes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import OccupancyGrid
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+
+from lava_ros.ros import qos
+from lava_ros.ros.worker import WorkerState
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What was heard last.
+
+    Attributes:
+        state: Words for what the simulation does, empty before anything was heard.
+        message: What the diagnostics say about the simulation.
+        values: Their values, by key.
+        refused: The newest input that was refused, empty when all are taken.
+        recorder_error: What is wrong with the recording, empty when nothing is.
+        frames: Height maps heard.
+        frame_stamp_ns: Stamp of the newest of them [ns].
+    """
+
+    state: str = ''
+    message: str = ''
+    values: Mapping[str, str] = field(default_factory=dict)
+    refused: str = ''
+    recorder_error: str = ''
+    frames: int = 0
+    frame_stamp_ns: int = 0
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+        return float(self.values.get('simulated_time_s', 0.0))
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether the simulation has given up."""
+        return self.state == WorkerState.FAILED.value
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the simulation is at its end and its last height map was heard."""
+        last = int(self.values.get('frame_stamp_ns', -1))
+        return self.state == WorkerState.FINISHED.value and self.frame_stamp_ns >= last
+
+
+class Monitor:
+    """Listens to ``/diagnostics`` and ``height``, in a ROS context of its own."""
+
+    def __init__(self, domain_id: int) -> None:
+        """Join the graph of a domain."""
+        self._context = rclpy.Context()
+        rclpy.init(
+            context=self._context,
+            domain_id=domain_id,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        self._node = rclpy.create_node('lava_monitor', context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._statuses: dict[str, Any] = {}
+        self._frames = 0
+        self._frame_stamp_ns = 0
+        self._node.create_subscription(
+            DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
+        )
+        self._node.create_subscription(
+            OccupancyGrid, 'height', self._on_height, qos.ros_profile(qos.LATCHED)
+        )
+
+    def observe(self, timeout: float) -> Observation:
+        """Listen for at most a while [s] and say what is known."""
+        self._executor.spin_once(timeout_sec=timeout)
+        simulation = self._statuses.get('lava: simulation')
+        if simulation is None:
+            return Observation(frames=self._frames, frame_stamp_ns=self._frame_stamp_ns)
+        values = {item.key: item.value for item in simulation.values}
+        return Observation(
+            state=values.get('state', ''),
+            message=simulation.message,
+            values=values,
+            refused=self._complaint('lava: inputs'),
+            recorder_error=self._complaint('lava: recorder'),
+            frames=self._frames,
+            frame_stamp_ns=self._frame_stamp_ns,
+        )
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+    def _complaint(self, name: str) -> str:
+        status = self._statuses.get(name)
+        return status.message if status is not None and status.level == status.ERROR else ''
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self._statuses |= {status.name: status for status in message.status}
+
+    def _on_height(self, grid: OccupancyGrid) -> None:
+        self._frames += 1
+        stamp = grid.header.stamp
+        self._frame_stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec

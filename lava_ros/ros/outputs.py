@@ -1,0 +1,63 @@
+"""What the simulation shows -> messages."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+from sensor_msgs.msg import Image, PointCloud2
+
+from lava_ros.layers import Layer, OCCUPANCY_GRID, ZERO_CELSIUS
+from lava_ros.ros import codec
+from lava_ros.scene import Terrain, Vent
+from lava_ros.simulation.snapshot import Snapshot
+
+#: Class of each message type a layer can have.
+MESSAGE_CLASSES = {'nav_msgs/msg/OccupancyGrid': OccupancyGrid, 'sensor_msgs/msg/Image': Image}
+
+
+def layer_message(layer: Layer, snapshot: Snapshot, *, frame_id: str, stamp_ns: int) -> Any:
+    """Make the message of a layer."""
+    message_header = codec.header(frame_id, stamp_ns)
+    if layer.message == OCCUPANCY_GRID:
+        info = codec.map_metadata(snapshot.terrain, stamp_ns)
+        return codec.occupancy_grid(layer.grid_values(snapshot), info, message_header)
+    return codec.float_image(layer.raw_values(snapshot), message_header)
+
+
+def terrain_messages(
+    terrain: Terrain, *, frame_id: str, stamp_ns: int
+) -> tuple[Image, MapMetaData]:
+    """Make the image and its description that stand for a terrain."""
+    image = codec.float_image(terrain.elevation, codec.header(frame_id, stamp_ns))
+    return image, codec.map_metadata(terrain, stamp_ns)
+
+
+def vent_rows(vents: Sequence[Vent], time: float) -> list[tuple[float, ...]]:
+    """List the vents as they are at a simulated time [s].
+
+    Returns:
+        (x, y, discharge [m3/s], temperature [Celsius], radius [m], id) of each vent; a fissure
+        is its two ends with half the discharge each.
+    """
+    rows: list[tuple[float, ...]] = []
+    for index, vent in enumerate(vents):
+        discharge = 0.0
+        for start, flux in vent.series:
+            discharge = flux if start <= time else discharge
+        places = [vent.position] if vent.end is None else [vent.position, vent.end]
+        celsius = vent.temperature - ZERO_CELSIUS
+        rows += [
+            (x, y, discharge / len(places), celsius, vent.radius, float(index)) for x, y in places
+        ]
+    return rows
+
+
+def vents_message(
+    rows: Sequence[tuple[float, ...]], terrain: Terrain, *, frame_id: str, stamp_ns: int
+) -> PointCloud2:
+    """Make the cloud that stands for rows of ``vent_rows``, at the height of the terrain."""
+    names = ('x', 'y', 'discharge', 'temperature', 'radius', 'id')
+    columns = {name: [row[index] for row in rows] for index, name in enumerate(names)}
+    heights = [float(terrain.elevation[terrain.cell_at(*row[:2])]) for row in rows]
+    columns = {'x': columns.pop('x'), 'y': columns.pop('y'), 'z': heights, **columns}
+    return codec.point_cloud(columns, codec.header(frame_id, stamp_ns))

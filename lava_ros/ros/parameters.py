@@ -1,0 +1,226 @@
+"""The node's parameters: descriptions, ranges, and the settings they make."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+
+from lava_ros.errors import LavaError
+from lava_ros.layers import ZERO_CELSIUS
+from lava_ros.ros.inputs import InputRules
+from lava_ros.scene import Lava, VENT_TEMPERATURE_RANGE
+
+#: Prefix of the parameters that are fields of ``Lava``.
+LAVA = 'lava.'
+
+_RULES = InputRules()
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """One parameter.
+
+    Attributes:
+        name: Its name.
+        default: Its default, which gives it its type.
+        description: What it means and in which unit.
+        limits: Smallest and largest value, for numbers.
+        read_only: Whether it is fixed once the node runs.
+    """
+
+    name: str
+    default: Any
+    description: str
+    limits: tuple[float, float] | None = None
+    read_only: bool = False
+
+    def descriptor(self) -> ParameterDescriptor:
+        """The descriptor that tools show and rclpy checks."""
+        result = ParameterDescriptor(description=self.description, read_only=self.read_only)
+        if self.limits is not None and isinstance(self.default, float):
+            low, high = self.limits
+            result.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+        elif self.limits is not None:
+            low, high = (int(limit) for limit in self.limits)
+            result.integer_range = [IntegerRange(from_value=low, to_value=high)]
+        return result
+
+
+#: What says where terrain and lava come from; the defaults of ``lava.*`` depend on it.
+SOURCES = (
+    ParameterSpec('scene', '', 'Scene file (YAML) to start with; empty: none', read_only=True),
+    ParameterSpec(
+        'terrain_file',
+        '',
+        'Terrain to start with (GeoTIFF, ESRI ASCII grid, npz), also in place of that of the '
+        'scene file; empty: from the scene file or the topics',
+        read_only=True,
+    ),
+)
+
+PARAMETERS = (
+    ParameterSpec(
+        'device', '', 'cpu, cuda:0, ...; empty: the first GPU, else the CPU', read_only=True
+    ),
+    ParameterSpec(
+        'msg_config',
+        'default.yaml',
+        'How layers become messages: a path, or the name of a file in msg_configs/',
+        read_only=True,
+    ),
+    ParameterSpec('frame_id', 'map', 'Frame of every message in and out (ENU)', read_only=True),
+    ParameterSpec('time_scale', 1.0, 'Simulated seconds per second of the clock', (1e-3, 1e6)),
+    ParameterSpec('end_time', 0.0, 'Simulated time [s] at which to stop; 0: never', (0.0, 1e10)),
+    ParameterSpec(
+        'spacing',
+        0.0,
+        'Distance between particles [m], from the next start or reset on; 0: automatic',
+        (0.0, 1e4),
+    ),
+    ParameterSpec(
+        'default_discharge', 10.0, 'Discharge of a vent opened by a click [m3/s]', (0.0, 1e6)
+    ),
+    ParameterSpec(
+        'default_temperature',
+        1150.0,
+        'Temperature of a vent opened by a click [Celsius]',
+        (VENT_TEMPERATURE_RANGE[0] - ZERO_CELSIUS, VENT_TEMPERATURE_RANGE[1] - ZERO_CELSIUS),
+    ),
+    ParameterSpec('default_radius', 10.0, 'Radius of a vent opened by a click [m]', (0.01, 1e4)),
+    ParameterSpec(
+        'terrain_subscribe_transient_local',
+        True,
+        'Subscribe to terrain as a latched topic; false to receive from a volatile publisher',
+        read_only=True,
+    ),
+    ParameterSpec(
+        'terrain_scale', _RULES.terrain_scale, 'Metres per unit of a terrain image', (1e-6, 1e6)
+    ),
+    ParameterSpec(
+        'terrain_offset', _RULES.terrain_offset, 'Metres added to terrain images', (-1e6, 1e6)
+    ),
+    ParameterSpec(
+        'terrain_allow_holes',
+        _RULES.terrain_allow_holes,
+        'Take terrain with cells without data (NaN): lava that reaches them leaves the domain',
+    ),
+    ParameterSpec(
+        'terrain_cloud_resolution',
+        _RULES.terrain_cloud_resolution,
+        'Side of the cells a terrain cloud is rasterised to [m]',
+        (1e-3, 1e4),
+    ),
+    ParameterSpec(
+        'max_terrain_cells', _RULES.max_terrain_cells, 'Most cells of a terrain', (4, 2**30)
+    ),
+    ParameterSpec('max_vents', _RULES.max_vents, 'Most vents there may be', (0, 100_000)),
+    ParameterSpec(
+        'max_input_bytes', _RULES.max_input_bytes, 'Most bytes of data in a message', (64, 2**32)
+    ),
+    ParameterSpec(
+        'epsg',
+        0,
+        'EPSG code of the system that map is an offset of, for terrain from topics; 0: none',
+        (0, 2**31),
+    ),
+    ParameterSpec('offset_easting', 0.0, 'Easting of the map origin [m], with epsg', (-1e9, 1e9)),
+    ParameterSpec(
+        'offset_northing', 0.0, 'Northing of the map origin [m], with epsg', (-1e9, 1e9)
+    ),
+    ParameterSpec('record', False, 'Record from the first terrain on', read_only=True),
+    ParameterSpec(
+        'bag_directory', '', 'Bag to record to, a new folder; empty: bags/<date and time>'
+    ),
+)
+
+_LAVA_TEXTS: dict[str, tuple[str, tuple[float, float]]] = {
+    'density': ('Density [kg/m3]', (1.0, 1e5)),
+    'viscosity': ('Dynamic viscosity at the reference temperature [Pa s]', (1e-6, 1e15)),
+    'reference_temperature': ('Temperature at which the viscosity holds [K]', (1.0, 5000.0)),
+    'arrhenius': ('Rate of the Arrhenius law [1/K]; 0: constant viscosity', (0.0, 1.0)),
+    'specific_heat': ('Specific heat capacity [J/(kg K)]', (1.0, 1e5)),
+    'emissivity': ('Emissivity of the surface; 0: no radiation', (0.0, 1.0)),
+    'convection': ('Heat transfer to the air [W/(m2 K)]; 0: none', (0.0, 1e5)),
+}
+
+
+def lava_parameters(lava: Lava) -> tuple[ParameterSpec, ...]:
+    """The parameters ``lava.*``, with a material's values as defaults."""
+    return tuple(
+        ParameterSpec(
+            LAVA + item.name,
+            getattr(lava, item.name),
+            f'{_LAVA_TEXTS[item.name][0]}; from the next start or reset on',
+            _LAVA_TEXTS[item.name][1],
+        )
+        for item in fields(Lava)
+    )
+
+
+def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
+    """Declare parameters on a node and return their values by name."""
+    return {
+        spec.name: node.declare_parameter(spec.name, spec.default, spec.descriptor()).value
+        for spec in specs
+    }
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the parameters say, checked.
+
+    Attributes:
+        device: Name of the Warp device, None for automatic.
+        msg_config: File of the layers.
+        time_scale: Simulated seconds per second of the clock.
+        end_time: Simulated time at which to stop [s], None for never.
+        spacing: Distance between particles [m], None for automatic.
+        default_discharge: Discharge of a vent opened by a click [m3/s].
+        default_temperature: Its temperature [Celsius].
+        default_radius: Its radius [m].
+        terrain_subscribe_transient_local: Whether terrain is subscribed to as a latched topic.
+        record: Whether to record from the start.
+        bag_directory: Bag to record to, empty for automatic.
+        rules: What is asked of messages.
+        lava: The material.
+    """
+
+    device: str | None = None
+    msg_config: str = 'default.yaml'
+    time_scale: float = 1.0
+    end_time: float | None = None
+    spacing: float | None = None
+    default_discharge: float = 10.0
+    default_temperature: float = 1150.0
+    default_radius: float = 10.0
+    terrain_subscribe_transient_local: bool = True
+    record: bool = False
+    bag_directory: str = ''
+    rules: InputRules = field(default_factory=InputRules)
+    lava: Lava = field(default_factory=Lava)
+
+
+def settings_from(values: Mapping[str, Any]) -> Settings:
+    """Make settings of parameter values by name.
+
+    Raises:
+        LavaError: A value is not usable.
+    """
+    if not values['frame_id']:
+        raise LavaError('frame_id', '', 'the name of a frame, such as map')
+    rules = {item.name for item in fields(InputRules)} - {'epsg', 'offset'}
+    plain = {item.name for item in fields(Settings)} - {'device', 'end_time', 'spacing'}
+    return Settings(
+        **{name: values[name] for name in plain - {'rules', 'lava'}},
+        device=values['device'] or None,
+        end_time=values['end_time'] or None,
+        spacing=values['spacing'] or None,
+        rules=InputRules(
+            **{name: values[name] for name in rules},
+            epsg=values['epsg'] or None,
+            offset=(values['offset_easting'], values['offset_northing']),
+        ),
+        lava=Lava(**{item.name: values[LAVA + item.name] for item in fields(Lava)}),
+    )

@@ -1,0 +1,263 @@
+"""Publishes a bag into the graph: the recorded bytes with the recorded QoS, and /clock."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import importlib
+import signal
+import threading
+import time
+from types import FrameType
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    LivelinessPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
+
+from lava_ros import validation
+from lava_ros.bag import replay
+from lava_ros.bag.qos import INFINITE_NS, QosProfile
+from lava_ros.bag.reader import BagReader
+from lava_ros.errors import LavaError
+from lava_ros.ros.codec import time_message
+
+CLOCK_TOPIC = '/clock'
+
+#: Time between steps when no clock is published [s]: often enough for a progress bar.
+QUIET_TICK = 0.1
+
+#: Longest time to wait at the end until reliable subscribers have everything [s].
+ACKNOWLEDGE_TIMEOUT = 2.0
+
+OnStep = Callable[[replay.Step], None]
+
+
+class Player:
+    """Publishers for the topics of a bag.
+
+    Attributes:
+        published: Messages published so far.
+    """
+
+    def __init__(self, node: Node, bag: BagReader, *, clock: bool = True) -> None:
+        """Create a publisher for every topic whose message type is installed.
+
+        Topics of other types are left out with a warning; so is a recorded /clock when the
+        player publishes its own.
+
+        Args:
+            node: Node to publish from. It need not be spun.
+            bag: The bag.
+            clock: Whether to publish the bag's time on /clock.
+
+        Raises:
+            LavaError: No topic is left.
+        """
+        self._node = node
+        self._bag = bag
+        self._clock = node.create_publisher(Clock, CLOCK_TOPIC, 1) if clock else None
+        self._publishers: dict[str, Publisher] = {}
+        for topic in bag.topics.values():
+            if topic.name == CLOCK_TOPIC and clock:
+                node.get_logger().warning('the recorded /clock is left out')
+                continue
+            try:
+                kind = message_class(topic.message_type)
+            except LavaError as error:
+                node.get_logger().warning(f'{topic.name} is left out: {error}')
+                continue
+            self._publishers[topic.name] = node.create_publisher(
+                kind, topic.name, to_rclpy(topic.qos)
+            )
+        if not self._publishers:
+            raise LavaError('bag', str(bag.path), 'a topic whose message type is installed')
+        self.published = 0
+
+    def wait_for_subscribers(self, timeout: float, stop: threading.Event) -> bool:
+        """Wait until every topic has a subscriber.
+
+        Args:
+            timeout: Longest time to wait [s].
+            stop: Ends the wait when set.
+
+        Returns:
+            Whether every topic has one.
+        """
+        deadline = time.monotonic() + timeout
+        while not stop.is_set():
+            missing = [
+                name
+                for name, publisher in self._publishers.items()
+                if publisher.get_subscription_count() == 0
+            ]
+            if not missing:
+                return True
+            if time.monotonic() >= deadline:
+                self._node.get_logger().warning(f'no subscriber on {", ".join(missing)}')
+                return False
+            stop.wait(0.02)
+        return False
+
+    def run(
+        self,
+        stop: threading.Event,
+        *,
+        rate: float = 1.0,
+        loop: bool = False,
+        start_offset: float = 0.0,
+        on_step: OnStep | None = None,
+    ) -> None:
+        """Publish the bag from start to end, or until stopped.
+
+        Args:
+            stop: Ends the replay when set.
+            rate: Bag time that passes in a second of wall time [s/s].
+            loop: Whether to start over at the end, for ever.
+            start_offset: Where to start, from the bag's first message [s of bag time].
+            on_step: Called after every message and clock tick.
+
+        Raises:
+            LavaError: An argument is out of range, or the bag is empty or damaged.
+        """
+        dues = replay.schedule(self._bag, rate=rate, loop=loop, start_offset=start_offset)
+        tick = QUIET_TICK if self._clock is None else replay.TICK
+        steps = replay.pace(dues, rate=rate, now=time.monotonic, wait=stop.wait, tick=tick)
+        for step in steps:
+            if self._clock is not None:
+                self._clock.publish(Clock(clock=time_message(step.clock_ns)))
+            if step.message is not None and step.message.topic in self._publishers:
+                self._publishers[step.message.topic].publish(step.message.data)
+                self.published += 1
+            if on_step is not None:
+                on_step(step)
+        if not stop.is_set():
+            self._wait_until_acknowledged()
+
+    def _wait_until_acknowledged(self) -> None:
+        deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT
+        for name, publisher in self._publishers.items():
+            seconds = max(deadline - time.monotonic(), 0.0)
+            if not publisher.wait_for_all_acked(Duration(nanoseconds=round(seconds * 1e9))):
+                self._node.get_logger().warning(f'a subscriber of {name} has not got everything')
+
+
+def play(
+    bag: BagReader,
+    *,
+    rate: float = 1.0,
+    loop: bool = False,
+    start_offset: float = 0.0,
+    clock: bool = True,
+    wait_for_subscribers: float = 0.0,
+    on_step: OnStep | None = None,
+) -> int:
+    """Replay a bag in this process until its end, SIGINT or SIGTERM.
+
+    Call it from the main thread. It has a ROS context of its own.
+
+    Args:
+        bag: The bag.
+        rate: Bag time that passes in a second of wall time [s/s].
+        loop: Whether to start over at the end, for ever.
+        start_offset: Where to start, from the bag's first message [s of bag time].
+        clock: Whether to publish the bag's time on /clock.
+        wait_for_subscribers: Longest time to wait until every topic has a subscriber [s]; the
+            replay starts then in any case.
+        on_step: Called after every message and clock tick.
+
+    Returns:
+        How many messages were published.
+
+    Raises:
+        LavaError: An argument is out of range, or the bag is empty or damaged.
+    """
+    wait = validation.number('wait_for_subscribers', wait_for_subscribers, at_least=0.0, unit='s')
+    stop = threading.Event()
+    with _set_on_signals(stop), _node('lava_player') as node:
+        player = Player(node, bag, clock=clock)
+        if wait > 0.0:
+            player.wait_for_subscribers(wait, stop)
+        player.run(stop, rate=rate, loop=loop, start_offset=start_offset, on_step=on_step)
+        return player.published
+
+
+def message_class(message_type: str) -> type[Any]:
+    """Import the class of a message type.
+
+    Args:
+        message_type: Name such as ``nav_msgs/msg/OccupancyGrid``.
+
+    Raises:
+        LavaError: The type is not installed.
+    """
+    package, _, name = message_type.partition('/msg/')
+    if not package.isidentifier() or not name.isidentifier():
+        raise LavaError('message_type', message_type, 'a name such as nav_msgs/msg/OccupancyGrid')
+    try:
+        return getattr(importlib.import_module(f'{package}.msg'), name)
+    except (ImportError, AttributeError) as error:
+        raise LavaError(
+            'message_type', message_type, f'a type that is installed here ({error})'
+        ) from error
+
+
+def to_rclpy(profile: QosProfile) -> QoSProfile:
+    """The profile as rclpy has it; what a bag does not know becomes rmw's default."""
+    durations = {
+        name: Duration(nanoseconds=value)
+        for name in ('deadline', 'lifespan', 'liveliness_lease_duration')
+        if 0 < (value := getattr(profile, name)) < INFINITE_NS
+    }
+    return QoSProfile(
+        history=HistoryPolicy.get_from_short_key(profile.history),
+        depth=profile.depth,
+        reliability=_policy(ReliabilityPolicy, profile.reliability, 'reliable'),
+        durability=_policy(DurabilityPolicy, profile.durability, 'volatile'),
+        liveliness=_policy(LivelinessPolicy, profile.liveliness, 'automatic'),
+        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
+        **durations,
+    )
+
+
+def _policy(kind: Any, word: str, default: str) -> Any:
+    usable = word in kind.short_keys() and word not in ('unknown', 'best_available')
+    return kind.get_from_short_key(word if usable else default)
+
+
+@contextmanager
+def _node(name: str) -> Iterator[Node]:
+    context = Context()
+    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = Node(name, context=context, start_parameter_services=False)
+        try:
+            yield node
+        finally:
+            node.destroy_node()
+    finally:
+        rclpy.shutdown(context=context)
+
+
+@contextmanager
+def _set_on_signals(stop: threading.Event) -> Iterator[None]:
+    """Set an event on SIGINT and SIGTERM, and put back the handlers afterwards."""
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        stop.set()
+
+    previous = {item: signal.signal(item, handle) for item in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for item, handler in previous.items():
+            signal.signal(item, handler)

@@ -1,0 +1,35 @@
+"""Quality of service of the node's topics, for rclpy and for bags."""
+
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from lava_ros.bag import qos as bag_qos
+from lava_ros.layers import Qos
+
+#: Messages from people and viewers: none may be lost, none waits for latecomers.
+COMMANDS = Qos(durability='volatile', depth=10)
+
+#: Maps: whoever comes late gets the newest one.
+LATCHED = Qos()
+
+DIAGNOSTICS = Qos(durability='volatile', depth=10)
+
+
+def ros_profile(qos: Qos) -> QoSProfile:
+    """Return the profile for publishers and subscriptions."""
+    return QoSProfile(
+        depth=qos.depth,
+        reliability=ReliabilityPolicy.get_from_short_key(qos.reliability),
+        durability=DurabilityPolicy.get_from_short_key(qos.durability),
+    )
+
+
+def bag_profile(qos: Qos) -> bag_qos.QosProfile:
+    """Return the profile as bags keep it."""
+    return bag_qos.QosProfile(
+        depth=qos.depth, reliability=qos.reliability, durability=qos.durability
+    )
+
+
+def terrain_profile(*, transient_local: bool) -> QoSProfile:
+    """Return the profile for terrain: latched, or not to hear a volatile publisher."""
+    return ros_profile(LATCHED if transient_local else Qos(durability='volatile'))

@@ -1,0 +1,127 @@
+"""Writes what the node sends into a bag: the bytes on the wire are the bytes in the bag."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from lava_ros.bag import BagWriter, QosProfile
+from lava_ros.errors import LavaError
+
+
+@dataclass(frozen=True)
+class RecorderStatus:
+    """How the recorder is doing.
+
+    Attributes:
+        state: ``off``, ``armed`` (waiting for a terrain) or ``recording``.
+        directory: The bag, empty before the first.
+        messages: Messages written to it.
+        error: What stopped the last recording, empty when nothing did.
+    """
+
+    state: str
+    directory: str
+    messages: int
+    error: str
+
+
+class Recorder:
+    """Records one bag after the other.
+
+    ``arm`` chooses the bag; ``begin`` opens it once there is a scene to describe. A bag that
+    cannot be written is closed and reported in ``status``; the node goes on without it.
+    """
+
+    def __init__(self) -> None:
+        """Start without a bag."""
+        self._directory: Path | None = None
+        self._is_armed = False
+        self._writer: BagWriter | None = None
+        self._messages = 0
+        self._error = ''
+
+    @property
+    def status(self) -> RecorderStatus:
+        """How the recorder is doing."""
+        state = 'armed' if self._is_armed else 'off'
+        if self._writer is not None:
+            state = 'recording'
+        return RecorderStatus(state, str(self._directory or ''), self._messages, self._error)
+
+    @property
+    def is_armed(self) -> bool:
+        """Whether a bag is chosen and not yet open."""
+        return self._is_armed
+
+    @property
+    def is_recording(self) -> bool:
+        """Whether a bag is open."""
+        return self._writer is not None
+
+    def arm(self, directory: Path) -> None:
+        """Choose the bag to record to.
+
+        Raises:
+            LavaError: A recording is under way, or the folder exists.
+        """
+        if self._is_armed or self.is_recording:
+            raise LavaError('record', str(self._directory), 'one recording at a time')
+        if directory.exists():
+            raise LavaError('bag_directory', str(directory), 'a folder that does not exist yet')
+        self._directory, self._is_armed = directory, True
+        self._messages, self._error = 0, ''
+
+    def begin(self, custom_data: Mapping[str, str]) -> None:
+        """Open the bag that was chosen.
+
+        Args:
+            custom_data: What describes the recording.
+        """
+        assert self._directory is not None
+        self._is_armed = False
+        try:
+            self._writer = BagWriter(self._directory, custom_data=custom_data)
+        except (OSError, LavaError) as error:
+            self._error = f'cannot record to {self._directory}: {error}'
+
+    def describe(self, custom_data: Mapping[str, str]) -> None:
+        """Replace what describes the recording, when a bag is open."""
+        if self._writer is not None:
+            self._writer.set_custom_data(custom_data)
+
+    def write(
+        self, topic: str, message_type: str, data: bytes, stamp_ns: int, *, qos: QosProfile
+    ) -> None:
+        """Write a message, when a bag is open."""
+        if self._writer is None:
+            return
+        try:
+            self._writer.write(topic, message_type, data, stamp_ns, qos=qos)
+            self._messages += 1
+        except (OSError, LavaError) as error:
+            self._give_up(error)
+
+    def flush(self) -> None:
+        """Make what was written survive the end of the process."""
+        if self._writer is None:
+            return
+        try:
+            self._writer.flush()
+        except OSError as error:
+            self._give_up(error)
+
+    def stop(self) -> None:
+        """Finish the bag; does nothing without one."""
+        self._is_armed = False
+        writer, self._writer = self._writer, None
+        if writer is None:
+            return
+        try:
+            writer.close()
+        except OSError as error:
+            self._error = f'cannot finish {self._directory}: {error}'
+
+    def _give_up(self, error: Exception) -> None:
+        reason = f'recording to {self._directory} stopped: {error}'
+        self.stop()
+        self._error = reason

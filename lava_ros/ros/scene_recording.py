@@ -1,0 +1,91 @@
+"""What a bag tells of the scene: terrain, vents and a description, ahead of the layers."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rclpy.node import Node
+import yaml
+
+import lava_ros
+from lava_ros.ros import codec, outputs, qos
+from lava_ros.ros.recorder import Recorder
+from lava_ros.scene import Scene, scene_to_dict, Terrain
+from lava_ros.simulation.snapshot import Snapshot
+
+
+class SceneRecording:
+    """Opens an armed bag, and writes terrain and vents into it whenever they have changed."""
+
+    def __init__(
+        self,
+        node: Node,
+        recorder: Recorder,
+        *,
+        frame_id: str,
+        parameters: Callable[[], Mapping[str, Any]],
+    ) -> None:
+        """Write nothing yet.
+
+        Args:
+            node: The node whose names the topics have.
+            recorder: The bag.
+            frame_id: Frame of the messages.
+            parameters: Gives the node's parameters by name.
+        """
+        self._node = node
+        self._recorder = recorder
+        self._frame_id = frame_id
+        self._parameters = parameters
+        self._scene: Scene | None = None
+        self._terrain: Terrain | None = None
+        self._vents: list[tuple[float, ...]] | None = None
+
+    def write(self, scene: Scene, snapshot: Snapshot, stamp_ns: int, *, device: str) -> None:
+        """Write what has changed since the last time.
+
+        Args:
+            scene: The scene in use.
+            snapshot: The snapshot about to be published.
+            stamp_ns: Its ROS time [ns].
+            device: Name of the simulation's device.
+        """
+        if not (self._recorder.is_armed or self._recorder.is_recording):
+            return
+        if self._recorder.is_armed:
+            self._recorder.begin(self._description(scene, device))
+            self._scene = scene
+            self._terrain = self._vents = None
+        if scene is not self._scene:
+            self._recorder.describe(self._description(scene, device))
+            self._scene = scene
+        if snapshot.terrain is not self._terrain:
+            image, info = outputs.terrain_messages(
+                snapshot.terrain, frame_id=self._frame_id, stamp_ns=stamp_ns
+            )
+            self._write('terrain', 'sensor_msgs/msg/Image', image, stamp_ns)
+            self._write('terrain_info', 'nav_msgs/msg/MapMetaData', info, stamp_ns)
+            self._terrain = snapshot.terrain
+        rows = outputs.vent_rows(scene.vents, snapshot.time)
+        if rows != self._vents:
+            cloud = outputs.vents_message(
+                rows, scene.terrain, frame_id=self._frame_id, stamp_ns=stamp_ns
+            )
+            self._write('vents', 'sensor_msgs/msg/PointCloud2', cloud, stamp_ns)
+            self._vents = rows
+
+    def _write(self, topic: str, message_type: str, message: Any, stamp_ns: int) -> None:
+        self._recorder.write(
+            self._node.resolve_topic_name(topic),
+            message_type,
+            codec.serialise(message),
+            stamp_ns,
+            qos=qos.bag_profile(qos.LATCHED),
+        )
+
+    def _description(self, scene: Scene, device: str) -> dict[str, str]:
+        return {
+            'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False),
+            'parameters': yaml.safe_dump(dict(self._parameters()), sort_keys=False),
+            'version': lava_ros.__version__,
+            'device': device,
+        }

@@ -1,0 +1,491 @@
+"""The thread that owns the simulation: commands go in, snapshots come out. No rclpy in here."""
+
+from collections import deque
+from collections.abc import Callable, Iterable
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+from enum import Enum
+import queue
+import threading
+import time
+from typing import Any, Protocol, TYPE_CHECKING
+
+import numpy as np
+
+from lava_ros.errors import LavaError
+from lava_ros.scene import check_vents, Lava, Scene, Terrain, Vent
+
+if TYPE_CHECKING:
+    # The solver's package loads Warp; the thread does that, not the importer.
+    from lava_ros.simulation.snapshot import Snapshot
+
+#: Wall time of a slice of simulation, the longest a command waits beside one time step [s].
+SLICE_WALL_TIME = 0.1
+
+#: Wall time between two slices of a simulation that keeps up [s].
+IDLE_WALL_TIME = 0.1
+
+#: Clock time the simulation may be behind before it gives the rest up [s].
+MAX_LAG = 1.0
+
+#: Wall time over which the achieved speed is averaged [s].
+SPEED_WINDOW = 5.0
+
+
+class SimulationLike(Protocol):
+    """What the worker needs of a simulation."""
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+
+    @property
+    def device(self) -> str:
+        """Name of the device."""
+
+    def advance(self, until: float, *, wall_limit: float | None = None) -> float:
+        """Simulate up to a time and return the time reached."""
+
+    def snapshot(self) -> 'Snapshot':
+        """Show the state of the flow."""
+
+    def set_vents(self, vents: Iterable[Vent]) -> None:
+        """Replace the vents."""
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Replace the ground."""
+
+
+class WorkerState(Enum):
+    """What the worker is doing."""
+
+    WAITING = 'waiting for terrain'
+    STARTING = 'starting'
+    RUNNING = 'running'
+    PAUSED = 'paused'
+    FINISHED = 'finished'
+    FAILED = 'failed'
+    STOPPED = 'stopped'
+
+
+@dataclass(frozen=True)
+class WorkerStatus:
+    """How the worker is doing.
+
+    Attributes:
+        state: What it is doing.
+        error: What made it fail, empty unless the state is FAILED.
+        speed: Simulated time per wall time, over the last seconds.
+        is_behind: Whether simulated time falls behind the clock.
+        device: Name of the simulation's device, empty before there is one.
+    """
+
+    state: WorkerState
+    error: str
+    speed: float
+    is_behind: bool
+    device: str
+
+
+class SimulationWorker:
+    """Runs a simulation in a thread of its own, after a clock.
+
+    Simulated time follows the clock times ``time_scale``. A simulation that cannot keep up falls
+    behind by ``MAX_LAG`` and then runs as fast as it can: lost time is not made up for.
+
+    Commands return at once with a future. It holds a LavaError when the command is refused; the
+    simulation then goes on with what it had. Any other exception stops the simulation: the state
+    is FAILED, the last snapshot stays, and ``reset`` starts again.
+    """
+
+    def __init__(
+        self,
+        make_simulation: Callable[[Scene], SimulationLike],
+        *,
+        clock: Callable[[], float],
+        lava: Lava | None = None,
+        time_scale: float = 1.0,
+        end_time: float | None = None,
+        paused: bool = False,
+        on_snapshot: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Prepare the thread; ``start`` runs it.
+
+        Args:
+            make_simulation: Makes the simulation of a scene at time 0; called in the thread.
+            clock: Time that simulated time follows [s].
+            lava: Material until a scene brings its own.
+            time_scale: Simulated seconds per second of the clock.
+            end_time: Simulated time at which to stop [s], None for never.
+            paused: Whether to hold simulated time at the start.
+            on_snapshot: Called in the thread when ``latest`` has changed.
+        """
+        self._make_simulation = make_simulation
+        self._clock = clock
+        self._lava = lava or Lava()
+        self._time_scale = time_scale
+        self._end_time = end_time
+        self._paused = paused
+        self._on_snapshot = on_snapshot
+        self._scene: Scene | None = None
+        self._waiting_vents: tuple[tuple[Vent, ...], Future[None]] | None = None
+        self._simulation: SimulationLike | None = None
+        self._latest: Snapshot | None = None
+        self._snapshot_is_old = False
+        self._snapshot_asked = False
+        self._last_clock = 0.0
+        self._target = 0.0
+        self._step_target: float | None = None
+        self._history: deque[tuple[float, float]] = deque()
+        self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, False, '')
+        self._error = ''
+        self._is_stopping = False
+        self._commands: queue.SimpleQueue[tuple[Callable[[], None], Future[None]]]
+        self._commands = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._run, name='lava simulation', daemon=True)
+
+    @property
+    def latest(self) -> 'Snapshot | None':
+        """The newest snapshot, None before the first."""
+        return self._latest
+
+    @property
+    def status(self) -> WorkerStatus:
+        """How the worker is doing."""
+        return self._status
+
+    @property
+    def scene(self) -> Scene | None:
+        """The scene in use, None before there is a terrain."""
+        return self._scene
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def stop(self, timeout: float | None = None) -> bool:
+        """End the thread after the slice it is in; commands still queued are cancelled.
+
+        Args:
+            timeout: How long to wait for it [s].
+
+        Returns:
+            Whether it has ended.
+        """
+        self._is_stopping = True
+        self._put(lambda: None)
+        if self._thread.ident is not None:
+            self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    def set_scene(self, scene: Scene) -> 'Future[None]':
+        """Start a simulation of the scene at time 0, in place of what there was."""
+        return self._put(lambda: self._start_simulation(scene))
+
+    def set_terrain(self, terrain: Terrain) -> 'Future[None]':
+        """Replace the ground under the flow; the first terrain starts the simulation."""
+        return self._put(lambda: self._set_terrain(terrain))
+
+    def set_vents(self, vents: Iterable[Vent]) -> 'Future[None]':
+        """Replace all vents.
+
+        Before there is a terrain the newest vents wait for it, and so does their future. The first
+        vents of a simulation without lava start it again at time 0: its resolution follows their
+        discharge.
+        """
+        vents = tuple(vents)
+        future: Future[None] = Future()
+        return self._put(lambda: self._set_vents(vents, future), future)
+
+    def add_vent(self, vent: Vent) -> 'Future[None]':
+        """Open one more vent; refused before there is a terrain."""
+        return self._put(lambda: self._add_vent(vent))
+
+    def set_lava(self, lava: Lava) -> 'Future[None]':
+        """Replace the material from the next start or reset on."""
+        return self._put(lambda: self._set_lava(lava))
+
+    def set_time_scale(self, time_scale: float) -> 'Future[None]':
+        """Change how fast simulated time follows the clock."""
+        return self._put(lambda: setattr(self, '_time_scale', time_scale))
+
+    def set_end_time(self, end_time: float | None) -> 'Future[None]':
+        """Change the simulated time at which to stop [s], None for never."""
+        return self._put(lambda: setattr(self, '_end_time', end_time))
+
+    def pause(self, paused: bool) -> 'Future[None]':
+        """Hold simulated time, or let it go on."""
+        return self._put(lambda: setattr(self, '_paused', paused))
+
+    def reset(self) -> 'Future[None]':
+        """Start the scene again at time 0, also after a failure; a pause stays."""
+        return self._put(self._reset)
+
+    def step(self, duration: float) -> 'Future[None]':
+        """Advance a paused simulation by a duration [s]."""
+        return self._put(lambda: self._begin_step(duration))
+
+    def request_snapshot(self) -> None:
+        """Ask for ``latest`` to be renewed when the slice at hand is done, if anything changed."""
+        if not self._snapshot_asked:
+            self._snapshot_asked = True
+            self._put(self._renew_snapshot)
+
+    def _put(
+        self, action: Callable[[], None], future: 'Future[None] | None' = None
+    ) -> 'Future[None]':
+        future = future or Future()
+        self._commands.put((action, future))
+        return future
+
+    def _run(self) -> None:
+        self._last_clock = self._clock()
+        while not self._is_stopping:
+            self._run_commands()
+            if not self._is_stopping:
+                self._guard(self._advance)
+                self._guard(self._update_status)
+        self._status = replace(self._status, state=WorkerState.STOPPED, speed=0.0)
+        self._cancel_commands()
+
+    def _run_commands(self) -> None:
+        """Run what is queued; wait for it as long as there is nothing else to do."""
+        try:
+            if self._is_moving():
+                wait = 0.0 if self._target > self._simulation_time() else IDLE_WALL_TIME
+                command = self._commands.get(timeout=wait) if wait else self._commands.get_nowait()
+            else:
+                command = self._commands.get()
+            while not self._is_stopping:
+                self._execute(*command)
+                command = self._commands.get_nowait()
+        except queue.Empty:
+            return
+
+    def _execute(self, action: Callable[[], None], future: 'Future[None]') -> None:
+        try:
+            action()
+        except LavaError as error:
+            _finish(future, error)
+        except Exception as error:
+            self._fail(error)
+            _finish(future, error)
+        else:
+            waits = self._waiting_vents is not None and self._waiting_vents[1] is future
+            if not waits:
+                _finish(future)
+        self._guard(self._update_status)
+
+    def _guard(self, action: Callable[[], None]) -> None:
+        try:
+            action()
+        except Exception as error:
+            self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        self._error = f'{type(error).__name__}: {error}'
+        self._simulation = None
+        self._step_target = None
+        self._status = replace(self._status, state=WorkerState.FAILED, error=self._error)
+
+    def _cancel_commands(self) -> None:
+        if self._waiting_vents is not None:
+            self._waiting_vents[1].cancel()
+        while True:
+            try:
+                self._commands.get_nowait()[1].cancel()
+            except queue.Empty:
+                return
+
+    def _advance(self) -> None:
+        """Move simulated time one slice towards the clock."""
+        now = self._clock()
+        # A clock that jumps back, as at the start of a replay, moves nothing.
+        elapsed = max(0.0, now - self._last_clock)
+        self._last_clock = now
+        simulation = self._simulation
+        if simulation is None or not self._is_moving():
+            return
+        before = simulation.time
+        if self._step_target is not None:
+            self._target = self._step_target
+        else:
+            lag = MAX_LAG * self._time_scale
+            self._target = min(self._target + elapsed * self._time_scale, before + lag)
+        if self._end_time is not None:
+            self._target = min(self._target, self._end_time)
+        if self._target > before:
+            reached = simulation.advance(self._target, wall_limit=SLICE_WALL_TIME)
+            self._snapshot_is_old |= reached > before
+            self._note_speed(reached)
+        if self._step_target is not None and simulation.time >= self._target:
+            self._step_target = None
+
+    def _is_moving(self) -> bool:
+        if self._simulation is None or self._is_finished():
+            return False
+        return not self._paused or self._step_target is not None
+
+    def _is_finished(self) -> bool:
+        return self._end_time is not None and self._simulation_time() >= self._end_time
+
+    def _simulation_time(self) -> float:
+        return self._simulation.time if self._simulation is not None else 0.0
+
+    def _note_speed(self, reached: float) -> None:
+        now = time.monotonic()
+        self._history.append((now, reached))
+        while now - self._history[0][0] > SPEED_WINDOW:
+            self._history.popleft()
+
+    def _speed(self) -> float:
+        if len(self._history) < 2:
+            return 0.0
+        (start, first), (end, last) = self._history[0], self._history[-1]
+        return (last - first) / (end - start) if end > start else 0.0
+
+    def _update_status(self) -> None:
+        old = self._status.state
+        if self._error:
+            state = WorkerState.FAILED
+        elif self._simulation is None:
+            state = WorkerState.WAITING
+        elif self._is_finished():
+            state = WorkerState.FINISHED
+        elif self._paused:
+            state = WorkerState.PAUSED
+        else:
+            state = WorkerState.RUNNING
+        if state is WorkerState.RUNNING and old is not WorkerState.RUNNING:
+            self._follow_from_here()
+        if state is not WorkerState.RUNNING and self._step_target is None:
+            self._history.clear()
+        # What is at rest is shown as it is by the time its state says so.
+        is_new = not self._is_moving() and self._take_snapshot()
+        self._status = WorkerStatus(
+            state=state,
+            error=self._error,
+            speed=self._speed(),
+            is_behind=state is WorkerState.RUNNING and self._target > self._simulation_time(),
+            device=self._simulation.device if self._simulation is not None else '',
+        )
+        if is_new:
+            self._on_snapshot()
+
+    def _follow_from_here(self) -> None:
+        self._last_clock = self._clock()
+        self._target = self._simulation_time()
+        self._history.clear()
+
+    def _renew_snapshot(self) -> None:
+        self._snapshot_asked = False
+        if self._take_snapshot():
+            self._on_snapshot()
+
+    def _take_snapshot(self) -> bool:
+        if self._simulation is None or not self._snapshot_is_old:
+            return False
+        self._latest = self._simulation.snapshot()
+        self._snapshot_is_old = False
+        return True
+
+    def _start_simulation(self, scene: Scene) -> None:
+        self._status = replace(self._status, state=WorkerState.STARTING)
+        # A scene that is refused here leaves the old simulation in place.
+        simulation = self._make_simulation(scene)
+        self._simulation, self._scene, self._lava = simulation, scene, scene.lava
+        self._error = ''
+        self._step_target = None
+        self._snapshot_is_old = True
+        self._follow_from_here()
+        self._renew_snapshot()
+
+    def _set_terrain(self, terrain: Terrain) -> None:
+        if self._scene is None:
+            self._start_with_waiting_vents(terrain)
+            return
+        # Publishers often repeat their map; the same ground again changes nothing.
+        if _is_same(terrain, self._scene.terrain):
+            return
+        scene = replace(self._scene, terrain=terrain)
+        if self._simulation is not None:
+            self._simulation.set_terrain(terrain)
+        self._scene = scene
+        self._snapshot_is_old = True
+        self._renew_snapshot()
+
+    def _start_with_waiting_vents(self, terrain: Terrain) -> None:
+        vents: tuple[Vent, ...] = ()
+        error: LavaError | None = None
+        if self._waiting_vents is not None:
+            try:
+                vents = check_vents(self._waiting_vents[0], terrain)
+            except LavaError as refused:
+                error = refused
+        self._start_simulation(Scene(terrain, vents=vents, lava=self._lava))
+        if self._waiting_vents is not None:
+            future = self._waiting_vents[1]
+            self._waiting_vents = None
+            _finish(future, error)
+
+    def _set_vents(self, vents: tuple[Vent, ...], future: 'Future[None]') -> None:
+        if self._scene is None:
+            if self._waiting_vents is not None:
+                _finish(self._waiting_vents[1])
+            self._waiting_vents = (vents, future)
+            return
+        self._change_vents(vents)
+
+    def _add_vent(self, vent: Vent) -> None:
+        if self._scene is None:
+            raise LavaError('vent', vent.position, 'a terrain before the first single vent')
+        self._change_vents((*self._scene.vents, vent))
+
+    def _change_vents(self, vents: tuple[Vent, ...]) -> None:
+        assert self._scene is not None
+        scene = replace(self._scene, vents=vents)
+        if self._simulation is None:
+            self._scene = scene
+            return
+        if vents and not self._scene.vents and self._is_without_lava():
+            self._start_simulation(scene)
+            return
+        self._simulation.set_vents(vents)
+        self._scene = scene
+        self._snapshot_is_old = True
+
+    def _is_without_lava(self) -> bool:
+        self._renew_snapshot()
+        return self._latest is not None and self._latest.budget.emitted == 0.0
+
+    def _set_lava(self, lava: Lava) -> None:
+        self._lava = lava
+        if self._scene is not None:
+            self._scene = replace(self._scene, lava=lava)
+
+    def _reset(self) -> None:
+        if self._scene is None:
+            raise LavaError('reset', 'no terrain yet', 'a simulation that has started')
+        self._start_simulation(self._scene)
+
+    def _begin_step(self, duration: float) -> None:
+        if self._simulation is None or not self._paused:
+            raise LavaError('step', self._status.state.value, 'a paused simulation')
+        self._step_target = self._simulation.time + duration
+
+
+def _is_same(one: Terrain, other: Terrain) -> bool:
+    return (
+        one.resolution == other.resolution
+        and one.origin == other.origin
+        and np.array_equal(one.elevation, other.elevation, equal_nan=True)
+    )
+
+
+def _finish(future: 'Future[Any]', error: Exception | None = None) -> None:
+    if not future.set_running_or_notify_cancel():
+        return
+    if error is None:
+        future.set_result(None)
+    else:
+        future.set_exception(error)

@@ -1,0 +1,323 @@
+"""Reading bags: whole, cut off, damaged, foreign."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+import random
+import signal
+import subprocess
+import sys
+import tracemalloc
+
+from mcap.reader import make_reader
+from mcap.writer import CompressionType, IndexType, Writer
+import pytest
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+from rosbags.typesys import get_typestore, Stores
+
+from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
+from lava_ros.bag.recovery import recover
+from lava_ros.errors import LavaError
+
+GRID = 'nav_msgs/msg/OccupancyGrid'
+SECOND = 1_000_000_000
+
+Messages = list[tuple[str, int, bytes]]
+Bag = tuple[Path, Messages]
+
+# Writes a message, flushes, says so, and goes on for ever.
+RECORDER = """
+import sys
+from lava_ros.bag import LATCHED, BagWriter
+writer = BagWriter(sys.argv[1], custom_data={'scene': 'Etna'})
+for stamp in range(10**9):
+    data = bytes([0, 1, 0, 0]) + stamp.to_bytes(8, 'little') * 2000
+    writer.write('/hazard', 'std_msgs/msg/Empty', data, stamp, qos=LATCHED)
+    writer.flush()
+    print(stamp, flush=True)
+"""
+
+
+def read(reader: BagReader) -> Messages:
+    """Everything a reader yields."""
+    return [(item.topic, item.stamp_ns, item.data) for item in reader.messages()]
+
+
+def write_foreign(path: Path, stamps: list[int], **options: object) -> None:
+    """Write an MCAP file with one message per stamp, with the plain MCAP library."""
+    with path.open('wb') as stream:
+        writer = Writer(stream, **options)
+        writer.start('ros2')
+        schema = writer.register_schema('std_msgs/msg/Empty', 'ros2msg', b'')
+        channel = writer.register_channel('/foreign', 'cdr', schema)
+        for stamp in stamps:
+            writer.add_message(channel, stamp, b'\x00\x01\x00\x00' + bytes([stamp]), stamp)
+        writer.finish()
+
+
+def test_a_bag_is_read_back(bag: Bag) -> None:
+    """Topics, QoS, custom data, times and messages are what was written."""
+    directory, written = bag
+    reader = BagReader(directory)
+    assert read(reader) == written
+    assert not reader.recovered
+    assert (reader.start_ns, reader.end_ns) == (100 * SECOND, 109_500_000_000)
+    assert reader.custom_data == {'scene': '{"gravity": 9.81}', 'note': 'a\nb'}
+    assert list(reader.topics) == ['/hazard', '/points']
+    assert reader.topics['/hazard'].qos == LATCHED
+    assert reader.topics['/points'].qos == QosProfile(reliability='best_effort')
+    assert reader.topics['/hazard'].message_type == GRID
+    assert [topic.count for topic in reader.topics.values()] == [10, 20]
+    assert reader.message_count == 30
+    assert reader.size == (directory / 'eruption_0.mcap').stat().st_size
+
+
+def test_a_single_file_is_a_bag(bag: Bag) -> None:
+    """Without metadata.yaml the record inside the file says the same."""
+    directory, written = bag
+    reader = BagReader(directory / 'eruption_0.mcap')
+    assert read(reader) == written
+    assert reader.custom_data == BagReader(directory).custom_data
+
+
+def test_topics_and_start_select(bag: Bag) -> None:
+    """Only what is asked for is read; a start is inclusive."""
+    directory, written = bag
+    reader = BagReader(directory)
+    start = 104 * SECOND
+    some = [(item.topic, item.stamp_ns) for item in reader.messages(['/hazard'], start)]
+    assert some == [(t, s) for t, s, _ in written if t == '/hazard' and s >= start]
+    assert list(reader.messages(['/nothing'])) == []
+    assert list(reader.messages(start_ns=10**12)) == []
+
+
+def test_the_newest_of_each_topic_is_found(bag: Bag) -> None:
+    """The newest message strictly before a time, oldest first; none before the first."""
+    directory, written = bag
+    reader = BagReader(directory)
+    for before in (100 * SECOND + 1, 103 * SECOND, 104 * SECOND + 1, 10**12):
+        expected = {}
+        for topic, stamp, data in written:
+            if stamp < before:
+                expected[topic] = (topic, stamp, data)
+        found = reader.newest(['/hazard', '/points', '/nothing'], before)
+        assert {item.topic: (item.topic, item.stamp_ns, item.data) for item in found} == expected
+        assert [item.stamp_ns for item in found] == sorted(item.stamp_ns for item in found)
+    assert reader.newest(['/hazard'], 100 * SECOND) == []
+
+
+def test_killed_writers_leave_every_flushed_message(tmp_path: Path) -> None:
+    """After kill -9 in the middle of writing, each message whose flush returned is there."""
+    process = subprocess.Popen(
+        [sys.executable, '-c', RECORDER, str(tmp_path / 'bag')],
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).parents[2],
+    )
+    assert process.stdout is not None
+    while int(process.stdout.readline()) < 50:
+        pass
+    process.send_signal(signal.SIGKILL)
+    flushed = max([50, *(int(line) for line in process.stdout.read().split())])
+    process.wait()
+    assert not (tmp_path / 'bag' / 'metadata.yaml').exists()
+    reader = BagReader(tmp_path / 'bag')
+    assert reader.recovered
+    assert reader.custom_data == {'scene': 'Etna'}
+    assert reader.topics['/hazard'].qos == LATCHED
+    messages = list(reader.messages())
+    assert len(messages) == reader.message_count
+    assert len(messages) >= flushed + 1
+    for stamp, message in enumerate(messages):
+        assert message.stamp_ns == stamp
+        assert message.data[4:] == stamp.to_bytes(8, 'little') * 2000
+
+
+def test_a_cut_file_gives_what_is_whole(bag: Bag, tmp_path: Path) -> None:
+    """Wherever the file is cut, exactly the chunks before that place are read."""
+    directory, written = bag
+    path = directory / 'eruption_0.mcap'
+    data = path.read_bytes()
+    with path.open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    ends = [item.chunk_start_offset + item.chunk_length for item in summary.chunk_indexes]
+    cut = tmp_path / 'cut.mcap'
+    places = {8, 9, 30, len(data) - 1, len(data) - 9, len(data) - 30, len(data) // 2}
+    places |= {end + step for end in ends for step in (-1, 0, 1)}
+    for place in sorted(places):
+        cut.write_bytes(data[:place])
+        reader = BagReader(cut)
+        assert reader.recovered
+        whole = sum(end <= place for end in ends)
+        assert read(reader) == written[: 6 * whole], place
+
+
+def test_a_recovered_bag_is_finished(bag: Bag, tmp_path: Path) -> None:
+    """Rewriting a cut file gives a bag with the same messages, QoS, definitions and data."""
+    directory, written = bag
+    path = directory / 'eruption_0.mcap'
+    path.write_bytes(path.read_bytes()[:-500])
+    (directory / 'metadata.yaml').unlink()
+    source = BagReader(directory)
+    assert source.recovered
+    assert recover(source, tmp_path / 'new') == len(written)
+    result = BagReader(tmp_path / 'new')
+    assert not result.recovered
+    assert read(result) == written
+    assert (result.topics, result.custom_data) == (source.topics, source.custom_data)
+
+
+def test_damage_in_the_middle_of_a_finished_file_raises(bag: Bag) -> None:
+    """A chunk that fails its checksum is an error, after the messages before it."""
+    directory, written = bag
+    path = directory / 'eruption_0.mcap'
+    with path.open('rb') as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[2]
+    data = bytearray(path.read_bytes())
+    data[chunk.chunk_start_offset + chunk.chunk_length - 40] ^= 0xFF
+    path.write_bytes(data)
+    got = []
+    with pytest.raises(LavaError, match='an undamaged file'):
+        got.extend(BagReader(directory).messages())
+    assert [(item.topic, item.stamp_ns, item.data) for item in got] == written[:12]
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_random_damage_raises_nothing_else(bag: Bag, seed: int) -> None:
+    """Whatever bytes are wrong, the reader gives messages or a LavaError."""
+    directory, _ = bag
+    path = directory / 'eruption_0.mcap'
+    chance = random.Random(seed)
+    data = bytearray(path.read_bytes()[: chance.choice([None, -100])])
+    for _ in range(5):
+        data[chance.randrange(8, len(data))] = chance.randrange(256)
+    path.write_bytes(data)
+    with suppress(LavaError):
+        assert all(item.topic.startswith('/') for item in BagReader(path).messages())
+
+
+@pytest.mark.parametrize(
+    'options',
+    [
+        {},
+        {'chunk_size': 20},
+        {'compression': CompressionType.LZ4, 'chunk_size': 40},
+        {'compression': CompressionType.NONE, 'index_types': IndexType.NONE},
+        {'use_chunking': False},
+        {'use_statistics': False},
+    ],
+)
+def test_messages_come_in_the_order_of_log_time(
+    tmp_path: Path, options: dict[str, object]
+) -> None:
+    """However a foreign file is laid out, its messages are sorted by time and counted."""
+    stamps = [5, 3, 9, 1, 7, 7, 2]
+    write_foreign(tmp_path / 'a.mcap', stamps, **options)
+    reader = BagReader(tmp_path / 'a.mcap')
+    assert [item.data[4] for item in reader.messages()] == sorted(stamps)
+    assert not reader.recovered
+    assert reader.message_count == len(stamps)
+    assert (reader.start_ns, reader.end_ns) == (1, 9)
+    assert reader.topics['/foreign'].qos == QosProfile()
+    (newest,) = reader.newest(['/foreign'], 9)
+    assert newest.stamp_ns == 7
+
+
+def test_split_bags_are_read_file_by_file(tmp_path: Path) -> None:
+    """Without metadata.yaml the files follow the numbers in their names; counts add up."""
+    for index, name in enumerate(['b_0.mcap', 'b_2.mcap', 'b_10.mcap']):
+        write_foreign(tmp_path / name, [10 * index, 10 * index + 1])
+    reader = BagReader(tmp_path)
+    assert [item.stamp_ns for item in reader.messages()] == [0, 1, 10, 11, 20, 21]
+    assert [item.name for item in reader.files] == ['b_0.mcap', 'b_2.mcap', 'b_10.mcap']
+    assert reader.message_count == 6
+    assert [item.stamp_ns for item in reader.newest(['/foreign'], 11)] == [10]
+
+
+def test_bags_of_other_writers_are_read(tmp_path: Path) -> None:
+    """A bag that the rosbags library wrote is read, custom data included."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with RosbagsWriter(tmp_path / 'bag', version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        writer.set_custom_data('who', 'rosbags')
+        connection = writer.add_connection('/text', 'std_msgs/msg/String', typestore=store)
+        data = bytes(
+            store.serialize_cdr(store.types['std_msgs/msg/String']('hot'), 'std_msgs/msg/String')
+        )
+        writer.write(connection, 7, data)
+    reader = BagReader(tmp_path / 'bag')
+    assert read(reader) == [('/text', 7, data)]
+    assert reader.custom_data == {'who': 'rosbags'}
+
+
+def test_memory_is_bounded_by_chunks(tmp_path: Path) -> None:
+    """Reading 200 MB of messages, finished or cut, takes a few chunks of memory."""
+    block = bytes([0, 1, 0, 0]) + bytes(1_000_000)
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        for stamp in range(200):
+            writer.write('/hazard', 'std_msgs/msg/Empty', block, stamp, qos=LATCHED)
+    path = tmp_path / 'bag' / 'bag_0.mcap'
+    cut = tmp_path / 'cut.mcap'
+    cut.write_bytes(path.read_bytes()[:-100])
+    for item in (path, cut):
+        tracemalloc.start()
+        assert sum(1 for _ in BagReader(item).messages()) == 200
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert peak < 40e6
+
+
+def test_a_chunk_beyond_the_limit_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A chunk larger than the limit is not decompressed."""
+    monkeypatch.setattr('lava_ros.bag.mcap_file.MAX_BLOCK_SIZE', 4000)
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        writer.write('/a', 'std_msgs/msg/Empty', bytes(5000), 0, qos=LATCHED)
+    with pytest.raises(LavaError, match='bytes at once, more than 4000'):
+        list(BagReader(tmp_path / 'bag').messages())
+
+
+@pytest.mark.parametrize(
+    ('make', 'message'),
+    [
+        (lambda path: None, 'a bag directory or an .mcap file that exists'),
+        (lambda path: path.mkdir(), 'this one has none'),
+        (lambda path: path.write_bytes(b''), 'this one is empty'),
+        (lambda path: path.write_text('SQLite format 3'), 'does not start like one'),
+    ],
+)
+def test_what_is_no_bag_is_refused(
+    tmp_path: Path, make: Callable[[Path], object], message: str
+) -> None:
+    """A missing path, an empty directory, an empty file and another format raise."""
+    make(tmp_path / 'bag')
+    with pytest.raises(LavaError, match=message):
+        BagReader(tmp_path / 'bag')
+
+
+@pytest.mark.parametrize(
+    ('text', 'message'),
+    [
+        ('{', 'metadata that rosbag2 wrote'),
+        ('a: 1', 'metadata that rosbag2 wrote'),
+        ('rosbag2_bagfile_information: {storage_identifier: sqlite3}', 'mcap; `ros2 bag convert`'),
+        (
+            'rosbag2_bagfile_information: {storage_identifier: mcap, compression_mode: FILE}',
+            'compression_mode',
+        ),
+        (
+            'rosbag2_bagfile_information: '
+            '{storage_identifier: mcap, relative_file_paths: [gone_0.mcap]}',
+            'an MCAP file that exists',
+        ),
+    ],
+)
+def test_metadata_of_other_bags_is_refused(bag: Bag, text: str, message: str) -> None:
+    """A metadata.yaml that is damaged, of another storage or names a missing file raises."""
+    (bag[0] / 'metadata.yaml').write_text(text)
+    with pytest.raises(LavaError, match=message):
+        BagReader(bag[0])

@@ -1,0 +1,167 @@
+"""The timing of a replay, against a clock that the test turns."""
+
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+
+import pytest
+
+from lava_ros.bag import BagReader, BagWriter, LATCHED
+from lava_ros.bag.replay import Due, LOOP_PAUSE, pace, schedule, Step
+from lava_ros.errors import LavaError
+
+SECOND = 1_000_000_000
+
+Messages = list[tuple[str, int, bytes]]
+Bag = tuple[Path, Messages]
+
+
+class FakeClock:
+    """A clock that waiting moves on, by the time asked for plus a delay."""
+
+    def __init__(self, delay: float = 0.0, stop_at: float = float('inf')) -> None:
+        """Start at an arbitrary time."""
+        self.time = 1000.0
+        self.delay = delay
+        self.stop_at = 1000.0 + stop_at
+
+    def now(self) -> float:
+        """The time [s]."""
+        return self.time
+
+    def wait(self, seconds: float) -> bool:
+        """Move on; True once it is time to stop."""
+        if seconds > 0.0:
+            self.time += seconds + self.delay
+        return self.time >= self.stop_at
+
+
+def steps(
+    dues: Iterator[Due], clock: FakeClock, rate: float = 1.0, tick: float | None = None
+) -> list[tuple[float, Step]]:
+    """The steps with the time at which each is taken."""
+    taken = pace(dues, rate=rate, now=clock.now, wait=clock.wait, tick=tick)
+    return [(clock.time - 1000.0, step) for step in taken]
+
+
+@pytest.mark.parametrize('rate', [0.5, 1.0, 4.0])
+def test_messages_are_due_at_their_time_over_the_rate(bag: Bag, rate: float) -> None:
+    """Without an offset every message is due once, at its distance from the first."""
+    directory, written = bag
+    dues = list(schedule(BagReader(directory), rate=rate))
+    assert [(due.message.topic, due.message.data) for due in dues] == [
+        (topic, data) for topic, _, data in written
+    ]
+    for due, (_, stamp, _) in zip(dues, written, strict=True):
+        assert due.at == pytest.approx((stamp - 100 * SECOND) / SECOND / rate)
+        assert due.clock_ns == stamp
+
+
+def test_an_offset_gives_latched_messages_first(bag: Bag) -> None:
+    """The newest latched map before the start is due at once, volatile ones are skipped."""
+    directory, written = bag
+    first, *rest = schedule(BagReader(directory), start_offset=3.25)
+    assert (first.message.topic, first.message.stamp_ns) == ('/hazard', 103 * SECOND)
+    assert (first.at, first.clock_ns) == (0.0, 103_250_000_000)
+    expected = [(topic, stamp) for topic, stamp, _ in written if stamp >= 103_250_000_000]
+    assert [(due.message.topic, due.message.stamp_ns) for due in rest] == expected
+    assert rest[0].at == pytest.approx(0.25)
+
+
+def test_a_latched_message_at_the_start_is_played_in_turn(bag: Bag) -> None:
+    """A map right at the start comes after the one before it, as recorded."""
+    dues = list(islice(schedule(BagReader(bag[0]), start_offset=3.0), 3))
+    assert [due.message.stamp_ns for due in dues] == [102 * SECOND, 103 * SECOND, 103 * SECOND]
+
+
+def test_a_loop_starts_over_after_a_pause(bag: Bag) -> None:
+    """Each round is the same, shifted by the length of the bag and the pause."""
+    dues = list(islice(schedule(BagReader(bag[0]), rate=2.0, loop=True, start_offset=9.0), 15))
+    rounds = [[due for due in dues if due.round == index] for index in range(3)]
+    assert [len(item) for item in rounds] == [4, 4, 4]
+    period = 0.5 / 2.0 + LOOP_PAUSE
+    for first, second in zip(rounds[0], rounds[1], strict=True):
+        assert second.at == pytest.approx(first.at + period)
+        assert second.message == first.message
+
+
+def test_a_bag_of_one_message_loops_without_haste(tmp_path: Path) -> None:
+    """A bag that lasts no time is repeated once a pause, not as fast as it can."""
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        writer.write('/a', 'std_msgs/msg/Empty', bytes(4), 7, qos=LATCHED)
+    dues = islice(schedule(BagReader(tmp_path / 'bag'), loop=True), 3)
+    assert [due.at for due in dues] == [0.0, LOOP_PAUSE, 2 * LOOP_PAUSE]
+
+
+@pytest.mark.parametrize(
+    ('options', 'field'),
+    [
+        ({'rate': 0.0}, 'rate'),
+        ({'rate': -1.0}, 'rate'),
+        ({'rate': float('nan')}, 'rate'),
+        ({'start_offset': -0.1}, 'start_offset'),
+        ({'start_offset': 9.6}, 'start_offset'),
+    ],
+)
+def test_arguments_out_of_range_are_refused(
+    bag: Bag, options: dict[str, float], field: str
+) -> None:
+    """The error comes at the call, before anything is published."""
+    with pytest.raises(LavaError) as caught:
+        schedule(BagReader(bag[0]), **options)
+    assert caught.value.field == field
+
+
+def test_an_empty_bag_is_refused(tmp_path: Path) -> None:
+    """There is nothing to replay."""
+    BagWriter(tmp_path / 'bag', custom_data={}).close()
+    with pytest.raises(LavaError, match='at least one message'):
+        schedule(BagReader(tmp_path / 'bag'))
+
+
+def test_messages_are_taken_when_due(bag: Bag) -> None:
+    """The pace follows the clock."""
+    dues = list(schedule(BagReader(bag[0]), rate=2.0))
+    taken = steps(iter(dues), FakeClock(), rate=2.0)
+    assert [time for time, _ in taken] == pytest.approx([due.at for due in dues])
+    assert [step.message for _, step in taken] == [due.message for due in dues]
+
+
+@pytest.mark.parametrize('delay', [0.0, 0.003, 0.3])
+@pytest.mark.parametrize('rate', [0.5, 8.0])
+def test_the_clock_ticks_and_never_goes_back(bag: Bag, delay: float, rate: float) -> None:
+    """Ticks come at 100 Hz as far as the waits allow, ahead of no message, following the rate."""
+    dues = schedule(BagReader(bag[0]), rate=rate, start_offset=0.25)
+    taken = steps(dues, FakeClock(delay), rate=rate, tick=0.01)
+    clocks = [step.clock_ns for _, step in taken]
+    assert clocks == sorted(clocks)
+    assert (clocks[0], clocks[-1]) == (100_250_000_000, 109_500_000_000)
+    for time, step in taken:
+        wall = (step.clock_ns - 100_250_000_000) / SECOND / rate
+        assert wall <= time + 1e-6
+        assert time - wall < 0.011 + 2 * delay
+    ticks = [time for time, step in taken if step.message is None]
+    if delay == 0.0:
+        assert len(ticks) == pytest.approx(9.25 / rate / 0.01, rel=0.2)
+
+
+def test_the_clock_stands_still_between_rounds(bag: Bag) -> None:
+    """In the pause of a loop the clock stays at the end, then starts over."""
+    dues = islice(schedule(BagReader(bag[0]), loop=True, start_offset=9.0), 8)
+    taken = steps(dues, FakeClock(), tick=0.01)
+    pause = [step for time, step in taken if 0.52 < time < 1.48]
+    assert len(pause) > 80
+    assert {step.clock_ns for step in pause} == {109_500_000_000}
+    (jump,) = [
+        index
+        for index in range(1, len(taken))
+        if taken[index][1].clock_ns < taken[index - 1][1].clock_ns
+    ]
+    assert taken[jump][0] == pytest.approx(1.5)
+    assert taken[jump][1].round == 1
+
+
+def test_a_stop_ends_the_replay(bag: Bag) -> None:
+    """Nothing is taken after the stop, also in a loop."""
+    taken = steps(schedule(BagReader(bag[0]), loop=True), FakeClock(stop_at=30.2), tick=0.01)
+    assert taken[-1][0] == pytest.approx(30.2, abs=0.02)

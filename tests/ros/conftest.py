@@ -1,0 +1,200 @@
+"""Processes of a ROS graph of this test run's own."""
+
+import json
+import os
+from pathlib import Path
+import queue
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+
+
+def _environment(aside):
+    environment = dict(os.environ)
+    environment['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 50 + 50 * aside)
+    environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    environment['PYTHONPATH'] = os.pathsep.join(
+        [str(ROOT), *filter(None, [environment.get('PYTHONPATH')])]
+    )
+    environment['PYTHONUNBUFFERED'] = '1'
+    return environment
+
+
+class Process:
+    """A child process whose output is read line by line."""
+
+    def __init__(self, arguments, directory, aside=False):
+        self.child = subprocess.Popen(
+            [sys.executable, *arguments],
+            cwd=directory,
+            env=_environment(aside),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.errors = []
+        self._lines = queue.Queue()
+        for stream, keep in (
+            (self.child.stdout, self._lines.put),
+            (self.child.stderr, self.errors.append),
+        ):
+            threading.Thread(target=self._read, args=(stream, keep), daemon=True).start()
+
+    @staticmethod
+    def _read(stream, keep):
+        for line in stream:
+            keep(line.rstrip('\n'))
+
+    @property
+    def log(self):
+        """What the process has written to stderr."""
+        return '\n'.join(self.errors)
+
+    def line(self, timeout):
+        """The next line of stdout."""
+        try:
+            return self._lines.get(timeout=timeout)
+        except queue.Empty:
+            raise AssertionError(f'silent for {timeout} s; stderr:\n{self.log}') from None
+
+    def end(self, number=signal.SIGTERM, timeout=15.0):
+        """Signal the process and return its exit code."""
+        if self.child.poll() is None:
+            self.child.send_signal(number)
+        try:
+            return self.child.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self.child.kill()
+            self.child.wait()
+            raise
+
+
+class Node(Process):
+    """The node itself."""
+
+    def __init__(self, directory, aside=False, **parameters):
+        words = [
+            word
+            for name, value in parameters.items()
+            for word in ('-p', f'{name}:={json.dumps(value)}')
+        ]
+        super().__init__(['-m', 'lava_ros.ros.node', '--ros-args', *words], directory, aside)
+
+    def wait_for_log(self, text, timeout=60.0):
+        """Wait until the node has logged a text."""
+        end = time.monotonic() + timeout
+        while text not in self.log:
+            assert self.child.poll() is None, self.log
+            assert time.monotonic() < end, self.log
+            time.sleep(0.05)
+
+
+class Publisher(Process):
+    """A process that sends the node what a test tells it to."""
+
+    def __init__(self, directory, aside=False):
+        super().__init__([str(HERE / 'graph_publisher.py')], directory, aside)
+
+    def _order(self, **order):
+        self.child.stdin.write(json.dumps(order) + '\n')
+        self.child.stdin.flush()
+        return json.loads(self.line(20.0))
+
+    def publish(self, *names):
+        """Send messages by their names in ``graph_publisher.CASES``."""
+        for name in names:
+            self._order(publish=name)
+
+    def clock(self, seconds):
+        """Send a time on /clock."""
+        self._order(clock=seconds)
+
+    def call(self, service, data=False):
+        """Call a service of the node and return its answer."""
+        return self._order(call=service, data=data)
+
+    def set(self, **values):
+        """Set parameters of the node and return the answer."""
+        return self._order(set={name.replace('__', '.'): item for name, item in values.items()})
+
+
+class Listener(Process):
+    """A process that reports what the node publishes."""
+
+    def __init__(self, directory, *topics, aside=False):
+        super().__init__([str(HERE / 'graph_listener.py'), *topics], directory, aside)
+        self.seen = []
+
+    def wait(self, condition, timeout=20.0):
+        """Read messages until one fulfils a condition, and return it."""
+        end = time.monotonic() + timeout
+        while True:
+            left = end - time.monotonic()
+            assert left > 0.0, f'nothing fulfilled the condition; last: {self.seen[-3:]}'
+            message = json.loads(self.line(left))
+            self.seen.append(message)
+            if condition(message):
+                return message
+
+    def wait_for_topic(self, topic, condition=lambda _: True, timeout=20.0):
+        """Read messages until one of a topic fulfils a condition."""
+        return self.wait(
+            lambda message: message['topic'] == topic and condition(message), timeout
+        )
+
+    def wait_for_status(self, task, condition, timeout=20.0):
+        """Read diagnostics until a task's status fulfils a condition, and return that status."""
+        message = self.wait_for_topic(
+            'diagnostics', lambda item: condition(item['status'][f'lava: {task}']), timeout
+        )
+        return message['status'][f'lava: {task}']
+
+
+class Graph:
+    """Starts processes of one graph, or of a second one aside from it.
+
+    Attributes:
+        directory: Where the processes run.
+    """
+
+    def __init__(self, directory):
+        self.directory = directory
+        self._started = []
+
+    def _start(self, kind, *arguments, **options):
+        process = kind(self.directory, *arguments, **options)
+        self._started.append(process)
+        return process
+
+    def node(self, *, aside=False, **parameters):
+        """Start a node with parameters."""
+        return self._start(Node, aside=aside, **parameters)
+
+    def publisher(self, *, aside=False):
+        """Start a process that publishes what it is told to."""
+        return self._start(Publisher, aside=aside)
+
+    def listener(self, *topics, aside=False):
+        """Start a process that reports what it hears."""
+        return self._start(Listener, *topics, aside=aside)
+
+    def close(self):
+        """End what still runs."""
+        for process in reversed(self._started):
+            process.end(signal.SIGKILL)
+
+
+@pytest.fixture(scope='module')
+def graph(tmp_path_factory):
+    """The graph of a module's tests."""
+    result = Graph(tmp_path_factory.mktemp('graph'))
+    yield result
+    result.close()

@@ -1,0 +1,73 @@
+"""A process that subscribes to the node's topics and prints a JSON line for each message.
+
+Arguments: topic names, with ``:image`` behind those that carry images.
+"""
+
+import hashlib
+import json
+import sys
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import OccupancyGrid
+import numpy as np
+import rclpy
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import Image
+
+
+def main():
+    """Print until the process is ended."""
+    rclpy.init()
+    node = rclpy.create_node('test_listener')
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+    def show(topic, kind):
+        def take(data):
+            message = deserialize_message(data, kind)
+            stamp = message.header.stamp
+            line = {
+                'topic': topic,
+                'stamp_ns': stamp.sec * 10**9 + stamp.nanosec,
+                'frame_id': message.header.frame_id,
+                'sha256': hashlib.sha256(data).hexdigest(),
+            }
+            if kind is OccupancyGrid:
+                values = np.frombuffer(message.data, np.int8)
+                line['shape'] = [message.info.height, message.info.width]
+                line['resolution'] = message.info.resolution
+                line['origin'] = [message.info.origin.position.x, message.info.origin.position.y]
+                line['min'], line['max'] = int(values.min()), int(values.max())
+                line['wet'] = int((values > 0).sum())
+            elif kind is Image:
+                values = np.frombuffer(message.data, np.float32)
+                line['shape'], line['encoding'] = [message.height, message.width], message.encoding
+                line['max'] = float(np.nanmax(values))
+            else:
+                line['status'] = {
+                    item.name: {
+                        'level': item.level[0],
+                        'message': item.message,
+                        **{pair.key: pair.value for pair in item.values},
+                    }
+                    for item in message.status
+                }
+            print(json.dumps(line), flush=True)
+
+        return take
+
+    for word in sys.argv[1:]:
+        topic, _, kind = word.partition(':')
+        kind = Image if kind == 'image' else OccupancyGrid
+        node.create_subscription(kind, topic, show(topic, kind), latched, raw=True)
+    node.create_subscription(
+        DiagnosticArray, '/diagnostics', show('diagnostics', DiagnosticArray), 10, raw=True
+    )
+    rclpy.spin(node)
+
+
+if __name__ == '__main__':
+    try:
+        main()
+    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+        sys.exit(0)

@@ -1,0 +1,191 @@
+"""A process that publishes to the node what it is told to, one JSON line at a time.
+
+{"publish": NAME} sends a message of CASES; {"call": SERVICE, "data": BOOL} calls a service;
+{"set": {NAME: VALUE}} sets parameters; {"clock": SECONDS} publishes /clock. Each line is answered
+with a JSON line.
+"""
+
+import json
+import sys
+
+from geometry_msgs.msg import PointStamped
+from nav_msgs.msg import MapMetaData
+import numpy as np
+from rcl_interfaces.srv import SetParametersAtomically
+import rclpy
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Image, PointCloud2
+from std_srvs.srv import SetBool, Trigger
+
+ROWS, COLUMNS, RESOLUTION = 30, 40, 10.0
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+TYPES = {
+    'terrain': (Image, LATCHED),
+    'terrain_info': (MapMetaData, LATCHED),
+    'terrain_cloud': (PointCloud2, LATCHED),
+    'vents': (PointCloud2, QoSProfile(depth=10)),
+    'clicked_point': (PointStamped, QoSProfile(depth=10)),
+}
+SERVICES = {'reset': Trigger, 'step': Trigger, 'pause': SetBool, 'record': SetBool}
+
+
+def elevation():
+    """A plane that falls towards +x with a slope of 1 in 10, and a valley along its middle."""
+    y, x = np.mgrid[0:ROWS, 0:COLUMNS]
+    return (500.0 - RESOLUTION * 0.1 * x + 0.05 * (y - ROWS / 2) ** 2).astype(np.float32)
+
+
+def image(values=None, **changes):
+    """A terrain image, with fields changed."""
+    values = elevation() if values is None else values
+    message = Image(height=values.shape[0], width=values.shape[1], encoding='32FC1')
+    message.header.frame_id = changes.pop('frame_id', 'map')
+    message.step = 4 * values.shape[1]
+    message.data.frombytes(values.tobytes())
+    for name, value in changes.items():
+        setattr(message, name, value)
+    return message
+
+
+def info(width=COLUMNS, angle=0.0, **changes):
+    """The description of the terrain's cells, with fields changed."""
+    message = MapMetaData(width=width, height=ROWS, resolution=RESOLUTION)
+    message.origin.orientation.z = float(np.sin(angle / 2.0))
+    message.origin.orientation.w = float(np.cos(angle / 2.0))
+    for name, value in changes.items():
+        setattr(message, name, value)
+    return message
+
+
+def cloud(columns, frame_id='map'):
+    """A cloud of FLOAT32 columns."""
+    from sensor_msgs.msg import PointField
+
+    points = np.stack([np.asarray(column, np.float32) for column in columns.values()], axis=-1)
+    message = PointCloud2(height=1, width=len(points), is_dense=True)
+    message.header.frame_id = frame_id
+    message.fields = [
+        PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
+        for index, name in enumerate(columns)
+    ]
+    message.point_step = 4 * len(columns)
+    message.row_step = message.point_step * message.width
+    message.data.frombytes(points.tobytes())
+    return message
+
+
+def vents(frame_id='map', without=(), **changes):
+    """One vent high on the slope, with values changed and fields left out."""
+    columns = {'x': 60.0, 'y': 155.0, 'z': 0.0, 'discharge': 20.0, 'temperature': 1100.0}
+    columns.update(radius=12.0, **changes)
+    return cloud({key: [value] for key, value in columns.items() if key not in without}, frame_id)
+
+
+def click(x, y, frame_id='map'):
+    """A click in a viewer."""
+    message = PointStamped()
+    message.header.frame_id = frame_id
+    message.point.x, message.point.y = x, y
+    return message
+
+
+def spoilt(value):
+    """The elevations with one cell replaced."""
+    values = elevation()
+    values[5, 5] = value
+    return values
+
+
+def points():
+    """The terrain as a cloud of its cell centres, two metres higher."""
+    y, x = np.mgrid[0:ROWS, 0:COLUMNS] * RESOLUTION
+    return {'x': x.ravel() + 5.0, 'y': y.ravel() + 5.0, 'z': elevation().ravel() + 2.0}
+
+
+CASES = {
+    'terrain': ('terrain', image),
+    'terrain_info': ('terrain_info', info),
+    'terrain_cloud': ('terrain_cloud', lambda: cloud(points())),
+    'vents': ('vents', vents),
+    'no_vents': ('vents', lambda: cloud({'x': []})),
+    'click': ('clicked_point', lambda: click(100.0, 155.0)),
+    'nan_hole': ('terrain', lambda: image(spoilt(np.nan))),
+    'infinite': ('terrain', lambda: image(spoilt(np.inf))),
+    'wrong_encoding': ('terrain', lambda: image(encoding='rgb8')),
+    'wrong_row_step': ('terrain', lambda: image(step=4 * COLUMNS + 4)),
+    'short_data': ('terrain', lambda: image(height=ROWS + 1)),
+    'zero_size': ('terrain', lambda: Image(header=image().header, encoding='32FC1')),
+    'wrong_frame': ('terrain', lambda: image(frame_id='odom')),
+    'zero_resolution': ('terrain_info', lambda: info(resolution=0.0)),
+    'rotated': ('terrain_info', lambda: info(angle=0.5)),
+    'size_mismatch': ('terrain_info', lambda: info(width=COLUMNS + 1)),
+    'cloud_without_z': (
+        'terrain_cloud',
+        lambda: cloud({name: column for name, column in points().items() if name != 'z'}),
+    ),
+    'cloud_with_hole': (
+        'terrain_cloud',
+        lambda: cloud({name: np.delete(column, 77) for name, column in points().items()}),
+    ),
+    'negative_discharge': ('vents', lambda: vents(discharge=-1.0)),
+    'vent_off_map': ('vents', lambda: vents(x=-500.0)),
+    'vents_without_fields': ('vents', lambda: vents(without=('discharge', 'radius'))),
+    'vents_wrong_frame': ('vents', lambda: vents(frame_id='base_link')),
+    'click_off_map': ('clicked_point', lambda: click(9e9, 0.0)),
+}
+
+
+def main():
+    """Answer lines until there are no more."""
+    rclpy.init()
+    node = rclpy.create_node('test_publisher')
+    publishers = {
+        topic: node.create_publisher(kind, topic, qos) for topic, (kind, qos) in TYPES.items()
+    }
+    clock = node.create_publisher(Clock, '/clock', 1)
+
+    def call(kind, name, request):
+        client = node.create_client(kind, name)
+        if not client.wait_for_service(timeout_sec=10.0):
+            return {'error': f'no service {name}'}
+        future = client.call_async(request)
+        rclpy.spin_until_future_complete(node, future, timeout_sec=10.0)
+        node.destroy_client(client)
+        return future.result()
+
+    def answer(order):
+        if 'publish' in order:
+            topic, make = CASES[order['publish']]
+            while publishers[topic].get_subscription_count() == 0:
+                rclpy.spin_once(node, timeout_sec=0.02)
+            publishers[topic].publish(make())
+            return {'published': order['publish']}
+        if 'clock' in order:
+            message = Clock()
+            message.clock.sec = int(order['clock'])
+            message.clock.nanosec = int(order['clock'] % 1 * 1e9)
+            clock.publish(message)
+            return {'clock': order['clock']}
+        if 'set' in order:
+            request = SetParametersAtomically.Request()
+            request.parameters = [
+                Parameter(name, value=value).to_parameter_msg()
+                for name, value in order['set'].items()
+            ]
+            result = call(SetParametersAtomically, '/lava/set_parameters_atomically', request)
+            return {'success': result.result.successful, 'message': result.result.reason}
+        kind = SERVICES[order['call']]
+        request = kind.Request(data=order['data']) if kind is SetBool else kind.Request()
+        result = call(kind, f"/lava/{order['call']}", request)
+        return {'success': result.success, 'message': result.message}
+
+    for line in sys.stdin:
+        print(json.dumps(answer(json.loads(line))), flush=True)
+    node.destroy_node()
+    rclpy.shutdown()
+
+
+if __name__ == '__main__':
+    main()

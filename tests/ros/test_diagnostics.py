@@ -1,0 +1,121 @@
+"""What the node says about itself."""
+
+from diagnostic_msgs.msg import DiagnosticStatus
+import numpy as np
+import pytest
+
+from lava_ros.errors import LavaError
+from lava_ros.ros import diagnostics
+from lava_ros.ros.recorder import RecorderStatus
+from lava_ros.ros.worker import WorkerState, WorkerStatus
+from lava_ros.scene import Terrain
+from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+def _values(status):
+    return {item.key: item.value for item in status.values}
+
+
+def _snapshot(**budget):
+    terrain = Terrain(np.zeros((2, 2)), 1.0)
+    amounts = {'emitted': 10.0, 'held': 9.0, 'pending': 0.5, 'left': 1.0, **budget}
+    return Snapshot(
+        time=12.5,
+        terrain=terrain,
+        thickness=np.zeros((2, 2), np.float32),
+        temperature=np.zeros((2, 2), np.float32),
+        budget=VolumeBudget(**amounts),
+        particle_count=3,
+        steps=StepReport(40, 0.25, 'advection'),
+    )
+
+
+def _simulation(state, snapshot=None, **changes):
+    fields = {'error': '', 'speed': 2.0, 'is_behind': False, 'device': 'cpu', **changes}
+    worker = WorkerStatus(state=state, **fields)
+    return diagnostics.simulation_status(worker, snapshot, wet_cells=7, frame_stamp_ns=99)
+
+
+def test_input_log_levels():
+    """ERROR while a topic's newest message was refused, WARN afterwards, counts throughout."""
+    log = diagnostics.InputLog()
+    assert log.status().level == OK
+    log.accept('terrain')
+    assert log.reject('vents', LavaError('vents.size', 9, 'at most 1'))
+    status = log.status()
+    assert (status.name, status.level) == ('lava: inputs', ERROR)
+    assert 'vents: vents.size is 9, expected at most 1' in status.message
+    assert _values(status)['rejected'] == _values(status)['rejected.vents'] == '1'
+    log.accept('terrain')
+    assert log.status().level == ERROR
+    log.accept('vents')
+    assert log.status().level == WARN
+    assert _values(log.status())['accepted'] == '3'
+    assert 'at most 1' in _values(log.status())['last_error']
+
+
+def test_input_log_says_things_once():
+    """The same error again is counted and not logged; another one, or one after a good one, is."""
+    log = diagnostics.InputLog()
+    one, other = LavaError('a', 1, 'b'), LavaError('c', 1, 'd')
+    assert [log.reject('t', item) for item in (one, one, other)] == [True, False, True]
+    log.accept('t')
+    assert log.reject('t', other)
+    assert _values(log.status())['rejected'] == '4'
+
+
+def test_simulation_values():
+    """The values are those of the frame that was published."""
+    values = _values(_simulation(WorkerState.RUNNING, _snapshot()))
+    assert values == {
+        'state': 'running',
+        'device': 'cpu',
+        'speed': '2',
+        'simulated_time_s': '12.5',
+        'frame_stamp_ns': '99',
+        'particles': '3',
+        'wet_cells': '7',
+        'volume_emitted_m3': '10.0',
+        'volume_held_m3': '9.0',
+        'volume_pending_m3': '0.5',
+        'volume_left_m3': '1.0',
+        'volume_error': '0.000e+00',
+        'steps': '40',
+        'step_s': '0.25',
+        'step_limit': 'advection',
+    }
+
+
+@pytest.mark.parametrize(
+    ('state', 'changes', 'level'),
+    [
+        (WorkerState.WAITING, {}, WARN),
+        (WorkerState.RUNNING, {}, OK),
+        (WorkerState.RUNNING, {'is_behind': True}, WARN),
+        (WorkerState.PAUSED, {}, OK),
+        (WorkerState.FAILED, {'error': 'boom'}, ERROR),
+    ],
+)
+def test_simulation_levels(state, changes, level):
+    """The level follows the state, and a simulation that falls behind is a warning."""
+    status = _simulation(state, **changes)
+    assert (status.name, status.level) == ('lava: simulation', level)
+    assert changes.get('error', '') in status.message
+
+
+def test_lost_volume_is_an_error():
+    """More than the promised share unaccounted for is an error."""
+    assert _simulation(WorkerState.RUNNING, _snapshot(held=8.99995)).level == OK
+    status = _simulation(WorkerState.RUNNING, _snapshot(held=8.999))
+    assert (status.level, status.message) == (ERROR, 'volume is not conserved')
+
+
+def test_recorder_status():
+    """A recording that failed is an error."""
+    good = diagnostics.recorder_status(RecorderStatus('recording', 'bags/x', 5, ''))
+    assert (good.name, good.level, good.message) == ('lava: recorder', OK, 'recording')
+    assert _values(good) == {'state': 'recording', 'bag': 'bags/x', 'messages': '5'}
+    bad = diagnostics.recorder_status(RecorderStatus('off', 'bags/x', 5, 'disk full'))
+    assert (bad.level, bad.message) == (ERROR, 'disk full')

@@ -1,0 +1,65 @@
+"""Snapshots, terrain and vents to messages."""
+
+import numpy as np
+import pytest
+
+from lava_ros.layers import layers_from_dict
+from lava_ros.ros import codec, inputs, outputs
+from lava_ros.scene import Terrain, Vent
+from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+
+TERRAIN = Terrain(np.arange(6.0).reshape(2, 3), 10.0, origin=(100.0, 200.0))
+SNAPSHOT = Snapshot(
+    time=5.0,
+    terrain=TERRAIN,
+    thickness=np.array([[0.0, 1.0, 2.0], [3.0, np.nan, 0.05]], np.float32),
+    temperature=np.full((2, 3), 1273.15, np.float32),
+    budget=VolumeBudget(1.0, 1.0, 0.0, 0.0),
+    particle_count=1,
+    steps=StepReport(1, 1.0, 'diffusion'),
+)
+
+
+def _message(**layer):
+    (made,) = layers_from_dict({'layers': {'one': {'source': 'thickness', **layer}}})
+    return outputs.layer_message(made, SNAPSHOT, frame_id='map', stamp_ns=3_000_000_004)
+
+
+def test_grid_message():
+    """A grid has the terrain's place and size, and the layer's values."""
+    grid = _message(message='nav_msgs/OccupancyGrid', range=[0.0, 100.0])
+    assert list(grid.data) == [0, 1, 2, 3, -1, 0]
+    stamp = grid.header.stamp
+    assert (grid.header.frame_id, stamp.sec, stamp.nanosec) == ('map', 3, 4)
+    assert (grid.info.width, grid.info.height, grid.info.resolution) == (3, 2, 10.0)
+    assert (grid.info.origin.position.x, grid.info.origin.position.y) == (100.0, 200.0)
+
+
+def test_image_message():
+    """An image has the raw values."""
+    image = _message(message='sensor_msgs/Image', threshold=0.0)
+    np.testing.assert_array_equal(codec.image_array(image, 'height'), SNAPSHOT.thickness)
+
+
+def test_vents_message_reads_back():
+    """Vents survive the way out and in, at the discharge of the moment and the ground's height."""
+    series = ((0.0, 4.0), (10.0, 8.0), (20.0, 0.0))
+    vents = (
+        Vent((105.0, 205.0), series, temperature=1300.0, radius=3.0),
+        Vent((125.0, 215.0), 6.0, end=(115.0, 205.0)),
+    )
+    rows = outputs.vent_rows(vents, 15.0)
+    assert [row[2] for row in rows] == [8.0, 3.0, 3.0]
+    assert [row[2] for row in outputs.vent_rows(vents, -1.0)] == [0.0, 3.0, 3.0]
+    cloud = outputs.vents_message(rows, TERRAIN, frame_id='map', stamp_ns=0)
+    assert codec.cloud_columns(cloud, 'vents', ('z',))['z'].tolist() == [0.0, 5.0, 1.0]
+    again = inputs.vents_from_cloud(cloud, inputs.InputRules())
+    assert [vent.position for vent in again] == [(105.0, 205.0), (125.0, 215.0), (115.0, 205.0)]
+    assert again[0].temperature == pytest.approx(1300.0, abs=1e-3)
+    assert again[0].radius == 3.0
+
+
+def test_no_vents_message():
+    """No vents are a cloud without points."""
+    cloud = outputs.vents_message([], TERRAIN, frame_id='map', stamp_ns=0)
+    assert inputs.vents_from_cloud(cloud, inputs.InputRules()) == ()

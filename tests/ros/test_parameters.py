@@ -1,0 +1,67 @@
+"""Parameters: descriptors and the settings they make."""
+
+import pytest
+
+from lava_ros.errors import LavaError
+from lava_ros.ros import parameters
+from lava_ros.ros.inputs import InputRules
+from lava_ros.scene import Lava
+
+
+def _specs():
+    return parameters.PARAMETERS + parameters.lava_parameters(Lava())
+
+
+def _values(**changes):
+    return {**{spec.name: spec.default for spec in _specs()}, **changes}
+
+
+def test_defaults():
+    """The defaults are those of the parts."""
+    settings = parameters.settings_from(_values())
+    assert settings == parameters.Settings()
+    assert settings.rules == InputRules()
+    assert settings.lava == Lava()
+
+
+def test_lava_defaults_follow_the_scene():
+    """The parameters lava.* start from the material they are given."""
+    specs = {spec.name: spec.default for spec in parameters.lava_parameters(Lava(density=2000.0))}
+    assert specs['lava.density'] == 2000.0
+
+
+def test_descriptors():
+    """Each parameter explains itself, and each default lies in its range."""
+    for spec in (*parameters.SOURCES, *_specs()):
+        descriptor = spec.descriptor()
+        assert descriptor.description, spec.name
+        assert descriptor.read_only is spec.read_only
+        for limits in (*descriptor.floating_point_range, *descriptor.integer_range):
+            assert limits.from_value <= spec.default <= limits.to_value, spec.name
+        if isinstance(spec.default, float):
+            assert descriptor.floating_point_range, spec.name
+        elif isinstance(spec.default, int) and not isinstance(spec.default, bool):
+            assert descriptor.integer_range, spec.name
+
+
+def test_zero_and_empty_mean_automatic():
+    """0 and '' are how ROS parameters say none."""
+    settings = parameters.settings_from(
+        _values(end_time=9.0, spacing=2.0, device='cpu', epsg=32633, offset_easting=5e5)
+    )
+    assert (settings.end_time, settings.spacing, settings.device) == (9.0, 2.0, 'cpu')
+    assert (settings.rules.epsg, settings.rules.offset) == (32633, (5e5, 0.0))
+    settings = parameters.settings_from(_values())
+    assert (settings.end_time, settings.spacing, settings.device) == (None, None, None)
+    assert settings.rules.epsg is None
+
+
+@pytest.mark.parametrize(
+    ('changes', 'field'),
+    [({'frame_id': ''}, 'frame_id'), ({'lava.density': -1.0}, 'lava.density')],
+)
+def test_wrong_values_are_refused(changes, field):
+    """What the ranges cannot say is checked with the values together."""
+    with pytest.raises(LavaError) as caught:
+        parameters.settings_from(_values(**changes))
+    assert caught.value.field == field

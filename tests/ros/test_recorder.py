@@ -1,0 +1,86 @@
+"""The recorder: one bag after the other, and errors that do not end the node."""
+
+import pytest
+from std_msgs.msg import String
+
+from lava_ros.bag import BagReader
+from lava_ros.errors import LavaError
+from lava_ros.layers import Qos
+from lava_ros.ros import codec, qos
+from lava_ros.ros.recorder import Recorder
+
+PROFILE = qos.bag_profile(Qos())
+
+
+def _write(recorder, text, stamp_ns=1):
+    data = codec.serialise(String(data=text))
+    recorder.write('/words', 'std_msgs/msg/String', data, stamp_ns, qos=PROFILE)
+    return data
+
+
+def test_records_what_it_is_given(tmp_path):
+    """The bytes in the bag are the bytes that were handed over, with QoS and description."""
+    recorder = Recorder()
+    assert recorder.status.state == 'off'
+    recorder.arm(tmp_path / 'bag')
+    assert recorder.status.state == 'armed'
+    _write(recorder, 'too early')
+    recorder.begin({'scene': 'old'})
+    assert recorder.status.state == 'recording'
+    data = _write(recorder, 'word', 42)
+    recorder.describe({'scene': 'new'})
+    recorder.flush()
+    recorder.stop()
+    recorder.stop()
+    assert (recorder.status.state, recorder.status.messages) == ('off', 1)
+    bag = BagReader(tmp_path / 'bag')
+    (message,) = bag.messages()
+    assert bytes(message.data) == data
+    assert bag.custom_data == {'scene': 'new'}
+    (topic,) = bag.topics.values()
+    assert topic.qos.durability == 'transient_local'
+
+
+def test_one_bag_at_a_time(tmp_path):
+    """An existing folder and a second recording are refused."""
+    recorder = Recorder()
+    with pytest.raises(LavaError, match='does not exist yet'):
+        recorder.arm(tmp_path)
+    recorder.arm(tmp_path / 'one')
+    with pytest.raises(LavaError, match='one recording at a time'):
+        recorder.arm(tmp_path / 'two')
+    recorder.stop()
+    recorder.arm(tmp_path / 'two')
+
+
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
+    """An error at the start of a recording is a status, not an exception."""
+    (tmp_path / 'file').write_text('')
+    recorder = Recorder()
+    recorder.arm(tmp_path / 'file' / 'bag')
+    recorder.begin({})
+    assert recorder.status.state == 'off'
+    assert 'cannot record to' in recorder.status.error
+
+
+@pytest.mark.parametrize('step', ['write', 'flush'])
+def test_a_full_disk_stops_the_recording(tmp_path, monkeypatch, step):
+    """When a write fails, the recording ends and says why; writing on does nothing."""
+    recorder = Recorder()
+    recorder.arm(tmp_path / 'bag')
+    recorder.begin({})
+    _write(recorder, 'kept')
+    recorder.flush()
+
+    def fail(*_args, **_options):
+        raise OSError(28, 'No space left on device')
+
+    monkeypatch.setattr(recorder._writer, step, fail)
+    _write(recorder, 'lost', 2)
+    recorder.flush()
+    assert recorder.status.state == 'off'
+    assert 'No space left on device' in recorder.status.error
+    _write(recorder, 'ignored', 3)
+    assert [message.topic for message in BagReader(tmp_path / 'bag').messages()][:1] == ['/words']
+    recorder.arm(tmp_path / 'next')
+    assert recorder.status.error == ''

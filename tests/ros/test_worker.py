@@ -1,0 +1,387 @@
+"""The worker thread, with a simulation that does nothing but keep time."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from lava_ros.errors import LavaError
+from lava_ros.ros.worker import MAX_LAG, SimulationWorker, WorkerState
+from lava_ros.scene import check_vents, Lava, Scene, Terrain, Vent
+from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+
+TERRAIN = Terrain(np.zeros((4, 5)), 10.0)
+VENT = Vent((25.0, 15.0), 2.0, name='one')
+OUTSIDE = Vent((500.0, 0.0), 2.0, name='far')
+
+
+class KeepsTime:
+    """A simulation that only keeps time and volume, as fast as it is told to be."""
+
+    def __init__(self, scene, speed=None):
+        self.scene = scene
+        self.speed = speed
+        self.time = 0.0
+        self.device = 'paper'
+        self.failure = None
+        self.slowness = 0.0
+        self.advanced_to = []
+        self.emitted_before = 0.0
+        self.changed_at = 0.0
+
+    def emitted(self):
+        flux = sum(vent.discharge for vent in self.scene.vents)
+        return self.emitted_before + flux * (self.time - self.changed_at)
+
+    def advance(self, until, *, wall_limit=None):
+        if self.failure:
+            raise self.failure
+        time.sleep(self.slowness)
+        reached = until
+        if self.speed is not None:
+            time.sleep(wall_limit)
+            reached = min(until, self.time + self.speed * wall_limit)
+        self.time = reached
+        self.advanced_to.append(reached)
+        return reached
+
+    def snapshot(self):
+        emitted = self.emitted()
+        return Snapshot(
+            time=self.time,
+            terrain=self.scene.terrain,
+            thickness=np.zeros(self.scene.terrain.shape, np.float32),
+            temperature=np.full(self.scene.terrain.shape, np.nan, np.float32),
+            budget=VolumeBudget(emitted, emitted, 0.0, 0.0),
+            particle_count=0,
+            steps=StepReport(1, 1.0, 'longest'),
+        )
+
+    def set_vents(self, vents):
+        scene = Scene(self.scene.terrain, check_vents(vents, self.scene.terrain))
+        self.emitted_before, self.changed_at = self.emitted(), self.time
+        self.scene = scene
+
+    def set_terrain(self, terrain):
+        self.scene = Scene(terrain, self.scene.vents)
+
+
+class Bench:
+    """A worker, the simulations it has made, and a clock that moves by hand."""
+
+    def __init__(self, **options):
+        self.now = 100.0
+        self.made = []
+        self.speed = options.pop('speed', None)
+        self.refusal = None
+        self.shown = []
+        self.worker = SimulationWorker(
+            self.make,
+            clock=lambda: self.now,
+            on_snapshot=lambda: self.shown.append(self.worker.latest),
+            **options,
+        )
+        self.worker.start()
+
+    def make(self, scene):
+        if self.refusal:
+            raise self.refusal
+        self.made.append(KeepsTime(scene, self.speed))
+        return self.made[-1]
+
+    @property
+    def simulation(self):
+        return self.made[-1]
+
+    def wait(self, condition, timeout=5.0):
+        end = time.monotonic() + timeout
+        while not condition():
+            assert time.monotonic() < end, self.worker.status
+            time.sleep(0.005)
+
+    def wait_for_state(self, state):
+        self.wait(lambda: self.worker.status.state is state)
+
+    def run(self, future):
+        return future.result(timeout=5.0)
+
+
+@pytest.fixture
+def bench(request):
+    """A bench with the options of the test's parameter."""
+    result = Bench(**getattr(request, 'param', {}))
+    yield result
+    assert result.worker.stop(5.0)
+
+
+def test_terrain_starts_the_simulation(bench):
+    """The first terrain starts the simulation, which is shown at once."""
+    assert bench.worker.status.state is WorkerState.WAITING
+    assert bench.worker.latest is None
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.wait_for_state(WorkerState.RUNNING)
+    assert bench.worker.latest.time == 0.0
+    assert bench.worker.status.device == 'paper'
+
+
+@pytest.mark.parametrize('bench', [{'time_scale': 60.0}], indirect=True)
+def test_time_follows_the_clock(bench):
+    """Simulated time is the clock's times the scale, from the start on."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(30.0))
+    bench.run(bench.worker.set_time_scale(2.0))
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(31.0))
+
+
+def test_a_clock_that_jumps(bench):
+    """A jump back moves nothing, a jump ahead no more than the lag."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.now -= 50.0
+    time.sleep(0.25)
+    assert bench.simulation.time == 0.0
+    bench.now += 1e9
+    bench.wait(lambda: bench.simulation.time > 0.0)
+    time.sleep(0.25)
+    assert bench.simulation.time == pytest.approx(MAX_LAG)
+
+
+@pytest.mark.parametrize('bench', [{'speed': 5.0, 'time_scale': 100.0}], indirect=True)
+def test_a_slow_simulation_does_not_chase_the_clock(bench):
+    """Lost time is given up beyond the lag, and the achieved speed is reported."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    for _ in range(20):
+        bench.now += 0.05
+        time.sleep(0.05)
+    bench.wait(lambda: bench.worker.status.is_behind)
+    assert bench.worker.status.speed == pytest.approx(5.0, rel=0.3)
+    # 100 s were asked for, and are the lag; asking goes on, the target does not move further.
+    bench.now += 1000.0
+    bench.wait(lambda: len(bench.simulation.advanced_to) > 12)
+    assert bench.worker._target <= bench.simulation.time + MAX_LAG * 100.0 + 1e-6
+
+
+@pytest.mark.parametrize('bench', [{'speed': 1.0, 'time_scale': 1000.0}], indirect=True)
+def test_commands_are_quick_under_load(bench):
+    """A busy simulation takes a command between two slices."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.now += 1.0
+    bench.wait(lambda: bench.worker.status.is_behind)
+    start = time.monotonic()
+    bench.run(bench.worker.set_vents([VENT]))
+    assert time.monotonic() - start < 0.5
+
+
+def test_pause_and_step(bench):
+    """A pause holds time and shows the last state; a step advances by its length."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.run(bench.worker.pause(True))
+    bench.wait_for_state(WorkerState.PAUSED)
+    bench.wait(lambda: bench.worker.latest.time == pytest.approx(0.5))
+    bench.now += 0.5
+    time.sleep(0.25)
+    assert bench.simulation.time == pytest.approx(0.5)
+    bench.run(bench.worker.step(10.0))
+    bench.wait(lambda: bench.worker.latest.time == pytest.approx(10.5))
+    assert bench.worker.status.state is WorkerState.PAUSED
+    bench.run(bench.worker.pause(False))
+    bench.now += 0.25
+    bench.wait(lambda: bench.simulation.time == pytest.approx(10.75))
+
+
+def test_step_needs_a_pause(bench):
+    """A running simulation cannot be stepped, nor one that is not there."""
+    with pytest.raises(LavaError, match='step'):
+        bench.run(bench.worker.step(1.0))
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    with pytest.raises(LavaError, match='a paused simulation'):
+        bench.run(bench.worker.step(1.0))
+
+
+@pytest.mark.parametrize('bench', [{'end_time': 2.0, 'time_scale': 10.0}], indirect=True)
+def test_end_time(bench):
+    """The simulation stops at the end time exactly, shows it, and goes on when it is moved."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.now += 0.9
+    bench.wait_for_state(WorkerState.FINISHED)
+    bench.wait(lambda: bench.worker.latest.time == 2.0)
+    bench.run(bench.worker.set_end_time(5.0))
+    bench.wait_for_state(WorkerState.RUNNING)
+    bench.now += 0.9
+    bench.wait(lambda: bench.worker.latest.time == 5.0)
+    bench.run(bench.worker.reset())
+    bench.wait_for_state(WorkerState.RUNNING)
+    assert bench.simulation.time < 5.0
+
+
+def test_reset(bench):
+    """A reset makes a new simulation of the scene at time 0; a pause stays."""
+    with pytest.raises(LavaError, match='reset'):
+        bench.run(bench.worker.reset())
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.run(bench.worker.pause(True))
+    bench.run(bench.worker.set_lava(Lava(viscosity=7.0)))
+    bench.run(bench.worker.reset())
+    assert len(bench.made) == 2
+    assert bench.simulation.scene.vents == (VENT,)
+    assert bench.simulation.scene.lava.viscosity == 7.0
+    assert bench.worker.latest.time == 0.0
+    assert bench.worker.status.state is WorkerState.PAUSED
+
+
+def test_vents_wait_for_terrain(bench):
+    """The newest vents that come before the terrain are used with it."""
+    first = bench.worker.set_vents([OUTSIDE])
+    second = bench.worker.set_vents([VENT])
+    bench.run(first)
+    assert not second.done()
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.run(second)
+    assert bench.simulation.scene.vents == (VENT,)
+
+
+def test_waiting_vents_off_the_terrain_are_refused(bench):
+    """When they turn out to be off the map, the terrain starts without them."""
+    vents = bench.worker.set_vents([OUTSIDE])
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    with pytest.raises(LavaError, match=r'vents\[0\].position'):
+        bench.run(vents)
+    assert bench.simulation.scene.vents == ()
+
+
+def test_first_vents_start_again(bench):
+    """Vents for a simulation without lava start it again: its resolution depends on them."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.run(bench.worker.set_vents([VENT]))
+    assert len(bench.made) == 2
+    assert bench.simulation.scene.vents == (VENT,)
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.run(bench.worker.set_vents([]))
+    bench.run(bench.worker.add_vent(VENT))
+    assert len(bench.made) == 2
+    assert bench.worker.scene.vents == bench.simulation.scene.vents == (VENT,)
+
+
+def test_bad_input_changes_nothing(bench):
+    """Refused vents and terrain leave the simulation as it was, and running."""
+    with pytest.raises(LavaError, match='a terrain before'):
+        bench.run(bench.worker.add_vent(VENT))
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    for command in (
+        bench.worker.set_vents([OUTSIDE]),
+        bench.worker.add_vent(OUTSIDE),
+        bench.worker.set_terrain(Terrain(np.zeros((4, 5)), 1.0, origin=(900.0, 0.0))),
+    ):
+        with pytest.raises(LavaError, match='position'):
+            bench.run(command)
+    assert bench.worker.scene.vents == bench.simulation.scene.vents == (VENT,)
+    assert bench.simulation.scene.terrain is TERRAIN
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+
+
+def test_a_refused_start_keeps_the_old_simulation(bench):
+    """A scene the simulation itself refuses leaves the old one running."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.refusal = LavaError('device', 'cuda:9', 'one of cpu')
+    with pytest.raises(LavaError, match='cuda:9'):
+        bench.run(bench.worker.reset())
+    bench.wait_for_state(WorkerState.RUNNING)
+    bench.now += 0.5
+    bench.wait(lambda: bench.made[0].time == pytest.approx(0.5))
+
+
+def test_new_terrain_is_shown_at_once(bench):
+    """A new terrain changes the snapshot, also in a pause."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.run(bench.worker.pause(True))
+    other = Terrain(np.ones((7, 6)), 10.0)
+    bench.run(bench.worker.set_terrain(other))
+    assert bench.worker.latest.terrain is other
+    bench.run(bench.worker.set_terrain(Terrain(np.ones((7, 6)), 10.0)))
+    assert bench.simulation.scene.terrain is other
+
+
+def test_a_failure_is_reported_and_reset_recovers(bench):
+    """An exception in the thread is a state; the last snapshot stays; reset starts again."""
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    last = bench.worker.latest
+    bench.simulation.failure = RuntimeError('device lost')
+    bench.now += 0.5
+    bench.wait_for_state(WorkerState.FAILED)
+    assert bench.worker.status.error == 'RuntimeError: device lost'
+    assert bench.worker.latest is last
+    bench.run(bench.worker.set_vents([]))
+    assert bench.worker.status.state is WorkerState.FAILED
+    bench.run(bench.worker.reset())
+    bench.wait_for_state(WorkerState.RUNNING)
+    assert bench.worker.status.error == ''
+    assert bench.simulation.scene.vents == ()
+
+
+def test_a_failed_start_is_reported(bench):
+    """So is an exception that is not about input when a simulation is made."""
+    bench.refusal = MemoryError('too large')
+    with pytest.raises(MemoryError):
+        bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.wait_for_state(WorkerState.FAILED)
+    assert 'too large' in bench.worker.status.error
+
+
+def test_snapshots_come_on_request(bench):
+    """A request renews the snapshot once there is something new, and says so once."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.wait(lambda: len(bench.shown) == 1)
+    bench.worker.request_snapshot()
+    time.sleep(0.25)
+    assert len(bench.shown) == 1
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    assert len(bench.shown) == 1
+    bench.worker.request_snapshot()
+    bench.wait(lambda: len(bench.shown) == 2)
+    assert bench.shown[-1].time == pytest.approx(0.5)
+
+
+def test_everything_happens_in_one_thread(bench):
+    """The simulation is made, advanced and read by the worker's thread alone."""
+    threads = set()
+    original = bench.make
+
+    def make(scene):
+        threads.add(threading.current_thread().name)
+        return original(scene)
+
+    bench.worker._make_simulation = make
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    assert threads == {'lava simulation'}
+
+
+def test_stop_cancels_what_waits():
+    """Commands that were not run are cancelled, and the end is bounded in time."""
+    bench = Bench()
+    waiting = bench.worker.set_vents([VENT])
+    bench.run(bench.worker.pause(False))
+    assert bench.worker.stop(5.0)
+    assert waiting.cancelled()
+    assert bench.worker.status.state is WorkerState.STOPPED
+
+
+def test_stop_reports_a_thread_that_is_stuck():
+    """A thread that does not end in time is reported, not waited for."""
+    bench = Bench()
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.simulation.slowness = 1.0
+    bench.now += 0.5
+    time.sleep(0.2)
+    assert not bench.worker.stop(0.1)
+    assert bench.worker.stop(5.0)
