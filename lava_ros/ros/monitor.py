@@ -2,9 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import OccupancyGrid
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -25,6 +24,7 @@ class Observation:
         refused: The newest input that was refused, empty when all are taken.
         recorder_error: What is wrong with the recording, empty when nothing is.
         frames: Height maps heard.
+        first_stamp_ns: Stamp of the first of them [ns].
         frame_stamp_ns: Stamp of the newest of them [ns].
     """
 
@@ -34,12 +34,19 @@ class Observation:
     refused: str = ''
     recorder_error: str = ''
     frames: int = 0
+    first_stamp_ns: int = 0
     frame_stamp_ns: int = 0
 
     @property
     def time(self) -> float:
         """Simulated time [s]."""
         return float(self.values.get('simulated_time_s', 0.0))
+
+    @property
+    def speed(self) -> float:
+        """Simulated time per time of the node's clock, from the first map to the newest."""
+        elapsed = 1e-9 * (self.frame_stamp_ns - self.first_stamp_ns)
+        return self.time / elapsed if elapsed > 0.0 else 0.0
 
     @property
     def has_failed(self) -> bool:
@@ -67,9 +74,9 @@ class Monitor:
         self._node = rclpy.create_node('lava_monitor', context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        self._statuses: dict[str, Any] = {}
+        self._statuses: dict[str, DiagnosticStatus] = {}
         self._frames = 0
-        self._frame_stamp_ns = 0
+        self._first_stamp_ns = self._frame_stamp_ns = 0
         self._node.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
         )
@@ -80,9 +87,7 @@ class Monitor:
     def observe(self, timeout: float) -> Observation:
         """Listen for at most a while [s] and say what is known."""
         self._executor.spin_once(timeout_sec=timeout)
-        simulation = self._statuses.get('lava: simulation')
-        if simulation is None:
-            return Observation(frames=self._frames, frame_stamp_ns=self._frame_stamp_ns)
+        simulation = self._statuses.get('lava: simulation', DiagnosticStatus())
         values = {item.key: item.value for item in simulation.values}
         return Observation(
             state=values.get('state', ''),
@@ -91,6 +96,7 @@ class Monitor:
             refused=self._complaint('lava: inputs'),
             recorder_error=self._complaint('lava: recorder'),
             frames=self._frames,
+            first_stamp_ns=self._first_stamp_ns,
             frame_stamp_ns=self._frame_stamp_ns,
         )
 
@@ -111,3 +117,4 @@ class Monitor:
         self._frames += 1
         stamp = grid.header.stamp
         self._frame_stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
+        self._first_stamp_ns = self._first_stamp_ns or self._frame_stamp_ns

@@ -68,17 +68,19 @@ class LavaNode(Node):
         self._settings = self._declare_parameters(scene.lava if scene else Lava())
         self._inputs = diagnostics.InputLog()
         self._pairing = inputs.TerrainPairing()
+        config = _config_path(self._settings.msg_config)
+        layers = load_layers(config)
         self._recorder = Recorder()
         self._recording = SceneRecording(
             self,
             self._recorder,
             frame_id=self._settings.rules.frame_id,
+            msg_config=config.read_text(encoding='utf-8'),
             parameters=lambda: self._values,
         )
         self._clicks = 0
         self._reported_state = WorkerState.WAITING
         self._reported_recorder_error = ''
-        layers = load_layers(_config_path(self._settings.msg_config))
         self._snapshot_ready = self.create_guard_condition(self._publish_layers)
         self._worker = SimulationWorker(
             make_simulation or self._make_simulation,

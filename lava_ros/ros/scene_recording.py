@@ -22,6 +22,7 @@ class SceneRecording:
         recorder: Recorder,
         *,
         frame_id: str,
+        msg_config: str,
         parameters: Callable[[], Mapping[str, Any]],
     ) -> None:
         """Write nothing yet.
@@ -30,11 +31,13 @@ class SceneRecording:
             node: The node whose names the topics have.
             recorder: The bag.
             frame_id: Frame of the messages.
+            msg_config: Text of the file that says how layers become messages.
             parameters: Gives the node's parameters by name.
         """
         self._node = node
         self._recorder = recorder
         self._frame_id = frame_id
+        self._msg_config = msg_config
         self._parameters = parameters
         self._scene: Scene | None = None
         self._terrain: Terrain | None = None
@@ -86,6 +89,7 @@ class SceneRecording:
         return {
             'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False),
             'parameters': yaml.safe_dump(dict(self._parameters()), sort_keys=False),
+            'msg_config': self._msg_config,
             'version': lava_ros.__version__,
             'device': device,
         }

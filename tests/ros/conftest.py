@@ -186,6 +186,12 @@ class Graph:
         """Start a process that reports what it hears."""
         return self._start(Listener, *topics, aside=aside)
 
+    def process(self, *arguments, aside=False):
+        """Start any other Python process."""
+        process = Process(list(arguments), self.directory, aside)
+        self._started.append(process)
+        return process
+
     def close(self):
         """End what still runs."""
         for process in reversed(self._started):

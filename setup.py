@@ -1,0 +1,68 @@
+"""Metadata of the package: one place for pip and for colcon."""
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = 'lava_ros'
+
+EXTRAS = {
+    # Only the ros-jazzy-* wheels are named: they pin every other ROS wheel to Jazzy's version.
+    'ros': [
+        'ros-jazzy-rclpy[fastrtps]>=7.1.6,<7.2',
+        'ros-jazzy-common-interfaces>=5.3.6,<5.4',
+    ],
+    'terrain': ['rasterio>=1.3.10,<2'],
+    'plot': ['matplotlib>=3.8,<4', 'mcap-ros2-support>=0.5.5,<1'],
+    'test': [
+        'mcap-ros2-support>=0.5.5,<1',
+        'pytest>=8,<10',
+        'rosbags>=0.10.4,<0.12',
+        'scipy>=1.11,<2',
+    ],
+}
+EXTRAS['all'] = sorted({requirement for extra in EXTRAS.values() for requirement in extra})
+
+
+def files_in(folder: str) -> list[str]:
+    """List the files of a folder, relative to this file's."""
+    return sorted(str(path) for path in Path(folder).glob('*') if path.is_file())
+
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    description='Lava flow simulation on the GPU as a ROS 2 node',
+    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    author='lava_ros authors',
+    maintainer='lava_ros maintainers',
+    maintainer_email='maintainers@lava-ros.org',
+    license='Apache-2.0',
+    keywords=['ROS', 'lava', 'hazard', 'simulation', 'Warp'],
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={NAME: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'share/{NAME}/launch', files_in('launch')),
+        (f'share/{NAME}/msg_configs', files_in('msg_configs')),
+    ],
+    zip_safe=False,
+    python_requires='>=3.10',
+    install_requires=[
+        'mcap>=1.5,<2',
+        'numpy>=1.26,<3',
+        'pyyaml>=6,<7',
+        'rich>=13.7,<16',
+        'warp-lang>=1.19,<2',
+        'zstandard>=0.22,<1',
+    ],
+    extras_require=EXTRAS,
+    entry_points={
+        'console_scripts': [
+            f'lava = {NAME}.cli.main:main',
+            f'lava_node = {NAME}.ros.node:main',
+        ],
+    },
+)

@@ -1,0 +1,116 @@
+"""The feed publishes a scene as sensors would."""
+
+from collections.abc import Callable, Iterator
+import os
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from nav_msgs.msg import MapMetaData
+import numpy as np
+import pytest
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from sensor_msgs.msg import Image, PointCloud2
+
+from lava_ros.ros import codec, inputs, qos
+from lava_ros.ros.feed import SceneFeed
+from lava_ros.scene import Scene, Terrain, Vent
+
+TERRAIN = Terrain(np.arange(12.0).reshape(3, 4), resolution=2.5, origin=(1.0, 2.0))
+VENTS = (
+    Vent((2.0, 3.0), [(0.0, 10.0), (3600.0, 4.0)], name='falling'),
+    Vent((3.0, 4.0), 5.0, end=(8.0, 4.0), name='fissure'),
+)
+
+
+class Graph:
+    """A feed and a listener that joined before or after it."""
+
+    def __init__(self, context: rclpy.Context) -> None:
+        self._context = context
+        self._executor = SingleThreadedExecutor(context=context)
+        self.heard: dict[str, list[Any]] = {'terrain': [], 'terrain_info': [], 'vents': []}
+
+    def add_feed(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Start the feed in this graph's context."""
+        real = Node.__init__
+        monkeypatch.setattr(
+            Node, '__init__', lambda node, name, **_: real(node, name, context=self._context)
+        )
+        self._executor.add_node(SceneFeed(Scene(TERRAIN, VENTS)))
+        monkeypatch.undo()
+
+    def add_listener(self) -> Node:
+        """Start a node that listens with the QoS the lava node has."""
+        node = rclpy.create_node('listener', context=self._context)
+        for name, kind, profile in (
+            ('terrain', Image, qos.LATCHED),
+            ('terrain_info', MapMetaData, qos.LATCHED),
+            ('vents', PointCloud2, qos.COMMANDS),
+        ):
+            node.create_subscription(
+                kind, name, self.heard[name].append, qos.ros_profile(profile)
+            )
+        self._executor.add_node(node)
+        return node
+
+    def spin_until(self, condition: Callable[[], bool]) -> None:
+        """Run the graph until something holds, for at most 15 s."""
+        deadline = time.monotonic() + 15.0
+        while not condition():
+            assert time.monotonic() < deadline, self.heard
+            self._executor.spin_once(timeout_sec=0.1)
+
+
+@pytest.fixture
+def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
+    """A graph in a domain of this test run."""
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    context = rclpy.Context()
+    rclpy.init(context=context, domain_id=1 + (os.getpid() + 25) % 100)
+    yield Graph(context)
+    rclpy.shutdown(context=context)
+
+
+def test_a_latecomer_gets_terrain_and_vents(
+    graph: Graph, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who joins after the feed has published still hears all of it, as the node reads it."""
+    graph.add_feed(monkeypatch)
+    graph.add_listener()
+    graph.spin_until(lambda: all(graph.heard.values()))
+    rules = inputs.InputRules()
+    terrain = inputs.terrain_from_image(
+        graph.heard['terrain'][0], graph.heard['terrain_info'][0], rules
+    )
+    np.testing.assert_array_equal(terrain.elevation, TERRAIN.elevation)
+    assert (terrain.resolution, terrain.origin) == (2.5, (1.0, 2.0))
+    vents = inputs.vents_from_cloud(graph.heard['vents'][0], rules)
+    # A fissure is its two ends, with half the discharge each.
+    assert [vent.position for vent in vents] == [(2.0, 3.0), (3.0, 4.0), (8.0, 4.0)]
+    assert [vent.discharge for vent in vents] == [10.0, 2.5, 2.5]
+    assert vents[0].temperature == pytest.approx(VENTS[0].temperature, abs=1e-3)
+
+
+def test_discharge_follows_simulated_time(graph: Graph, monkeypatch: pytest.MonkeyPatch) -> None:
+    """When the simulation passes a time of the series the vents are published again, once."""
+    listener = graph.add_listener()
+    graph.add_feed(monkeypatch)
+    graph.spin_until(lambda: bool(graph.heard['vents']))
+    publisher = listener.create_publisher(
+        DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
+    )
+    graph.spin_until(lambda: publisher.get_subscription_count() == 1)
+    values = [KeyValue(key='simulated_time_s', value='3700.0')]
+    status = DiagnosticStatus(name='lava: simulation', values=values)
+    publisher.publish(DiagnosticArray(status=[status]))
+
+    def discharge() -> float:
+        columns = codec.cloud_columns(graph.heard['vents'][-1], 'vents', ('discharge',))
+        return float(columns['discharge'][0])
+
+    assert discharge() == 10.0
+    graph.spin_until(lambda: discharge() == 4.0)
+    assert len(graph.heard['vents']) == 2
