@@ -11,7 +11,7 @@ import yaml
 from lava_ros.bag import BagReader
 from lava_ros.bag.reader import BagMessage
 from lava_ros.errors import LavaError
-from lava_ros.layers import IMAGE, Layer, layers_from_dict, load_layers, OCCUPANCY_GRID
+from lava_ros.layers import IMAGE, Layer, layers_from_dict, load_layers
 from lava_ros.share import share_path
 
 DIAGNOSTICS = '/diagnostics'
@@ -117,7 +117,9 @@ class _Decoder:
             from mcap_ros2.decoder import DecoderFactory
         except ImportError as error:
             raise LavaError(
-                'bag', str(bag.path), "mcap-ros2-support to decode it: pip install 'lava_ros[plot]'"
+                'bag',
+                str(bag.path),
+                "mcap-ros2-support to decode it: pip install 'lava_ros[plot]'",
             ) from error
         self._factory = DecoderFactory()
         self._schemas = {
@@ -146,7 +148,7 @@ def _layers(bag: BagReader) -> tuple[Layer, ...]:
 
 
 def _topic(bag: BagReader, name: str, message_type: str) -> str | None:
-    """Full name of a topic that is recorded under its relative name, in whatever namespace."""
+    """Full name of a topic by its relative name, whatever the namespace."""
     for topic in bag.topics.values():
         if topic.name.endswith(f'/{name}') and topic.message_type == message_type:
             return topic.name
@@ -175,7 +177,7 @@ class _Clock:
 
     def stamp_at(self, time: float | None) -> int | None:
         """Stamp of the newest frame up to a simulated time [s], None for the newest of all."""
-        for stamp, shown in zip(reversed(self._stamps), reversed(self._times)):
+        for stamp, shown in zip(self._stamps[::-1], self._times[::-1], strict=True):
             if time is None or shown <= time:
                 return stamp
         return None

@@ -375,7 +375,7 @@ def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scen
         options = validation.keys(
             'scene.terrain',
             data.get('terrain'),
-            allowed=['file', 'epsg', 'resolution', 'offset'],
+            allowed=['file', 'epsg', 'resolution', 'offset', 'window'],
             required=['file'],
         )
         terrain = load_terrain(path.parent / str(options.pop('file')), **options)

@@ -24,8 +24,9 @@ class Observation:
         refused: The newest input that was refused, empty when all are taken.
         recorder_error: What is wrong with the recording, empty when nothing is.
         frames: Height maps heard.
-        first_stamp_ns: Stamp of the first of them [ns].
         frame_stamp_ns: Stamp of the newest of them [ns].
+        speed: Simulated time per time of the node's clock, from the first frame the diagnostics
+            told of to the newest; 0 when there is only one.
     """
 
     state: str = ''
@@ -34,19 +35,13 @@ class Observation:
     refused: str = ''
     recorder_error: str = ''
     frames: int = 0
-    first_stamp_ns: int = 0
     frame_stamp_ns: int = 0
+    speed: float = 0.0
 
     @property
     def time(self) -> float:
         """Simulated time [s]."""
         return float(self.values.get('simulated_time_s', 0.0))
-
-    @property
-    def speed(self) -> float:
-        """Simulated time per time of the node's clock, from the first map to the newest."""
-        elapsed = 1e-9 * (self.frame_stamp_ns - self.first_stamp_ns)
-        return self.time / elapsed if elapsed > 0.0 else 0.0
 
     @property
     def has_failed(self) -> bool:
@@ -76,7 +71,8 @@ class Monitor:
         self._executor.add_node(self._node)
         self._statuses: dict[str, DiagnosticStatus] = {}
         self._frames = 0
-        self._first_stamp_ns = self._frame_stamp_ns = 0
+        self._frame_stamp_ns = 0
+        self._first: tuple[int, float] | None = None
         self._node.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
         )
@@ -96,8 +92,8 @@ class Monitor:
             refused=self._complaint('lava: inputs'),
             recorder_error=self._complaint('lava: recorder'),
             frames=self._frames,
-            first_stamp_ns=self._first_stamp_ns,
             frame_stamp_ns=self._frame_stamp_ns,
+            speed=self._speed(values),
         )
 
     def close(self) -> None:
@@ -105,6 +101,14 @@ class Monitor:
         self._executor.shutdown()
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
+
+    def _speed(self, values: Mapping[str, str]) -> float:
+        if 'simulated_time_s' not in values:
+            return 0.0
+        stamp_ns, time = int(values['frame_stamp_ns']), float(values['simulated_time_s'])
+        self._first = self._first or (stamp_ns, time)
+        elapsed = 1e-9 * (stamp_ns - self._first[0])
+        return (time - self._first[1]) / elapsed if elapsed > 0.0 else 0.0
 
     def _complaint(self, name: str) -> str:
         status = self._statuses.get(name)
@@ -117,4 +121,3 @@ class Monitor:
         self._frames += 1
         stamp = grid.header.stamp
         self._frame_stamp_ns = stamp.sec * 1_000_000_000 + stamp.nanosec
-        self._first_stamp_ns = self._first_stamp_ns or self._frame_stamp_ns

@@ -1,0 +1,54 @@
+"""`lava feed`: publish terrain and vents as topics, as sensors would."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+
+from lava_ros.cli.ros import require_ros
+from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the `lava` parser."""
+    parser = subparsers.add_parser(
+        'feed',
+        help='publish terrain and vents as topics',
+        description='Publish terrain, terrain_info and vents, latched, until it is interrupted.',
+    )
+    add_scene_arguments(parser)
+    parser.add_argument('--frame', default='map', help='frame of the messages (default: map)')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Publish until SIGINT or SIGTERM.
+
+    Raises:
+        LavaError: The scene cannot be used, or ROS 2 is not installed.
+    """
+    require_ros()
+    scene = scene_from_arguments(args)
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.signals import SignalHandlerOptions
+
+    from lava_ros.ros.feed import SceneFeed
+
+    stopping: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: stopping.append(number))
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    feed = SceneFeed(scene, frame_id=args.frame)
+    feed.get_logger().info(
+        f'publishing terrain of {scene.terrain.shape[1]} x {scene.terrain.shape[0]} cells '
+        f'and {len(scene.vents)} vents'
+    )
+    executor = SingleThreadedExecutor()
+    executor.add_node(feed)
+    while not stopping:
+        executor.spin_once(timeout_sec=0.2)
+    executor.shutdown()
+    feed.destroy_node()
+    rclpy.shutdown()
+    return 0

@@ -1,0 +1,167 @@
+"""`lava info`: say what a bag holds."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from datetime import datetime, timezone
+import json
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from lava_ros.bag.reader import BagReader, Topic
+from lava_ros.errors import LavaError
+
+# Custom data of this name describes the scene, as scene_to_dict gives it, in YAML or JSON.
+_SCENE = 'scene'
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the `lava` parser."""
+    parser = subparsers.add_parser(
+        'info',
+        help='say what a bag holds',
+        description='Print the scene, the topics and the state of a bag. Bags whose recording '
+        'was cut off are read up to the last whole message.',
+    )
+    parser.add_argument('bag', help='bag directory or .mcap file')
+    parser.add_argument('--json', metavar='FILE', help='write it as JSON instead, - for stdout')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Describe the bag that the arguments name.
+
+    Raises:
+        LavaError: The bag cannot be read, or the JSON file not written.
+    """
+    bag = BagReader(args.bag)
+    if args.json is None:
+        print('\n'.join(_lines(bag)))
+        return 0
+    text = json.dumps(_as_dict(bag), indent=2, ensure_ascii=False)
+    if args.json == '-':
+        print(text)
+        return 0
+    try:
+        Path(args.json).write_text(text + '\n', encoding='utf-8')
+    except OSError as error:
+        raise LavaError('--json', args.json, f'a file that can be written ({error})') from error
+    return 0
+
+
+def _as_dict(bag: BagReader) -> dict[str, Any]:
+    return {
+        'path': str(bag.path),
+        'files': [item.name for item in bag.files],
+        'size': bag.size,
+        'recovered': bag.recovered,
+        'start_ns': bag.start_ns,
+        'end_ns': bag.end_ns,
+        'duration': bag.duration_ns / 1e9,
+        'message_count': bag.message_count,
+        'topics': [
+            {
+                'name': topic.name,
+                'type': topic.message_type,
+                'type_hash': topic.schema.type_hash,
+                'count': topic.count,
+                'qos': topic.qos.to_dict(),
+            }
+            for topic in bag.topics.values()
+        ],
+        'scene': _scene(bag.custom_data),
+        'custom_data': bag.custom_data,
+    }
+
+
+def _lines(bag: BagReader) -> list[str]:
+    lines = [f'bag        {bag.path}']
+    lines.append(f'files      {len(bag.files)}, {_size(bag.size)}')
+    state = 'cut off; everything before that is there' if bag.recovered else 'finished'
+    lines.append(f'recording  {state}')
+    if bag.start_ns is not None:
+        lines.append(f'start      {_moment(bag.start_ns)}')
+        lines.append(f'duration   {bag.duration_ns / 1e9:.3f} s')
+    count = bag.message_count
+    lines.append(f'messages   {"unknown" if count is None else count}')
+    lines += _topic_lines(list(bag.topics.values()))
+    scene = _scene(bag.custom_data)
+    if scene is not None:
+        lines += ['', 'scene', *_scene_lines(scene)]
+    rest = {
+        key: value
+        for key, value in sorted(bag.custom_data.items())
+        if key != _SCENE or scene is None
+    }
+    if rest:
+        lines += ['', 'custom data', *(f'  {key}: {_short(item)}' for key, item in rest.items())]
+    return lines
+
+
+def _topic_lines(topics: list[Topic]) -> list[str]:
+    if not topics:
+        return []
+    rows = [('topic', 'type', 'count', 'reliability', 'durability')]
+    for topic in topics:
+        count = 'unknown' if topic.count is None else str(topic.count)
+        qos = topic.qos
+        rows.append((topic.name, topic.message_type, count, qos.reliability, qos.durability))
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    return [
+        '',
+        *(
+            '  '.join(item.ljust(width) for item, width in zip(row, widths, strict=True)).rstrip()
+            for row in rows
+        ),
+    ]
+
+
+def _scene(custom_data: Mapping[str, str]) -> dict[str, Any] | None:
+    """The scene as plain data, None when the bag has none that reads as a mapping."""
+    try:
+        scene = yaml.safe_load(custom_data.get(_SCENE, ''))
+    except yaml.YAMLError:
+        return None
+    return scene if isinstance(scene, dict) else None
+
+
+def _scene_lines(scene: Mapping[str, Any]) -> list[str]:
+    lines = []
+    for name, value in scene.items():
+        if name == 'vents' and isinstance(value, list):
+            lines.append(f'  vents: {len(value)}')
+            lines += [f'    {_inline(item)}' for item in value]
+        else:
+            lines.append(f'  {name}: {_inline(value)}')
+    return lines
+
+
+def _inline(value: object) -> str:
+    if isinstance(value, Mapping):
+        return ', '.join(f'{key} {_inline(item)}' for key, item in value.items())
+    if isinstance(value, list):
+        return f'[{", ".join(_inline(item) for item in value)}]'
+    return f'{value:g}' if isinstance(value, float) and abs(value) < 1e6 else str(value)
+
+
+def _short(text: str) -> str:
+    line = ' '.join(text.split())
+    return line if len(line) <= 72 else f'{line[:69]}...'
+
+
+def _size(size: int) -> str:
+    for power, unit in ((9, 'GB'), (6, 'MB'), (3, 'kB')):
+        if size >= 10**power:
+            return f'{size / 10**power:.1f} {unit}'
+    return f'{size} bytes'
+
+
+def _moment(time_ns: int) -> str:
+    """Wall time, or seconds when the time is a simulation's that starts near 0."""
+    seconds = time_ns / 1e9
+    if seconds < 1e9:
+        return f'{seconds:.3f} s'
+    return datetime.fromtimestamp(seconds, timezone.utc).isoformat(timespec='milliseconds')

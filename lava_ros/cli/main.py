@@ -1,0 +1,64 @@
+"""`lava`: everything this package does, from a terminal."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+import os
+import sys
+
+import lava_ros
+from lava_ros.cli import demo, feed, info, node, plot, recover, replay
+from lava_ros.errors import LavaError
+
+#: Exit status for input that cannot be used, as argparse has it.
+USAGE_ERROR = 2
+
+COMMANDS = (demo, node, feed, replay, info, recover, plot)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command that the arguments name.
+
+    Args:
+        argv: Arguments without the program's name, those of the process when left out.
+
+    Returns:
+        The exit status: 0 when it went well, 2 for input that cannot be used.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    parser = _parser()
+    # What follows is ROS's to read, options that argparse would take for its own included.
+    ros_args: list[str] = []
+    if arguments[:1] == ['node'] and arguments[1:2] not in (['-h'], ['--help']):
+        arguments, ros_args = arguments[:1], arguments[1:]
+    args = parser.parse_args(arguments)
+    args.ros_args = ros_args
+    try:
+        return args.run(args)
+    except LavaError as error:
+        print(f'lava {args.command}: {error}', file=sys.stderr)
+        return USAGE_ERROR
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        # The reader of our output has gone: there is nobody to tell, and Python would try at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog='lava',
+        description='Lava flow simulation as a ROS 2 node, and its recordings.',
+        epilog="'lava COMMAND --help' says more about a command.",
+    )
+    parser.add_argument('--version', action='version', version=f'lava_ros {lava_ros.__version__}')
+    subparsers = parser.add_subparsers(dest='command', metavar='COMMAND', required=True)
+    for command in COMMANDS:
+        command.add_parser(subparsers)
+    return parser
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,31 @@
+"""`lava node`: run the simulation as a ROS 2 node."""
+
+from __future__ import annotations
+
+import argparse
+
+from lava_ros.cli.ros import require_ros
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the `lava` parser."""
+    parser = subparsers.add_parser(
+        'node',
+        help='run the simulation as a ROS 2 node',
+        description='Run the node, as lava_node does. Everything after the command goes to ROS, '
+        'for example: lava node --ros-args -p scene:=scene.yaml -p time_scale:=60.0',
+        usage='lava node [--ros-args ...]',
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the node until SIGINT or SIGTERM.
+
+    Raises:
+        LavaError: ROS 2 is not installed.
+    """
+    require_ros()
+    from lava_ros.ros.node import main
+
+    return main(args.ros_args)

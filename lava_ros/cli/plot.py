@@ -1,0 +1,36 @@
+"""`lava plot`: draw what a bag holds."""
+
+from __future__ import annotations
+
+import argparse
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the `lava` parser."""
+    parser = subparsers.add_parser(
+        'plot',
+        help='draw what a bag holds over shaded relief',
+        description='Draw thickness, temperature and hazard of a bag over shaded relief.',
+    )
+    parser.add_argument('bag', help='bag directory or .mcap file')
+    parser.add_argument(
+        '-o', '--output', required=True, metavar='FILE', help='picture to write: .png, .pdf, .svg'
+    )
+    parser.add_argument(
+        '--time', type=float, metavar='S', help='simulated time [s] (default: the last there is)'
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Draw the bag that the arguments name.
+
+    Raises:
+        LavaError: The bag cannot be read, or the picture not be written.
+    """
+    from lava_ros.frames import read_frame
+    from lava_ros.plot import plot_frame
+
+    plot_frame(read_frame(args.bag, args.time), args.output)
+    print(f'drawn to {args.output}')
+    return 0

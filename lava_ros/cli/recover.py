@@ -1,0 +1,35 @@
+"""`lava recover`: turn a bag whose recording was cut off into one that every tool reads."""
+
+from __future__ import annotations
+
+import argparse
+
+from lava_ros.bag.reader import BagReader
+from lava_ros.bag.recovery import recover
+from lava_ros.errors import LavaError
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the `lava` parser."""
+    parser = subparsers.add_parser(
+        'recover',
+        help='rewrite a bag whose recording was cut off',
+        description='Copy every whole message of a bag into a new, finished bag.',
+    )
+    parser.add_argument('bag', help='bag directory or .mcap file')
+    parser.add_argument('output', help='directory of the new bag; must not exist yet')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Recover the bag that the arguments name.
+
+    Raises:
+        LavaError: The bag cannot be read, or the output not be written.
+    """
+    try:
+        count = recover(BagReader(args.bag), args.output)
+    except OSError as error:
+        raise LavaError('output', args.output, f'a place that can be written ({error})') from error
+    print(f'{count} messages copied to {args.output}')
+    return 0

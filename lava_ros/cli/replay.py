@@ -1,0 +1,88 @@
+"""`lava replay`: publish a recorded bag into the ROS graph."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING
+
+from lava_ros.bag.reader import BagReader
+from lava_ros.cli.ros import require_ros
+
+if TYPE_CHECKING:
+    from lava_ros.bag.replay import Step
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the `lava` parser."""
+    parser = subparsers.add_parser(
+        'replay',
+        help='publish a recorded bag into the ROS graph',
+        description='Publish a recorded bag with the QoS it was recorded with, and its time on '
+        '/clock. Bags whose recording was cut off are played up to the last whole message.',
+    )
+    parser.add_argument('bag', help='bag directory or .mcap file')
+    parser.add_argument('--rate', type=float, default=1.0, help='speed, 2 is twice as fast')
+    parser.add_argument('--loop', action='store_true', help='start over at the end')
+    parser.add_argument(
+        '--start-offset',
+        type=float,
+        default=0.0,
+        metavar='S',
+        help='skip S seconds; latched maps from before are still published',
+    )
+    parser.add_argument(
+        '--clock',
+        action=argparse.BooleanOptionalAction,
+        default=True,
+        help='publish the time of the bag on /clock (default: yes)',
+    )
+    parser.add_argument(
+        '--wait-for-subscribers',
+        type=float,
+        default=0.0,
+        metavar='S',
+        help='wait up to S seconds until every topic has a subscriber',
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Replay the bag that the arguments name.
+
+    Raises:
+        LavaError: An argument is out of range, or the bag cannot be read.
+    """
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    bag = BagReader(args.bag)
+    require_ros()
+    from lava_ros.ros.player import play
+
+    total = bag.duration_ns / 1e9
+    columns = (
+        TextColumn('replay'),
+        BarColumn(),
+        TextColumn('{task.completed:.1f} of {task.total:.1f} s'),
+        TextColumn('{task.description}'),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, disable=not sys.stdout.isatty(), transient=True) as progress:
+        task = progress.add_task('', total=total)
+
+        def show(step: Step) -> None:
+            seconds = (step.clock_ns - (bag.start_ns or 0)) / 1e9
+            topic = step.message.topic if step.message else None
+            progress.update(task, completed=seconds, description=topic)
+
+        count = play(
+            bag,
+            rate=args.rate,
+            loop=args.loop,
+            start_offset=args.start_offset,
+            clock=args.clock,
+            wait_for_subscribers=args.wait_for_subscribers,
+            on_step=show,
+        )
+    print(f'{count} messages published')
+    return 0

@@ -1,0 +1,70 @@
+"""The scene that a command's arguments name, and the one there is without them."""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+
+from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
+from lava_ros.terrain_files import demo_terrain, load_terrain
+
+#: Vents of the demo, (x, y) [m] and discharge [m3/s]: along the crest above a deep valley.
+DEMO_VENTS = (
+    (4080.0, 5330.0, 25.0),
+    (4110.0, 5580.0, 40.0),
+    (4010.0, 6150.0, 40.0),
+    (4000.0, 6450.0, 25.0),
+)
+
+#: Basalt with some crystals in it: it forms tongues of a few metres.
+DEMO_LAVA = Lava(viscosity=5e4)
+
+#: Discharge of the single vent on a terrain that comes without [m3/s].
+SUMMIT_DISCHARGE = 50.0
+
+
+def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that choose a scene."""
+    parser.add_argument(
+        '--scene', metavar='FILE', help='scene file (YAML): terrain, vents and lava'
+    )
+    parser.add_argument(
+        '--terrain',
+        metavar='FILE',
+        help="GeoTIFF, ESRI ASCII grid or npz; with --scene in place of the scene's own "
+        '(default: a real mountain ridge, 9 x 8 km)',
+    )
+
+
+def scene_from_arguments(args: argparse.Namespace) -> Scene:
+    """Make the scene that the arguments choose.
+
+    A terrain without a scene gets a vent on its highest point away from the borders.
+
+    Raises:
+        LavaError: A file cannot be used.
+    """
+    terrain = load_terrain(args.terrain) if args.terrain else None
+    if args.scene:
+        return scene_from_yaml(args.scene, terrain=terrain)
+    if terrain is not None:
+        return Scene(terrain, (_summit_vent(terrain),), DEMO_LAVA)
+    vents = tuple(
+        Vent((x, y), discharge, radius=20.0, name=f'crest {index}')
+        for index, (x, y, discharge) in enumerate(DEMO_VENTS)
+    )
+    return Scene(demo_terrain(), vents, DEMO_LAVA)
+
+
+def _summit_vent(terrain: Terrain) -> Vent:
+    rows, columns = terrain.shape
+    inner = np.full(terrain.shape, -np.inf)
+    here = np.s_[rows // 8 : rows - rows // 8, columns // 8 : columns - columns // 8]
+    inner[here] = np.where(terrain.has_data[here], terrain.elevation[here], -np.inf)
+    if not np.isfinite(inner).any():
+        inner = np.where(terrain.has_data, terrain.elevation, -np.inf)
+    row, column = np.unravel_index(int(np.argmax(inner)), terrain.shape)
+    x, y = terrain.origin
+    place = (x + (column + 0.5) * terrain.resolution, y + (row + 0.5) * terrain.resolution)
+    return Vent(place, SUMMIT_DISCHARGE, radius=2.0 * terrain.resolution, name='summit')

@@ -1,0 +1,117 @@
+"""`lava demo`: node, feed and monitor are processes of a real graph."""
+
+import json
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+from matplotlib.image import imread
+import numpy as np
+import pytest
+from rosbags.highlevel import AnyReader
+import yaml
+
+from lava_ros.cli import main as cli
+
+ROOT = Path(__file__).parents[2]
+
+
+def start(directory: Path, *words: str) -> subprocess.Popen[str]:
+    """Start `lava demo` on the CPU, as in a shell without a terminal."""
+    environment = os.environ | {'PYTHONPATH': str(ROOT), 'PYTHONUNBUFFERED': '1'}
+    return subprocess.Popen(
+        [sys.executable, '-m', 'lava_ros.cli.main', 'demo', *words],
+        cwd=directory,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_the_demo_runs_again_and_again(tmp_path: Path) -> None:
+    """It leaves a bag others can read, a picture and a table, and replaces its own earlier bag."""
+    words = ('--duration', '900', '--max-speed', '300', '--device', 'cpu', '--json', 'out.json')
+    for attempt in range(2):
+        demo = start(tmp_path, *words)
+        output, errors = demo.communicate(timeout=100)
+        assert demo.returncode == 0, errors
+        assert 'volume emitted' in output, attempt
+    result = json.loads((tmp_path / 'out.json').read_text())
+    assert result == json.loads((tmp_path / 'bags/demo/demo.json').read_text())
+    assert result['simulated_time'] == pytest.approx(900.0)
+    # Four vents with 130 m3/s together.
+    assert result['volume_emitted'] == pytest.approx(130.0 * 900.0)
+    parts = result['volume_held'] + result['volume_left']
+    assert parts == pytest.approx(result['volume_emitted'], rel=1e-5)
+    # The stamp of a frame is up to a slice of 0.1 s later than what it shows.
+    assert 50.0 < result['speed'] < 330.0
+    assert result['particles'] > 10
+    assert result['wet_cells'] > 10
+    assert result['height_maps_received'] >= 2
+    assert imread(tmp_path / 'bags/demo/demo.png').shape[2] in (3, 4)
+    with AnyReader([tmp_path / 'bags/demo']) as reader:
+        counts = {item.topic: item.msgcount for item in reader.connections}
+    assert counts['/terrain'] >= 1
+    assert counts['/vents'] >= 1
+    assert min(counts[name] for name in ('/height', '/temperature', '/hazard')) >= 2
+
+
+def test_what_no_demo_made_is_not_touched(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder that is not an earlier demo's stays, whatever is in it."""
+    monkeypatch.chdir(tmp_path)
+    for name in ('metadata.yaml', 'a_0.mcap'):
+        (tmp_path / 'mine').mkdir(exist_ok=True)
+        (tmp_path / 'mine' / name).write_text('precious')
+    assert cli.main(['demo', '--output', 'mine']) == 2
+    assert 'that an earlier demo made' in capsys.readouterr().err
+    (tmp_path / 'mine/demo.json').write_text('{}')
+    (tmp_path / 'mine/notes.txt').write_text('precious')
+    assert cli.main(['demo', '--output', 'mine']) == 2
+    assert len(list((tmp_path / 'mine').iterdir())) == 4
+
+
+def test_a_scene_that_topics_cannot_carry(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Gravity of another planet is refused rather than dropped."""
+    np.savez(tmp_path / 'a.npz', elevation=np.zeros((9, 9)), resolution=10.0)
+    scene = {'terrain': {'file': 'a.npz'}, 'gravity': 3.7}
+    (tmp_path / 'scene.yaml').write_text(yaml.safe_dump(scene))
+    assert cli.main(['demo', '--scene', str(tmp_path / 'scene.yaml')]) == 2
+    assert 'scene.gravity is 3.7, expected 9.81' in capsys.readouterr().err
+
+
+def test_a_node_that_cannot_work_is_an_error_with_its_log(tmp_path: Path) -> None:
+    """A device that does not exist ends the demo with status 1 and the node's own words."""
+    demo = start(tmp_path, '--device', 'cuda:77', '--duration', '600')
+    _, errors = demo.communicate(timeout=60)
+    assert demo.returncode == 1
+    assert 'the node' in errors
+    assert 'cuda:77' in errors
+    assert 'Traceback' not in errors
+
+
+def test_ctrl_c_leaves_a_finished_bag_and_no_processes(tmp_path: Path) -> None:
+    """An interrupted demo ends its children, and its bag is whole and may be replaced."""
+    demo = start(tmp_path, '--device', 'cpu', '--duration', '7200')
+    assert demo.stdout is not None
+    line = ''
+    deadline = time.monotonic() + 60.0
+    while 'particles' not in line and time.monotonic() < deadline:
+        line = demo.stdout.readline()
+    assert 'particles' in line
+    demo.send_signal(signal.SIGINT)
+    _, errors = demo.communicate(timeout=40)
+    assert demo.returncode == 130, errors
+    assert 'Traceback' not in errors
+    assert (tmp_path / 'bags/demo/demo.json').is_file()
+    with AnyReader([tmp_path / 'bags/demo']) as reader:
+        assert reader.message_count > 0
+    running = subprocess.run(['ps', '-eo', 'args'], capture_output=True, text=True, check=True)
+    assert str(tmp_path) not in running.stdout

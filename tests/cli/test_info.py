@@ -1,0 +1,100 @@
+"""`lava info` and `lava recover`, as the command line calls them."""
+
+import argparse
+import json
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+from lava_ros.bag import BagReader, BagWriter, LATCHED
+from lava_ros.cli import info, recover, replay
+from lava_ros.errors import LavaError
+
+SCENE = {
+    'terrain': {'shape': [100, 200], 'resolution': 5.0},
+    'vents': [{'position': [10.0, 20.0], 'discharge': 35.5, 'name': 'summit'}],
+    'gravity': 9.81,
+}
+
+
+def call(*words: str) -> int:
+    """Parse the words and run the command."""
+    parser = argparse.ArgumentParser()
+    subparsers = parser.add_subparsers()
+    for command in (info, recover, replay):
+        command.add_parser(subparsers)
+    args = parser.parse_args(words)
+    return args.run(args)
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """A bag of three messages with a scene."""
+    data = {'scene': json.dumps(SCENE), 'device': 'cuda:0'}
+    with BagWriter(tmp_path / 'bag', custom_data=data) as writer:
+        for second in range(3):
+            writer.write('/hazard', 'std_msgs/msg/Empty', bytes(5), second * 10**9, qos=LATCHED)
+            writer.flush()
+    return tmp_path / 'bag'
+
+
+def test_info_says_what_is_in_a_bag(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Scene, vents, topics, durability, duration and state are printed."""
+    assert call('info', str(bag)) == 0
+    lines = [' '.join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert '/hazard std_msgs/msg/Empty 3 reliable transient_local' in lines
+    assert 'duration 2.000 s' in lines
+    assert 'recording finished' in lines
+    assert 'terrain: shape [100, 200], resolution 5' in lines
+    assert 'position [10, 20], discharge 35.5, name summit' in lines
+    assert 'device: cuda:0' in lines
+
+
+def test_info_as_json(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The same as JSON, in a file or on standard output."""
+    assert call('info', str(bag), '--json', str(tmp_path / 'info.json')) == 0
+    data = json.loads((tmp_path / 'info.json').read_text())
+    assert data['scene'] == SCENE
+    assert data['topics'][0]['qos']['durability'] == 'transient_local'
+    assert (data['message_count'], data['recovered'], data['duration']) == (3, False, 2.0)
+    assert call('info', str(bag), '--json', '-') == 0
+    assert json.loads(capsys.readouterr().out) == data
+    with pytest.raises(LavaError, match='--json'):
+        call('info', str(bag), '--json', str(tmp_path / 'gone' / 'info.json'))
+
+
+def test_info_and_recover_of_a_bag_that_was_cut_off(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A cut bag is described as such, and made whole by recover."""
+    path = bag / 'bag_0.mcap'
+    path.write_bytes(path.read_bytes()[:-50])
+    (bag / 'metadata.yaml').unlink()
+    assert call('info', str(bag)) == 0
+    assert 'cut off' in capsys.readouterr().out
+    assert call('recover', str(bag), str(tmp_path / 'whole')) == 0
+    assert '3 messages' in capsys.readouterr().out
+    assert not BagReader(tmp_path / 'whole').recovered
+    with pytest.raises(LavaError, match='choose another name'):
+        call('recover', str(bag), str(tmp_path / 'whole'))
+
+
+def test_the_scene_may_be_anything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Custom data that is no scene is printed as text, an empty bag too."""
+    BagWriter(tmp_path / 'bag', custom_data={'scene': '[Etna', 'long': 'x ' * 100}).close()
+    assert call('info', str(tmp_path / 'bag')) == 0
+    output = capsys.readouterr().out
+    assert 'scene: [Etna' in output
+    assert max(len(line) for line in output.splitlines()) < 100
+
+
+def test_commands_are_described_without_ros() -> None:
+    """Building the parsers does not import rclpy: help is quick and works without ROS."""
+    code = (
+        'import sys; sys.modules["rclpy"] = None\n'
+        'from lava_ros.cli import info, recover, replay\n'
+        'assert "rich" not in sys.modules'
+    )
+    subprocess.run([sys.executable, '-c', code], check=True, cwd=Path(__file__).parents[2])

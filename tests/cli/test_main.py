@@ -1,0 +1,127 @@
+"""The command `lava`: help, and errors in one sentence."""
+
+from pathlib import Path
+import sys
+
+import numpy as np
+import pytest
+
+import lava_ros
+from lava_ros.cli import main as cli
+from lava_ros.cli.scenes import DEMO_VENTS
+
+
+def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    """Help names the commands, each with what it does."""
+    with pytest.raises(SystemExit) as caught:
+        cli.main(['--help'])
+    assert caught.value.code == 0
+    text = capsys.readouterr().out
+    for name in ('demo', 'node', 'feed', 'replay', 'info', 'recover', 'plot'):
+        assert f'\n    {name} ' in text
+
+
+@pytest.mark.parametrize('command', ['demo', 'node', 'feed', 'plot'])
+def test_help_of_commands(command: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each command explains itself; ROS is not asked about --help."""
+    with pytest.raises(SystemExit) as caught:
+        cli.main([command, '--help'])
+    assert caught.value.code == 0
+    assert f'usage: lava {command}' in capsys.readouterr().out
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    """The version is the package's."""
+    with pytest.raises(SystemExit):
+        cli.main(['--version'])
+    assert capsys.readouterr().out == f'lava_ros {lava_ros.__version__}\n'
+
+
+@pytest.mark.parametrize(
+    'words',
+    [
+        ('plot', 'none', '-o', 'a.png'),
+        ('info', 'none'),
+        ('feed', '--terrain', 'none'),
+        ('feed', '--scene', 'none'),
+        ('demo', '--duration', '-1'),
+        ('demo', '--max-speed', '0'),
+        ('demo', '--domain', '500'),
+    ],
+)
+def test_errors_are_one_sentence(
+    words: tuple[str, ...],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Input that cannot be used is one line on stderr and status 2, without a traceback."""
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(words) == 2
+    seen = capsys.readouterr()
+    assert seen.out == ''
+    assert seen.err.startswith(f'lava {words[0]}: ')
+    assert seen.err.count('\n') == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ros_arguments_reach_the_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Everything after `lava node` is ROS's, in its order."""
+    seen: list[list[str]] = []
+
+    def fake_main(args: list[str]) -> int:
+        seen.append(args)
+        return 7
+
+    import lava_ros.ros.node
+
+    monkeypatch.setattr(lava_ros.ros.node, 'main', fake_main)
+    words = ['--ros-args', '-p', 'time_scale:=5.0', '-r', '__ns:=/etna', '--log-level', 'debug']
+    assert cli.main(['node', *words]) == 7
+    assert seen == [words]
+
+
+@pytest.mark.parametrize('command', ['node', 'feed', 'demo'])
+def test_without_ros(
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where ROS is missing the error says how to get it."""
+    monkeypatch.setattr('lava_ros.cli.ros.find_spec', lambda name: None)
+    assert cli.main([command]) == 2
+    assert "pip install 'lava_ros[ros]'" in capsys.readouterr().err
+
+
+def test_the_default_scene() -> None:
+    """Without arguments the demo's vents lie high on the demo's terrain."""
+    args = cli._parser().parse_args(['feed'])
+    scene = cli.feed.scene_from_arguments(args)
+    assert len(scene.vents) == len(DEMO_VENTS)
+    for vent in scene.vents:
+        cell = scene.terrain.cell_at(*vent.position)
+        assert cell is not None and scene.terrain.elevation[cell] > 800.0
+
+
+def test_a_terrain_alone_gets_a_vent_on_its_summit(tmp_path: Path) -> None:
+    """The vent is on the highest cell that has data and is not at the border."""
+    elevation = np.zeros((40, 50))
+    elevation[0, 0] = 500.0
+    elevation[25, 30] = 300.0
+    elevation[20:22, 20:22] = np.nan
+    np.savez(tmp_path / 'a.npz', elevation=elevation, resolution=10.0)
+    args = cli._parser().parse_args(['feed', '--terrain', str(tmp_path / 'a.npz')])
+    (vent,) = cli.feed.scene_from_arguments(args).vents
+    assert vent.position == (305.0, 255.0)
+
+
+def test_a_broken_pipe_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`lava info BAG | head -1` ends quietly."""
+
+    def run(args: object) -> int:
+        raise BrokenPipeError
+
+    monkeypatch.setattr(cli.info, 'run', run)
+    replaced: list[tuple[int, int]] = []
+    monkeypatch.setattr(cli.os, 'dup2', lambda a, b: replaced.append((a, b)))
+    monkeypatch.setattr(sys.stdout, 'fileno', lambda: 1, raising=False)
+    assert cli.main(['info', 'bag']) == 141
+    assert replaced

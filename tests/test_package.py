@@ -1,0 +1,182 @@
+"""What describes the package agrees with the package."""
+
+import ast
+import importlib
+from pathlib import Path
+import re
+import runpy
+import sys
+from types import ModuleType
+from typing import Any
+from xml.etree import ElementTree
+
+from packaging.requirements import Requirement
+import pytest
+
+import lava_ros
+
+ROOT = Path(__file__).parents[1]
+
+#: Distribution that brings a module, where the names differ.
+DISTRIBUTIONS = {
+    'mcap_ros2': 'mcap-ros2-support',
+    'warp': 'warp-lang',
+    'yaml': 'pyyaml',
+}
+
+#: Modules of ROS: package.xml names them, and the extra `ros` brings them all.
+ROS_MODULES = {'rclpy', 'rcl_interfaces', 'ament_index_python'}
+
+
+@pytest.fixture(scope='module')
+def metadata() -> dict[str, Any]:
+    """What setup.py passes to setuptools, which need not be installed."""
+    seen: dict[str, Any] = {}
+    stand_in = ModuleType('setuptools')
+    stand_in.setup = seen.update  # type: ignore[attr-defined]
+    stand_in.find_packages = lambda include: include  # type: ignore[attr-defined]
+    real = sys.modules.get('setuptools')
+    sys.modules['setuptools'] = stand_in
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(ROOT)
+        try:
+            runpy.run_path('setup.py')
+        finally:
+            del sys.modules['setuptools']
+            if real is not None:
+                sys.modules['setuptools'] = real
+    return seen
+
+
+@pytest.fixture(scope='module')
+def manifest() -> ElementTree.Element:
+    """The root of package.xml."""
+    return ElementTree.parse(ROOT / 'package.xml').getroot()
+
+
+@pytest.fixture(scope='module')
+def pins() -> dict[str, list[Requirement]]:
+    """Lines of constraints.txt by name."""
+    result: dict[str, list[Requirement]] = {}
+    for line in (ROOT / 'constraints.txt').read_text().splitlines():
+        if line and not line.startswith('#'):
+            requirement = Requirement(line)
+            result.setdefault(_canonical(requirement.name), []).append(requirement)
+    return result
+
+
+def _canonical(name: str) -> str:
+    return re.sub(r'[-_.]+', '-', name).lower()
+
+
+def _imports() -> set[str]:
+    """Top-level modules the package imports, its own and the standard library's left out."""
+    found: set[str] = set()
+    for path in (ROOT / 'lava_ros').rglob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+            if isinstance(node, ast.Import):
+                found |= {item.name.split('.')[0] for item in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                found.add(node.module.split('.')[0])
+    return found - set(sys.stdlib_module_names) - {'lava_ros'}
+
+
+def _is_ros(module: str) -> bool:
+    return module in ROS_MODULES or module.endswith(('_msgs', '_srvs', '_interfaces'))
+
+
+def test_name_version_and_contact_agree(
+    metadata: dict[str, Any], manifest: ElementTree.Element
+) -> None:
+    """package.xml, setup.py and the package itself say the same."""
+    assert manifest.get('format') == '3'
+    assert manifest.findtext('name') == metadata['name'] == 'lava_ros'
+    assert manifest.findtext('version') == metadata['version'] == lava_ros.__version__
+    assert manifest.findtext('license') == metadata['license'] == 'Apache-2.0'
+    maintainer = manifest.find('maintainer')
+    assert maintainer is not None
+    assert maintainer.get('email') == metadata['maintainer_email']
+    assert manifest.findtext('export/build_type') == 'ament_python'
+
+
+def test_scripts_exist(metadata: dict[str, Any]) -> None:
+    """Every console script names something that can be called."""
+    scripts = metadata['entry_points']['console_scripts']
+    assert {script.split(' = ')[0] for script in scripts} == {'lava', 'lava_node'}
+    for script in scripts:
+        module, function = script.split(' = ')[1].split(':')
+        assert callable(getattr(importlib.import_module(module), function))
+
+
+def test_data_files_are_there(metadata: dict[str, Any]) -> None:
+    """Marker, manifest, launch files and message configurations are installed."""
+    installed = dict(metadata['data_files'])
+    assert installed['share/ament_index/resource_index/packages'] == ['resource/lava_ros']
+    assert installed['share/lava_ros'] == ['package.xml']
+    assert 'msg_configs/default.yaml' in installed['share/lava_ros/msg_configs']
+    assert any(name.endswith('.launch.py') for name in installed['share/lava_ros/launch'])
+    assert all((ROOT / name).is_file() for names in installed.values() for name in names)
+    assert (ROOT / 'lava_ros/py.typed').is_file()
+
+
+def test_ros_packages_are_declared(manifest: ElementTree.Element) -> None:
+    """package.xml has an exec_depend for each ROS package the code imports."""
+    declared = {item.text for item in manifest.findall('exec_depend')}
+    optional = {'grid_map_msgs'}
+    assert {name for name in _imports() if _is_ros(name)} - optional <= declared
+
+
+def test_python_packages_are_declared(metadata: dict[str, Any]) -> None:
+    """setup.py has a requirement for each other module the code imports."""
+    extras = metadata['extras_require']
+    requirements = [*metadata['install_requires'], *extras['all']]
+    declared = {_canonical(Requirement(item).name) for item in requirements}
+    needed = {
+        _canonical(DISTRIBUTIONS.get(name, name)) for name in _imports() if not _is_ros(name)
+    }
+    assert needed <= declared
+
+
+def test_requirements_are_bounded_and_pinned(
+    metadata: dict[str, Any], pins: dict[str, list[Requirement]]
+) -> None:
+    """Each requirement has a lower and an upper bound, and its pins lie between them."""
+    for item in [*metadata['install_requires'], *metadata['extras_require']['all']]:
+        requirement = Requirement(item)
+        operators = {bound.operator for bound in requirement.specifier}
+        assert {'>=', '<'} <= operators, item
+        for pin in pins[_canonical(requirement.name)]:
+            (version,) = (bound.version for bound in pin.specifier)
+            assert requirement.specifier.contains(version), (item, version)
+
+
+def test_pins_cover_every_python(pins: dict[str, list[Requirement]]) -> None:
+    """On each Python a package has at most one pin, and the required ones have one."""
+    for version in ('3.10', '3.11', '3.12', '3.13'):
+        environment = {'python_version': version}
+        for name, lines in pins.items():
+            chosen = [
+                line for line in lines if line.marker is None or line.marker.evaluate(environment)
+            ]
+            assert len(chosen) <= 1, (name, version)
+            assert all(line.specifier and '==' in str(line.specifier) for line in lines)
+            if name in ('numpy', 'warp-lang', 'mcap', 'rasterio', 'matplotlib', 'ros-rclpy'):
+                assert len(chosen) == 1, (name, version)
+
+
+def test_only_jazzy_wheels_are_required(metadata: dict[str, Any]) -> None:
+    """Requirements name no ROS wheel but Jazzy's: the others are of some distribution or other."""
+    names = [
+        Requirement(item).name
+        for item in [*metadata['install_requires'], *metadata['extras_require']['all']]
+    ]
+    ros = [name for name in names if name.startswith('ros-')]
+    assert ros
+    assert all(name.startswith('ros-jazzy-') for name in ros)
+
+
+def test_license_text() -> None:
+    """The whole Apache License 2.0 is there."""
+    text = (ROOT / 'LICENSE').read_text()
+    assert text.lstrip().startswith('Apache License')
+    assert 'END OF TERMS AND CONDITIONS' in text

@@ -1,0 +1,351 @@
+"""Elevation files become terrain, or one clear error."""
+
+from pathlib import Path
+import sys
+from typing import Any
+
+from matplotlib import cbook
+import numpy as np
+import pytest
+import rasterio
+from rasterio.transform import Affine, from_origin
+from rasterio.warp import transform as transform_points
+
+from lava_ros.errors import LavaError
+from lava_ros.terrain_files import demo_terrain, load_terrain
+
+ETNA = Path(__file__).parents[2] / 'shared/data/etna2001/elevation.asc'
+
+#: Rows from the north, as every raster file has them.
+NORTH_FIRST = np.array([[7.0, 8.0, 9.0], [4.0, 5.0, 6.0], [1.0, 2.0, 3.0], [0.5, 0.6, 0.7]])
+
+
+def write_tif(path: Path, bands: np.ndarray, **options: Any) -> Path:
+    """Write a GeoTIFF of one band, shape [rows, columns], or several."""
+    bands = bands if bands.ndim == 3 else bands[None]
+    profile = {
+        'transform': from_origin(500_000.0, 4_180_000.0, 10.0, 10.0),
+        'crs': 'EPSG:32633',
+        'dtype': bands.dtype,
+        **{key: value for key, value in options.items() if key not in ('unit', 'scale', 'shift')},
+    }
+    count, height, width = bands.shape
+    with rasterio.open(
+        path, 'w', driver='GTiff', count=count, height=height, width=width, **profile
+    ) as sink:
+        sink.write(bands)
+        if 'unit' in options:
+            sink.units = [options['unit']]
+        if 'scale' in options:
+            sink.scales, sink.offsets = [options['scale']], [options['shift']]
+    return path
+
+
+def write_asc(path: Path, cell: str = 'cellsize 25') -> Path:
+    """Write an ESRI ASCII grid with a hole in its north-east corner."""
+    rows = [[7, 8, -9999], [4, 5, 6], [1, 2, 3]]
+    text = f'ncols 3\nnrows 3\nxllcorner 1000\nyllcorner 2000\n{cell}\nNODATA_value -9999\n'
+    path.write_text(text + '\n'.join(' '.join(map(str, row)) for row in rows) + '\n')
+    return path
+
+
+def plane(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A slope [m] of small coordinates: what interpolation must give back exactly."""
+    return 1000.0 + 0.2 * (x - 500_000.0) - 0.1 * (y - 4_180_000.0)
+
+
+def centres(terrain: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Easting and northing of the cell centres [m], shape [rows, columns] each."""
+    rows, columns = terrain.shape
+    east = terrain.offset[0] + terrain.origin[0] + (np.arange(columns) + 0.5) * terrain.resolution
+    north = terrain.offset[1] + terrain.origin[1] + (np.arange(rows) + 0.5) * terrain.resolution
+    return np.meshgrid(east, north)
+
+
+def test_esri_grid(tmp_path: Path) -> None:
+    """Row 0 is the south, NODATA is NaN, and the map starts at the lower-left corner."""
+    terrain = load_terrain(write_asc(tmp_path / 'a.asc'))
+    np.testing.assert_array_equal(terrain.elevation, [[1, 2, 3], [4, 5, 6], [7, 8, np.nan]])
+    assert (terrain.resolution, terrain.origin, terrain.offset) == (25.0, (0, 0), (1000, 2000))
+    assert terrain.epsg is None
+
+
+def test_esri_grid_takes_the_epsg_it_cannot_say(tmp_path: Path) -> None:
+    """The caller's coordinate system is kept, and the cells are not touched."""
+    terrain = load_terrain(write_asc(tmp_path / 'a.asc'), epsg=32633)
+    assert terrain.epsg == 32633
+    assert terrain.elevation[0, 0] == 1.0
+
+
+def test_geotiff(tmp_path: Path) -> None:
+    """A projected GeoTIFF comes through cell by cell, with its place and code."""
+    path = write_tif(tmp_path / 'a.tif', NORTH_FIRST.astype(np.float32))
+    terrain = load_terrain(path)
+    np.testing.assert_array_equal(terrain.elevation, NORTH_FIRST[::-1].astype(np.float32))
+    assert terrain.epsg == 32633
+    assert terrain.offset == (500_000.0, 4_180_000.0 - 40.0)
+    assert terrain.resolution == 10.0
+
+
+def test_geotiff_integers_with_scale_and_nodata(tmp_path: Path) -> None:
+    """Stored integers are scaled to metres; the NODATA value is NaN."""
+    stored = np.array([[0, 10], [20, 65535]], dtype=np.uint16)
+    path = write_tif(tmp_path / 'a.tif', stored, nodata=65535, scale=0.5, shift=-100.0)
+    np.testing.assert_allclose(load_terrain(path).elevation, [[-90.0, np.nan], [-100.0, -95.0]])
+
+
+def test_offset_of_the_callers_choice(tmp_path: Path) -> None:
+    """Another map frame moves the origin; the place on Earth stays."""
+    path = write_tif(tmp_path / 'a.tif', NORTH_FIRST.astype(np.float32))
+    terrain = load_terrain(path, offset=(499_000.0, 4_179_000.0))
+    assert terrain.offset == (499_000.0, 4_179_000.0)
+    assert terrain.origin == (1000.0, 960.0)
+
+
+@pytest.mark.parametrize(
+    ('latitude', 'code'), [(37.7, 32633), (-37.7, 32733)], ids=['north', 'south']
+)
+def test_degrees_become_utm(tmp_path: Path, latitude: float, code: int) -> None:
+    """A hill in degrees stands at its place in its UTM zone, as high and as wide as it is."""
+    west, north, step = 14.8, latitude + 0.06, 1.0 / 1200.0
+    longitudes = west + (np.arange(144) + 0.5) * step
+    latitudes = north - (np.arange(144) + 0.5) * step
+    at = (14.87, latitude + 0.005)
+    (x0,), (y0,) = transform_points('EPSG:4326', f'EPSG:{code}', [at[0]], [at[1]])
+    grid = np.meshgrid(longitudes, latitudes)
+    flat = transform_points('EPSG:4326', f'EPSG:{code}', grid[0].ravel(), grid[1].ravel())
+    x, y = (np.reshape(values, grid[0].shape) for values in flat)
+    hill = 500.0 + 900.0 * np.exp(-((x - x0) ** 2 + (y - y0) ** 2) / (2.0 * 800.0**2))
+    path = write_tif(
+        tmp_path / 'a.tif',
+        hill.astype(np.float32),
+        crs='EPSG:4326',
+        transform=from_origin(west, north, step, step),
+    )
+    terrain = load_terrain(path)
+    assert terrain.epsg == code
+    assert 70.0 < terrain.resolution < 95.0
+    east, northing = centres(terrain)
+    exact = 500.0 + 900.0 * np.exp(
+        -((east - x0) ** 2 + (northing - y0) ** 2) / (2.0 * 800.0**2)
+    )
+    known = terrain.has_data
+    assert known.mean() > 0.9
+    assert np.abs(terrain.elevation - exact)[known].max() < 5.0
+
+
+def test_cells_become_square(tmp_path: Path) -> None:
+    """Cells of 10 m by 20 m become 10 m, and a plane stays the plane it was."""
+    transform = from_origin(500_000.0, 4_180_000.0, 10.0, 20.0)
+    x = 500_000.0 + (np.arange(40) + 0.5) * 10.0
+    y = 4_180_000.0 - (np.arange(30) + 0.5) * 20.0
+    elevation = plane(*np.meshgrid(x, y)).astype(np.float32)
+    terrain = load_terrain(write_tif(tmp_path / 'a.tif', elevation, transform=transform))
+    assert (terrain.resolution, terrain.shape) == (10.0, (60, 40))
+    inner = np.s_[4:-4, 4:-4]
+    error = terrain.elevation - plane(*centres(terrain))
+    assert np.abs(error[inner]).max() < 1e-2
+
+
+@pytest.mark.parametrize('resolution', [5.0, 30.0])
+def test_resolution_of_the_callers_choice(tmp_path: Path, resolution: float) -> None:
+    """Finer cells interpolate and coarser ones average: a plane stays the plane it was."""
+    x = 500_000.0 + (np.arange(60) + 0.5) * 10.0
+    y = 4_180_000.0 - (np.arange(60) + 0.5) * 10.0
+    elevation = plane(*np.meshgrid(x, y)).astype(np.float32)
+    terrain = load_terrain(write_tif(tmp_path / 'a.tif', elevation), resolution=resolution)
+    assert terrain.resolution == resolution
+    assert terrain.shape == (600 // resolution, 600 // resolution)
+    inner = np.s_[4:-4, 4:-4]
+    error = terrain.elevation - plane(*centres(terrain))
+    assert np.abs(error[inner]).max() < 1e-2
+
+
+def test_window_keeps_a_part_where_it_is(tmp_path: Path) -> None:
+    """A window gives the cells it touches, at the same place on Earth."""
+    x = 500_000.0 + (np.arange(60) + 0.5) * 10.0
+    y = 4_180_000.0 - (np.arange(60) + 0.5) * 10.0
+    elevation = plane(*np.meshgrid(x, y)).astype(np.float32)
+    path = write_tif(tmp_path / 'a.tif', elevation)
+    part = load_terrain(path, window=(500_100.0, 4_179_505.0, 500_195.0, 4_179_600.0))
+    assert part.shape == (10, 10)
+    assert part.offset == (500_100.0, 4_179_500.0)
+    np.testing.assert_allclose(part.elevation, plane(*centres(part)), rtol=1e-6)
+
+
+@pytest.mark.parametrize('order', ['south', 'north'])
+def test_npz_row_order(tmp_path: Path, order: str) -> None:
+    """Both orders of rows give the same ground."""
+    rows = NORTH_FIRST if order == 'north' else NORTH_FIRST[::-1]
+    np.savez(tmp_path / 'a.npz', elevation=rows, resolution=30.0, row_order=order)
+    terrain = load_terrain(tmp_path / 'a.npz')
+    np.testing.assert_array_equal(terrain.elevation, NORTH_FIRST[::-1].astype(np.float32))
+    assert (terrain.origin, terrain.offset, terrain.epsg) == ((0.0, 0.0), (0.0, 0.0), None)
+
+
+def test_npz_keeps_its_frame(tmp_path: Path) -> None:
+    """Origin, offset and code of an npz are taken as they are."""
+    np.savez(
+        tmp_path / 'a.npz',
+        elevation=NORTH_FIRST,
+        dx=30.0,
+        dy=30.0,
+        origin=[-45.0, -60.0],
+        offset=[500_000.0, 4_180_000.0],
+        epsg=32633,
+    )
+    terrain = load_terrain(tmp_path / 'a.npz')
+    assert terrain.origin == (-45.0, -60.0)
+    assert (terrain.offset, terrain.epsg) == ((500_000.0, 4_180_000.0), 32633)
+
+
+def test_npz_needs_no_rasterio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An npz of square cells is read where rasterio is not installed; a GeoTIFF says how."""
+    np.savez(tmp_path / 'a.npz', elevation=NORTH_FIRST, resolution=30.0, epsg=32633)
+    path = write_tif(tmp_path / 'a.tif', NORTH_FIRST.astype(np.float32))
+    monkeypatch.setitem(sys.modules, 'rasterio', None)
+    assert load_terrain(tmp_path / 'a.npz').resolution == 30.0
+    with pytest.raises(LavaError, match=r"pip install 'lava_ros\[terrain\]'"):
+        load_terrain(path)
+
+
+def _corrupt(tmp_path: Path) -> Path:
+    path = tmp_path / 'a.tif'
+    path.write_bytes(b'II*\0 this is no raster')
+    return path
+
+
+def _corrupt_npz(tmp_path: Path) -> Path:
+    path = tmp_path / 'a.npz'
+    np.savez(path, elevation=NORTH_FIRST, resolution=30.0)
+    path.write_bytes(path.read_bytes()[:200])
+    return path
+
+
+def _npz(tmp_path: Path, **data: Any) -> Path:
+    np.savez(tmp_path / 'a.npz', **data)
+    return tmp_path / 'a.npz'
+
+
+FLOATS = NORTH_FIRST.astype(np.float32)
+
+BAD_FILES = {
+    'missing': (lambda folder: folder / 'none.tif', 'a file that exists'),
+    'folder': (lambda folder: folder, 'a file that exists'),
+    'corrupt tif': (_corrupt, 'that GDAL can read'),
+    'corrupt npz': (_corrupt_npz, 'a readable .npz file'),
+    'picture': (
+        lambda folder: write_tif(folder / 'a.tif', np.zeros((3, 4, 4), np.uint8)),
+        'one band of elevations, not 3',
+    ),
+    'feet': (
+        lambda folder: write_tif(folder / 'a.tif', FLOATS, unit='ft'),
+        'elevations in metres, not ft',
+    ),
+    'coordinates in feet': (
+        lambda folder: write_tif(folder / 'a.tif', FLOATS, crs='EPSG:2274'),
+        'coordinates in metres, such as UTM, not US survey foot',
+    ),
+    'complex': (
+        lambda folder: write_tif(folder / 'a.tif', FLOATS.astype(np.complex64)),
+        'numbers, not complex64',
+    ),
+    'rotated': (
+        lambda folder: write_tif(
+            folder / 'a.tif',
+            FLOATS,
+            transform=Affine(8.0, 6.0, 500_000.0, 6.0, -8.0, 4_180_000.0),
+        ),
+        'north up',
+    ),
+    'degrees without a system': (
+        lambda folder: write_asc(folder / 'a.asc', 'cellsize 0.000833'),
+        'epsg 4326',
+    ),
+    'near the pole': (
+        lambda folder: write_tif(
+            folder / 'a.tif', FLOATS, crs='EPSG:4326', transform=from_origin(10, 88, 0.01, 0.01)
+        ),
+        'at most 84 degrees',
+    ),
+    'npz without elevation': (lambda folder: _npz(folder, resolution=30.0), 'elevation'),
+    'npz without size': (lambda folder: _npz(folder, elevation=NORTH_FIRST), 'dx is None'),
+    'npz with a strange key': (
+        lambda folder: _npz(folder, elevation=NORTH_FIRST, resolution=1.0, height=1.0),
+        'no such key',
+    ),
+    'npz of objects': (
+        lambda folder: _npz(folder, elevation=np.array([None, 1]), resolution=1.0),
+        'a readable .npz file',
+    ),
+    'npz of one row': (
+        lambda folder: _npz(folder, elevation=np.arange(4.0), resolution=1.0),
+        'numbers .m. of shape .rows, columns.',
+    ),
+    'npz order': (
+        lambda folder: _npz(folder, elevation=NORTH_FIRST, resolution=1.0, row_order='east'),
+        'one of south, north',
+    ),
+}
+
+
+@pytest.mark.parametrize('name', BAD_FILES)
+def test_bad_file(tmp_path: Path, name: str) -> None:
+    """What cannot be used is one error that says what would be right."""
+    make, message = BAD_FILES[name]
+    with pytest.raises(LavaError, match=message):
+        load_terrain(make(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ('options', 'message'),
+    [
+        ({'epsg': 32634}, 'the file says EPSG:32633'),
+        ({'epsg': 1}, 'an EPSG code'),
+        ({'resolution': -1.0}, 'terrain.resolution'),
+        ({'resolution': 1e6}, 'cells a side'),
+        ({'offset': (1.0,)}, 'terrain.offset'),
+        ({'window': (0.0, 0.0, 1.0, 1.0)}, 'overlap the file, which covers x 500000 to 500030 m'),
+        ({'window': (0.0, 0.0)}, 'x0, y0, x1, y1'),
+        ({'window': 5.0}, 'x0, y0, x1, y1'),
+    ],
+)
+def test_bad_option(tmp_path: Path, options: dict[str, Any], message: str) -> None:
+    """An option that does not fit the file is one error that names it."""
+    path = write_tif(tmp_path / 'a.tif', FLOATS)
+    with pytest.raises(LavaError, match=message):
+        load_terrain(path, **options)
+
+
+def test_demo_terrain_is_where_the_sample_says() -> None:
+    """The demo's hills are the sample's, at the same longitude and latitude, the right way up."""
+    terrain = demo_terrain()
+    assert (terrain.epsg, terrain.resolution, terrain.origin) == (32616, 30.0, (0.0, 0.0))
+    assert terrain.has_data.all()
+    assert 200.0 < terrain.elevation.min() < 300.0 < 1000.0 < terrain.elevation.max() < 1080.0
+    x, y = centres(terrain)
+    here = np.s_[20:-20:25, 20:-20:25]
+    longitude, latitude = (
+        np.array(values)
+        for values in transform_points('EPSG:32616', 'EPSG:4326', x[here].ravel(), y[here].ravel())
+    )
+    with cbook.get_sample_data('jacksboro_fault_dem.npz') as sample:
+        step = float(sample['dx'])
+        column = np.floor((longitude - float(sample['xmin'])) / step).astype(int)
+        row = np.floor((float(sample['ymin']) - latitude) / step).astype(int)
+        expected = sample['elevation'][row, column]
+    # Half a cell of the sample on a slope of 1 in 2 is 23 m.
+    error = terrain.elevation[here].ravel() - expected
+    assert np.abs(error).max() < 45.0
+    assert abs(error.mean()) < 3.0
+
+
+@pytest.mark.skipif(not ETNA.exists(), reason='the Etna 2001 data is not beside the checkout')
+def test_etna_2001() -> None:
+    """The 10 m terrain of Mount Etna loads with its hole of one column."""
+    terrain = load_terrain(ETNA)
+    assert (terrain.shape, terrain.resolution) == ((819, 382), 10.0)
+    assert terrain.offset == (1_027_550.0, 4_183_020.0)
+    assert (~terrain.has_data).sum() == 819
+    # The file's first number is the north-west corner.
+    assert terrain.elevation[-1, 0] == np.float32(2201.57)
