@@ -9,6 +9,8 @@ from lava_ros.scene import Scene
 #: Smoothing kernels by name: equations 3.6 to 3.8 of the paper, and Wendland C2.
 KERNELS = ('wendland', 'poly6', 'spiky', 'visc')
 
+INTEGRATORS = ('rkl2', 'euler')
+
 PRECISIONS = ('float32', 'float64')
 
 
@@ -30,6 +32,7 @@ class Accuracy:
         courant_number: Largest displacement in a step over the smaller of kernel radius and
             terrain cell.
         longest_step: Longest step [s].
+        integrator: ``rkl2``, second-order super-time-stepping, or ``euler``, the explicit reference.
         precision: ``float32``, or ``float64`` as the reference.
     """
 
@@ -38,9 +41,10 @@ class Accuracy:
     ratio: float = 3.0
     kernel: str = 'wendland'
     raster_ratio: float = 1.0
-    diffusion_number: float = 1.0
-    courant_number: float = 0.25
+    diffusion_number: float = 1.6
+    courant_number: float = 0.5
     longest_step: float = 60.0
+    integrator: str = 'rkl2'
     precision: str = 'float32'
 
     def __post_init__(self) -> None:
@@ -65,6 +69,7 @@ class Accuracy:
             value = validation.number(f'accuracy.{name}', getattr(self, name), **limit)  # type: ignore[arg-type]
             object.__setattr__(self, name, value)
         validation.choice('accuracy.kernel', self.kernel, KERNELS)
+        validation.choice('accuracy.integrator', self.integrator, INTEGRATORS)
         validation.choice('accuracy.precision', self.precision, PRECISIONS)
 
 

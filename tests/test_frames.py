@@ -49,7 +49,7 @@ def snapshot(time: float) -> Snapshot:
         temperature=temperature.astype(np.float32),
         budget=VolumeBudget(1.0, 1.0, 0.0, 0.0),
         particle_count=1,
-        steps=StepReport(1, 1.0, 'diffusion'),
+        steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
     )
 
 

@@ -25,7 +25,7 @@ def _snapshot(thickness, celsius):
         temperature=np.array(celsius, dtype=np.float32) + np.float32(273.15),
         budget=VolumeBudget(1.0, 1.0, 0.0, 0.0),
         particle_count=1,
-        steps=StepReport(1, 1.0, 'diffusion'),
+        steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
     )
 
 

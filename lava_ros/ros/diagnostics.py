@@ -122,6 +122,7 @@ def simulation_status(
             'steps': steps.count,
             'step_s': f'{steps.length:.6g}',
             'step_limit': steps.limit,
+            'step_stages': steps.stages,
         }
     return _status('simulation', level, message, values)
 

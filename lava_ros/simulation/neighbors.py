@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.simulation.state import PARTICLES, State
+from lava_ros.simulation.state import PARTICLES, STAGE, State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
 
 
@@ -50,7 +50,7 @@ def cell_functions(real: Any) -> CellFunctions:
 
 
 @lru_cache
-def _kernels(real: Any) -> tuple[Any, Any, Any]:
+def _kernels(real: Any, is_staged: bool) -> tuple[Any, Any, Any]:
     vec4 = wp.types.vector(4, real)
     is_known = terrain_functions(real).is_known
     column_of, row_of = cell_functions(real)
@@ -73,7 +73,8 @@ def _kernels(real: Any) -> tuple[Any, Any, Any]:
             return
         p = particle[i]
         c = cells.rows * cells.columns
-        if is_known(known, terrain, p[0], p[1]):
+        # between the stages of a step nothing leaves: a stage may overshoot the border
+        if counts[STAGE] > 0 or is_known(known, terrain, p[0], p[1]):
             c = row_of(cells, p[1]) * cells.columns + column_of(cells, p[0])
         else:
             wp.atomic_add(left, 0, wp.float64(p[2]))
@@ -88,10 +89,20 @@ def _kernels(real: Any) -> tuple[Any, Any, Any]:
         rank: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         ordered: wp.array(dtype=vec4),
+        base: wp.array(dtype=vec4),
+        drift: wp.array(dtype=vec4),
+        ordered_base: wp.array(dtype=vec4),
+        ordered_drift: wp.array(dtype=vec4),
     ):
         i = wp.tid()
-        if i < counts[PARTICLES]:
-            ordered[starts[cell[i]] + rank[i]] = particle[i]
+        if i >= counts[PARTICLES]:
+            return
+        place = starts[cell[i]] + rank[i]
+        ordered[place] = particle[i]
+        if wp.static(is_staged):
+            if counts[STAGE] > 0:
+                ordered_base[place] = base[i]
+                ordered_drift[place] = drift[i]
 
     @wp.kernel(module='unique', enable_backward=False)
     def count_inside(
@@ -111,10 +122,9 @@ class NeighborGrid:
             last cell is the number of particles on the terrain.
     """
 
-    def __init__(self, terrain: StaggeredTerrain, radius: float, real: Any, device: Any) -> None:
+    def __init__(self, terrain: StaggeredTerrain, radius: float, device: Any) -> None:
         """Cover the terrain with cells of the given size [m]."""
         self._terrain = terrain
-        self._kernels = _kernels(real)
         self.frame = CellFrame()
         self.frame.x0, self.frame.y0 = terrain.frame.x0, terrain.frame.y0
         self.frame.size = radius
@@ -127,7 +137,7 @@ class NeighborGrid:
 
     def rebuild(self, state: State) -> None:
         """Sort ``state.particle`` into ``state.ordered`` and drop what left the terrain."""
-        bin_particles, order_particles, count_inside = self._kernels
+        bin_particles, order_particles, count_inside = _kernels(state.real, state.is_staged)
         self._sizes.zero_()
         wp.launch(
             bin_particles,
@@ -147,7 +157,14 @@ class NeighborGrid:
             order_particles,
             dim=state.capacity,
             inputs=[state.particle, state.counts, state.cell, state.rank, self.starts],
-            outputs=[state.ordered],
+            outputs=[
+                state.ordered,
+                *(
+                    (state.base, state.drift, state.ordered_base, state.ordered_drift)
+                    if state.is_staged
+                    else (None, None, None, None)
+                ),
+            ],
             device=state.device,
         )
         wp.launch(

@@ -23,26 +23,29 @@ from lava_ros.simulation.rheology import rheology_of
 from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
 from lava_ros.simulation.state import (
     centre_of,
+    EVALUATIONS,
     FULL,
     FULL_STEP,
     LIMIT,
     Particles,
     ParticleSample,
+    STAGE,
+    STAGES,
     State,
     STEPS,
     TARGET,
     TIME,
 )
 from lava_ros.simulation.terrain import StaggeredTerrain
-from lava_ros.simulation.timestep import choose_step, LIMITS, move_particles
+from lava_ros.simulation.timestep import choose_stage, finish_stage, LIMITS, move_particles
 from lava_ros.simulation.vents import VentSet
 from lava_ros.simulation.viscosity import spread_velocity
 
 #: Particles there is room for at the start; room doubles whenever half of it is taken.
 _FIRST_CAPACITY = 4096
 
-#: Steps between two looks at the clock: on CUDA they are one graph launch.
-_GRAPH_STEPS = 16
+#: Stages between two looks at the clock: on CUDA they are one graph launch.
+_GRAPH_STAGES = 16
 
 
 class Simulation:
@@ -88,7 +91,11 @@ class Simulation:
         self.particle_volume = float(np.float32(spacing * spacing * thickness))
         self.radius = self.accuracy.ratio * spacing
         self._state = State(
-            _FIRST_CAPACITY, self.effects, self.accuracy.precision, self._device
+            _FIRST_CAPACITY,
+            self.effects,
+            self.accuracy.precision,
+            self.accuracy.integrator == 'rkl2',
+            self._device,
         )
         self._emitted_before = 0.0
         self._place(scene.terrain)
@@ -127,9 +134,9 @@ class Simulation:
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
         self._write_clock(TARGET, until)
         while self.time < until and wall_clock.monotonic() < deadline:
-            self._run_steps()
+            self._run_stages()
             self._make_room()
-        self._write_clock(TARGET, self.time)
+        self._finish_step()
         return self.time
 
     def snapshot(self) -> Snapshot:
@@ -149,6 +156,8 @@ class Simulation:
             particle_count=self.particle_count,
             steps=StepReport(
                 count=int(counts[STEPS]),
+                evaluations=int(counts[EVALUATIONS]),
+                stages=int(counts[STAGES]),
                 length=float(clock[FULL_STEP]),
                 limit=LIMITS[int(counts[LIMIT])],
             ),
@@ -233,9 +242,7 @@ class Simulation:
         """Put a terrain and the grids that depend on it on the device."""
         accuracy = self.accuracy
         self._terrain = StaggeredTerrain(terrain, accuracy.precision, self._device)
-        self._neighbors = NeighborGrid(
-            self._terrain, self.radius, self._state.real, self._device
-        )
+        self._neighbors = NeighborGrid(self._terrain, self.radius, self._device)
         output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
         self._raster = Raster(
             self._terrain, output_radius, accuracy.kernel, accuracy.ratio, self._device
@@ -290,13 +297,14 @@ class Simulation:
             device=self._device,
         )
 
-    def _step(self) -> None:
-        """Take one time step: algorithm 1 of the paper."""
+    def _stage(self) -> None:
+        """Take one stage of a time step: algorithm 1 of the paper."""
         self._neighbors.rebuild(self._state)
         self._compute_velocity()
-        choose_step(self._state, self._longest_step())
+        choose_stage(self._state, self._longest_step())
         move_particles(self._state, self._heat)
         self._vents.emit(self._state)
+        finish_stage(self._state)
 
     def _compute_velocity(self) -> None:
         compute_flow(
@@ -311,18 +319,24 @@ class Simulation:
             self.accuracy.longest_step, self._vents.longest_step(self.accuracy.thickness)
         )
 
-    def _run_steps(self) -> None:
-        """Take one step on the CPU, or a graph of several on a GPU; past the target they idle."""
+    def _run_stages(self) -> None:
+        """Take one stage on the CPU, a graph of several on a GPU; past the target they idle."""
         if not self._device.is_cuda:
-            self._step()
+            self._stage()
             return
         if self._graph is None:
-            self._step()
+            self._stage()
             with wp.ScopedCapture(device=self._device) as capture:
-                for _ in range(_GRAPH_STEPS):
-                    self._step()
+                for _ in range(_GRAPH_STAGES):
+                    self._stage()
             self._graph = capture.graph
         wp.capture_launch(self._graph)
+
+    def _finish_step(self) -> None:
+        """Take the stages that the step at hand still needs, and begin no other."""
+        self._write_clock(TARGET, self.time)
+        while self._state.counts.numpy()[STAGE]:
+            self._run_stages()
 
     def _make_room(self) -> None:
         """Double the room for particles when it is half full or a vent found none."""

@@ -37,11 +37,15 @@ class StepReport:
 
     Attributes:
         count: Time steps taken since the start.
+        evaluations: Velocity evaluations taken: the sum of the steps' stages.
+        stages: Stages of the latest step.
         length: Length of the latest full step [s].
         limit: What bounded that step: ``diffusion``, ``advection`` or ``longest``.
     """
 
     count: int
+    evaluations: int
+    stages: int
     length: float
     limit: str
 

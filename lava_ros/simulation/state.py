@@ -16,11 +16,21 @@ STEP = wp.constant(1)
 TARGET = wp.constant(2)
 FULL_STEP = wp.constant(3)
 
+# Places in State.stage: the weights of the Runge-Kutta stage at hand.
+FORMER = wp.constant(0)
+BEFORE_FORMER = wp.constant(1)
+VELOCITY = wp.constant(2)
+FIRST_VELOCITY = wp.constant(3)
+
 # Places in State.counts.
 PARTICLES = wp.constant(0)
 STEPS = wp.constant(1)
 LIMIT = wp.constant(2)
 FULL = wp.constant(3)
+STAGE = wp.constant(4)
+STAGES = wp.constant(5)
+IS_LAST = wp.constant(6)
+EVALUATIONS = wp.constant(7)
 
 # Places in State.rates: reciprocals of the longest step each limit allows [1/s].
 DIFFUSION = wp.constant(0)
@@ -93,26 +103,36 @@ class State:
     Attributes:
         particle: x, y [m], volume [m3], temperature [K] of each particle, shape [capacity].
         ordered: The same in the order of the neighbour grid's cells.
+        base: Position at the start of the step [m] and displacement since then two stages ago [m],
+            of each particle, shape [capacity]; none with the Euler integrator.
+        drift: Displacement a stage ago [m] and velocity at the start of the step [m/s], likewise.
         flow: Thickness [m], velocity x and y [m/s], of each ordered particle, shape [capacity].
         drive: Only with the Green's function: thickness times local velocity, x and y [m2/s], and
             the area V/h [m2] of each ordered particle, shape [capacity].
         clock: Simulated time, step, target time and latest full step [s], float64.
-        counts: Particles, steps, what limited the step, and whether the capacity was reached.
+        counts: Particles, steps, what limited the step, whether the capacity was reached; then the
+            stage at hand (0 between steps), the stages of the step, whether it is the last one,
+            and the velocity evaluations so far.
+        stage: Weights of the stage at hand.
         rates: Reciprocal of the step each limit allows [1/s].
         left: Volume that has left the terrain [m3], float64.
     """
 
-    def __init__(self, capacity: int, effects: Effects, precision: str, device: Any) -> None:
+    def __init__(
+        self, capacity: int, effects: Effects, precision: str, is_staged: bool, device: Any
+    ) -> None:
         """Allocate for ``capacity`` particles."""
         self.real = REAL[precision]
         self.vec2 = wp.types.vector(2, self.real)
         self.vec3 = wp.types.vector(3, self.real)
         self.vec4 = wp.types.vector(4, self.real)
         self.effects = effects
+        self.is_staged = is_staged
         self.device = device
         self.clock = wp.zeros(4, dtype=wp.float64, device=device)
-        self.counts = wp.zeros(4, dtype=wp.int32, device=device)
+        self.counts = wp.zeros(8, dtype=wp.int32, device=device)
         self.rates = wp.zeros(2, dtype=self.real, device=device)
+        self.stage = wp.zeros(4, dtype=self.real, device=device)
         self.left = wp.zeros(1, dtype=wp.float64, device=device)
         self.capacity = 0
         self._allocate(capacity)
@@ -124,15 +144,23 @@ class State:
         self.flow = wp.zeros(capacity, dtype=self.vec3, device=self.device)
         self.cell = wp.zeros(capacity, dtype=wp.int32, device=self.device)
         self.rank = wp.zeros(capacity, dtype=wp.int32, device=self.device)
+        if self.is_staged:
+            self.base = wp.zeros(capacity, dtype=self.vec4, device=self.device)
+            self.drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
+            self.ordered_base = wp.zeros(capacity, dtype=self.vec4, device=self.device)
+            self.ordered_drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
         if self.effects.green:
             self.drive = wp.zeros(capacity, dtype=self.vec3, device=self.device)
 
     def grow(self, capacity: int) -> None:
         """Make room for ``capacity`` particles and keep those there are."""
-        kept, count = self.particle, self.count
+        names = ('particle', 'base', 'drift') if self.is_staged else ('particle',)
+        kept = {name: getattr(self, name) for name in names}
+        count = self.count
         self._allocate(capacity)
-        if count:
-            wp.copy(self.particle, kept, count=count)
+        for name, values in kept.items():
+            if count:
+                wp.copy(getattr(self, name), values, count=count)
         counts = self.counts.numpy()
         counts[FULL] = 0
         self.counts.assign(counts)

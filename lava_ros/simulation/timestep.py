@@ -1,4 +1,11 @@
-"""The choice of the time step and the motion over it, on the device."""
+"""Time integration: the choice of the step and the motion over it, on the device.
+
+Particles move with dx/dt = u(x), and u follows the surface gradient: a stiff, diffusive system.
+It is integrated by RKL2, the super-time-stepping of Meyer, Balsara & Aslam (2014, J. Comput. Phys.
+257): second order, s velocity evaluations cover (s^2 + s - 2) / 4 explicit steps. Explicit Euler is
+the case of one stage. Steps and stages are chosen on the device; one launch of the kernels is one
+stage, so the host needs to know neither.
+"""
 
 from functools import lru_cache
 from typing import Any
@@ -8,59 +15,121 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.simulation.heat import cooled_function, HeatConstants
 from lava_ros.simulation.state import (
+    BEFORE_FORMER,
+    EVALUATIONS,
+    FIRST_VELOCITY,
+    FORMER,
     FULL_STEP,
+    IS_LAST,
     LIMIT,
     PARTICLES,
+    STAGE,
+    STAGES,
     State,
     STEP,
     STEPS,
     TARGET,
     TIME,
+    VELOCITY,
 )
 
 #: What can bound a step, by its number in ``State.counts[LIMIT]``.
 LIMITS = ('longest', 'diffusion', 'advection')
 
+#: Most stages of a step: more would lose digits, not gain steps.
+MOST_STAGES = 64
+
+
+@wp.func
+def _b(j: int) -> wp.float64:
+    """Coefficient b_j of RKL2 (Meyer et al. 2014, equation 16)."""
+    if j < 2:
+        return wp.float64(1.0) / wp.float64(3.0)
+    square = wp.float64(j * j + j)
+    return (square - wp.float64(2.0)) / (wp.float64(2.0) * square)
+
 
 @lru_cache
-def _step_kernel(real: Any) -> Any:
+def _stage_kernel(real: Any, is_staged: bool) -> Any:
     @wp.kernel(module='unique', enable_backward=False)
-    def choose_step(
+    def choose_stage(
         longest: wp.float64,
         rates: wp.array(dtype=real),
         clock: wp.array(dtype=wp.float64),
         counts: wp.array(dtype=wp.int32),
+        stage: wp.array(dtype=real),
     ):
-        """Take the shortest limit and advance the clock, ending exactly at the target."""
-        step = longest
-        limit = int(0)
-        for kind in range(2):
-            rate = wp.float64(rates[kind])
-            if rate * step > wp.float64(1.0):
-                step = wp.float64(1.0) / rate
-                limit = kind + 1
-        remaining = clock[TARGET] - clock[TIME]
-        if remaining <= wp.float64(0.0):
-            clock[STEP] = wp.float64(0.0)
-            return
-        clock[FULL_STEP] = step
-        counts[LIMIT] = limit
-        counts[STEPS] = counts[STEPS] + 1
-        if remaining <= step:
-            clock[STEP] = remaining
-            clock[TIME] = clock[TARGET]
-            return
-        if remaining < wp.float64(2.0) * step:
-            # two equal steps rather than a full one and a sliver
-            step = wp.float64(0.5) * remaining
-        clock[STEP] = step
-        clock[TIME] = clock[TIME] + step
+        """Begin a step or go on to its next stage; the last stage advances the clock."""
+        one = wp.float64(1.0)
+        if counts[STAGE] == 0:
+            remaining = clock[TARGET] - clock[TIME]
+            if remaining <= wp.float64(0.0):
+                clock[STEP] = wp.float64(0.0)
+                counts[IS_LAST] = 1
+                stage[VELOCITY] = real(0.0)
+                return
+            step = longest
+            limit = int(0)
+            explicit = longest
+            if wp.float64(rates[0]) * longest > one:
+                explicit = one / wp.float64(rates[0])
+            if wp.static(is_staged):
+                most = wp.float64(wp.static(0.25 * (MOST_STAGES**2 + MOST_STAGES - 2)))
+                explicit_limit = most * explicit
+                if explicit_limit < step:
+                    step = explicit_limit
+                    limit = int(1)
+            else:
+                if explicit < step:
+                    step = explicit
+                    limit = int(1)
+            if wp.float64(rates[1]) * step > one:
+                step = one / wp.float64(rates[1])
+                limit = int(2)
+            clock[FULL_STEP] = step
+            counts[LIMIT] = limit
+            counts[STEPS] = counts[STEPS] + 1
+            if remaining <= step:
+                step = remaining
+            elif remaining < wp.float64(2.0) * step:
+                # two equal steps rather than a full one and a sliver
+                step = wp.float64(0.5) * remaining
+            clock[STEP] = step
+            stages = int(1)
+            if wp.static(is_staged):
+                # (s^2 + s - 2) / 4 explicit steps are at least this step
+                root = wp.sqrt(wp.float64(9.0) + wp.float64(16.0) * step / explicit)
+                stages = wp.max(2, int(wp.ceil(wp.float64(0.5) * (root - one) - wp.float64(1e-9))))
+            counts[STAGES] = stages
+        j = counts[STAGE] + 1
+        s = counts[STAGES]
+        counts[STAGE] = j
+        counts[EVALUATIONS] = counts[EVALUATIONS] + 1
+        if s == 1:
+            stage[VELOCITY] = real(clock[STEP])
+        else:
+            w = wp.float64(4.0) / wp.float64(s * s + s - 2)
+            if j == 1:
+                stage[VELOCITY] = real(_b(1) * w * clock[STEP])
+            else:
+                n = wp.float64(j)
+                mu = (wp.float64(2.0) * n - one) / n * _b(j) / _b(j - 1)
+                stage[FORMER] = real(mu)
+                stage[BEFORE_FORMER] = real(-(n - one) / n * _b(j) / _b(j - 2))
+                stage[VELOCITY] = real(mu * w * clock[STEP])
+                stage[FIRST_VELOCITY] = real(-(one - _b(j - 1)) * mu * w * clock[STEP])
+        counts[IS_LAST] = 0
+        if j == s:
+            counts[IS_LAST] = 1
+            clock[TIME] = clock[TIME] + clock[STEP]
+            if clock[TARGET] - clock[TIME] < wp.float64(1e-9) * clock[STEP]:
+                clock[TIME] = clock[TARGET]
 
-    return choose_step
+    return choose_stage
 
 
 @lru_cache
-def _move_kernel(real: Any, effects: Effects) -> Any:
+def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     cooled = cooled_function(real)
@@ -72,45 +141,101 @@ def _move_kernel(real: Any, effects: Effects) -> Any:
         flow: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
         clock: wp.array(dtype=wp.float64),
+        stage: wp.array(dtype=real),
         heat: HeatConstants,
+        ordered_base: wp.array(dtype=vec4),
+        ordered_drift: wp.array(dtype=vec4),
         particle: wp.array(dtype=vec4),
+        base: wp.array(dtype=vec4),
+        drift: wp.array(dtype=vec4),
     ):
         i = wp.tid()
         if i >= counts[PARTICLES]:
             return
-        step = real(clock[STEP])
         p = ordered[i]
         f = flow[i]
+        x = p[0]
+        y = p[1]
+        dx = stage[VELOCITY] * f[1]
+        dy = stage[VELOCITY] * f[2]
+        if wp.static(is_staged):
+            # displacements, not positions, are combined: a float32 keeps their digits
+            if counts[STAGE] <= 1:
+                base[i] = vec4(x, y, real(0.0), real(0.0))
+                drift[i] = vec4(dx, dy, f[1], f[2])
+            else:
+                b = ordered_base[i]
+                d = ordered_drift[i]
+                dx += (
+                    stage[FORMER] * d[0]
+                    + stage[BEFORE_FORMER] * b[2]
+                    + stage[FIRST_VELOCITY] * d[2]
+                )
+                dy += (
+                    stage[FORMER] * d[1]
+                    + stage[BEFORE_FORMER] * b[3]
+                    + stage[FIRST_VELOCITY] * d[3]
+                )
+                x = b[0]
+                y = b[1]
+                base[i] = vec4(x, y, d[0], d[1])
+                drift[i] = vec4(dx, dy, d[2], d[3])
         temperature = p[3]
         if wp.static(cooling):
-            temperature = cooled(heat, f[0], temperature, step)
-        particle[i] = vec4(p[0] + step * f[1], p[1] + step * f[2], p[2], temperature)
+            if counts[IS_LAST] == 1:
+                temperature = cooled(heat, f[0], temperature, real(clock[STEP]))
+        particle[i] = vec4(x + dx, y + dy, p[2], temperature)
 
     return move
 
 
-def choose_step(state: State, longest: float) -> None:
-    """Set the step from the rates in the state and advance the clock by it.
+@lru_cache
+def _finish_kernel() -> Any:
+    @wp.kernel(module='unique', enable_backward=False)
+    def finish_stage(counts: wp.array(dtype=wp.int32)):
+        if counts[IS_LAST] == 1:
+            counts[STAGE] = 0
+
+    return finish_stage
+
+
+def choose_stage(state: State, longest: float) -> None:
+    """Begin a step, bounded by the rates in the state, or go on to its next stage.
 
     Args:
-        state: The particles; its rates bound the step.
+        state: The particles.
         longest: Longest step [s].
     """
     wp.launch(
-        _step_kernel(state.real),
+        _stage_kernel(state.real, state.is_staged),
         dim=1,
         inputs=[longest, state.rates],
-        outputs=[state.clock, state.counts],
+        outputs=[state.clock, state.counts, state.stage],
         device=state.device,
     )
 
 
 def move_particles(state: State, heat: HeatConstants) -> None:
-    """Move and cool the ordered particles over the step and put them in ``state.particle``."""
+    """Move the ordered particles over the stage, cool them at the end of the step."""
+    staged = (state.base, state.drift) if state.is_staged else (None, None)
+    ordered = (state.ordered_base, state.ordered_drift) if state.is_staged else (None, None)
     wp.launch(
-        _move_kernel(state.real, state.effects),
+        _move_kernel(state.real, state.effects, state.is_staged),
         dim=state.capacity,
-        inputs=[state.ordered, state.flow, state.counts, state.clock, heat],
-        outputs=[state.particle],
+        inputs=[
+            state.ordered,
+            state.flow,
+            state.counts,
+            state.clock,
+            state.stage,
+            heat,
+            *ordered,
+        ],
+        outputs=[state.particle, *staged],
         device=state.device,
     )
+
+
+def finish_stage(state: State) -> None:
+    """After the last stage of a step, stand between steps."""
+    wp.launch(_finish_kernel(), dim=1, outputs=[state.counts], device=state.device)

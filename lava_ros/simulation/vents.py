@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from lava_ros.scene import Vent
-from lava_ros.simulation.state import FULL, PARTICLES, REAL, State, TIME
+from lava_ros.simulation.state import FULL, IS_LAST, PARTICLES, REAL, State, TIME
 
 
 @lru_cache
@@ -32,6 +32,8 @@ def _kernel(real: Any) -> Any:
     ):
         """Release the whole particles that the discharge up to now makes and are not out yet."""
         v = wp.tid()
+        if counts[IS_LAST] == 0:
+            return
         time = clock[TIME]
         k = starts[v]
         if time < times[k]:

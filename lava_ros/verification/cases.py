@@ -126,6 +126,7 @@ class Spread:
     profile_error: float
     scatter: float
     steps: int
+    evaluations: int
 
 
 def spread_of_fixed_volume(
@@ -181,4 +182,5 @@ def spread_of_fixed_volume(
         profile_error=float(np.abs(sample.thickness - expected).mean() / expected.mean()),
         scatter=float((sample.thickness[inner] / expected[inner]).std()),
         steps=simulation.snapshot().steps.count,
+        evaluations=simulation.snapshot().steps.evaluations,
     )

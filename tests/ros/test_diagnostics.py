@@ -28,7 +28,7 @@ def _snapshot(**budget):
         temperature=np.zeros((2, 2), np.float32),
         budget=VolumeBudget(**amounts),
         particle_count=3,
-        steps=StepReport(40, 0.25, 'advection'),
+        steps=StepReport(40, 40, 1, 0.25, 'advection'),
     )
 
 
@@ -85,6 +85,7 @@ def test_simulation_values():
         'steps': '40',
         'step_s': '0.25',
         'step_limit': 'advection',
+        'step_stages': '1',
     }
 
 

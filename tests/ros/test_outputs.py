@@ -16,7 +16,7 @@ SNAPSHOT = Snapshot(
     temperature=np.full((2, 3), 1273.15, np.float32),
     budget=VolumeBudget(1.0, 1.0, 0.0, 0.0),
     particle_count=1,
-    steps=StepReport(1, 1.0, 'diffusion'),
+    steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
 )
 
 

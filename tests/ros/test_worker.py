@@ -55,7 +55,7 @@ class KeepsTime:
             temperature=np.full(self.scene.terrain.shape, np.nan, np.float32),
             budget=VolumeBudget(emitted, emitted, 0.0, 0.0),
             particle_count=0,
-            steps=StepReport(1, 1.0, 'longest'),
+            steps=StepReport(1, 1, 1, 1.0, 'longest'),
         )
 
     def set_vents(self, vents):

@@ -14,7 +14,7 @@ from lava_ros.verification.cases import green_response, sheet_on_slope
 BARE = Effects(arrhenius=False, cooling=False, steep=False)
 
 
-def scattered(device, precision='float64', **options):
+def scattered(device, accuracy=None, **options):
     """A simulation of 500 random particles on a wavy terrain, and the particles."""
     rng = np.random.default_rng(7)
     x = np.arange(30) * 10.0
@@ -26,7 +26,7 @@ def scattered(device, precision='float64', **options):
     )
     simulation = Simulation(
         Scene(terrain, lava=Lava(viscosity=1e4)),
-        accuracy=Accuracy(spacing=9.0, thickness=1.0, precision=precision),
+        accuracy=accuracy or Accuracy(spacing=9.0, thickness=1.0, precision='float64'),
         particles=particles,
         device=device,
         **options,
@@ -37,7 +37,8 @@ def scattered(device, precision='float64', **options):
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
 def test_thickness_is_the_sum_over_all_pairs(device, precision):
     """The neighbour grid finds every pair: thickness equals the direct sum (3.9)."""
-    simulation, given = scattered(device, precision, effects=BARE)
+    accuracy = Accuracy(spacing=9.0, thickness=1.0, precision=precision)
+    simulation, given = scattered(device, accuracy, effects=BARE)
     sample = simulation.sample()
     distance = np.linalg.norm(sample.position[:, None] - given.position[None], axis=-1)
     q = np.clip(distance / simulation.radius, 0, 1)
@@ -131,13 +132,21 @@ def test_viscosity_follows_arrhenius(device):
     assert speeds[1] / speeds[0] == pytest.approx(math.exp(-0.8), rel=1e-5)
 
 
-def test_steps_beyond_the_limit_are_not_taken(device):
-    """The step never exceeds the stable 2 l^2 / (stiffness D) nor the displacement limit."""
-    simulation, _ = scattered(device, effects=BARE)
-    simulation.advance(50.0)
-    sample = simulation.sample()
-    diffusivity = (2500.0 * 9.81 * sample.thickness**3 / (3 * 1e4)).max()
-    simulation.advance(50.0 + 1e3, wall_limit=0.0)
-    steps = simulation.snapshot().steps
-    assert steps.limit == 'diffusion' or steps.limit == 'advection'
-    assert steps.length <= 1.05 * simulation.radius**2 / (10.18 * diffusivity)
+@pytest.mark.parametrize('integrator', ['euler', 'rkl2'])
+def test_steps_beyond_the_limit_are_not_taken(device, integrator):
+    """No step moves a particle too far, and no Euler step exceeds the stable one."""
+    simulation, _ = scattered(
+        device, effects=BARE, accuracy=Accuracy(spacing=9.0, thickness=1.0, integrator=integrator)
+    )
+    for time in (5.0, 20.0, 50.0):
+        simulation.advance(time)
+        before = simulation.sample()
+        diffusivity = (2500.0 * 9.81 * before.thickness**3 / (3 * 1e4)).max()
+        speed = np.linalg.norm(before.velocity, axis=1).max()
+        simulation.advance(time + 1e-3)
+        steps = simulation.snapshot().steps
+        assert steps.limit in ('diffusion', 'advection')
+        reach = simulation.accuracy.courant_number * min(simulation.radius, 10.0)
+        assert steps.length * speed <= 1.001 * reach
+        if integrator == 'euler':
+            assert steps.length <= 2.0 * simulation.radius**2 / (10.18 * diffusivity)

@@ -1,0 +1,77 @@
+"""Time integration: order, stability and cost of super-time-stepping."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.verification.cases import spread_of_fixed_volume
+
+
+def relaxed(
+    longest_step, integrator='rkl2', precision='float64', device='cpu', viscosity=2e4
+):
+    """Positions of a heap of particles after 20 s, in their first order, and the evaluations."""
+    ticks = np.arange(-9.0, 10.0)
+    places = np.stack(np.meshgrid(ticks, ticks), -1).reshape(-1, 2)
+    places = places[np.hypot(*places.T) < 9.0]
+    # each particle has a temperature of its own, which tells it from the others
+    label = 1000.0 + np.arange(len(places))
+    simulation = Simulation(
+        Scene(Terrain(np.zeros((40, 40)), 1.0, origin=(-20.0, -20.0)), lava=Lava(viscosity=viscosity)),
+        effects=Effects(arrhenius=False, cooling=False, steep=False),
+        accuracy=Accuracy(
+            spacing=1.0,
+            thickness=1.0,
+            longest_step=longest_step,
+            courant_number=0.5,
+            integrator=integrator,
+            precision=precision,
+        ),
+        particles=Particles(places, 0.5 + 0.5 * np.exp(-0.02 * (places**2).sum(axis=1)), label),
+        device=device,
+    )
+    simulation.advance(20.0)
+    sample = simulation.sample()
+    steps = simulation.snapshot().steps
+    return sample.position[np.argsort(sample.temperature)], steps
+
+
+def test_order_in_time_is_two():
+    """Halving the step divides the error of RKL2 by four, of Euler by two."""
+    reference, _ = relaxed(0.0025)
+    for integrator, order in (('rkl2', 2.0), ('euler', 1.0)):
+        steps = (0.2, 0.1, 0.05)
+        errors = [
+            np.linalg.norm(relaxed(step, integrator)[0] - reference, axis=1).mean()
+            for step in steps
+        ]
+        measured = [math.log2(errors[0] / errors[1]), math.log2(errors[1] / errors[2])]
+        assert measured == pytest.approx([order, order], abs=0.2)
+
+
+@pytest.mark.parametrize('precision', ['float32', 'float64'])
+def test_many_stages_stay_stable(device, precision):
+    """Steps of many stages of a stiff heap stay close to small explicit ones: no noise."""
+    reference, explicit = relaxed(5.0, 'euler', viscosity=200.0)
+    position, steps = relaxed(5.0, precision=precision, device=device, viscosity=200.0)
+    assert steps.evaluations > 4 * steps.count
+    assert explicit.evaluations > 1.5 * steps.evaluations
+    spread = np.linalg.norm(reference, axis=1).max() - 9.0
+    assert spread > 2.0
+    assert np.linalg.norm(position - reference, axis=1).mean() < 0.03 * spread
+
+
+def test_super_time_steps_are_cheaper_than_explicit_ones():
+    """At no more error, RKL2 evaluates the velocity at least three times less than Euler."""
+    euler = spread_of_fixed_volume(
+        8000, accuracy=Accuracy(integrator='euler', diffusion_number=2.0, courant_number=0.5)
+    )
+    rkl2 = spread_of_fixed_volume(8000, accuracy=Accuracy(diffusion_number=2.0))
+    assert rkl2.radius.error <= euler.radius.error
+    assert rkl2.profile_error <= euler.profile_error
+    assert euler.evaluations >= 3 * rkl2.evaluations
