@@ -1,3 +1,17 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The knobs that trade accuracy for time."""
 
 from dataclasses import dataclass, fields
@@ -32,7 +46,7 @@ class Accuracy:
         courant_number: Largest displacement in a step over the smaller of kernel radius and
             terrain cell.
         longest_step: Longest step [s].
-        integrator: ``rkl2``, second-order super-time-stepping, or ``euler``, the explicit reference.
+        integrator: ``rkl2``, second-order super-time-stepping, or ``euler``, the reference.
         precision: ``float32``, or ``float64`` as the reference.
     """
 

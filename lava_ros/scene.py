@@ -1,3 +1,17 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """What the user describes: terrain, vents, lava and the scene they make.
 
 Everything here is plain data in SI units (metres, seconds, kelvin) and validates itself: a scene
@@ -88,7 +102,7 @@ class Terrain:
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns of the grid."""
-        return self.elevation.shape  # type: ignore[return-value]
+        return self.elevation.shape
 
     @property
     def extent(self) -> tuple[float, float, float, float]:
@@ -131,7 +145,7 @@ class Vent:
     Attributes:
         position: Centre of the disc, or one end of the fissure, (x, y) [m] in the map frame.
         discharge: Volume flux [m3/s]: a constant, or a series of (time [s], flux [m3/s]) pairs of
-            increasing time. Each flux holds from its time until the next; before the first it is 0.
+            increasing time. Each flux holds from its time until the next; before the first, 0.
         temperature: Temperature of the erupting lava [K].
         radius: Radius of the disc, or half the width of the fissure [m].
         end: The other end of the fissure, (x, y) [m], None for a disc.
@@ -175,7 +189,7 @@ class Vent:
         """The discharge as (time [s], flux [m3/s]) pairs; a constant starts at minus infinity."""
         if isinstance(self.discharge, float):
             return ((-math.inf, self.discharge),)
-        return tuple(self.discharge)  # type: ignore[arg-type]
+        return tuple(self.discharge)
 
     def volume_between(self, start: float, end: float) -> float:
         """Volume [m3] the vent emits from ``start`` to ``end`` [s]: the exact integral."""
@@ -378,7 +392,7 @@ def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scen
             allowed=['file', 'epsg', 'resolution', 'offset', 'window'],
             required=['file'],
         )
-        terrain = load_terrain(path.parent / str(options.pop('file')), **options)
+        terrain = load_terrain(path.parent / str(options.pop('file')), **options)  # type: ignore[arg-type]
     lava_names = [item.name for item in fields(Lava)]
     lava = validation.keys('scene.lava', data.get('lava', {}), allowed=lava_names)
     rest: Mapping[str, Any] = {

@@ -1,3 +1,17 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Checks of values that come from outside: each returns the clean value or raises LavaError."""
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -50,7 +64,8 @@ def pair(field: str, value: object, *, unit: str = 'm') -> tuple[float, float]:
     Raises:
         LavaError: The value is not a sequence of two finite numbers.
     """
-    if isinstance(value, str) or not isinstance(value, Sequence) and not hasattr(value, 'tolist'):
+    is_sequence = isinstance(value, Sequence) or hasattr(value, 'tolist')
+    if isinstance(value, str) or not is_sequence:
         raise LavaError(field, value, f'two numbers [x, y] {unit}')
     items = list(value)  # type: ignore[call-overload]
     if len(items) != 2:
@@ -86,7 +101,8 @@ def keys(
         raise LavaError(field, value, f'a mapping with keys {", ".join(names)}')
     for key in value:
         if key not in names:
-            raise LavaError(f'{field}.{key}', value[key], f'no such key; one of {", ".join(names)}')
+            known = ', '.join(names)
+            raise LavaError(f'{field}.{key}', value[key], f'no such key; one of {known}')
     for key in required:
         if key not in value:
             raise LavaError(f'{field}.{key}', None, 'a value: this key is required')

@@ -1,3 +1,17 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Smoothing kernels in two dimensions and the Bessel functions of the Green's function.
 
 Each smoothing kernel of radius l is W(r) = norm / l^2 * shape(r / l), and its gradient is
@@ -102,12 +116,14 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
     def no_excess(x: real) -> real:
         return real(0.0)
 
-    return {
-        'wendland': SmoothingKernel(7.0 / math.pi, wendland_shape, wendland_slope, 10.18, 5.09, wendland_excess),
-        'poly6': SmoothingKernel(4.0 / math.pi, poly6_shape, poly6_slope, 6.76, 4.10, no_excess),
-        'spiky': SmoothingKernel(10.0 / math.pi, spiky_shape, spiky_slope, 10.28, 5.31, spiky_excess),
-        'visc': SmoothingKernel(10.0 / (9.0 * math.pi), visc_shape, visc_slope, 13.62, 6.78, no_excess),
-    }[name]
+    norms = {'wendland': 7.0, 'poly6': 4.0, 'spiky': 10.0, 'visc': 10.0 / 9.0}
+    functions = {
+        'wendland': (wendland_shape, wendland_slope, 10.18, 5.09, wendland_excess),
+        'poly6': (poly6_shape, poly6_slope, 6.76, 4.10, no_excess),
+        'spiky': (spiky_shape, spiky_slope, 10.28, 5.31, spiky_excess),
+        'visc': (visc_shape, visc_slope, 13.62, 6.78, no_excess),
+    }
+    return SmoothingKernel(norms[name] / math.pi, *functions[name])
 
 
 class Bessel(NamedTuple):
@@ -129,13 +145,13 @@ def bessel(real: Any) -> Bessel:
     def i0_small(x: real) -> real:
         t = x * x / real(14.0625)
         return real(1.0) + t * (real(3.5156229) + t * (real(3.0899424) + t * (real(1.2067492)
-               + t * (real(0.2659732) + t * (real(0.0360768) + t * real(0.0045813))))))  # fmt: skip
+               + t * (real(0.2659732) + t * (real(0.0360768) + t * real(0.0045813))))))
 
     @wp.func
     def i1_over_x_small(x: real) -> real:
         t = x * x / real(14.0625)
         return real(0.5) + t * (real(0.87890594) + t * (real(0.51498869) + t * (real(0.15084934)
-               + t * (real(0.02658733) + t * (real(0.00301532) + t * real(0.00032411))))))  # fmt: skip
+               + t * (real(0.02658733) + t * (real(0.00301532) + t * real(0.00032411))))))
 
     @wp.func
     def k0(x: real) -> real:
@@ -143,11 +159,11 @@ def bessel(real: Any) -> Bessel:
             t = real(0.25) * x * x
             return -wp.log(real(0.5) * x) * i0_small(x) + (real(-0.57721566) + t * (
                 real(0.42278420) + t * (real(0.23069756) + t * (real(0.03488590) + t * (
-                    real(0.00262698) + t * (real(0.00010750) + t * real(0.00000740)))))))  # fmt: skip
+                    real(0.00262698) + t * (real(0.00010750) + t * real(0.00000740)))))))
         t = real(2.0) / x
         return wp.exp(-x) / wp.sqrt(x) * (real(1.25331414) + t * (real(-0.07832358) + t * (
             real(0.02189568) + t * (real(-0.01062446) + t * (real(0.00587872) + t * (
-                real(-0.00251540) + t * real(0.00053208)))))))  # fmt: skip
+                real(-0.00251540) + t * real(0.00053208)))))))
 
     @wp.func
     def x_k1(x: real) -> real:
@@ -155,10 +171,10 @@ def bessel(real: Any) -> Bessel:
             t = real(0.25) * x * x
             return x * x * wp.log(real(0.5) * x) * i1_over_x_small(x) + (real(1.0) + t * (
                 real(0.15443144) + t * (real(-0.67278579) + t * (real(-0.18156897) + t * (
-                    real(-0.01919402) + t * (real(-0.00110404) + t * real(-0.00004686)))))))  # fmt: skip
+                    real(-0.01919402) + t * (real(-0.00110404) + t * real(-0.00004686)))))))
         t = real(2.0) / x
         return wp.exp(-x) * wp.sqrt(x) * (real(1.25331414) + t * (real(0.23498619) + t * (
             real(-0.03655620) + t * (real(0.01504268) + t * (real(-0.00780353) + t * (
-                real(0.00325614) + t * real(-0.00068245)))))))  # fmt: skip
+                real(0.00325614) + t * real(-0.00068245)))))))
 
     return Bessel(k0, x_k1)

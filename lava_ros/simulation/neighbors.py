@@ -1,3 +1,17 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The neighbour grid (section 3.2.1): particles sorted by cells as wide as the kernel radius.
 
 Cells are numbered row by row, so the 3 x 3 cells around a particle are three contiguous ranges of
@@ -99,7 +113,7 @@ def _kernels(real: Any, is_staged: bool) -> tuple[Any, Any, Any]:
             return
         place = starts[cell[i]] + rank[i]
         ordered[place] = particle[i]
-        if wp.static(is_staged):
+        if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
             if counts[STAGE] > 0:
                 ordered_base[place] = base[i]
                 ordered_drift[place] = drift[i]

@@ -1,3 +1,17 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The simulation of a scene: algorithm 1 of the paper with a step that follows the limits."""
 
 from collections.abc import Iterable
@@ -98,6 +112,7 @@ class Simulation:
             self._device,
         )
         self._emitted_before = 0.0
+        self._graph: Any = None
         self._place(scene.terrain)
         self._start_with(particles)
         self._vents = self._vent_set(scene.vents, since=0.0, carried=[0.0] * len(scene.vents))
@@ -202,7 +217,7 @@ class Simulation:
             return
         now = self.time
         conduits: dict[Any, float] = {}
-        for vent, volume in zip(self._vents.vents, self._vents.pending(now)):
+        for vent, volume in zip(self._vents.vents, self._vents.pending(now), strict=True):
             place = (vent.position, vent.end)
             conduits[place] = conduits.get(place, 0.0) + float(volume)
         carried = [conduits.pop((vent.position, vent.end), 0.0) for vent in vents]
@@ -258,7 +273,7 @@ class Simulation:
         self._flow_kernel = flow_kernel(
             self._state.real, accuracy.kernel, accuracy.ratio, self.effects
         )
-        self._graph: Any = None
+        self._graph = None
 
     def _start_with(self, particles: Particles | None) -> None:
         if particles is None:

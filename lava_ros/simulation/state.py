@@ -1,3 +1,17 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The arrays of a simulation on its device, and the particles a caller may start from."""
 
 from dataclasses import dataclass
@@ -62,7 +76,9 @@ class Particles:
         position = np.array(self.position, dtype=np.float64)
         if position.ndim != 2 or position.shape[1] != 2 or not np.isfinite(position).all():
             raise LavaError(
-                'particles.position', f'array of shape {position.shape}', 'finite [count, 2] metres'
+                'particles.position',
+                f'array of shape {position.shape}',
+                'finite metres, shape [count, 2]',
             )
         object.__setattr__(self, 'position', position)
         for name in ('volume', 'temperature'):
@@ -171,7 +187,7 @@ class State:
         return int(self.counts.numpy()[PARTICLES])
 
     def write_particles(self, values: np.ndarray) -> None:
-        """Replace all particles by rows of (x, y, volume, temperature), x and y from the centre."""
+        """Replace all particles by rows of (x, y from the centre, volume, temperature)."""
         if len(values) > self.capacity:
             self._allocate(len(values))
         if len(values):

@@ -1,4 +1,18 @@
-"""The staggered terrain grid: heights at cell centres, gradients at cell corners (3.15 to 3.22)."""
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The staggered terrain grid: heights at cell centres, gradients at corners (3.15 to 3.22)."""
 
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -7,7 +21,7 @@ import numpy as np
 import warp as wp
 
 from lava_ros.scene import Terrain
-from lava_ros.simulation.state import REAL, centre_of
+from lava_ros.simulation.state import centre_of, REAL
 
 
 @wp.struct

@@ -1,10 +1,24 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Time integration: the choice of the step and the motion over it, on the device.
 
 Particles move with dx/dt = u(x), and u follows the surface gradient: a stiff, diffusive system.
-It is integrated by RKL2, the super-time-stepping of Meyer, Balsara & Aslam (2014, J. Comput. Phys.
-257): second order, s velocity evaluations cover (s^2 + s - 2) / 4 explicit steps. Explicit Euler is
-the case of one stage. Steps and stages are chosen on the device; one launch of the kernels is one
-stage, so the host needs to know neither.
+It is integrated by RKL2, the super-time-stepping of Meyer, Balsara & Aslam (2014, J. Comput.
+Phys. 257): second order, s velocity evaluations cover (s^2 + s - 2) / 4 explicit steps. Explicit
+Euler is the case of one stage. Steps and stages are chosen on the device; one launch of the
+kernels is one stage, so the host needs to know neither.
 """
 
 from functools import lru_cache
@@ -69,7 +83,7 @@ def _stage_kernel(real: Any, is_staged: bool) -> Any:
                 stage[VELOCITY] = real(0.0)
                 return
             step = longest
-            limit = int(0)
+            limit = 0
             explicit = longest
             if wp.float64(rates[0]) * longest > one:
                 explicit = one / wp.float64(rates[0])
@@ -78,14 +92,14 @@ def _stage_kernel(real: Any, is_staged: bool) -> Any:
                 explicit_limit = most * explicit
                 if explicit_limit < step:
                     step = explicit_limit
-                    limit = int(1)
+                    limit = 1
             else:
                 if explicit < step:
                     step = explicit
-                    limit = int(1)
+                    limit = 1
             if wp.float64(rates[1]) * step > one:
                 step = one / wp.float64(rates[1])
-                limit = int(2)
+                limit = 2
             clock[FULL_STEP] = step
             counts[LIMIT] = limit
             counts[STEPS] = counts[STEPS] + 1
@@ -95,7 +109,7 @@ def _stage_kernel(real: Any, is_staged: bool) -> Any:
                 # two equal steps rather than a full one and a sliver
                 step = wp.float64(0.5) * remaining
             clock[STEP] = step
-            stages = int(1)
+            stages = 1
             if wp.static(is_staged):
                 # (s^2 + s - 2) / 4 explicit steps are at least this step
                 root = wp.sqrt(wp.float64(9.0) + wp.float64(16.0) * step / explicit)
@@ -181,7 +195,7 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
                 base[i] = vec4(x, y, d[0], d[1])
                 drift[i] = vec4(dx, dy, d[2], d[3])
         temperature = p[3]
-        if wp.static(cooling):
+        if wp.static(cooling):  # noqa: SIM102, the static test decides what is compiled
             if counts[IS_LAST] == 1:
                 temperature = cooled(heat, f[0], temperature, real(clock[STEP]))
         particle[i] = vec4(x + dx, y + dy, p[2], temperature)

@@ -1,3 +1,17 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Vents: particles of constant volume, as many as the integral of the discharge asks for."""
 
 from collections.abc import Sequence
@@ -119,7 +133,7 @@ class VentSet:
         self._kernel = _kernel(REAL[precision])
         shape = np.zeros((len(self.vents), 7))
         starts, times, fluxes, volumes = [0], [], [], []
-        for row, vent, conduit in zip(shape, self.vents, carried):
+        for row, vent, conduit in zip(shape, self.vents, carried, strict=True):
             end = vent.position if vent.end is None else vent.end
             row[0:2] = vent.position - centre
             row[2:4] = end - centre
@@ -173,7 +187,7 @@ class VentSet:
     def longest_step(self, thickness: float) -> float:
         """Time [s] in which the strongest vent raises its own area by half a thickness [m]."""
         strongest = 0.0
-        for vent, area in zip(self.vents, self._areas):
+        for vent, area in zip(self.vents, self._areas, strict=True):
             flux = max(value for _, value in vent.series)
             strongest = max(strongest, flux / area)
         return 0.5 * thickness / strongest if strongest > 0.0 else math.inf

@@ -1,3 +1,17 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """Cooling against exact solutions."""
 
 import numpy as np
@@ -28,7 +42,9 @@ def cooled(lava, hours, *, longest_step, device='cpu', ambient=300.0, temperatur
     return sample.temperature[middle], sample.thickness[middle]
 
 
-@pytest.mark.parametrize(('hours', 'exact'), [(1.0, 1312.1159), (10.0, 916.3931), (24.0, 725.8872)])
+@pytest.mark.parametrize(
+    ('hours', 'exact'), [(1.0, 1312.1159), (10.0, 916.3931), (24.0, 725.8872)]
+)
 def test_radiating_sheet_cools_as_the_exact_solution(device, hours, exact):
     """F(T) - F(T0) = eps sigma t / (rho c h), for a sheet 2 m thick."""
     lava = Lava(viscosity=1e14, convection=0.0)

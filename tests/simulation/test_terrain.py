@@ -1,3 +1,17 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
 """The staggered terrain grid."""
 
 import numpy as np
@@ -38,7 +52,7 @@ def sampled(terrain, points, device='cpu'):
 
 
 def plane(rows=6, columns=9, resolution=4.0):
-    """z = 0.3 x - 0.2 y on cells of 4 m."""
+    """Z = 0.3 x - 0.2 y on cells of 4 m."""
     x = (np.arange(columns) + 0.5) * resolution
     y = (np.arange(rows) + 0.5) * resolution
     return Terrain(0.3 * x[None, :] - 0.2 * y[:, None], resolution)
