@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 DURATION = 6.0 * 3600.0
 
 #: Distance between particles on the demo's own terrain [m].
-SPACING = 20.0
+SPACING = 15.0
 
 #: Shortest the flow may take [s]: a GPU would be done before anybody saw it.
 LEAST_WALL_TIME = 25.0
