@@ -34,7 +34,9 @@ class Accuracy:
 
     Attributes:
         spacing: Distance between neighbouring particles where the flow has its expected thickness
-            [m]; None takes the terrain's resolution.
+            [m]; None takes the terrain's resolution over ``refinement``.
+        refinement: How many times finer than usual the automatic spacing is: it quarters the
+            particles to halve it. An explicit spacing is taken as it is.
         thickness: Expected thickness of the flow [m], with the spacing it sets the volume of a
             particle; None derives it from discharge and viscosity (``expected_thickness``).
         ratio: Kernel radius over spacing: 3 to 6, neighbours 28 to 113.
@@ -51,6 +53,7 @@ class Accuracy:
     """
 
     spacing: float | None = None
+    refinement: float = 1.0
     thickness: float | None = None
     ratio: float = 3.0
     kernel: str = 'wendland'
@@ -73,6 +76,7 @@ class Accuracy:
                 value = validation.number(f'accuracy.{name}', value, above=0.0, unit='m')
                 object.__setattr__(self, name, value)
         limits = {
+            'refinement': {'at_least': 0.05, 'at_most': 20.0},
             'ratio': {'at_least': 1.5, 'at_most': 12.0},
             'raster_ratio': {'above': 0.0, 'at_most': 2.0},
             'diffusion_number': {'above': 0.0, 'at_most': 2.0},

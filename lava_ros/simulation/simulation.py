@@ -383,6 +383,6 @@ def _device(name: str | None) -> Any:
 
 def _resolved(accuracy: Accuracy, scene: Scene) -> Accuracy:
     """Fill in the automatic values."""
-    spacing = accuracy.spacing or scene.terrain.resolution
+    spacing = accuracy.spacing or scene.terrain.resolution / accuracy.refinement
     thickness = accuracy.thickness or expected_thickness(scene)
     return replace(accuracy, spacing=spacing, thickness=thickness)
