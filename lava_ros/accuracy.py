@@ -18,10 +18,13 @@ from dataclasses import dataclass, fields
 import math
 
 from lava_ros import validation
+from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
 
 #: Smoothing kernels by name: equations 3.6 to 3.8 of the paper, and Wendland C2.
 KERNELS = ('wendland', 'poly6', 'spiky', 'visc')
+
+FORMULATIONS = ('corrected', 'as-published')
 
 INTEGRATORS = ('rkl2', 'euler')
 
@@ -48,6 +51,11 @@ class Accuracy:
         courant_number: Largest displacement in a step over the smaller of kernel radius and
             terrain cell.
         longest_step: Longest step [s].
+        fixed_step: Step [s] to take whatever the limits say, as the paper does with 0.01 s; None
+            follows the limits.
+        formulation: ``corrected``, or ``as-published``: the velocity by equations 3.36 to 3.44 as
+            they are printed, for comparison only.
+        deterministic: Whether runs on a GPU are identical to the bit; on the CPU they always are.
         integrator: ``rkl2``, second-order super-time-stepping, or ``euler``, the reference.
         precision: ``float32``, or ``float64`` as the reference.
     """
@@ -61,6 +69,9 @@ class Accuracy:
     diffusion_number: float = 1.6
     courant_number: float = 0.5
     longest_step: float = 60.0
+    fixed_step: float | None = None
+    formulation: str = 'corrected'
+    deterministic: bool = False
     integrator: str = 'rkl2'
     precision: str = 'float32'
 
@@ -70,10 +81,10 @@ class Accuracy:
         Raises:
             LavaError: A field is not usable.
         """
-        for name in ('spacing', 'thickness'):
+        for name, unit in (('spacing', 'm'), ('thickness', 'm'), ('fixed_step', 's')):
             value = getattr(self, name)
             if value is not None:
-                value = validation.number(f'accuracy.{name}', value, above=0.0, unit='m')
+                value = validation.number(f'accuracy.{name}', value, above=0.0, unit=unit)
                 object.__setattr__(self, name, value)
         limits = {
             'refinement': {'at_least': 0.05, 'at_most': 20.0},
@@ -87,6 +98,9 @@ class Accuracy:
             value = validation.number(f'accuracy.{name}', getattr(self, name), **limit)  # type: ignore[arg-type]
             object.__setattr__(self, name, value)
         validation.choice('accuracy.kernel', self.kernel, KERNELS)
+        validation.choice('accuracy.formulation', self.formulation, FORMULATIONS)
+        if not isinstance(self.deterministic, bool):
+            raise LavaError('accuracy.deterministic', self.deterministic, 'true or false')
         validation.choice('accuracy.integrator', self.integrator, INTEGRATORS)
         validation.choice('accuracy.precision', self.precision, PRECISIONS)
 

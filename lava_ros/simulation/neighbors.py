@@ -64,7 +64,7 @@ def cell_functions(real: Any) -> CellFunctions:
 
 
 @lru_cache
-def _kernels(real: Any, is_staged: bool) -> tuple[Any, Any, Any]:
+def _kernels(real: Any, is_staged: bool) -> tuple[Any, ...]:
     vec4 = wp.types.vector(4, real)
     is_known = terrain_functions(real).is_known
     column_of, row_of = cell_functions(real)
@@ -124,7 +124,33 @@ def _kernels(real: Any, is_staged: bool) -> tuple[Any, Any, Any]:
     ):
         counts[PARTICLES] = starts[last]
 
-    return bin_particles, order_particles, count_inside
+    @wp.kernel(module='unique', enable_backward=False)
+    def list_cells(
+        counts: wp.array(dtype=wp.int32),
+        cell: wp.array(dtype=wp.int32),
+        keys: wp.array(dtype=wp.int32),
+        values: wp.array(dtype=wp.int32),
+    ):
+        i = wp.tid()
+        values[i] = i
+        keys[i] = wp.static(2**31 - 1)
+        if i < counts[PARTICLES]:
+            keys[i] = cell[i]
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def rank_sorted(
+        counts: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        keys: wp.array(dtype=wp.int32),
+        values: wp.array(dtype=wp.int32),
+        rank: wp.array(dtype=wp.int32),
+    ):
+        """Rank in the cell by the order of the particles, not by who came first."""
+        i = wp.tid()
+        if i < counts[PARTICLES]:
+            rank[values[i]] = i - starts[keys[i]]
+
+    return bin_particles, order_particles, count_inside, list_cells, rank_sorted
 
 
 class NeighborGrid:
@@ -151,7 +177,7 @@ class NeighborGrid:
 
     def rebuild(self, state: State) -> None:
         """Sort ``state.particle`` into ``state.ordered`` and drop what left the terrain."""
-        bin_particles, order_particles, count_inside = _kernels(state.real, state.is_staged)
+        bin_particles, order_particles, count_inside, *_ = _kernels(state.real, state.is_staged)
         self._sizes.zero_()
         wp.launch(
             bin_particles,
@@ -167,6 +193,8 @@ class NeighborGrid:
             device=state.device,
         )
         wp.utils.array_scan(self._sizes, self.starts, inclusive=False)
+        if state.is_deterministic:
+            self._rank_by_order(state)
         wp.launch(
             order_particles,
             dim=state.capacity,
@@ -186,5 +214,24 @@ class NeighborGrid:
             dim=1,
             inputs=[self.starts, self._cell_count],
             outputs=[state.counts],
+            device=state.device,
+        )
+
+    def _rank_by_order(self, state: State) -> None:
+        """Replace the ranks that atomics gave, which vary on a GPU, by a stable sort's."""
+        *_, list_cells, rank_sorted = _kernels(state.real, state.is_staged)
+        wp.launch(
+            list_cells,
+            dim=state.capacity,
+            inputs=[state.counts, state.cell],
+            outputs=[state.sort_keys, state.sort_values],
+            device=state.device,
+        )
+        wp.utils.radix_sort_pairs(state.sort_keys, state.sort_values, state.capacity)
+        wp.launch(
+            rank_sorted,
+            dim=state.capacity,
+            inputs=[state.counts, self.starts, state.sort_keys, state.sort_values],
+            outputs=[state.rank],
             device=state.device,
         )

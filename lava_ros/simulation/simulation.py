@@ -32,6 +32,7 @@ from lava_ros.simulation.flow import compute_flow, flow_kernel, FlowConstants
 from lava_ros.simulation.heat import heat_constants
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.published import publish_velocity
 from lava_ros.simulation.raster import Raster
 from lava_ros.simulation.rheology import rheology_of
 from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
@@ -99,6 +100,8 @@ class Simulation:
         self.scene = scene
         self.effects = effects_for(scene) if effects is None else effects
         self.accuracy = _resolved(accuracy or Accuracy(), scene)
+        if self.accuracy.formulation == 'as-published':
+            self.effects = replace(self.effects, green=True, steep=False)
         spacing, thickness = self.accuracy.spacing, self.accuracy.thickness
         assert spacing is not None and thickness is not None
         # a float32 keeps the sum of the particles' volumes equal to their number times this
@@ -108,8 +111,9 @@ class Simulation:
             _FIRST_CAPACITY,
             self.effects,
             self.accuracy.precision,
-            self.accuracy.integrator == 'rkl2',
-            self._device,
+            is_staged=self.accuracy.integrator == 'rkl2',
+            is_deterministic=self.accuracy.deterministic,
+            device=self._device,
         )
         self._emitted_before = 0.0
         self._graph: Any = None
@@ -316,7 +320,7 @@ class Simulation:
         """Take one stage of a time step: algorithm 1 of the paper."""
         self._neighbors.rebuild(self._state)
         self._compute_velocity()
-        choose_stage(self._state, self._longest_step())
+        choose_stage(self._state, self._longest_step(), self.accuracy.fixed_step)
         move_particles(self._state, self._heat)
         self._vents.emit(self._state)
         finish_stage(self._state)
@@ -325,7 +329,11 @@ class Simulation:
         compute_flow(
             self._state, self._neighbors, self._terrain, self._law, self._flow, self._flow_kernel
         )
-        if self.effects.green:
+        if self.accuracy.formulation == 'as-published':
+            publish_velocity(
+                self._state, self._neighbors, self.radius, self.scene.lava.viscosity
+            )
+        elif self.effects.green:
             spread_velocity(self._state, self._neighbors, self.radius)
 
     def _longest_step(self) -> float:

@@ -118,7 +118,9 @@ class State:
 
     Attributes:
         particle: x, y [m], volume [m3], temperature [K] of each particle, shape [capacity].
-        ordered: The same in the order of the neighbour grid's cells.
+        cell, rank: Cell of each particle and its rank there, shape [capacity].
+        sort_keys, sort_values: Only when deterministic: cells and particles to sort by cell.
+        ordered: The same as ``particle`` in the order of the neighbour grid's cells.
         base: Position at the start of the step [m] and displacement since then two stages ago [m],
             of each particle, shape [capacity]; none with the Euler integrator.
         drift: Displacement a stage ago [m] and velocity at the start of the step [m/s], likewise.
@@ -135,7 +137,14 @@ class State:
     """
 
     def __init__(
-        self, capacity: int, effects: Effects, precision: str, is_staged: bool, device: Any
+        self,
+        capacity: int,
+        effects: Effects,
+        precision: str,
+        *,
+        is_staged: bool,
+        is_deterministic: bool,
+        device: Any,
     ) -> None:
         """Allocate for ``capacity`` particles."""
         self.real = REAL[precision]
@@ -144,6 +153,7 @@ class State:
         self.vec4 = wp.types.vector(4, self.real)
         self.effects = effects
         self.is_staged = is_staged
+        self.is_deterministic = is_deterministic
         self.device = device
         self.clock = wp.zeros(4, dtype=wp.float64, device=device)
         self.counts = wp.zeros(8, dtype=wp.int32, device=device)
@@ -160,6 +170,10 @@ class State:
         self.flow = wp.zeros(capacity, dtype=self.vec3, device=self.device)
         self.cell = wp.zeros(capacity, dtype=wp.int32, device=self.device)
         self.rank = wp.zeros(capacity, dtype=wp.int32, device=self.device)
+        if self.is_deterministic:
+            # a radix sort needs room for as many again
+            self.sort_keys = wp.zeros(2 * capacity, dtype=wp.int32, device=self.device)
+            self.sort_values = wp.zeros(2 * capacity, dtype=wp.int32, device=self.device)
         if self.is_staged:
             self.base = wp.zeros(capacity, dtype=self.vec4, device=self.device)
             self.drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)

@@ -48,7 +48,7 @@ from lava_ros.simulation.state import (
 )
 
 #: What can bound a step, by its number in ``State.counts[LIMIT]``.
-LIMITS = ('longest', 'diffusion', 'advection')
+LIMITS = ('longest', 'diffusion', 'advection', 'fixed')
 
 #: Most stages of a step: more would lose digits, not gain steps.
 MOST_STAGES = 64
@@ -68,6 +68,7 @@ def _stage_kernel(real: Any, is_staged: bool) -> Any:
     @wp.kernel(module='unique', enable_backward=False)
     def choose_stage(
         longest: wp.float64,
+        fixed: wp.float64,
         rates: wp.array(dtype=real),
         clock: wp.array(dtype=wp.float64),
         counts: wp.array(dtype=wp.int32),
@@ -100,12 +101,15 @@ def _stage_kernel(real: Any, is_staged: bool) -> Any:
             if wp.float64(rates[1]) * step > one:
                 step = one / wp.float64(rates[1])
                 limit = 2
+            if fixed > wp.float64(0.0):
+                step = fixed
+                limit = int(3)
             clock[FULL_STEP] = step
             counts[LIMIT] = limit
             counts[STEPS] = counts[STEPS] + 1
             if remaining <= step:
                 step = remaining
-            elif remaining < wp.float64(2.0) * step:
+            elif remaining < wp.float64(2.0) * step and fixed == wp.float64(0.0):
                 # two equal steps rather than a full one and a sliver
                 step = wp.float64(0.5) * remaining
             clock[STEP] = step
@@ -213,17 +217,18 @@ def _finish_kernel() -> Any:
     return finish_stage
 
 
-def choose_stage(state: State, longest: float) -> None:
+def choose_stage(state: State, longest: float, fixed: float | None) -> None:
     """Begin a step, bounded by the rates in the state, or go on to its next stage.
 
     Args:
         state: The particles.
         longest: Longest step [s].
+        fixed: Step to take whatever the limits say [s], None to follow them.
     """
     wp.launch(
         _stage_kernel(state.real, state.is_staged),
         dim=1,
-        inputs=[longest, state.rates],
+        inputs=[longest, fixed or 0.0, state.rates],
         outputs=[state.clock, state.counts, state.stage],
         device=state.device,
     )

@@ -30,8 +30,33 @@ from lava_ros.simulation.state import FULL, IS_LAST, PARTICLES, REAL, State, TIM
 def _kernel(real: Any) -> Any:
     vec4 = wp.types.vector(4, real)
 
+    @wp.func
+    def place_of(shape: wp.array2d(dtype=wp.float64), v: int, n: int, axis: int) -> real:
+        """Coordinate of a vent's n-th particle: stratified, never the same place twice.
+
+        The additive recurrence of the plastic number spreads any number of points evenly.
+        """
+        a = wp.float64(0.7548776662466927) * wp.float64(n)
+        b = wp.float64(0.5698402909980532) * wp.float64(n)
+        a = a - wp.floor(a)
+        b = b - wp.floor(b)
+        radius = shape[v, 4]
+        length = shape[v, 6]
+        if length > wp.float64(0.0):
+            across = radius * (wp.float64(2.0) * b - wp.float64(1.0)) / length
+            along_x = shape[v, 2] - shape[v, 0]
+            along_y = shape[v, 3] - shape[v, 1]
+            if axis == 0:
+                return real(shape[v, 0] + a * along_x - across * along_y)
+            return real(shape[v, 1] + a * along_y + across * along_x)
+        angle = wp.float64(2.0) * wp.float64(wp.pi) * a
+        if axis == 0:
+            return real(shape[v, 0] + radius * wp.sqrt(b) * wp.cos(angle))
+        return real(shape[v, 1] + radius * wp.sqrt(b) * wp.sin(angle))
+
     @wp.kernel(module='unique', enable_backward=False)
     def emit(
+        span: int,
         shape: wp.array2d(dtype=wp.float64),
         starts: wp.array(dtype=wp.int32),
         times: wp.array(dtype=wp.float64),
@@ -45,50 +70,35 @@ def _kernel(real: Any) -> Any:
         particle: wp.array(dtype=vec4),
     ):
         """Release the whole particles that the discharge up to now makes and are not out yet."""
-        v = wp.tid()
         if counts[IS_LAST] == 0:
             return
         time = clock[TIME]
-        k = starts[v]
-        if time < times[k]:
-            return
-        while k + 1 < starts[v + 1] and times[k + 1] <= time:
-            k += 1
-        volume = volumes[k] + fluxes[k] * (time - times[k])
-        due = int(volume / particle_volume) - emitted[v]
-        if due <= 0:
-            return
-        slot = wp.atomic_add(counts, PARTICLES, due)
-        if slot + due > capacity:
-            # no room: what is due stays in the conduit until the host has made some
-            wp.atomic_sub(counts, PARTICLES, due)
-            counts[FULL] = 1
-            return
-        for n in range(due):
-            # additive recurrence of the plastic number: stratified, never the same place twice
-            turn = wp.float64(emitted[v] + n + 1)
-            a = wp.float64(0.7548776662466927) * turn
-            b = wp.float64(0.5698402909980532) * turn
-            a = a - wp.floor(a)
-            b = b - wp.floor(b)
-            x = shape[v, 0]
-            y = shape[v, 1]
-            radius = shape[v, 4]
-            if shape[v, 6] > wp.float64(0.0):
-                along_x = shape[v, 2] - x
-                along_y = shape[v, 3] - y
-                length = shape[v, 6]
-                across = radius * (wp.float64(2.0) * b - wp.float64(1.0)) / length
-                x = x + a * along_x - across * along_y
-                y = y + a * along_y + across * along_x
-            else:
-                angle = wp.float64(2.0) * wp.float64(wp.pi) * a
-                x = x + radius * wp.sqrt(b) * wp.cos(angle)
-                y = y + radius * wp.sqrt(b) * wp.sin(angle)
-            particle[slot + n] = vec4(
-                real(x), real(y), real(particle_volume), real(shape[v, 5])
-            )
-        emitted[v] = emitted[v] + due
+        vents = starts.shape[0] - 1
+        first = wp.tid() * span
+        for v in range(first, wp.min(first + span, vents)):
+            k = starts[v]
+            if time >= times[k]:
+                while k + 1 < starts[v + 1] and times[k + 1] <= time:
+                    k += 1
+                volume = volumes[k] + fluxes[k] * (time - times[k])
+                due = int(volume / particle_volume) - emitted[v]
+                slot = int(0)
+                if due > 0:
+                    slot = wp.atomic_add(counts, PARTICLES, due)
+                    if slot + due > capacity:
+                        # no room: what is due stays in the conduit until the host has made some
+                        wp.atomic_sub(counts, PARTICLES, due)
+                        counts[FULL] = 1
+                        due = 0
+                for n in range(due):
+                    particle[slot + n] = vec4(
+                        place_of(shape, v, emitted[v] + n + 1, 0),
+                        place_of(shape, v, emitted[v] + n + 1, 1),
+                        real(particle_volume),
+                        real(shape[v, 5]),
+                    )
+                if due > 0:
+                    emitted[v] = emitted[v] + due
 
     return emit
 
@@ -157,10 +167,13 @@ class VentSet:
         """Append to the state's particles what is due at its time."""
         if not self.vents:
             return
+        # one thread for all vents gives their particles the same order in every run
+        span = len(self.vents) if state.is_deterministic else 1
         wp.launch(
             self._kernel,
-            dim=len(self.vents),
+            dim=len(self.vents) // span,
             inputs=[
+                span,
                 self._shape,
                 self._starts,
                 self._times,

@@ -1,0 +1,113 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The velocity as the paper prints it (3.36 to 3.44), kept to show what the corrections buy.
+
+u_i = h_i^3 sum_j K0(r) b_j / sum_j K0(r) over neighbours within l, with
+b = -h^3 rho g grad S / (f(theta) mu). In it, as printed: the velocity is multiplied by h^3 instead
+of divided by k^2 h^3; the viscosity counts twice, as f(theta) and as mu; K0 is its two-term series
+of the bare distance r in metres, without k; and K0(0) is K0(0.001). The paper calls the distance
+|u|; the distance of two particles is what is meant.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
+from lava_ros.simulation.state import PARTICLES, State
+
+
+@lru_cache
+def _kernel(real: Any) -> Any:
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    column_of, row_of = cell_functions(real)
+
+    @wp.func
+    def series(r: real) -> real:
+        log = wp.log(real(2.0) / r) - real(0.577216)
+        return log + real(0.25) * r * r * (log + real(1.0))
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def published_velocity(
+        ordered: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        cells: CellFrame,
+        support: wp.float64,
+        viscosity: wp.float64,
+        drive: wp.array(dtype=vec3),
+        flow: wp.array(dtype=vec3),
+    ):
+        i = wp.tid()
+        if i >= counts[PARTICLES]:
+            return
+        p = ordered[i]
+        height = flow[i][0]
+        limit = real(support) * real(support)
+        total = real(0.0)
+        x = real(0.0)
+        y = real(0.0)
+        column = column_of(cells, p[0])
+        row = row_of(cells, p[1])
+        first = wp.max(column - 1, 0)
+        last = wp.min(column + 1, cells.columns - 1)
+        for r in range(wp.max(row - 1, 0), wp.min(row + 2, cells.rows)):
+            for j in range(
+                starts[r * cells.columns + first], starts[r * cells.columns + last + 1]
+            ):
+                other = ordered[j]
+                dx = p[0] - other[0]
+                dy = p[1] - other[1]
+                square = dx * dx + dy * dy
+                if square < limit:
+                    weight = series(wp.max(wp.sqrt(square), real(1.0e-3)))
+                    total += weight
+                    x += weight * drive[j][0]
+                    y += weight * drive[j][1]
+        # drive is h u_local = -h^3 rho g grad S / (3 f): b is 3 / mu of it
+        scale = real(3.0) / real(viscosity) * height * height * height / total
+        flow[i] = vec3(height, scale * x, scale * y)
+
+    return published_velocity
+
+
+def publish_velocity(
+    state: State, neighbors: NeighborGrid, support: float, viscosity: float
+) -> None:
+    """Replace the local velocity in ``state.flow`` by that of the printed formulas.
+
+    Args:
+        state: The particles; ``state.drive`` holds thickness times local velocity.
+        neighbors: Their neighbour grid, built.
+        support: Kernel radius l [m].
+        viscosity: The constant mu [Pa s].
+    """
+    wp.launch(
+        _kernel(state.real),
+        dim=state.capacity,
+        inputs=[
+            state.ordered,
+            state.counts,
+            neighbors.starts,
+            neighbors.frame,
+            support,
+            viscosity,
+            state.drive,
+        ],
+        outputs=[state.flow],
+        device=state.device,
+    )
