@@ -32,7 +32,7 @@ def test_published_velocity_is_the_printed_sum(device):
     """Equations 3.36, 3.40 and 3.44, summed over all pairs."""
     rng = np.random.default_rng(5)
     places = rng.uniform(4.0, 16.0, (150, 2))
-    slope = 0.1
+    slope = 0.125
     simulation = Simulation(
         Scene(Terrain(np.tile(slope * np.arange(20.0), (20, 1)), 1.0), lava=Lava(viscosity=100.0)),
         effects=BARE,
