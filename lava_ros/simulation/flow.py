@@ -67,7 +67,7 @@ def flow_kernel(real: Any, kernel_name: str, ratio: float, effects: Effects) -> 
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         cells: CellFrame,
-        gradient: wp.array2d(dtype=vec2),
+        elevation: wp.array2d(dtype=real),
         terrain: TerrainFrame,
         law: Rheology,
         constants: FlowConstants,
@@ -105,7 +105,7 @@ def flow_kernel(real: Any, kernel_name: str, ratio: float, effects: Effects) -> 
         scale = real(wp.static(norm)) * inverse * inverse
         height *= scale
         height *= real(1.0) - excess(p[2] * inverse * inverse / height)
-        ground = gradient_at(gradient, terrain, p[0], p[1])
+        ground = gradient_at(elevation, terrain, p[0], p[1])
         surface = vec2(rise_x, rise_y) * (scale * inverse) + ground
         mobility = real(constants.weight) * height * height / (
             real(3.0) * viscosity(law, p[3])
@@ -149,7 +149,7 @@ def compute_flow(
             state.counts,
             neighbors.starts,
             neighbors.frame,
-            terrain.gradient,
+            terrain.height,
             terrain.frame,
             law,
             constants,

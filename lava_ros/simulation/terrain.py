@@ -12,7 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The staggered terrain grid: heights at cell centres, gradients at corners (3.15 to 3.22)."""
+"""The staggered terrain grid (3.15 to 3.22): heights at cell centres, gradients between them.
+
+At the cells' corners the gradient is the paper's 3.21. Between them the paper interpolates it
+bilinearly, component by component; the result is the gradient of no surface, and a pond on it never
+comes to rest. Here it is the gradient of the quadratic B-spline of the heights: linear along its
+own direction, quadratic across, the same at the corners, and curl-free.
+"""
 
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -39,17 +45,16 @@ class StaggeredTerrain:
     """A terrain on a device.
 
     Attributes:
-        gradient: Gradient of the elevation at the cells' corners, shape [rows + 1, columns + 1].
+        height: Elevation of the cells and of a ring around them, above the mean [m], shape
+            [rows + 2, columns + 2].
         known: 1 for cells with data, 0 for others, shape [rows, columns].
         frame: Where the cells lie.
     """
 
     def __init__(self, terrain: Terrain, precision: str, device: Any) -> None:
-        """Compute the corner gradients and move them to the device."""
+        """Put the heights on the device."""
         rows, columns = terrain.shape
-        gradient = corner_gradients(terrain)
-        vec2 = wp.types.vector(2, REAL[precision])
-        self.gradient = wp.array(gradient, dtype=vec2, device=device)
+        self.height = wp.array(ringed_heights(terrain), dtype=REAL[precision], device=device)
         self.known = wp.array(terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=device)
         self.frame = TerrainFrame()
         x0, y0 = np.asarray(terrain.origin) - centre_of(terrain)
@@ -58,22 +63,16 @@ class StaggeredTerrain:
         self.frame.rows, self.frame.columns = rows, columns
 
 
-def corner_gradients(terrain: Terrain) -> np.ndarray:
-    """Gradient (d/dx, d/dy) of the elevation at every corner, shape [rows + 1, columns + 1, 2].
+def ringed_heights(terrain: Terrain) -> np.ndarray:
+    """Elevation above the mean [m] with one more cell around, shape [rows + 2, columns + 2].
 
-    Equation 3.21 with the divisor dx: the half-heights it differences are dx apart (the paper's
-    3.17 prints 2 dx). Outside the grid the terrain goes on with the slope of its border; next to
-    cells without data it goes on with the slope of the cells that have some.
+    Outside the grid the terrain goes on with the slope of its border; on cells without data it
+    goes on with the slope of those next to them. Without its mean it keeps more digits in float32.
     """
     height = terrain.elevation.astype(np.float64)
     if not terrain.has_data.all():
         height = _extended(height)
-    height = np.pad(height, 1, mode='reflect', reflect_type='odd')
-    east = np.diff(height, axis=1) / terrain.resolution
-    north = np.diff(height, axis=0) / terrain.resolution
-    along_x = 0.5 * (east[:-1] + east[1:])
-    along_y = 0.5 * (north[:, :-1] + north[:, 1:])
-    return np.stack([along_x, along_y], axis=-1)
+    return np.pad(height - height.mean(), 1, mode='reflect', reflect_type='odd')
 
 
 def _extended(height: np.ndarray) -> np.ndarray:
@@ -102,23 +101,42 @@ class TerrainFunctions(NamedTuple):
 
 @lru_cache
 def terrain_functions(real: Any) -> TerrainFunctions:
-    """Return bilinear sampling of the gradient (3.22) and the test for cells with data."""
+    """Return the sampling of the gradient and the test for cells with data."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func
     def gradient_at(
-        gradient: wp.array2d(dtype=vec2), frame: TerrainFrame, x: real, y: real
+        height: wp.array2d(dtype=real), frame: TerrainFrame, x: real, y: real
     ) -> vec2:
         inverse = real(1.0) / real(frame.resolution)
         column = (x - real(frame.x0)) * inverse
         row = (y - real(frame.y0)) * inverse
         i = wp.clamp(int(wp.floor(row)), 0, frame.rows - 1)
         j = wp.clamp(int(wp.floor(column)), 0, frame.columns - 1)
-        s = wp.clamp(column - real(j), real(0.0), real(1.0))
-        t = wp.clamp(row - real(i), real(0.0), real(1.0))
-        low = (real(1.0) - s) * gradient[i, j] + s * gradient[i, j + 1]
-        high = (real(1.0) - s) * gradient[i + 1, j] + s * gradient[i + 1, j + 1]
-        return (real(1.0) - t) * low + t * high
+        # place in the cell, from its centre
+        s = wp.clamp(column - real(j) - real(0.5), real(-0.5), real(0.5))
+        t = wp.clamp(row - real(i) - real(0.5), real(-0.5), real(0.5))
+        before_s = real(0.5) - s
+        after_s = real(0.5) + s
+        before_t = real(0.5) - t
+        after_t = real(0.5) + t
+        rise = vec2()
+        for n in range(3):
+            # weights of the three rows (and columns): a quadratic B-spline
+            across_t = real(0.75) - t * t
+            across_s = real(0.75) - s * s
+            if n == 0:
+                across_t = real(0.5) * before_t * before_t
+                across_s = real(0.5) * before_s * before_s
+            if n == 2:
+                across_t = real(0.5) * after_t * after_t
+                across_s = real(0.5) * after_s * after_s
+            east = before_s * (height[i + n, j + 1] - height[i + n, j])
+            east += after_s * (height[i + n, j + 2] - height[i + n, j + 1])
+            north = before_t * (height[i + 1, j + n] - height[i, j + n])
+            north += after_t * (height[i + 2, j + n] - height[i + 1, j + n])
+            rise += vec2(across_t * east, across_s * north)
+        return rise * inverse
 
     @wp.func
     def is_known(known: wp.array2d(dtype=wp.uint8), frame: TerrainFrame, x: real, y: real) -> bool:

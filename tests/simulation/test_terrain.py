@@ -20,7 +20,6 @@ import warp as wp
 
 from lava_ros.scene import Terrain
 from lava_ros.simulation.terrain import (
-    corner_gradients,
     StaggeredTerrain,
     terrain_functions,
     TerrainFrame,
@@ -34,18 +33,18 @@ def sampled(terrain, points, device='cpu'):
 
     @wp.kernel(module='unique')
     def sample(
-        gradient: wp.array2d(dtype=wp.vec2d),
+        height: wp.array2d(dtype=wp.float64),
         frame: TerrainFrame,
         at: wp.array(dtype=wp.vec2d),
         out: wp.array(dtype=wp.vec2d),
     ):
         i = wp.tid()
-        out[i] = functions.gradient_at(gradient, frame, at[i][0], at[i][1])
+        out[i] = functions.gradient_at(height, frame, at[i][0], at[i][1])
 
     at = wp.array(points, dtype=wp.vec2d, device=device)
     out = wp.zeros_like(at)
     wp.launch(
-        sample, dim=len(points), inputs=[staggered.gradient, staggered.frame, at, out],
+        sample, dim=len(points), inputs=[staggered.height, staggered.frame, at, out],
         device=device,
     )  # fmt: skip
     return out.numpy()
@@ -58,34 +57,57 @@ def plane(rows=6, columns=9, resolution=4.0):
     return Terrain(0.3 * x[None, :] - 0.2 * y[:, None], resolution)
 
 
-def test_gradient_of_a_plane_is_exact_everywhere():
-    """Up to the border and beyond, the gradient of a plane is its slope (divisor dx, not 2 dx)."""
-    gradient = corner_gradients(plane())
-    assert gradient.shape == (7, 10, 2)
-    assert gradient == pytest.approx(np.broadcast_to([0.3, -0.2], gradient.shape), abs=1e-5)
+def places_on(terrain, count=200, seed=1):
+    """Random places on a terrain, relative to its centre."""
+    x0, y0, x1, y1 = terrain.extent
+    half = 0.5 * np.array([x1 - x0, y1 - y0])
+    return np.random.default_rng(seed).uniform(-half, half, (count, 2))
 
 
-def test_corner_gradient_sees_a_spike():
+def test_gradient_of_a_plane_is_exact_everywhere(device):
+    """Up to the border the gradient of a plane is its slope (divisor dx, not 2 dx)."""
+    gradient = sampled(plane(), places_on(plane()), device)
+    assert gradient == pytest.approx(np.broadcast_to([0.3, -0.2], gradient.shape), abs=1e-6)
+
+
+def test_gradient_at_corners_is_the_papers():
+    """At a corner the gradient differences the half-heights around it (3.21)."""
+    elevation = np.random.default_rng(3).normal(size=(6, 7)).astype(np.float32)
+    terrain = Terrain(elevation, 10.0)
+    corner = np.array([[3.0, 2.0]]) * 10.0 - [35.0, 30.0]
+    h = elevation.astype(float)
+    expected = [
+        (h[1, 3] + h[2, 3] - h[1, 2] - h[2, 2]) / 20.0,
+        (h[2, 2] + h[2, 3] - h[1, 2] - h[1, 3]) / 20.0,
+    ]
+    assert sampled(terrain, corner)[0] == pytest.approx(expected)
+
+
+def test_spike_tilts_its_corners():
     """A spike tilts its four corners outwards, which the plain central difference misses."""
     elevation = np.zeros((5, 5))
     elevation[2, 2] = 8.0
-    gradient = corner_gradients(Terrain(elevation, 2.0))
-    assert gradient[2, 2] == pytest.approx([2.0, 2.0])
-    assert gradient[3, 3] == pytest.approx([-2.0, -2.0])
+    corners = np.array([[-1.0, -1.0], [1.0, 1.0]])
+    gradient = sampled(Terrain(elevation, 2.0), corners)
+    assert gradient == pytest.approx(np.array([[2.0, 2.0], [-2.0, -2.0]]))
 
 
-def test_sampling_is_bilinear(device):
-    """Between corners the gradient is bilinear; at a corner it is the corner's."""
-    rng = np.random.default_rng(3)
-    terrain = Terrain(rng.normal(size=(6, 7)), 10.0)
-    corners = corner_gradients(terrain)
-    frame = StaggeredTerrain(terrain, 'float64', device).frame
-    at = np.array([[3.0, 2.0], [3.25, 2.5]]) * 10.0 + [frame.x0, frame.y0]
-    got = sampled(terrain, at, device)
-    assert got[0] == pytest.approx(corners[2, 3])
-    low = 0.75 * corners[2, 3] + 0.25 * corners[2, 4]
-    high = 0.75 * corners[3, 3] + 0.25 * corners[3, 4]
-    assert got[1] == pytest.approx(0.5 * (low + high))
+def test_gradient_is_curl_free_and_continuous():
+    """The circulation around any small square vanishes, also across cell borders."""
+    terrain = Terrain(np.random.default_rng(3).normal(size=(12, 14)), 10.0)
+    centres = places_on(terrain, 400) * 0.9
+    # Simpson's rule is exact on each side where the gradient is quadratic: inside one cell
+    size = 0.5
+    total = np.zeros(len(centres))
+    corners = size * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]], dtype=float)
+    for start, end in zip(corners[:-1], corners[1:], strict=True):
+        along = end - start
+        for where, weight in ((0.0, 1 / 6), (0.5, 2 / 3), (1.0, 1 / 6)):
+            total += weight * (sampled(terrain, centres + start + where * along) @ along)
+    inside = (np.abs((centres % 10.0) - 5.0).max(axis=1)) < 4.4
+    assert inside.sum() > 200
+    assert np.abs(total[inside]).max() < 1e-12
+    assert np.abs(total).max() < 0.02
 
 
 def test_holes_do_not_bend_their_neighbours():
@@ -93,5 +115,9 @@ def test_holes_do_not_bend_their_neighbours():
     terrain = plane()
     elevation = terrain.elevation.copy()
     elevation[2:4, 3] = np.nan
-    gradient = corner_gradients(Terrain(elevation, terrain.resolution))
-    assert gradient == pytest.approx(np.broadcast_to([0.3, -0.2], gradient.shape), abs=1e-5)
+    holed = Terrain(elevation, terrain.resolution)
+    places = places_on(terrain)
+    centre = 0.5 * np.array(terrain.extent[2:])
+    known = np.array([holed.covers(*(place + centre)) for place in places])
+    gradient = sampled(holed, places[known])
+    assert gradient == pytest.approx(np.broadcast_to([0.3, -0.2], gradient.shape), abs=1e-6)
