@@ -37,6 +37,8 @@ class Effects:
     Attributes:
         green: Lateral viscous stress by the Green's function (MODEL.md, sections 2 and 4) instead
             of the local balance.
+        helmholtz: The same stress by solving the equation that the Green's function approximates:
+            dearer, exact at free edges, not limited by the kernel radius. Not beside ``green``.
         arrhenius: Viscosity depends on temperature; otherwise every particle has the lava's own.
         cooling: Radiation and convection.
         steep: Thickness and distance are taken along the slope instead of in plan, a factor
@@ -44,6 +46,7 @@ class Effects:
     """
 
     green: bool = False
+    helmholtz: bool = False
     arrhenius: bool = True
     cooling: bool = True
     steep: bool = True
@@ -57,6 +60,8 @@ class Effects:
         for item in fields(self):
             if not isinstance(getattr(self, item.name), bool):
                 raise LavaError(f'effects.{item.name}', getattr(self, item.name), 'true or false')
+        if self.green and self.helmholtz:
+            raise LavaError('effects.helmholtz', True, 'false beside green: they are one effect')
 
 
 def effects_for(scene: Scene, overrides: dict[str, bool] | None = None) -> Effects:
@@ -75,6 +80,7 @@ def effects_for(scene: Scene, overrides: dict[str, bool] | None = None) -> Effec
     lava = scene.lava
     chosen = {
         'green': False,
+        'helmholtz': False,
         'arrhenius': lava.arrhenius > 0.0,
         'cooling': lava.emissivity > 0.0 or lava.convection > 0.0,
         'steep': steepest_slope(scene.terrain) > STEEP_SLOPE,

@@ -54,12 +54,13 @@ def flow_kernel(real: Any, kernel_name: str, ratio: float, effects: Effects) -> 
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    norm, shape, slope, _, stiffest, excess = smoothing_kernel(kernel_name, real, ratio)
+    kernel = smoothing_kernel(kernel_name, real, ratio)
+    norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
     gradient_at = terrain_functions(real).gradient_at
     column_of, row_of = cell_functions(real)
     viscosity = viscosity_function(real, effects.arrhenius)
     x_k1 = bessel(real).x_k1
-    steep, green = effects.steep, effects.green
+    steep, green, helmholtz = effects.steep, effects.green, effects.helmholtz
 
     @wp.kernel(module='unique', enable_backward=False)
     def thickness_and_velocity(
@@ -116,15 +117,17 @@ def flow_kernel(real: Any, kernel_name: str, ratio: float, effects: Effects) -> 
         velocity = -mobility * surface
         flow[i] = vec3(height, velocity[0], velocity[1])
         stiffness = mobility * height * real(constants.stiffness)
-        if wp.static(green):
-            drive[i] = vec3(height * velocity[0], height * velocity[1], p[2] / height)
-            # lateral stress divides the response at the stiffest wave number by 1 + q^2 / k^2,
-            # as far as the Green's function is not cut off
-            square_q = real(wp.static(stiffest * stiffest)) * inverse * inverse
-            whole = real(1.0) - x_k1(real(wp.static(math.sqrt(3.0))) * radius / height)
-            stiffness /= wp.max(
-                real(1.0), whole * (real(1.0) + square_q * height * height / real(3.0))
-            )
+        if wp.static(green or helmholtz):
+            # lateral stress divides the response by 1 + q^2 h^2 / 3; with W^ <= 1 no wave then
+            # decays faster than D / (l^2 / stiffness + h^2 / 3)
+            thick = real(wp.static(kernel.stiffness / 3.0)) * height * height * inverse * inverse
+            reduced = stiffness / (real(1.0) + thick)
+            if wp.static(green):
+                drive[i] = vec3(height * velocity[0], height * velocity[1], p[2] / height)
+                # as far as the Green's function is not cut off
+                whole = real(1.0) - x_k1(real(wp.static(math.sqrt(3.0))) * radius / height)
+                reduced = wp.min(stiffness, reduced / whole)
+            stiffness = reduced
         wp.atomic_max(rates, DIFFUSION, stiffness)
         wp.atomic_max(rates, ADVECTION, wp.length(velocity) / real(constants.reach))
 

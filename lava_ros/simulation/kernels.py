@@ -35,7 +35,6 @@ class SmoothingKernel(NamedTuple):
         stiffness: Largest value of (q l)^2 W^(q), W^ the kernel's Fourier transform: a thickness
             wave with diffusivity D decays at most at the rate D stiffness / l^2, so explicit steps
             are stable up to 2 l^2 / (D stiffness) whatever the particle spacing.
-        stiffest: q l at which that is.
         excess: Device function of V / (h l^2): the relative excess of the sum of V W over evenly
             spaced particles, the own one included, over their thickness. It is what the kernel's
             transform aliases, measured on hexagonal and square lattices (after Dehnen & Aly 2012,
@@ -46,7 +45,6 @@ class SmoothingKernel(NamedTuple):
     shape: Any
     slope: Any
     stiffness: float
-    stiffest: float
     excess: Any
 
 
@@ -118,10 +116,10 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
 
     norms = {'wendland': 7.0, 'poly6': 4.0, 'spiky': 10.0, 'visc': 10.0 / 9.0}
     functions = {
-        'wendland': (wendland_shape, wendland_slope, 10.18, 5.09, wendland_excess),
-        'poly6': (poly6_shape, poly6_slope, 6.76, 4.10, no_excess),
-        'spiky': (spiky_shape, spiky_slope, 10.28, 5.31, spiky_excess),
-        'visc': (visc_shape, visc_slope, 13.62, 6.78, no_excess),
+        'wendland': (wendland_shape, wendland_slope, 10.18, wendland_excess),
+        'poly6': (poly6_shape, poly6_slope, 6.76, no_excess),
+        'spiky': (spiky_shape, spiky_slope, 10.28, spiky_excess),
+        'visc': (visc_shape, visc_slope, 13.62, no_excess),
     }
     return SmoothingKernel(norms[name] / math.pi, *functions[name])
 

@@ -30,6 +30,7 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.simulation.flow import compute_flow, flow_kernel, FlowConstants
 from lava_ros.simulation.heat import heat_constants
+from lava_ros.simulation.helmholtz import solve_velocity
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.published import publish_velocity
@@ -58,6 +59,9 @@ from lava_ros.simulation.viscosity import spread_velocity
 
 #: Particles there is room for at the start; room doubles whenever half of it is taken.
 _FIRST_CAPACITY = 4096
+
+#: Thickness over the expected one up to which the Helmholtz solve converges in full.
+_THICKEST = 2.0
 
 #: Stages between two looks at the clock: on CUDA they are one graph launch.
 _GRAPH_STAGES = 16
@@ -104,6 +108,7 @@ class Simulation:
             self.effects = replace(self.effects, green=True, steep=False)
         spacing, thickness = self.accuracy.spacing, self.accuracy.thickness
         assert spacing is not None and thickness is not None
+        self._thickness = thickness
         # a float32 keeps the sum of the particles' volumes equal to their number times this
         self.particle_volume = float(np.float32(spacing * spacing * thickness))
         self.radius = self.accuracy.ratio * spacing
@@ -335,12 +340,18 @@ class Simulation:
             )
         elif self.effects.green:
             spread_velocity(self._state, self._neighbors, self.radius)
+        elif self.effects.helmholtz:
+            solve_velocity(
+                self._state,
+                self._neighbors,
+                radius=self.radius,
+                thickness=_THICKEST * self._thickness,
+                kernel=self.accuracy.kernel,
+                ratio=self.accuracy.ratio,
+            )
 
     def _longest_step(self) -> float:
-        assert self.accuracy.thickness is not None
-        return min(
-            self.accuracy.longest_step, self._vents.longest_step(self.accuracy.thickness)
-        )
+        return min(self.accuracy.longest_step, self._vents.longest_step(self._thickness))
 
     def _run_stages(self) -> None:
         """Take one stage on the CPU, a graph of several on a GPU; past the target they idle."""

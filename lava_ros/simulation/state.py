@@ -127,6 +127,8 @@ class State:
         flow: Thickness [m], velocity x and y [m/s], of each ordered particle, shape [capacity].
         drive: Only with the Green's function: thickness times local velocity, x and y [m2/s], and
             the area V/h [m2] of each ordered particle, shape [capacity].
+        solution, next_solution, correction: Only with the Helmholtz solve: velocities of two
+            sweeps and their difference [m/s], of each ordered particle, shape [capacity].
         clock: Simulated time, step, target time and latest full step [s], float64.
         counts: Particles, steps, what limited the step, whether the capacity was reached; then the
             stage at hand (0 between steps), the stages of the step, whether it is the last one,
@@ -179,6 +181,10 @@ class State:
             self.drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
             self.ordered_base = wp.zeros(capacity, dtype=self.vec4, device=self.device)
             self.ordered_drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
+        if self.effects.helmholtz:
+            self.solution = wp.zeros(capacity, dtype=self.vec2, device=self.device)
+            self.next_solution = wp.zeros(capacity, dtype=self.vec2, device=self.device)
+            self.correction = wp.zeros(capacity, dtype=self.vec2, device=self.device)
         if self.effects.green:
             self.drive = wp.zeros(capacity, dtype=self.vec3, device=self.device)
 

@@ -15,7 +15,7 @@
 """The staggered terrain grid (3.15 to 3.22): heights at cell centres, gradients between them.
 
 At the cells' corners the gradient is the paper's 3.21. Between them the paper interpolates it
-bilinearly, component by component; the result is the gradient of no surface, and a pond on it never
+bilinearly, component by component; that is the gradient of no surface, and a pond on it never
 comes to rest. Here it is the gradient of the quadratic B-spline of the heights: linear along its
 own direction, quadratic across, the same at the corners, and curl-free.
 """

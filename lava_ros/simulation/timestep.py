@@ -103,7 +103,7 @@ def _stage_kernel(real: Any, is_staged: bool) -> Any:
                 limit = 2
             if fixed > wp.float64(0.0):
                 step = fixed
-                limit = int(3)
+                limit = 3
             clock[FULL_STEP] = step
             counts[LIMIT] = limit
             counts[STEPS] = counts[STEPS] + 1

@@ -82,7 +82,7 @@ def _kernel(real: Any) -> Any:
                     k += 1
                 volume = volumes[k] + fluxes[k] * (time - times[k])
                 due = int(volume / particle_volume) - emitted[v]
-                slot = int(0)
+                slot = 0
                 if due > 0:
                     slot = wp.atomic_add(counts, PARTICLES, due)
                     if slot + due > capacity:

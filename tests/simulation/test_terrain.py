@@ -14,6 +14,8 @@
 
 """The staggered terrain grid."""
 
+import itertools
+
 import numpy as np
 import pytest
 import warp as wp
@@ -100,7 +102,7 @@ def test_gradient_is_curl_free_and_continuous():
     size = 0.5
     total = np.zeros(len(centres))
     corners = size * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]], dtype=float)
-    for start, end in zip(corners[:-1], corners[1:], strict=True):
+    for start, end in itertools.pairwise(corners):
         along = end - start
         for where, weight in ((0.0, 1 / 6), (0.5, 2 / 3), (1.0, 1 / 6)):
             total += weight * (sampled(terrain, centres + start + where * along) @ along)

@@ -1,0 +1,122 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The Helmholtz solve: its response, its bounds, and the matrix behind it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.verification.exact import green_response
+
+LAVA = Lava(viscosity=1e4, arrhenius=0.0)
+
+
+def effects(**chosen):
+    """The bare physics and what is chosen."""
+    return Effects(arrhenius=False, cooling=False, steep=False, **chosen)
+
+
+def lattice(side, spacing):
+    """A square lattice around the origin."""
+    ticks = np.arange(-0.5 * side, 0.5 * side, spacing) + 0.5 * spacing
+    return np.stack(np.meshgrid(ticks, ticks), -1).reshape(-1, 2)
+
+
+@pytest.mark.parametrize('radius', [0.6, 1.0, 3.5, 10.0])
+def test_response_is_exact_for_any_radius_over_thickness(device, radius):
+    """The response to sin(q x) is 1 / (1 + q^2 h^2 / 3) within 1 %, waves of 8 radii."""
+    wavelength, spacing = 8.0 * radius, radius / 3.0
+    q = 2.0 * math.pi / wavelength
+    side = 2.0 * wavelength + 8.0 * max(radius, 0.6)
+    cell = spacing
+    count = int(1.2 * side / cell)
+    ticks = (np.arange(count) - 0.5 * (count - 1)) * cell
+    terrain = Terrain(
+        np.tile(0.01 * np.sin(q * ticks), (count, 1)), cell, origin=(-0.5 * count * cell,) * 2
+    )
+    amplitudes = []
+    for helmholtz in (True, False):
+        simulation = Simulation(
+            Scene(terrain, lava=LAVA),
+            effects=effects(helmholtz=helmholtz),
+            accuracy=Accuracy(spacing=spacing, thickness=1.0),
+            particles=Particles(lattice(side, spacing), spacing**2, 1400.0),
+            device=device,
+        )
+        sample = simulation.sample()
+        inside = (np.abs(sample.position[:, 0]) <= wavelength) & (
+            np.abs(sample.position[:, 1]) < 0.5 * side - 3.0 * max(radius, 1.2)
+        )
+        assert inside.sum() > 100
+        wave = np.cos(q * sample.position[inside, 0])
+        amplitudes.append(sample.velocity[inside, 0] @ wave / (wave @ wave))
+    assert amplitudes[0] / amplitudes[1] == pytest.approx(green_response(q, 1.0), rel=0.01)
+
+
+def test_sweeps_solve_the_matrix():
+    """The Chebyshev sweeps reach the solution of the dense matrix, edges and all."""
+    rng = np.random.default_rng(2)
+    places = rng.uniform(-4.0, 4.0, (200, 2))
+    x = np.arange(40) * 0.5
+    terrain = Terrain(np.tile(0.3 * np.sin(x / 2.0), (40, 1)), 0.5, origin=(-10.0, -10.0))
+    options = {
+        'accuracy': Accuracy(spacing=0.6, thickness=1.0, precision='float64'),
+        'particles': Particles(places, 0.36 * rng.uniform(0.5, 2.0, 200), 1400.0),
+        'device': 'cpu',
+    }
+    scene = Scene(terrain, lava=LAVA)
+    local = Simulation(scene, effects=effects(), **options).sample()
+    simulation = Simulation(scene, effects=effects(helmholtz=True), **options)
+    solved = simulation.sample()
+    assert np.array_equal(local.position, solved.position)
+    radius, h = simulation.radius, local.thickness
+    q = np.linalg.norm(local.position[:, None] - local.position[None], axis=-1) / radius
+    force = 7 / math.pi / radius**4 * 20 * np.clip(1 - q, 0, None) ** 3
+    matrix = -force * (local.volume / h) * (h[:, None] + h)
+    np.fill_diagonal(matrix, 0.0)
+    np.fill_diagonal(matrix, 3 / h - matrix.sum(axis=1))
+    exact = np.linalg.solve(matrix, (3 / h)[:, None] * local.velocity)
+    error = np.abs(solved.velocity - exact).max()
+    assert error < 2e-3 * np.abs(local.velocity - exact).max()
+
+
+def test_velocity_stays_within_the_local_one():
+    """The solve obeys a maximum principle: no speed exceeds the largest local one."""
+    rng = np.random.default_rng(4)
+    terrain = Terrain(rng.normal(size=(40, 40)), 1.0)
+    given = Particles(rng.uniform(8.0, 32.0, (600, 2)), rng.uniform(0.2, 3.0, 600), 1400.0)
+    speeds = []
+    for helmholtz in (False, True):
+        sample = Simulation(
+            Scene(terrain, lava=LAVA),
+            effects=effects(helmholtz=helmholtz),
+            accuracy=Accuracy(spacing=1.0, thickness=2.0),
+            particles=given,
+            device='cpu',
+        ).sample()
+        speeds.append(np.abs(sample.velocity).max())
+    assert 0.0 < speeds[1] <= speeds[0]
+
+
+def test_green_and_helmholtz_exclude_each_other():
+    """They are two ways to the same stress."""
+    with pytest.raises(LavaError, match='effects.helmholtz'):
+        Effects(green=True, helmholtz=True)
