@@ -65,6 +65,7 @@ def cell_functions(real: Any) -> CellFunctions:
 
 @lru_cache
 def _kernels(real: Any, is_staged: bool) -> tuple[Any, ...]:
+    vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
     is_known = terrain_functions(real).is_known
     column_of, row_of = cell_functions(real)
@@ -103,6 +104,8 @@ def _kernels(real: Any, is_staged: bool) -> tuple[Any, ...]:
         rank: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         ordered: wp.array(dtype=vec4),
+        remainder: wp.array(dtype=vec2),
+        ordered_remainder: wp.array(dtype=vec2),
         base: wp.array(dtype=vec4),
         drift: wp.array(dtype=vec4),
         ordered_base: wp.array(dtype=vec4),
@@ -113,6 +116,8 @@ def _kernels(real: Any, is_staged: bool) -> tuple[Any, ...]:
             return
         place = starts[cell[i]] + rank[i]
         ordered[place] = particle[i]
+        if wp.static(real is wp.float32):
+            ordered_remainder[place] = remainder[i]
         if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
             if counts[STAGE] > 0:
                 ordered_base[place] = base[i]
@@ -201,6 +206,11 @@ class NeighborGrid:
             inputs=[state.particle, state.counts, state.cell, state.rank, self.starts],
             outputs=[
                 state.ordered,
+                *(
+                    (state.remainder, state.ordered_remainder)
+                    if state.has_remainder
+                    else (None, None)
+                ),
                 *(
                     (state.base, state.drift, state.ordered_base, state.ordered_drift)
                     if state.is_staged

@@ -382,7 +382,7 @@ class Simulation:
     def _sort(self) -> None:
         """Bring the particles into the order of their cells and drop those that have left."""
         self._neighbors.rebuild(self._state)
-        wp.copy(self._state.particle, self._state.ordered)
+        self._state.take_order()
 
     def _write_clock(self, place: int, value: float) -> None:
         clock = self._state.clock.numpy()

@@ -114,13 +114,16 @@ class ParticleSample:
 class State:
     """Every device array that depends on the number of particles, and the clock.
 
-    Positions are kept relative to the terrain's centre: float32 resolves 1 mm at 10 km.
+    Positions are kept relative to the terrain's centre. There a float32 resolves 1 mm at 10 km,
+    and what a step cuts off is carried on to the next.
 
     Attributes:
         particle: x, y [m], volume [m3], temperature [K] of each particle, shape [capacity].
         cell, rank: Cell of each particle and its rank there, shape [capacity].
         sort_keys, sort_values: Only when deterministic: cells and particles to sort by cell.
         ordered: The same as ``particle`` in the order of the neighbour grid's cells.
+        remainder: Only in float32: what rounding cut off each particle's position [m], shape
+            [capacity]. Without it slow lava far from the centre would never move.
         base: Position at the start of the step [m] and displacement since then two stages ago [m],
             of each particle, shape [capacity]; none with the Euler integrator.
         drift: Displacement a stage ago [m] and velocity at the start of the step [m/s], likewise.
@@ -155,6 +158,7 @@ class State:
         self.vec4 = wp.types.vector(4, self.real)
         self.effects = effects
         self.is_staged = is_staged
+        self.has_remainder = precision == 'float32'
         self.is_deterministic = is_deterministic
         self.device = device
         self.clock = wp.zeros(4, dtype=wp.float64, device=device)
@@ -176,6 +180,9 @@ class State:
             # a radix sort needs room for as many again
             self.sort_keys = wp.zeros(2 * capacity, dtype=wp.int32, device=self.device)
             self.sort_values = wp.zeros(2 * capacity, dtype=wp.int32, device=self.device)
+        if self.has_remainder:
+            self.remainder = wp.zeros(capacity, dtype=self.vec2, device=self.device)
+            self.ordered_remainder = wp.zeros(capacity, dtype=self.vec2, device=self.device)
         if self.is_staged:
             self.base = wp.zeros(capacity, dtype=self.vec4, device=self.device)
             self.drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
@@ -190,7 +197,9 @@ class State:
 
     def grow(self, capacity: int) -> None:
         """Make room for ``capacity`` particles and keep those there are."""
-        names = ('particle', 'base', 'drift') if self.is_staged else ('particle',)
+        names = ['particle']
+        names += ['base', 'drift'] if self.is_staged else []
+        names += ['remainder'] if self.has_remainder else []
         kept = {name: getattr(self, name) for name in names}
         count = self.count
         self._allocate(capacity)
@@ -213,9 +222,17 @@ class State:
         if len(values):
             rows = wp.array(values, dtype=self.vec4, device=self.device)
             wp.copy(self.particle, rows, count=len(values))
+        if self.has_remainder:
+            self.remainder.zero_()
         counts = self.counts.numpy()
         counts[PARTICLES] = len(values)
         self.counts.assign(counts)
+
+    def take_order(self) -> None:
+        """Let the ordered particles be the particles."""
+        wp.copy(self.particle, self.ordered)
+        if self.has_remainder:
+            wp.copy(self.remainder, self.ordered_remainder)
 
     def read_particles(self) -> np.ndarray:
         """Rows of (x, y, volume, temperature), float64, x and y from the centre."""

@@ -148,6 +148,7 @@ def _stage_kernel(real: Any, is_staged: bool) -> Any:
 
 @lru_cache
 def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
+    vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     cooled = cooled_function(real)
@@ -163,9 +164,11 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
         heat: HeatConstants,
         ordered_base: wp.array(dtype=vec4),
         ordered_drift: wp.array(dtype=vec4),
+        ordered_remainder: wp.array(dtype=vec2),
         particle: wp.array(dtype=vec4),
         base: wp.array(dtype=vec4),
         drift: wp.array(dtype=vec4),
+        remainder: wp.array(dtype=vec2),
     ):
         i = wp.tid()
         if i >= counts[PARTICLES]:
@@ -202,7 +205,17 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
         if wp.static(cooling):  # noqa: SIM102, the static test decides what is compiled
             if counts[IS_LAST] == 1:
                 temperature = cooled(heat, f[0], temperature, real(clock[STEP]))
-        particle[i] = vec4(x + dx, y + dy, p[2], temperature)
+        if wp.static(real is wp.float32):
+            rest = ordered_remainder[i]
+            dx += rest[0]
+            dy += rest[1]
+            new = vec2(x + dx, y + dy)
+            if counts[IS_LAST] == 1:
+                rest = vec2(dx - (new[0] - x), dy - (new[1] - y))
+            remainder[i] = rest
+            particle[i] = vec4(new[0], new[1], p[2], temperature)
+        else:
+            particle[i] = vec4(x + dx, y + dy, p[2], temperature)
 
     return move
 
@@ -249,8 +262,9 @@ def move_particles(state: State, heat: HeatConstants) -> None:
             state.stage,
             heat,
             *ordered,
+            state.ordered_remainder if state.has_remainder else None,
         ],
-        outputs=[state.particle, *staged],
+        outputs=[state.particle, *staged, state.remainder if state.has_remainder else None],
         device=state.device,
     )
 

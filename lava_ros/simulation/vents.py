@@ -28,6 +28,7 @@ from lava_ros.simulation.state import FULL, IS_LAST, PARTICLES, REAL, State, TIM
 
 @lru_cache
 def _kernel(real: Any) -> Any:
+    vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
 
     @wp.func
@@ -68,6 +69,7 @@ def _kernel(real: Any) -> Any:
         emitted: wp.array(dtype=wp.int32),
         counts: wp.array(dtype=wp.int32),
         particle: wp.array(dtype=vec4),
+        remainder: wp.array(dtype=vec2),
     ):
         """Release the whole particles that the discharge up to now makes and are not out yet."""
         if counts[IS_LAST] == 0:
@@ -91,6 +93,8 @@ def _kernel(real: Any) -> Any:
                         counts[FULL] = 1
                         due = 0
                 for n in range(due):
+                    if wp.static(real is wp.float32):
+                        remainder[slot + n] = vec2()
                     particle[slot + n] = vec4(
                         place_of(shape, v, emitted[v] + n + 1, 0),
                         place_of(shape, v, emitted[v] + n + 1, 1),
@@ -183,7 +187,12 @@ class VentSet:
                 state.clock,
                 state.capacity,
             ],
-            outputs=[self._released, state.counts, state.particle],
+            outputs=[
+                self._released,
+                state.counts,
+                state.particle,
+                state.remainder if state.has_remainder else None,
+            ],
             device=self._device,
         )
 

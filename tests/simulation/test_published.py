@@ -54,7 +54,7 @@ def test_published_velocity_is_the_printed_sum(device):
     near = distance < radius
     height = (0.64 * 4 / (math.pi * radius**8) * near * (radius**2 - distance**2) ** 3).sum(axis=1)
     pull = -24 / (math.pi * radius**8) * near * (radius**2 - distance**2) ** 2 * 0.64
-    surface = [*(pull[..., None] * offset).sum(axis=1), slope, 0.0]
+    surface = (pull[..., None] * offset).sum(axis=1) + np.array([slope, 0.0])
     b = -(height**3)[:, None] * 2500.0 * 9.81 * surface / (100.0 * 100.0)
     r = np.maximum(distance, 1e-3)
     log = np.log(2 / r) - 0.577216
