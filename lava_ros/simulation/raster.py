@@ -12,7 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Particles to grid: thickness and temperature at the cells of the terrain (section 3.4.2)."""
+"""Particles to grid: thickness and temperature at the cells of the terrain (section 3.4.2).
+
+A kernel sum reaches its radius past the last particle, and the paper's borders are too round. Here
+a cell holds lava where the particles' own areas V / h, smoothed by the same kernel, cover more than
+half of it: at a straight border that is where the lava ends, whatever the radius. In a cell that is
+covered in part the thickness is that of the covered part.
+"""
 
 from functools import lru_cache
 from typing import Any
@@ -25,9 +31,13 @@ from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGri
 from lava_ros.simulation.state import State
 from lava_ros.simulation.terrain import StaggeredTerrain, TerrainFrame
 
+#: Share of a cell from which it holds lava.
+LEAST_COVER = 0.5
+
 
 @lru_cache
 def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
+    vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     norm, shape, *_ = smoothing_kernel(kernel_name, real, ratio)
     column_of, row_of = cell_functions(real)
@@ -35,6 +45,7 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
     @wp.kernel(module='unique', enable_backward=False)
     def raster(
         ordered: wp.array(dtype=vec4),
+        flow: wp.array(dtype=vec3),
         starts: wp.array(dtype=wp.int32),
         cells: CellFrame,
         terrain: TerrainFrame,
@@ -42,7 +53,7 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
     ):
-        """Sum V W (thickness) and the V W-weighted mean of T at one cell centre."""
+        """Sum V W over the cover sum (V / h) W, and the V W-weighted mean of T, at a centre."""
         i, j = wp.tid()
         x = real(terrain.x0 + (wp.float64(j) + wp.float64(0.5)) * terrain.resolution)
         y = real(terrain.y0 + (wp.float64(i) + wp.float64(0.5)) * terrain.resolution)
@@ -51,6 +62,7 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
         first = column_of(cells, x - reach)
         last = column_of(cells, x + reach)
         height = real(0.0)
+        cover = real(0.0)
         heat = real(0.0)
         for r in range(row_of(cells, y - reach), row_of(cells, y + reach) + 1):
             for k in range(
@@ -63,9 +75,12 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
                 if square < real(1.0):
                     weight = p[2] * shape(wp.sqrt(square))
                     height += weight
+                    cover += weight / flow[k][0]
                     heat += weight * p[3]
-        if height > real(0.0):
-            thickness[i, j] = wp.float32(height * real(wp.static(norm)) * inverse * inverse)
+        scale = real(wp.static(norm)) * inverse * inverse
+        cover *= scale
+        if cover > real(wp.static(LEAST_COVER)):
+            thickness[i, j] = wp.float32(height * scale / wp.min(cover, real(1.0)))
             temperature[i, j] = wp.float32(heat / height)
         else:
             thickness[i, j] = wp.float32(0.0)
@@ -98,12 +113,13 @@ class Raster:
         self._temperature = wp.zeros(shape, dtype=wp.float32, device=device)
 
     def fill(self, state: State, neighbors: NeighborGrid) -> tuple[np.ndarray, np.ndarray]:
-        """Thickness [m] and temperature [K, NaN where dry] from the ordered particles."""
+        """Thickness [m] and temperature [K, NaN where dry] from the ordered particles' flow."""
         wp.launch(
             _kernel(state.real, *self._choice),
             dim=self._thickness.shape,
             inputs=[
                 state.ordered,
+                state.flow,
                 neighbors.starts,
                 neighbors.frame,
                 self._terrain.frame,

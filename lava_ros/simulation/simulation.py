@@ -166,6 +166,7 @@ class Simulation:
     def snapshot(self) -> Snapshot:
         """Put the flow on the terrain's cells."""
         self._sort()
+        self._compute_flow()
         thickness, temperature = self._raster.fill(self._state, self._neighbors)
         unknown = ~self.scene.terrain.has_data
         thickness[unknown] = np.nan
@@ -330,10 +331,13 @@ class Simulation:
         self._vents.emit(self._state)
         finish_stage(self._state)
 
-    def _compute_velocity(self) -> None:
+    def _compute_flow(self) -> None:
         compute_flow(
             self._state, self._neighbors, self._terrain, self._law, self._flow, self._flow_kernel
         )
+
+    def _compute_velocity(self) -> None:
+        self._compute_flow()
         if self.accuracy.formulation == 'as-published':
             publish_velocity(
                 self._state, self._neighbors, self.radius, self.scene.lava.viscosity

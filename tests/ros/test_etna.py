@@ -90,6 +90,7 @@ def test_first_day_of_etna_2001(graph):
 
     footprint = np.loadtxt(DATA / 'footprint.asc', skiprows=6)[::-1] > 0
     wet = frames[-1].layers['thickness'].values > 0.0
-    assert 2000 < wet.sum() < 6000
+    # The flow that was mapped in the end is 11.6 m thick on average; a first day is thinner.
+    mean_thickness = emitted / (wet.sum() * 100.0)
+    assert 1.5 < mean_thickness < 8.0
     assert (wet & footprint).sum() / wet.sum() > 0.6
-    assert emitted / (wet.sum() * 100.0) == pytest.approx(2.0, abs=1.0)
