@@ -47,7 +47,9 @@ def pond(device='cpu', precision='float64'):
     simulation = Simulation(
         Scene(Terrain(elevation, SIDE, origin=(-half, -half)), lava=Lava(viscosity=1e3)),
         effects=Effects(arrhenius=False, cooling=False, steep=False),
-        accuracy=Accuracy(spacing=spacing, thickness=float(depth[wet].mean()), precision=precision),
+        accuracy=Accuracy(
+            spacing=spacing, thickness=float(depth[wet].mean()), precision=precision
+        ),
         particles=Particles(places[wet], depth[wet] * spacing**2, 1400.0),
         device=device,
     )
