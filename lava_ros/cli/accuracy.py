@@ -1,0 +1,208 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`lava accuracy`: what accuracy costs in time, on this machine."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+import sys
+import time
+from typing import TYPE_CHECKING
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+
+if TYPE_CHECKING:
+    from lava_ros.verification.report import Row
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the `lava` parser."""
+    parser = subparsers.add_parser(
+        'accuracy',
+        help='measure what accuracy costs in time',
+        description='Run every case with an exact solution at many settings and at the presets; '
+        'write the errors and times as CSV, as a Markdown table and as a chart.',
+    )
+    parser.add_argument(
+        '--quick', action='store_true', help='fewer settings: less than two minutes on two cores'
+    )
+    parser.add_argument(
+        '--case',
+        action='append',
+        metavar='NAME',
+        help='only this case; may be given several times (default: all)',
+    )
+    parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
+    parser.add_argument(
+        '--repetitions', type=int, metavar='N', help='time a short run N times (default: 3)'
+    )
+    parser.add_argument(
+        '--longest',
+        type=float,
+        metavar='S',
+        help='leave out runs that would take longer than S seconds (default: 30)',
+    )
+    parser.add_argument(
+        '--output',
+        default='accuracy',
+        metavar='DIR',
+        help="folder for the report, named after the device (default: 'accuracy')",
+    )
+    parser.add_argument('--json', metavar='FILE', help='also write the measurements here')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure and write the report.
+
+    Raises:
+        LavaError: An argument cannot be used.
+    """
+    from lava_ros.verification import report
+    from lava_ros.verification.cases import CASES
+    from lava_ros.verification.chart import draw
+
+    repetitions, longest = (1, report.QUICK_LONGEST) if args.quick else (3, report.LONGEST)
+    if args.repetitions is not None:
+        repetitions = int(validation.number('--repetitions', args.repetitions, at_least=1))
+    if args.longest is not None:
+        longest = validation.number('--longest', args.longest, above=0.0, unit='s')
+    for name in args.case or ():
+        validation.choice('--case', name, CASES)
+    cases = [case for name, case in CASES.items() if not args.case or name in args.case]
+    device = _device(args.device)
+    folder = _folder(args.output)
+    if args.json:
+        _write('--json', Path(args.json), '[]\n')
+    settings = report.all_settings(quick=args.quick)
+    with _Progress() as progress:
+        rows = report.measure(
+            cases,
+            settings,
+            device=device,
+            command=_command(args, device),
+            repetitions=repetitions,
+            longest=longest,
+            on_progress=progress.show,
+        )
+    titles = {case.name: f'{case.title[0].upper()}{case.title[1:]}' for case in cases}
+    stem = report.file_stem(device)
+    report.write_csv(rows, folder / f'{stem}.csv')
+    _write('--output', folder / f'{stem}.md', report.markdown(rows, titles, stem=stem))
+    draw(rows, titles, folder / f'{stem}.png')
+    if args.json:
+        report.write_json(rows, Path(args.json))
+    _print_presets(rows, titles)
+    print(f'written to {folder}: {stem}.csv, {stem}.md, {stem}.png')
+    return 0
+
+
+def _device(name: str | None) -> str:
+    import warp as wp
+
+    if name is None:
+        return str(wp.get_preferred_device())
+    known = [str(device) for device in wp.get_devices()]
+    return validation.choice('--device', name, known)
+
+
+def _folder(name: str) -> Path:
+    folder = Path(name)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LavaError('--output', name, f'a folder that can be made ({error})') from error
+    return folder
+
+
+def _command(args: argparse.Namespace, device: str) -> str:
+    """The command that gives these numbers again, without where it puts them."""
+    words = ['lava accuracy']
+    words += ['--quick'] * args.quick
+    words += [f'--case {name}' for name in args.case or ()]
+    words.append(f'--device {device}')
+    for name in ('repetitions', 'longest'):
+        if getattr(args, name) is not None:
+            words.append(f'--{name} {getattr(args, name):g}')
+    return ' '.join(words)
+
+
+def _write(name: str, path: Path, text: str) -> None:
+    try:
+        path.write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise LavaError(name, str(path), f'a file to write ({error})') from error
+
+
+def _print_presets(rows: Sequence[Row], titles: dict[str, str]) -> None:
+    """Print the presets' errors and costs, one line for each case."""
+    from lava_ros.verification.report import percent, points, presets_of, seconds
+
+    everything = points(rows)
+    found = {(point.case, point.preset): point for point in everything}
+    presets = presets_of(everything)
+    width = max(len(title) for title in titles.values())
+    print(f'{"Error in wall time for an hour":{width}}' + ''.join(f'  {p:>18}' for p in presets))
+    for name, title in titles.items():
+        places = [found.get((name, preset)) for preset in presets]
+        texts = [f'{percent(at.error)} in {seconds(at.cost)}' if at else '-' for at in places]
+        print(f'{title:{width}}' + ''.join(f'  {text:>18}' for text in texts))
+
+
+class _Progress:
+    """A bar with the time that is left in a terminal, a line for every tenth elsewhere."""
+
+    def __init__(self) -> None:
+        self._tenths = -1
+        self._started = time.monotonic()
+        self._bar = None
+        if sys.stdout.isatty():
+            try:
+                from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+            except ImportError:
+                # a bare machine: the lines do
+                return
+            self._bar = Progress(
+                TextColumn('{task.description}'),
+                BarColumn(bar_width=None),
+                TextColumn('{task.percentage:3.0f} %'),
+                TimeRemainingColumn(compact=True),
+                transient=True,
+            )
+            self._task = self._bar.add_task('compiling', total=1.0)
+
+    def __enter__(self) -> _Progress:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def show(self, what: str, share: float) -> None:
+        """Show what begins, and the share of the work that is done."""
+        if self._bar is not None:
+            self._bar.update(self._task, completed=share, description=what)
+            return
+        tenths = int(10.0 * share)
+        if tenths > self._tenths:
+            self._tenths = tenths
+            elapsed = time.monotonic() - self._started
+            left = f', {elapsed / share - elapsed:.0f} s left' if 0.05 < share < 1.0 else ''
+            print(f'{10 * tenths:3d} %  {what}{left}', flush=True)

@@ -1,0 +1,128 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Named points on the measured front of accuracy against time.
+
+Every number below was chosen from the full `lava accuracy` run that is committed beside it
+(`EVIDENCE`, by `COMMAND`); docs/accuracy/ has its table and chart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from lava_ros import validation
+from lava_ros.accuracy import Accuracy
+
+#: The measurements the presets rest on, in the repository.
+EVIDENCE = 'docs/accuracy/cpu.csv'
+
+#: What made them.
+COMMAND = 'lava accuracy --device cpu'
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a preset scored in ``EVIDENCE``, rounded up.
+
+    Attributes:
+        case: The case, a name in ``verification.cases.CASES``.
+        errors: Largest relative error of each quantity.
+    """
+
+    case: str
+    errors: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A named accuracy.
+
+    Attributes:
+        name: Its name.
+        accuracy: The knobs.
+        summary: Who should take it, in one sentence.
+        evidence: What it scored.
+    """
+
+    name: str
+    accuracy: Accuracy
+    summary: str
+    evidence: Evidence
+
+
+_PRESETS = (
+    Preset(
+        'draft',
+        # The cheapest ratio at which 2,000 particles still beat 1 %; 2 is the stability limit.
+        Accuracy(refinement=0.5, ratio=2.5, diffusion_number=2.0),
+        'A first look, and ensembles of many runs.',
+        Evidence('fixed_volume', {'radius': 0.002, 'profile': 0.007}),
+    ),
+    Preset(
+        'standard',
+        # At 8,000 particles the profile's error is least between ratios 3 and 4.
+        Accuracy(refinement=1.0, ratio=3.5, diffusion_number=1.6),
+        'For maps: errors of the method well below those of terrain and discharge.',
+        Evidence('fixed_volume', {'radius': 0.001, 'profile': 0.004}),
+    ),
+    Preset(
+        'fine',
+        Accuracy(refinement=2.0, ratio=3.5, diffusion_number=1.6),
+        'For figures, and where a channel is a few particles wide.',
+        Evidence('fixed_volume', {'radius': 0.001, 'profile': 0.002}),
+    ),
+    Preset(
+        'reference',
+        # Half the displacement per step: what is left is the error of the particles.
+        Accuracy(refinement=3.0, ratio=4.0, courant_number=0.25, precision='float64'),
+        'To measure the others against: float64, and short steps.',
+        Evidence('fixed_volume', {'radius': 0.001, 'profile': 0.002}),
+    ),
+    Preset(
+        'as-published',
+        # Table 3.1: dt = 0.01 s; V = (2 l / 3)^3 at l = h = 1 m is a ratio of (3 / 2)^(3 / 2).
+        Accuracy(
+            refinement=0.25,
+            ratio=1.84,
+            kernel='poly6',
+            integrator='euler',
+            fixed_step=0.01,
+            formulation='as-published',
+        ),
+        "The paper's printed formulas and settings, for comparison only: lava hardly moves.",
+        Evidence('fixed_volume', {'radius': 0.25, 'profile': 0.5}),
+    ),
+)
+
+#: The presets by name, from the cheapest to the dearest.
+PRESETS: dict[str, Preset] = {preset.name: preset for preset in _PRESETS}
+
+#: What is used when nothing is said.
+DEFAULT = 'standard'
+
+
+def preset_accuracy(name: str, *, spacing: float | None = None) -> Accuracy:
+    """The accuracy of a preset.
+
+    Args:
+        name: The preset.
+        spacing: Distance between particles [m] in place of the automatic one.
+
+    Raises:
+        LavaError: There is no such preset, or the spacing is not usable.
+    """
+    validation.choice('preset', name, tuple(PRESETS))
+    accuracy = PRESETS[name].accuracy
+    return accuracy if spacing is None else replace(accuracy, spacing=spacing)

@@ -1,0 +1,36 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cases that run the solver where an exact solution is known."""
+
+from lava_ros.verification.cases import sheets, slopes, spreading
+from lava_ros.verification.cases.case import Case, Measurement, Run
+from lava_ros.verification.cases.sheets import green_response, sheet_on_slope
+from lava_ros.verification.cases.spreading import Spread, spread_of_fixed_volume
+
+__all__ = [
+    'CASES',
+    'Case',
+    'Measurement',
+    'Run',
+    'Spread',
+    'green_response',
+    'sheet_on_slope',
+    'spread_of_fixed_volume',
+]
+
+#: Every case by its name, from the simplest.
+CASES: dict[str, Case] = {
+    case.name: case for case in (*sheets.CASES, *spreading.CASES, *slopes.CASES)
+}

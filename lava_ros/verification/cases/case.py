@@ -1,0 +1,231 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a case is, what it measures, and how a run is timed."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+import time as wall_clock
+
+import numpy as np
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.verification.field import Field
+
+#: Isothermal lava: nothing but weight and viscosity.
+ISOTHERMAL = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
+
+#: Its kinematic viscosity [m2/s].
+NU = ISOTHERMAL.viscosity / ISOTHERMAL.density
+
+GRAVITY = 9.81
+
+#: Where the thickness falls below this, a flow of about 1 m has its front [m].
+FRONT = 0.1
+
+FLAT = Effects(arrhenius=False, cooling=False, steep=False)
+
+SLOPING = Effects(arrhenius=False, cooling=False, steep=True)
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """A measured number beside the exact one.
+
+    Attributes:
+        quantity: What it is, in a word or two.
+        measured: What the solver says.
+        exact: What it should say.
+        unit: Unit of both.
+        scale: What the difference is divided by, the exact value when left out.
+    """
+
+    quantity: str
+    measured: float
+    exact: float
+    unit: str
+    scale: float | None = None
+
+    @property
+    def error(self) -> float:
+        """Relative difference; NaN, which is within no bound, when nothing was measured."""
+        return abs(self.measured - self.exact) / abs(self.scale or self.exact)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a case.
+
+    Attributes:
+        case: Name of the case.
+        measurements: What was compared.
+        particles: Particles at the end.
+        steps: Time steps.
+        evaluations: Velocity evaluations.
+        simulated_time: Time that was simulated [s].
+        wall_time: Time it took [s], without compiling the kernels and without measuring.
+    """
+
+    case: str
+    measurements: tuple[Measurement, ...]
+    particles: int
+    steps: int
+    evaluations: int
+    simulated_time: float
+    wall_time: float
+
+
+@dataclass(frozen=True)
+class Case:
+    """A flow whose exact solution is known.
+
+    Attributes:
+        name: Name on the command line.
+        title: What flows, in a phrase.
+        source: Where the exact solution is from.
+        run: Runs it at an accuracy on a Warp device. Its spacing is the case's own over
+            ``accuracy.refinement``.
+    """
+
+    name: str
+    title: str
+    source: str
+    run: Callable[[Accuracy, str], Run]
+
+
+class Trial:
+    """A simulation whose progress is timed, its kernels compiled beforehand."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        effects: Effects,
+        accuracy: Accuracy,
+        device: str,
+        particles: Particles | None = None,
+    ) -> None:
+        """Prepare the simulation.
+
+        Args:
+            scene: Terrain, vents and lava.
+            effects: The physics.
+            accuracy: The resolution, spacing and thickness included.
+            device: Warp device.
+            particles: Lava that is there at the start.
+        """
+        # the kernels are compiled for the effects and the accuracy, whatever the scene
+        few = None
+        if particles is not None:
+            volume, temperature = np.asarray(particles.volume), np.asarray(particles.temperature)
+            few = Particles(particles.position[:2], volume[:2], temperature[:2])
+        Simulation(
+            scene, effects=effects, accuracy=accuracy, device=device, particles=few
+        ).advance(1e-3)
+        self.simulation = Simulation(
+            scene, effects=effects, accuracy=accuracy, device=device, particles=particles
+        )
+        self._device = device
+        self._wall_time = 0.0
+
+    def advance(self, until: float) -> None:
+        """Simulate up to a time [s] and add to the wall time."""
+        start = wall_clock.perf_counter()
+        self.simulation.advance(until)
+        self._wall_time += wall_clock.perf_counter() - start
+
+    def field(self, window: tuple[float, float, float, float]) -> Field:
+        """The thickness as the output grid shows it, on cells of half a spacing.
+
+        Args:
+            window: Smallest x, smallest y, largest x, largest y [m].
+        """
+        spacing = self.simulation.accuracy.spacing
+        assert spacing is not None
+        cell = 0.5 * spacing
+        x0, y0, x1, y1 = window
+        shape = (int(np.ceil((y1 - y0) / cell)), int(np.ceil((x1 - x0) / cell)))
+        fine = Terrain(np.zeros(shape), cell, origin=(x0, y0))
+        sample = self.simulation.sample()
+        inside = np.array([fine.covers(*place) for place in sample.position], dtype=bool)
+        copy = Simulation(
+            replace(self.simulation.scene, terrain=fine, vents=()),
+            effects=self.simulation.effects,
+            accuracy=self.simulation.accuracy,
+            device=self._device,
+            particles=Particles(
+                sample.position[inside], sample.volume[inside], sample.temperature[inside]
+            ),
+        )
+        return Field(copy.snapshot().thickness, cell, (x0, y0))
+
+    def run(self, case: str, *measurements: Measurement) -> Run:
+        """Close the trial with what was measured."""
+        snapshot = self.simulation.snapshot()
+        return Run(
+            case=case,
+            measurements=measurements,
+            particles=snapshot.particle_count,
+            steps=snapshot.steps.count,
+            evaluations=snapshot.steps.evaluations,
+            simulated_time=snapshot.time,
+            wall_time=self._wall_time,
+        )
+
+
+def joined(case: str, runs: list[Run]) -> Run:
+    """Make one run of several simulations of a case: particles of the largest, sums else."""
+    return Run(
+        case=case,
+        measurements=tuple(item for run in runs for item in run.measurements),
+        particles=max(run.particles for run in runs),
+        steps=sum(run.steps for run in runs),
+        evaluations=sum(run.evaluations for run in runs),
+        simulated_time=sum(run.simulated_time for run in runs),
+        wall_time=sum(run.wall_time for run in runs),
+    )
+
+
+def plane(
+    window: tuple[float, float, float, float], cell: float, slope: float = 0.0
+) -> Terrain:
+    """An even slope that falls towards +x.
+
+    Args:
+        window: Smallest x, smallest y, largest x, largest y [m] that it covers at least.
+        cell: Side of a cell [m].
+        slope: Angle of the slope [rad].
+    """
+    x0, y0, x1, y1 = window
+    rows, columns = (max(2, int(np.ceil(side / cell))) for side in (y1 - y0, x1 - x0))
+    x = x0 + (np.arange(columns) + 0.5) * cell
+    return Terrain(np.tile(-np.tan(slope) * x, (rows, 1)), cell, origin=(x0, y0))
+
+
+def strip(width: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Shares of a length in (0, 1) and places across a width [m] of ``count`` even points.
+
+    The points (i + 1/2) / count and i times the golden ratio are evenly apart however a rectangle
+    is stretched.
+
+    Args:
+        width: Width of the strip [m], around 0.
+        count: Number of points.
+    """
+    index = np.arange(count)
+    turn = np.modf(index * 0.5 * (np.sqrt(5.0) - 1.0))[0]
+    return (index + 0.5) / count, (turn - 0.5) * width

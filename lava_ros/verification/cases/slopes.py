@@ -1,0 +1,223 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cases of lava that flows down an even slope.
+
+Solutions are along the slope, the simulation in plan: x = x_plan / cos b, h = h_vertical cos b.
+"""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.scene import Scene, Vent
+from lava_ros.simulation import Particles
+from lava_ros.verification import exact
+from lava_ros.verification.cases.case import (
+    Case,
+    GRAVITY,
+    ISOTHERMAL,
+    Measurement,
+    NU,
+    plane,
+    Run,
+    SLOPING,
+    strip,
+    Trial,
+)
+from lava_ros.verification.field import front, slope_of
+
+#: Smallest x, smallest y, largest x, largest y.
+Window = tuple[float, float, float, float]
+
+#: Discharge of the point sources [m3/s].
+DISCHARGE = 10.0
+
+#: Times of Lister's flow that are compared, over its time scale.
+LISTER_TIMES = (20.0, 50.0, 100.0)
+
+
+def _run_fixed_area(accuracy: Accuracy, device: str) -> Run:
+    """A strip on 20 degrees, sixty run-outs h cot b long at the end, measured along its middle."""
+    slope = math.radians(20.0)
+    thickness = 1.0
+    run_out = thickness / math.tan(slope)
+    last = 60.0 * run_out
+    # a triangle-like profile holds (2/3) h_N x_N
+    area = 2.0 / 3.0 * thickness * last
+    solution = exact.SlopeFixedArea(area, slope, NU, GRAVITY)
+    end = solution.time_of_length(last)
+    start = solution.time_of_length(last / 1.5)
+    width = 24.0 * run_out
+    cosine = math.cos(slope)
+    spacing = 0.45 * run_out / accuracy.refinement
+    mean = area / last / cosine
+    share, y = strip(width, round(area * width / (mean * spacing**2)))
+    x = solution.length(start) * share ** (2.0 / 3.0) * cosine
+    window = (-8.0 * run_out, -width, (last + 8.0 * run_out) * cosine, width)
+    trial = Trial(
+        Scene(plane(window, 1.5 * run_out, slope), lava=ISOTHERMAL, gravity=GRAVITY),
+        effects=SLOPING,
+        accuracy=replace(accuracy, spacing=spacing, thickness=mean),
+        # a plan area holds as much as the slope's: h_vertical dx_plan = h dx
+        particles=Particles(np.column_stack([x, y]), area * width / len(share), 1400.0),
+        device=device,
+    )
+    trial.advance(end - start)
+    grid = trial.field(window)
+    line = grid.along_x(2.0 * run_out) * cosine
+    return trial.run(
+        'slope_fixed_area',
+        Measurement('front', front(grid.x, line, 0.1 * thickness) / cosine, last, 'm'),
+    )
+
+
+def _run_flux(accuracy: Accuracy, device: str) -> Run:
+    """A fissure across 20 degrees, and when the front arrives 10 run-outs h cot b below it."""
+    slope, flux = math.radians(20.0), 0.5
+    solution = exact.SlopeFlux(flux, slope, NU, GRAVITY)
+    run_out, cosine = solution.run_out, math.cos(slope)
+    gauge = 10.0 * run_out
+    width = 24.0 * run_out
+    threshold = 0.1 * solution.thickness
+    arrival = solution.arrival(gauge, threshold)
+    window = (-6.0 * run_out, -width, (gauge + 8.0 * run_out) * cosine, width)
+    spacing = 0.2 * run_out / accuracy.refinement
+    vent = Vent(
+        (0.0, -0.5 * width), flux * width, radius=0.2 * run_out, end=(0.0, 0.5 * width)
+    )
+    trial = Trial(
+        Scene(plane(window, 0.6 * run_out, slope), (vent,), ISOTHERMAL, gravity=GRAVITY),
+        effects=SLOPING,
+        accuracy=replace(accuracy, spacing=spacing, thickness=solution.thickness / cosine),
+        device=device,
+    )
+    times = arrival * np.linspace(0.5, 1.1, 7)
+    fronts = []
+    for time in times:
+        trial.advance(float(time))
+        grid = trial.field(window)
+        line = grid.along_x(4.0 * run_out) * cosine
+        fronts.append(front(grid.x, line, threshold) / cosine)
+    # NaN, an error, when the front is not between the first and the last
+    measured = float(np.interp(gauge, fronts, times, left=math.nan, right=math.nan))
+    return trial.run(
+        'slope_flux',
+        Measurement('arrival', measured, arrival, 's'),
+        Measurement('speed', slope_of(times, np.array(fronts)), solution.speed, 'm/s'),
+    )
+
+
+def _scaled(window: Window, unit: float) -> Window:
+    x0, y0, x1, y1 = window
+    return (unit * x0, unit * y0, unit * x1, unit * y1)
+
+
+def _width(place: np.ndarray, thickness: np.ndarray, threshold: float) -> float:
+    """Distance between the outermost fronts on both sides [m]."""
+    return front(place, thickness, threshold) + front(-place[::-1], thickness[::-1], threshold)
+
+
+def _source_trial(
+    slope: float,
+    spacing: float,
+    window: Window,
+    accuracy: Accuracy,
+    device: str,
+) -> Trial:
+    """A point source of radius 0.3 L at (0, 0) on a slope; lengths are over Lister's scale L."""
+    scales = exact.ListerScales(DISCHARGE, slope, NU, GRAVITY)
+    unit = scales.length
+    vent = Vent((0.0, 0.0), DISCHARGE, radius=0.3 * unit)
+    return Trial(
+        Scene(
+            plane(_scaled(window, unit), 0.5 * unit, slope), (vent,), ISOTHERMAL, gravity=GRAVITY
+        ),
+        effects=SLOPING,
+        accuracy=replace(
+            accuracy,
+            spacing=spacing * unit / accuracy.refinement,
+            thickness=0.5 * scales.thickness / math.cos(slope),
+        ),
+        device=device,
+    )
+
+
+def _run_lister(accuracy: Accuracy, device: str) -> Run:
+    """Front and half-width on 5 degrees where the flow is thicker than 0.02 h0."""
+    slope = math.radians(5.0)
+    scales = exact.ListerScales(DISCHARGE, slope, NU, GRAVITY)
+    threshold = 0.02 * scales.thickness
+    cosine = math.cos(slope)
+    window = (-3.0, -7.0, 35.0, 7.0)
+    trial = _source_trial(slope, 0.18, window, accuracy, device)
+    measurements = []
+    for time in LISTER_TIMES:
+        trial.advance(time * scales.time)
+        grid = trial.field(_scaled(window, scales.length))
+        thickness = grid.thickness * cosine
+        length = front(grid.x, thickness.max(axis=0), threshold) / cosine
+        widest = thickness.max(axis=1)
+        half = 0.5 * _width(grid.y, widest, threshold)
+        x, y = exact.LISTER_REFERENCE[time]
+        measurements.append(Measurement(f'x at {time:g} T', length / scales.length, x, 'L'))
+        measurements.append(Measurement(f'y at {time:g} T', half / scales.length, y, 'L'))
+    return trial.run('lister', *measurements)
+
+
+def _run_smith(accuracy: Accuracy, device: str) -> Run:
+    """The steady flow twelve run-outs below a source; the lower border swallows it soon after.
+
+    It is steady there by 250 T. The mean of some moments is what is compared.
+    """
+    slope, station = math.radians(10.0), 12.0
+    scales = exact.ListerScales(DISCHARGE, slope, NU, GRAVITY)
+    solution = exact.SteadySource(DISCHARGE, slope, NU, GRAVITY)
+    cosine = math.cos(slope)
+    x = station * scales.length
+    threshold = 0.1 * solution.axis(x)
+    window = (-3.0, -10.0, 16.0, 10.0)
+    trial = _source_trial(slope, 0.22, window, accuracy, device)
+    halves, axes, squares = [], [], []
+    for time in np.linspace(250.0, 350.0, 5):
+        trial.advance(float(time) * scales.time)
+        grid = trial.field(_scaled(window, scales.length))
+        band = np.abs(grid.x / cosine - x) < 0.5 * scales.length
+        across = grid.thickness[:, band].mean(axis=1) * cosine
+        halves.append(0.5 * _width(grid.y, across, threshold))
+        axes.append(across[np.abs(grid.y) < 0.5 * scales.length].mean())
+        sample = trial.simulation.sample()
+        here = np.abs(sample.position[:, 0] / cosine - x) < 0.5 * scales.length
+        squares.append((sample.position[here, 1] ** 2).mean())
+    return trial.run(
+        'smith',
+        Measurement(
+            'half-width', float(np.mean(halves)), solution.half_width(x, threshold), 'm'
+        ),
+        # the profile 1 - s^2 has a mean square of s of 1/5
+        Measurement(
+            'spread', math.sqrt(np.mean(squares)), solution.half_width(x) / math.sqrt(5.0), 'm'
+        ),
+        Measurement('axis thickness', float(np.mean(axes)), solution.axis(x), 'm'),
+    )
+
+
+CASES = (
+    Case('slope_fixed_area', 'fixed area down a slope', 'Huppert 1982 (Nature)', _run_fixed_area),
+    Case('slope_flux', 'constant flux down a slope', 'Huppert 1982 (Nature)', _run_flux),
+    Case('lister', 'point source on a slope', 'Lister 1992', _run_lister),
+    Case('smith', 'steady point source on a slope', 'Smith 1973', _run_smith),
+)

@@ -1,0 +1,282 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cases of lava that spreads on a plane."""
+
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.effects import Effects
+from lava_ros.scene import Scene, Vent
+from lava_ros.simulation import Particles
+from lava_ros.verification import exact
+from lava_ros.verification.cases.case import (
+    Case,
+    FLAT,
+    FRONT,
+    GRAVITY,
+    ISOTHERMAL,
+    Measurement,
+    NU,
+    plane,
+    Run,
+    strip,
+    Trial,
+)
+from lava_ros.verification.field import front, slope_of
+
+
+@dataclass(frozen=True)
+class Spread:
+    """What a spreading fixed volume shows.
+
+    Attributes:
+        radius: Root of the volume-weighted mean of r^2 [m].
+        profile: Mean of |h - exact| at the particles over the mean thickness.
+        edge: Mean radius at which the output grid's thickness falls below ``FRONT`` [m].
+        scatter: Relative standard deviation of h / exact inside 0.3 R.
+        run: The run.
+    """
+
+    radius: Measurement
+    profile: Measurement
+    edge: Measurement
+    scatter: float
+    run: Run
+
+    @property
+    def profile_error(self) -> float:
+        """Mean relative error of the profile."""
+        return self.profile.error
+
+    @property
+    def steps(self) -> int:
+        """Time steps."""
+        return self.run.steps
+
+    @property
+    def evaluations(self) -> int:
+        """Velocity evaluations."""
+        return self.run.evaluations
+
+
+def spread_of_fixed_volume(
+    count: int,
+    *,
+    accuracy: Accuracy,
+    effects: Effects | None = None,
+    growth: float = 1.3,
+    device: str = 'cpu',
+) -> Spread:
+    """Let a fixed volume on a plane spread until its radius has grown by a factor (Huppert 1982).
+
+    Args:
+        count: Number of particles.
+        accuracy: Resolution; its spacing and thickness are set by the case.
+        effects: Physics; the local balance alone when left out.
+        growth: Final radius over first.
+        device: Warp device.
+    """
+    volume, first_radius = 1e5, 100.0
+    solution = exact.FixedVolumeSpread(volume, NU, GRAVITY)
+    start = solution.time_of_radius(first_radius)
+    end = start * growth**8
+    radius = solution.radius(end)
+    area = math.pi * radius**2
+    half = 1.5 * radius
+    window = (-half, -half, half, half)
+    trial = Trial(
+        Scene(plane(window, 0.05 * half), lava=ISOTHERMAL, gravity=GRAVITY),
+        effects=effects or FLAT,
+        accuracy=replace(accuracy, spacing=math.sqrt(area / count), thickness=volume / area),
+        particles=Particles(solution.particles(count, start), volume / count, 1400.0),
+        device=device,
+    )
+    trial.advance(end - start)
+    sample = trial.simulation.sample()
+    distance = np.hypot(*sample.position.T)
+    expected = solution.thickness(distance, end)
+    inner = distance < 0.3 * radius
+    spread = Measurement(
+        'radius',
+        math.sqrt(np.average(distance**2, weights=sample.volume)),
+        solution.rms_radius(end),
+        'm',
+    )
+    profile = Measurement(
+        'profile',
+        float(np.abs(sample.thickness - expected).mean()),
+        0.0,
+        'm',
+        scale=float(expected.mean()),
+    )
+    edge = Measurement(
+        'edge',
+        trial.field(window).mean_radius(FRONT, half),
+        solution.radius_of_thickness(FRONT, end),
+        'm',
+    )
+    return Spread(
+        radius=spread,
+        profile=profile,
+        edge=edge,
+        scatter=float((sample.thickness[inner] / expected[inner]).std()),
+        run=trial.run('fixed_volume', spread, profile, edge),
+    )
+
+
+def _run_fixed_volume(accuracy: Accuracy, device: str) -> Run:
+    count = max(20, round(8000 * accuracy.refinement**2))
+    return spread_of_fixed_volume(count, accuracy=accuracy, device=device).run
+
+
+def _run_constant_flux(accuracy: Accuracy, device: str) -> Run:
+    """The radius after an hour, and the law it follows from a quarter of an hour on."""
+    discharge, end = 10.0, 3600.0
+    solution = exact.ConstantFluxSpread(discharge, NU, GRAVITY)
+    half = 1.3 * solution.radius(end)
+    window = (-half, -half, half, half)
+    spacing = 2.8 / accuracy.refinement
+    trial = Trial(
+        Scene(
+            plane(window, 8.0),
+            (Vent((0.0, 0.0), discharge, radius=10.0),),
+            ISOTHERMAL,
+            gravity=GRAVITY,
+        ),
+        effects=FLAT,
+        accuracy=replace(accuracy, spacing=spacing, thickness=1.15),
+        device=device,
+    )
+    times = np.geomspace(0.25 * end, end, 7)
+    radii = []
+    for time in times:
+        trial.advance(float(time))
+        radii.append(trial.field(window).mean_radius(FRONT, half))
+    exponent = slope_of(np.log(times), np.log(radii))
+    # the threshold's own part of the radius is in neither coefficient
+    offset = solution.radius(end) / solution.radius_of_thickness(FRONT, end)
+    coefficient = math.exp(np.mean(np.log(radii) - 0.5 * np.log(times))) * offset
+    return trial.run(
+        'constant_flux',
+        Measurement('radius', radii[-1], solution.radius_of_thickness(FRONT, end), 'm'),
+        Measurement('exponent', exponent, 0.5, '1'),
+        Measurement('coefficient', coefficient, solution.coefficient, 'm/s^(1/2)'),
+    )
+
+
+def _run_plane_fixed_area(accuracy: Accuracy, device: str) -> Run:
+    """A strip 3.5 times as wide as its end is far, measured along its middle."""
+    area, first, growth = 100.0, 100.0, 1.3
+    solution = exact.PlaneFixedArea(area, NU, GRAVITY)
+    start = solution.time_of_length(first)
+    end = start * growth**5
+    length = solution.length(end)
+    width = 3.5 * length
+    window = (-1.3 * length, -2.6 * length, 1.3 * length, 2.6 * length)
+    spacing = length / 33.0 / accuracy.refinement
+    thickness = area / length
+    share, y = strip(width, round(2.0 * area * width / (thickness * spacing**2)))
+    # the inverse of the profile's integral, from one front to the other
+    places = np.linspace(-1.0, 1.0, 20001)
+    density = np.cbrt(1.0 - places**2)
+    held = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
+    x = first * np.interp(share, held / held[-1], places)
+    trial = Trial(
+        Scene(plane(window, 0.05 * length), lava=ISOTHERMAL, gravity=GRAVITY),
+        effects=FLAT,
+        accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
+        particles=Particles(
+            np.column_stack([x, y]), 2.0 * area * width / len(share), 1400.0
+        ),
+        device=device,
+    )
+    trial.advance(end - start)
+    sample = trial.simulation.sample()
+    middle = np.abs(sample.position[:, 1]) < 0.2 * length
+    expected = solution.thickness(np.abs(sample.position[middle, 0]), end)
+    grid = trial.field(window)
+    line = grid.along_x(0.2 * length)
+    fronts = [front(grid.x, line, FRONT), front(-grid.x[::-1], line[::-1], FRONT)]
+    return trial.run(
+        'plane_fixed_area',
+        Measurement(
+            'front', float(np.mean(fronts)), solution.length_of_thickness(FRONT, end), 'm'
+        ),
+        Measurement(
+            'profile',
+            float(np.abs(sample.thickness[middle] - expected).mean()),
+            0.0,
+            'm',
+            scale=float(expected.mean()),
+        ),
+    )
+
+
+def _run_dam_break(accuracy: Accuracy, device: str) -> Run:
+    """A block whose two long ends collapse, until what they feel has come half-way to the middle.
+
+    Its sides are as far from the middle line as its ends are from the middle.
+    """
+    height, reach = 2.0, 15.0
+    half = 3.0 * reach
+    solution = exact.DamBreak(height, NU, GRAVITY)
+    end = solution.time_of_reach(reach)
+    spacing = 1.0 / accuracy.refinement
+    share, y = strip(2.0 * half, round((2.0 * half / spacing) ** 2))
+    x = (2.0 * share - 1.0) * half
+    outer = half + reach
+    window = (-outer, -outer, outer, outer)
+    trial = Trial(
+        Scene(plane(window, 3.0), lava=ISOTHERMAL, gravity=GRAVITY),
+        effects=FLAT,
+        accuracy=replace(accuracy, spacing=spacing, thickness=height),
+        particles=Particles(
+            np.column_stack([x, y]), height * (2.0 * half) ** 2 / len(share), 1400.0
+        ),
+        device=device,
+    )
+    trial.advance(end)
+    grid = trial.field(window)
+    band = 0.5 * reach
+    line = grid.along_x(band)
+    fronts = [front(grid.x, line, FRONT), front(-grid.x[::-1], line[::-1], FRONT)]
+    sample = trial.simulation.sample()
+    past = (np.abs(sample.position[:, 1]) < band) & (np.abs(sample.position[:, 0]) > half)
+    return trial.run(
+        'dam_break',
+        Measurement(
+            'front',
+            float(np.mean(fronts)) - half,
+            solution.front_of_thickness(FRONT, end),
+            'm',
+        ),
+        Measurement(
+            'passed',
+            float(sample.volume[past].sum()) / (4.0 * band),
+            solution.passed(end),
+            'm2',
+        ),
+    )
+
+
+CASES = (
+    Case('fixed_volume', 'fixed volume on a plane', 'Huppert 1982', _run_fixed_volume),
+    Case('constant_flux', 'constant flux onto a plane', 'Huppert 1982', _run_constant_flux),
+    Case('plane_fixed_area', 'fixed area on a plane', 'Huppert 1982', _run_plane_fixed_area),
+    Case('dam_break', 'viscous dam break', 'Cordonnier et al. 2015, BM1', _run_dam_break),
+)

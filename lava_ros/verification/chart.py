@@ -1,0 +1,203 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The chart of a report: error against cost, the front drawn and the presets named."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+import math
+from pathlib import Path
+from typing import Any
+
+from lava_ros.accuracy import INTEGRATORS, KERNELS
+from lava_ros.errors import LavaError
+from lava_ros.verification.report import (
+    pareto_front,
+    percent,
+    Point,
+    points,
+    presets_of,
+    Row,
+    seconds,
+)
+
+#: Smallest error that is drawn: below it is rounding.
+FLOOR = 1e-7
+
+_INK, _GREY, _FRONT = '#222222', '#9aa0a6', '#d1495b'
+
+#: Colours of the presets, from the cheapest on, and of the paper's.
+_COLOURS = ('#fb9a06', '#e2583b', '#a92e5e', '#3d0f56', '#5f6368')
+
+
+def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
+    """Draw one panel for each case.
+
+    Args:
+        rows: The measurements.
+        titles: Title of each case by name.
+        output: The picture; its suffix chooses the format.
+
+    Raises:
+        LavaError: matplotlib is not installed, or the picture cannot be written.
+    """
+    try:
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    except ImportError as error:
+        needed = "matplotlib: pip install 'lava_ros[plot]'"
+        raise LavaError('chart', str(output), needed) from error
+    everything = [item for item in points(rows) if math.isfinite(item.error + item.cost)]
+    # where nothing but presets was run there is no front to see
+    swept = list(dict.fromkeys(point.case for point in everything if not point.preset))
+    cases = swept or list(dict.fromkeys(point.case for point in everything))
+    colours = dict(zip(presets_of(everything), _COLOURS, strict=False))
+    columns = min(len(cases), 3)
+    lines = math.ceil(len(cases) / columns)
+    width, height = (7.2, 5.2) if columns == 1 else (4.0 * columns, 3.3 * lines + 1.1)
+    figure = Figure(figsize=(width, height), dpi=130, facecolor='white')
+    FigureCanvasAgg(figure)
+    for index, name in enumerate(cases):
+        axes = figure.add_subplot(lines, columns, index + 1)
+        found = [point for point in everything if point.case == name]
+        _draw_case(axes, found, colours)
+        axes.set_title(titles.get(name, name), loc='left', fontsize=10, color=_INK)
+        if index % columns == 0:
+            axes.set_ylabel('largest relative error', fontsize=9, color=_INK)
+        if index + columns >= len(cases):
+            axes.set_xlabel('wall time for an hour of the flow', fontsize=9, color=_INK)
+    top = 0.62 / height
+    figure.text(
+        0.012,
+        1.0 - 0.2 / height,
+        'What accuracy costs',
+        fontsize=14,
+        weight='bold',
+        color=_INK,
+        va='center',
+    )
+    figure.text(0.988, 1.0 - 0.2 / height, rows[0].machine, fontsize=9, color='#555555',
+                va='center', ha='right')
+    _draw_legend(figure, colours, height)
+    figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - top), w_pad=1.2, h_pad=1.2)
+    try:
+        figure.savefig(output)
+    except (OSError, ValueError) as error:
+        raise LavaError('chart', str(output), f'a picture to write ({error})') from error
+
+
+def _draw_case(axes: Any, found: Sequence[Point], colours: dict[str, str]) -> None:
+    axes.set_xscale('log')
+    axes.set_yscale('log')
+    plain = [point for point in found if not point.preset]
+    axes.scatter(*_places(plain), s=13, color=_GREY, linewidths=0, alpha=0.75, zorder=2)
+    front = pareto_front(found)
+    axes.plot(*_places(front), color=_FRONT, linewidth=1.3, zorder=3)
+    for point in found:
+        if point.preset:
+            axes.scatter(
+                *_places([point]),
+                s=58,
+                color=colours[point.preset],
+                edgecolors='white',
+                linewidths=1.2,
+                zorder=4,
+            )
+    _set_limits(axes, found)
+    for point in found:
+        _label(axes, point)
+    axes.grid(which='major', color='#e6e6e6', linewidth=0.7, zorder=0)
+    axes.set_axisbelow(True)
+    for side in ('top', 'right'):
+        axes.spines[side].set_visible(False)
+    for side in ('left', 'bottom'):
+        axes.spines[side].set_color('#888888')
+    axes.tick_params(which='both', labelsize=8, color='#888888', labelcolor=_INK)
+
+
+def _label(axes: Any, point: Point) -> None:
+    """Name presets, and settings with another kernel or integrator than the default's."""
+    words = [word for word in point.setting.split(', ') if word in (*KERNELS, *INTEGRATORS)]
+    text = point.preset or ' '.join(words)
+    if not text:
+        return
+    low, high = axes.get_xlim()
+    is_right = math.log(point.cost / low) > 0.78 * math.log(high / low)
+    axes.annotate(
+        text,
+        (point.cost, max(point.error, FLOOR)),
+        xytext=(-7 if is_right else 7, 5),
+        textcoords='offset points',
+        ha='right' if is_right else 'left',
+        fontsize=9 if point.preset else 7.5,
+        weight='bold' if point.preset else 'normal',
+        color=_INK if point.preset else '#70757a',
+        path_effects=_halo(),
+        zorder=6,
+    )
+
+
+def _halo() -> list[Any]:
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=2.5, foreground='white')]
+
+
+def _places(found: Sequence[Point]) -> tuple[list[float], list[float]]:
+    return [point.cost for point in found], [max(point.error, FLOOR) for point in found]
+
+
+def _set_limits(axes: Any, found: Sequence[Point]) -> None:
+    """Powers of ten, and what is between where the panel spans less than two of them."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    costs, errors = _places(found)
+    for axis, values, text in (
+        (axes.xaxis, costs, seconds),
+        (axes.yaxis, errors, percent),
+    ):
+        low, high = min(values) / 1.6, max(values) * 1.6
+        axis.set_view_interval(low, high, ignore=True)
+        decades = math.log10(high / low)
+        subs = (1.0,) if decades > 2.5 else (1.0, 3.0) if decades > 1.2 else (1.0, 2.0, 5.0)
+        axis.set_major_locator(LogLocator(subs=subs))
+        axis.set_major_formatter(FuncFormatter(lambda value, _, text=text: text(value)))
+        axis.set_minor_formatter(NullFormatter())
+
+
+def _draw_legend(figure: Any, colours: dict[str, str], height: float) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [
+        Line2D([], [], marker='o', linestyle='', markersize=7.5, color=colour,
+               markeredgecolor='white', label=name)
+        for name, colour in colours.items()
+    ]
+    handles.append(Line2D([], [], color=_FRONT, linewidth=1.3, label='front'))
+    handles.append(
+        Line2D([], [], marker='o', linestyle='', markersize=4, color=_GREY,
+               markeredgecolor='none', label='other settings')
+    )
+    figure.legend(
+        handles=handles,
+        loc='center left',
+        bbox_to_anchor=(0.006, 1.0 - 0.47 / height),
+        ncols=len(handles),
+        frameon=False,
+        fontsize=9,
+        handletextpad=0.3,
+        columnspacing=1.3,
+        borderpad=0.0,
+    )

@@ -1,0 +1,114 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Exact solutions of layers of even thickness: speed, lateral stress, heat."""
+
+import math
+
+#: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018), apart from the solver's on purpose.
+STEFAN_BOLTZMANN = 5.670374419e-8
+
+
+def sheet_velocity(
+    thickness: float, slope: float, *, density: float, viscosity: float, gravity: float
+) -> float:
+    """Depth-averaged speed along the slope of a uniform sheet, rho g h^2 sin(b) / (3 mu) [m/s].
+
+    From the balance of weight and drag, mu d2u/dz2 = -rho g sin(b), no slip below and no stress
+    on top.
+
+    Args:
+        thickness: Thickness normal to the slope [m].
+        slope: Angle of the slope [rad].
+        density: Density [kg/m3].
+        viscosity: Dynamic viscosity [Pa s].
+        gravity: Acceleration of gravity [m/s2].
+    """
+    return density * gravity * thickness**2 * math.sin(slope) / (3.0 * viscosity)
+
+
+def green_response(wave_number: float, thickness: float) -> float:
+    """Velocity over local velocity for a driving term sin(q x), 1 / (1 + q^2 / k^2).
+
+    From lap u' - k^2 u' = b with k = sqrt(3) / h (see ``simulation.viscosity``).
+
+    Args:
+        wave_number: q [1/m].
+        thickness: Thickness of the uniform layer [m].
+    """
+    return 1.0 / (1.0 + wave_number**2 * thickness**2 / 3.0)
+
+
+def channel_mean_velocity(width: float, thickness: float) -> float:
+    """Mean velocity over the wide sheet's in a channel with no-slip walls.
+
+    u'' - k^2 u = -k^2 u0 with k = sqrt(3) / h and u = 0 at y = -W/2 and W/2 has
+    u = u0 (1 - cosh(k y) / cosh(k W / 2)), whose mean is u0 (1 - tanh(k W / 2) / (k W / 2)).
+
+    Args:
+        width: W [m].
+        thickness: h [m].
+    """
+    half = 0.5 * math.sqrt(3.0) * width / thickness
+    return 1.0 - math.tanh(half) / half
+
+
+class RadiatingSheet:
+    """A sheet at one temperature that radiates from its top.
+
+    rho c h dT/dt = -eps sigma (T^4 - Ta^4). With partial fractions of 1 / (T^4 - Ta^4),
+    F(T) - F(T0) = eps sigma t / (rho c h) for
+    F(T) = [ln((T + Ta) / (T - Ta)) + 2 atan(T / Ta)] / (4 Ta^3), which falls with T.
+    """
+
+    def __init__(
+        self,
+        *,
+        initial: float,
+        ambient: float,
+        emissivity: float,
+        density: float,
+        specific_heat: float,
+        thickness: float,
+    ) -> None:
+        """Set the case.
+
+        Args:
+            initial: T0 [K].
+            ambient: Ta [K].
+            emissivity: eps.
+            density: rho [kg/m3].
+            specific_heat: c [J/(kg K)].
+            thickness: h [m].
+        """
+        self.initial = initial
+        self.ambient = ambient
+        self.rate = emissivity * STEFAN_BOLTZMANN / (density * specific_heat * thickness)
+
+    def _integral(self, temperature: float) -> float:
+        ambient = self.ambient
+        logarithm = math.log((temperature + ambient) / (temperature - ambient))
+        return (logarithm + 2.0 * math.atan(temperature / ambient)) / (4.0 * ambient**3)
+
+    def temperature(self, time: float) -> float:
+        """T [K] at a time [s], by bisection."""
+        target = self._integral(self.initial) + self.rate * time
+        low, high = math.nextafter(self.ambient, math.inf), self.initial
+        for _ in range(200):
+            middle = 0.5 * (low + high)
+            if self._integral(middle) > target:
+                low = middle
+            else:
+                high = middle
+        return 0.5 * (low + high)

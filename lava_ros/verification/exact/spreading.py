@@ -1,0 +1,238 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Exact solutions of lava that spreads on a plane by its own weight.
+
+h_t = alpha div(h^3 grad h), alpha = g / (3 nu). Each is a similarity solution h ~ f(eta) with
+f = 0 at the front eta_N, near which f^2 f' is minus the front's own speed in similarity
+variables. The coefficients are eigenvalues of ordinary differential equations, which the tests
+integrate anew.
+"""
+
+import math
+
+import numpy as np
+
+
+class FixedVolumeSpread:
+    """A fixed volume that spreads on a plane (Huppert 1982, J. Fluid Mech. 121, axisymmetric).
+
+    The similarity variable r / R(t) turns the equation into
+    h = h0 (1 - r^2/R^2)^(1/3), R = 0.89391 (g V^3 t / 3 nu)^(1/8),
+    h0 = 0.53113 (3 nu V / (g t))^(1/4). The two coefficients are
+    (2^10 / (3^4 pi^3))^(1/8) and 4 / (3 pi 0.89391^2): from V = (3 pi / 4) h0 R^2 and from
+    dR/dt = (2 g h0^3 / 9 nu) / R, the front's speed.
+    """
+
+    RADIUS = (2.0**10 / (3.0**4 * math.pi**3)) ** 0.125
+    HEIGHT = 4.0 / (3.0 * math.pi * RADIUS**2)
+
+    def __init__(self, volume: float, kinematic_viscosity: float, gravity: float) -> None:
+        """Set the case.
+
+        Args:
+            volume: V [m3].
+            kinematic_viscosity: nu [m2/s].
+            gravity: g [m/s2].
+        """
+        self.volume = volume
+        self.nu = kinematic_viscosity
+        self.gravity = gravity
+
+    def radius(self, time: float) -> float:
+        """R [m] at a time [s] after the release from a point."""
+        scale = self.gravity * self.volume**3 * time / (3.0 * self.nu)
+        return self.RADIUS * scale**0.125
+
+    def time_of_radius(self, radius: float) -> float:
+        """Time [s] at which the radius [m] is reached."""
+        scale = 3.0 * self.nu / (self.gravity * self.volume**3)
+        return (radius / self.RADIUS) ** 8 * scale
+
+    def centre(self, time: float) -> float:
+        """Thickness in the middle h0 [m] at a time [s]."""
+        return self.HEIGHT * (3.0 * self.nu * self.volume / (self.gravity * time)) ** 0.25
+
+    def thickness(self, distance: np.ndarray, time: float) -> np.ndarray:
+        """Thickness [m] at distances from the centre [m]."""
+        ratio = np.asarray(distance) / self.radius(time)
+        return self.centre(time) * np.cbrt(np.clip(1.0 - ratio**2, 0.0, None))
+
+    def radius_of_thickness(self, thickness: float, time: float) -> float:
+        """Distance [m] at which the profile has a thickness [m]."""
+        return self.radius(time) * math.sqrt(1.0 - (thickness / self.centre(time)) ** 3)
+
+    def rms_radius(self, time: float) -> float:
+        """Root of the volume-weighted mean of r^2, R sqrt(3 / 7) [m]."""
+        return self.radius(time) * math.sqrt(3.0 / 7.0)
+
+    def particles(self, count: int, time: float) -> np.ndarray:
+        """Positions [m], shape [count, 2], of equal volumes that have the profile at a time.
+
+        The radius that holds a share s of the volume is R sqrt(1 - (1 - s)^(3/4)); the angles
+        follow the golden angle.
+        """
+        share = (np.arange(count) + 0.5) / count
+        distance = self.radius(time) * np.sqrt(1.0 - (1.0 - share) ** 0.75)
+        angle = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
+        return np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=1)
+
+
+class ConstantFluxSpread:
+    """A constant flux from a point onto a plane (Huppert 1982, J. Fluid Mech. 121, axisymmetric).
+
+    h = (Q / alpha)^(1/4) f(eta), eta = r / [(alpha Q^3)^(1/8) t^(1/2)] gives
+    (eta f^3 f')' + eta^2 f' / 2 = 0 with 2 pi int eta f d eta = 1. Its front is at
+    eta_N = 0.71502, so R = 0.71502 (g Q^3 / 3 nu)^(1/8) t^(1/2), and there
+    f^3 = (3/2) eta_N (eta_N - eta).
+    """
+
+    RADIUS = 0.71502
+
+    def __init__(self, discharge: float, kinematic_viscosity: float, gravity: float) -> None:
+        """Set the case.
+
+        Args:
+            discharge: Q [m3/s].
+            kinematic_viscosity: nu [m2/s].
+            gravity: g [m/s2].
+        """
+        alpha = gravity / (3.0 * kinematic_viscosity)
+        self._length = (alpha * discharge**3) ** 0.125
+        self._height = (discharge / alpha) ** 0.25
+
+    @property
+    def coefficient(self) -> float:
+        """R / t^(1/2) [m/s^(1/2)]."""
+        return self.RADIUS * self._length
+
+    def radius(self, time: float) -> float:
+        """R [m] at a time [s] after the flux began."""
+        return self.coefficient * math.sqrt(time)
+
+    def radius_of_thickness(self, thickness: float, time: float) -> float:
+        """Distance [m] at which the profile's front has a thickness [m]."""
+        behind = (thickness / self._height) ** 3 / (1.5 * self.RADIUS)
+        return (self.RADIUS - behind) * self._length * math.sqrt(time)
+
+
+class PlaneFixedArea:
+    """A fixed area A a side, released along a line (Huppert 1982, J. Fluid Mech. 121, plane).
+
+    x = x_N(t) s turns the equation into (h^3 h')' = -(x_N' x_N^2 / alpha) (s h)' (x_N scaled
+    out), which integrates to h = h0 (1 - s^2)^(1/3) with
+    x_N dx_N/dt = (2/3) alpha h0^3. With A = h0 x_N B, B = int_0^1 (1 - s^2)^(1/3) ds
+    = sqrt(pi) Gamma(4/3) / (2 Gamma(11/6)), that is
+    x_N = [(10 / 3) / B^3]^(1/5) (alpha A^3 t)^(1/5), a coefficient of 1.41124.
+    """
+
+    SHAPE = math.sqrt(math.pi) * math.gamma(4.0 / 3.0) / (2.0 * math.gamma(11.0 / 6.0))
+    LENGTH = (10.0 / 3.0 / SHAPE**3) ** 0.2
+
+    def __init__(self, area: float, kinematic_viscosity: float, gravity: float) -> None:
+        """Set the case.
+
+        Args:
+            area: A [m2], of one of the two sides.
+            kinematic_viscosity: nu [m2/s].
+            gravity: g [m/s2].
+        """
+        self.area = area
+        self._scale = gravity * area**3 / (3.0 * kinematic_viscosity)
+
+    def length(self, time: float) -> float:
+        """x_N [m] at a time [s] after the release from a line."""
+        return self.LENGTH * (self._scale * time) ** 0.2
+
+    def time_of_length(self, length: float) -> float:
+        """Time [s] at which the front is at a distance [m]."""
+        return (length / self.LENGTH) ** 5 / self._scale
+
+    def centre(self, time: float) -> float:
+        """Thickness in the middle h0 [m]."""
+        return self.area / (self.SHAPE * self.length(time))
+
+    def thickness(self, distance: np.ndarray, time: float) -> np.ndarray:
+        """Thickness [m] at distances from the line [m]."""
+        ratio = np.asarray(distance) / self.length(time)
+        return self.centre(time) * np.cbrt(np.clip(1.0 - ratio**2, 0.0, None))
+
+    def length_of_thickness(self, thickness: float, time: float) -> float:
+        """Distance [m] at which the profile has a thickness [m]."""
+        return self.length(time) * math.sqrt(1.0 - (thickness / self.centre(time)) ** 3)
+
+
+class PlaneConstantFlux:
+    """A constant flux q a side from a line onto a plane (Huppert 1982, J. Fluid Mech. 121).
+
+    h = (q^2 / alpha)^(1/5) t^(1/5) f(eta), eta = x / [(alpha q^3)^(1/5) t^(4/5)] gives
+    (f^3 f')' + (4 eta f' - f) / 5 = 0 with int f d eta = 1, whose front is at 1.00101.
+    """
+
+    LENGTH = 1.00101
+
+    def __init__(self, flux: float, kinematic_viscosity: float, gravity: float) -> None:
+        """Set the case.
+
+        Args:
+            flux: q [m2/s], to one of the two sides.
+            kinematic_viscosity: nu [m2/s].
+            gravity: g [m/s2].
+        """
+        self._scale = (gravity * flux**3 / (3.0 * kinematic_viscosity)) ** 0.2
+
+    def length(self, time: float) -> float:
+        """x_N [m] at a time [s] after the flux began."""
+        return self.LENGTH * self._scale * time**0.8
+
+
+class DamBreak:
+    """A step of height h0 released at x = 0, viscous and early: before its far end feels it.
+
+    Cordonnier, Lev & Garel 2015 (Geol. Soc. London Spec. Publ. 426), benchmark BM1.
+    h = h0 f(eta), eta = x / sqrt(alpha h0^3 t) gives (f^3 f')' + eta f' / 2 = 0 with f = 1 far
+    behind, whose front is at 0.49242 = 0.28430 sqrt(3): x_f = 0.28430 h0 sqrt(g h0 t / nu). There
+    f^3 = (3/2) 0.49242 (0.49242 - eta). int f d eta over eta > 0 is 0.25732.
+    """
+
+    FRONT = 0.28430 * math.sqrt(3.0)
+    PASSED = 0.25732
+
+    def __init__(self, height: float, kinematic_viscosity: float, gravity: float) -> None:
+        """Set the case.
+
+        Args:
+            height: h0 [m].
+            kinematic_viscosity: nu [m2/s].
+            gravity: g [m/s2].
+        """
+        self.height = height
+        self._diffusivity = gravity * height**3 / (3.0 * kinematic_viscosity)
+
+    def time_of_reach(self, reach: float) -> float:
+        """Time [s] at which the diffusive length sqrt(alpha h0^3 t) has a value [m]."""
+        return reach**2 / self._diffusivity
+
+    def front(self, time: float) -> float:
+        """x_f [m] at a time [s] after the release."""
+        return self.FRONT * math.sqrt(self._diffusivity * time)
+
+    def front_of_thickness(self, thickness: float, time: float) -> float:
+        """Distance from the dam [m] at which the front has a thickness [m]."""
+        behind = (thickness / self.height) ** 3 / (1.5 * self.FRONT)
+        return (self.FRONT - behind) * math.sqrt(self._diffusivity * time)
+
+    def passed(self, time: float) -> float:
+        """Area that has passed the dam [m2]."""
+        return self.PASSED * self.height * math.sqrt(self._diffusivity * time)

@@ -1,0 +1,116 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`lava accuracy`: the report as a command."""
+
+import csv
+import json
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.cli import main as cli
+from lava_ros.verification import report
+
+ROOT = Path(__file__).parents[2]
+
+#: Runs the command where nothing but Warp, numpy, matplotlib and yaml is installed.
+BARE = """
+import sys
+
+ABSENT = ('rclpy', 'rich', 'rasterio', 'mcap', 'zstandard', 'scipy', 'rosbags', 'tifffile')
+
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.split('.')[0] in ABSENT:
+            raise ImportError(f'{name} is not installed here')
+
+
+sys.meta_path.insert(0, Absent())
+from lava_ros.accuracy import Accuracy
+from lava_ros.cli.main import main
+from lava_ros.verification import report
+
+report.all_settings = lambda quick: [report.Setting('a', Accuracy(refinement=0.25), 'draft')]
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.fixture
+def one_setting(monkeypatch):
+    """Let the report have one coarse setting."""
+    settings = [report.Setting('coarse', Accuracy(refinement=0.25), 'draft')]
+    monkeypatch.setattr(report, 'all_settings', lambda quick: settings)
+
+
+def test_report_is_written(tmp_path, one_setting, capsys):
+    """CSV, table, chart and JSON lie in the folder; the rows say what made them."""
+    words = ['accuracy', '--quick', '--case', 'fixed_volume', '--device', 'cpu']
+    words += ['--output', str(tmp_path / 'a/b'), '--json', str(tmp_path / 'a.json')]
+    assert cli.main(words) == 0
+    assert {item.name for item in (tmp_path / 'a/b').iterdir()} == {'cpu.csv', 'cpu.md', 'cpu.png'}
+    with (tmp_path / 'a/b/cpu.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert {row['case'] for row in rows} == {'fixed_volume'}
+    expected = 'lava accuracy --quick --case fixed_volume --device cpu'
+    assert {row['command'] for row in rows} == {expected}
+    assert len(json.loads((tmp_path / 'a.json').read_text())) == len(rows)
+    output = capsys.readouterr().out
+    assert '100 %' in output
+    assert 'draft' in output
+
+
+@pytest.mark.parametrize(
+    ('words', 'field'),
+    [
+        (('--case', 'none'), '--case'),
+        (('--device', 'cuda:77'), '--device'),
+        (('--repetitions', '0'), '--repetitions'),
+        (('--output', 'file/folder'), '--output'),
+        (('--json', 'none/a.json'), '--json'),
+    ],
+)
+def test_what_cannot_be_used_is_refused_before_anything_runs(
+    words, field, tmp_path, monkeypatch, capsys
+):
+    """A wrong argument is one sentence at once, not after an hour of measuring."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'file').write_text('')
+
+    def never(*args, **options):
+        raise AssertionError('it began to measure')
+
+    monkeypatch.setattr(report, 'measure', never)
+    assert cli.main(['accuracy', *words]) == 2
+    errors = capsys.readouterr().err
+    assert errors.startswith(f'lava accuracy: {field} ')
+    assert errors.count('\n') == 1
+
+
+def test_a_bare_machine_is_enough(tmp_path):
+    """Neither ROS nor rich, rasterio, MCAP or scipy is needed."""
+    words = ['accuracy', '--case', 'fixed_volume', '--device', 'cpu', '--output', str(tmp_path)]
+    done = subprocess.run(
+        [sys.executable, '-c', BARE, *words],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=100,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / 'cpu.png').is_file()

@@ -1,0 +1,277 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Exact solutions: every coefficient from its equation again, published values, limits."""
+
+from collections.abc import Callable
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_bvp, solve_ivp
+from scipy.optimize import brentq
+
+from lava_ros.verification import exact
+
+NU, GRAVITY = 4.0, 9.81
+
+ALPHA = GRAVITY / (3.0 * NU)
+
+
+def similarity_profile(rhs: Callable, slope: float, end: float, *, gap: float = 1e-7):
+    """Integrate (f^4 / 4, f^3 f', int f) from a front at 1 backwards, where f^3 = slope (1 - x).
+
+    ``rhs(x, f, flux)`` is the derivative of flux = f^3 f'.
+    """
+    f = (slope * gap) ** (1.0 / 3.0)
+    start = [f**4 / 4.0, -slope * f / 3.0, 0.75 * f * gap]
+
+    def derivatives(x, y):
+        f = (4.0 * max(y[0], 1e-30)) ** 0.25
+        return [y[1], rhs(x, f, y[1]), -f]
+
+    return solve_ivp(
+        derivatives, (1.0 - gap, end), start, rtol=1e-10, atol=1e-13, dense_output=True
+    )
+
+
+def test_huppert_coefficients_are_the_published_ones():
+    """R = 0.894 (g V^3 t / 3 nu)^(1/8) and h0 = 0.531 (3 nu V / (g t))^(1/4)."""
+    assert exact.FixedVolumeSpread.RADIUS == pytest.approx(0.89391, abs=1e-5)
+    assert exact.FixedVolumeSpread.HEIGHT == pytest.approx(0.53113, abs=1e-5)
+
+
+def test_huppert_solution_satisfies_its_equation():
+    """The profile holds the volume, and obeys h_t = (g / 3 nu) (1/r) d/dr (r h^3 dh/dr)."""
+    solution = exact.FixedVolumeSpread(1e5, NU, GRAVITY)
+    time = 1e4
+    volume = quad(
+        lambda r: 2 * math.pi * r * solution.thickness(r, time), 0, solution.radius(time)
+    )[0]
+    assert volume == pytest.approx(1e5, rel=1e-5)
+
+    def flux(r):
+        step = 1e-2
+        rise = solution.thickness(r + step, time) - solution.thickness(r - step, time)
+        return r * solution.thickness(r, time) ** 3 * rise / (2 * step)
+
+    r = 0.5 * solution.radius(time)
+    spread = ALPHA * (flux(r + 1.0) - flux(r - 1.0)) / (2.0 * r)
+    rate = (solution.thickness(r, time + 1.0) - solution.thickness(r, time - 1.0)) / 2.0
+    assert spread == pytest.approx(rate, rel=1e-3)
+    edge = solution.radius_of_thickness(0.3, time)
+    assert solution.thickness(edge, time) == pytest.approx(0.3)
+
+
+def test_particles_of_the_profile_have_its_moments():
+    """The particles given for a time have its root mean square radius and no centre offset."""
+    solution = exact.FixedVolumeSpread(1e5, NU, GRAVITY)
+    places = solution.particles(8000, 1e4)
+    assert np.hypot(*places.T).max() < solution.radius(1e4)
+    assert math.sqrt((places**2).sum(axis=1).mean()) == pytest.approx(
+        solution.rms_radius(1e4), rel=1e-4
+    )
+    assert np.abs(places.mean(axis=0)).max() < 1e-3 * solution.radius(1e4)
+
+
+def test_constant_flux_coefficient():
+    """(x f^3 f')' + x^2 f' / 2 = 0 scaled to a front at 1 has 2 pi int x f = eta_N^(-8/3)."""
+    profile = similarity_profile(
+        lambda x, f, flux: -flux / x - 0.5 * x * flux / f**3, 1.5, 1e-3
+    )
+    integral = quad(lambda x: x * (4 * profile.sol(x)[0]) ** 0.25, 1e-3, 1 - 1e-7, limit=200)[0]
+    front = (2.0 * math.pi * integral) ** -0.375
+    assert exact.ConstantFluxSpread.RADIUS == pytest.approx(front, abs=2e-5)
+    solution = exact.ConstantFluxSpread(10.0, NU, GRAVITY)
+    scale = (ALPHA * 10.0**3) ** 0.125
+    assert solution.radius(3600.0) == pytest.approx(front * scale * 60.0, rel=1e-4)
+    # the front's thickness against the whole profile
+    x = solution.radius_of_thickness(0.3, 3600.0) / solution.radius(3600.0)
+    height = (10.0 / ALPHA) ** 0.25 * front ** (2 / 3) * (4 * profile.sol(x)[0]) ** 0.25
+    assert height == pytest.approx(0.3, rel=0.01)
+
+
+def test_plane_coefficients():
+    """1.41124 for a fixed area; (f^3 f')' + (4 x f' - f) / 5 = 0 gives 1.00101 for a flux."""
+    integral = quad(lambda s: (1 - s * s) ** (1 / 3), 0, 1)[0]
+    assert exact.PlaneFixedArea.SHAPE == pytest.approx(integral, rel=1e-6)
+    assert exact.PlaneFixedArea.LENGTH == pytest.approx(1.41124, abs=1e-5)
+    profile = similarity_profile(
+        lambda x, f, flux: -(4.0 * x * flux / f**3 - f) / 5.0, 2.4, 0.0
+    )
+    front = profile.y[2, -1] ** -0.6
+    assert exact.PlaneConstantFlux.LENGTH == pytest.approx(front, abs=2e-5)
+    solution = exact.PlaneConstantFlux(0.5, NU, GRAVITY)
+    assert solution.length(100.0) == pytest.approx(
+        front * (ALPHA * 0.5**3) ** 0.2 * 100.0**0.8, rel=1e-4
+    )
+
+
+def test_plane_fixed_area_satisfies_its_equation():
+    """The profile holds the area at any time, and its front's speed is that of the lava there."""
+    solution = exact.PlaneFixedArea(50.0, NU, GRAVITY)
+    time = solution.time_of_length(80.0)
+    assert solution.length(time) == pytest.approx(80.0)
+    assert quad(lambda x: solution.thickness(x, time), 0, 80)[0] == pytest.approx(50.0, rel=1e-6)
+    x, step = 79.99, 1e-4
+    rise = solution.thickness(x + step, time) - solution.thickness(x - step, time)
+    speed = -ALPHA * solution.thickness(x, time) ** 2 * rise / (2 * step)
+    ahead = solution.length(time + 1.0) - solution.length(time - 1.0)
+    assert speed == pytest.approx(ahead / 2.0, rel=1e-3)
+
+
+def test_dam_break_coefficients():
+    """(f^3 f')' + x f' / 2 = 0 with f = 1 far behind: front 0.28430 sqrt(3), area 0.25732."""
+
+    def far(front):
+        profile = similarity_profile(
+            lambda x, f, flux: -0.5 * x * flux / f**3, 1.5, -12.0 / front
+        )
+        return front ** (2 / 3) * (4 * profile.y[0, -1]) ** 0.25 - 1.0, profile
+
+    front = brentq(lambda guess: far(guess)[0], 0.4, 0.6, xtol=1e-8)
+    assert exact.DamBreak.FRONT == pytest.approx(front, abs=2e-5)
+    assert exact.DamBreak.FRONT / math.sqrt(3.0) == pytest.approx(0.28430)
+    passed = front ** (5 / 3) * far(front)[1].sol(0.0)[2]
+    assert exact.DamBreak.PASSED == pytest.approx(passed, abs=2e-5)
+    solution = exact.DamBreak(2.0, NU, GRAVITY)
+    time = solution.time_of_reach(15.0)
+    assert solution.front(time) == pytest.approx(
+        0.28430 * 2.0 * math.sqrt(GRAVITY * 2.0 * time / NU)
+    )
+
+
+def test_slope_of_fixed_area():
+    """The profile holds the area, and its front is where h travels to at g sin b h^2 / nu."""
+    slope = math.radians(20.0)
+    solution = exact.SlopeFixedArea(100.0, slope, NU, GRAVITY)
+    time = solution.time_of_length(150.0)
+    assert solution.length(time) == pytest.approx(150.0)
+    area = quad(lambda x: float(solution.thickness(x, time)), 0.0, 150.0)[0]
+    assert area == pytest.approx(100.0, rel=1e-6)
+    height = float(solution.thickness(150.0 - 1e-9, time))
+    speed = (solution.length(time + 0.1) - solution.length(time - 0.1)) / 0.2
+    # volume through the front: the mean speed of the lava there is the front's
+    assert speed == pytest.approx(GRAVITY * math.sin(slope) * height**2 / (3 * NU), rel=1e-4)
+
+
+def test_travelling_front():
+    """The front's shape carries flux c h everywhere, and the volumes give the toe's place."""
+    slope = math.radians(20.0)
+    solution = exact.SlopeFlux(0.5, slope, NU, GRAVITY)
+    drive = ALPHA * solution.thickness**3 * math.sin(slope)
+    assert drive == pytest.approx(0.5)
+    for height in (0.1, 0.5 * solution.thickness, 0.95 * solution.thickness):
+        step = 1e-5
+        run = solution.behind_toe(height + step) - solution.behind_toe(height - step)
+        rise = -2.0 * step / run
+        flux = ALPHA * height**3 * (math.sin(slope) - math.cos(slope) * rise)
+        assert flux == pytest.approx(solution.speed * height, rel=1e-5)
+    # volume of the pond, the sheet and the front up to the toe
+    time = 100.0
+    toe = solution.toe(time)
+    pond = 0.5 * solution.thickness * solution.run_out
+    lacking = quad(
+        lambda h: solution.behind_toe(h), 0.0, solution.thickness, limit=200
+    )[0]
+    assert pond + solution.thickness * toe - lacking == pytest.approx(0.5 * time, rel=1e-6)
+    assert solution.toe(solution.arrival(30.0, 0.1)) - solution.behind_toe(0.1) == pytest.approx(
+        30.0
+    )
+
+
+def test_smith_coefficients():
+    """2.29317 and 1.12685, and the flux through any section is the source's."""
+    assert exact.SteadySource.WIDTH == pytest.approx(2.29317, abs=1e-5)
+    assert exact.SteadySource.HEIGHT == pytest.approx(1.12685, abs=1e-5)
+    slope = math.radians(10.0)
+    solution = exact.SteadySource(10.0, slope, NU, GRAVITY)
+    for x in (50.0, 500.0):
+        width, axis = solution.half_width(x), solution.axis(x)
+        cubes = quad(lambda s: (axis * (1 - s * s)) ** 3 * width, -1.0, 1.0)[0]  # noqa: B023
+        assert ALPHA * math.sin(slope) * cubes == pytest.approx(10.0)
+    assert solution.half_width(50.0, 0.5 * solution.axis(50.0)) == pytest.approx(
+        solution.half_width(50.0) / math.sqrt(2.0)
+    )
+
+
+def test_smith_profile_satisfies_its_equation():
+    """-(3/7) (s f^3)' = (3/14) (f^3 f')' with f = 1 - s^2, as polynomials."""
+    s, f = np.polynomial.Polynomial([0.0, 1.0]), np.polynomial.Polynomial([1.0, 0.0, -1.0])
+    down = -3.0 / 7.0 * (s * f**3).deriv()
+    across = 3.0 / 14.0 * (f**3 * f.deriv()).deriv()
+    assert across.coef == pytest.approx(down.coef)
+    ratio = exact.SteadySource.HEIGHT / exact.SteadySource.WIDTH**2
+    assert ratio == pytest.approx(3.0 / 14.0)
+
+
+def test_lister_scales():
+    """The source fills L^2 h0 in T, and speeds down the slope and across it are equal."""
+    slope = math.radians(5.0)
+    scales = exact.ListerScales(10.0, slope, NU, GRAVITY)
+    assert 10.0 * scales.time == pytest.approx(scales.length**2 * scales.thickness)
+    down = ALPHA * math.sin(slope) * scales.thickness**2 * scales.time
+    assert down == pytest.approx(scales.length)
+
+
+def test_lister_reference_follows_lister():
+    """Late, the flow's length grows as t^(7/9) and its width as t^(1/3) (Lister 1992)."""
+    (x0, y0), (x1, y1) = exact.LISTER_REFERENCE[50.0], exact.LISTER_REFERENCE[200.0]
+    assert math.log(x1 / x0, 4.0) == pytest.approx(7.0 / 9.0, abs=0.02)
+    assert math.log(y1 / y0, 4.0) == pytest.approx(1.0 / 3.0, abs=0.03)
+
+
+@pytest.mark.parametrize(
+    ('ratio', 'mean'), [(1.0, 0.192), (2.5, 0.550), (5.0, 0.769), (20.0, 0.942)]
+)
+def test_channel(ratio, mean):
+    """The mean over the width of the solution of u'' = k^2 (u - 1) with u = 0 at the walls."""
+    assert exact.channel_mean_velocity(2.0 * ratio, 2.0) == pytest.approx(mean, abs=1e-3)
+    y = np.linspace(-0.5 * ratio, 0.5 * ratio, 101)
+    solved = solve_bvp(
+        lambda y, u: np.array([u[1], 3.0 * (u[0] - 1.0)]),
+        lambda a, b: np.array([a[0], b[0]]),
+        y,
+        np.zeros((2, 101)),
+        tol=1e-6,
+        max_nodes=5000,
+    )
+    assert quad(lambda y: solved.sol(y)[0], y[0], y[-1])[0] / ratio == pytest.approx(
+        exact.channel_mean_velocity(ratio, 1.0), rel=1e-4
+    )
+
+
+def test_radiating_sheet():
+    """The closed form is the solution of rho c h T' = -eps sigma (T^4 - Ta^4)."""
+    solution = exact.RadiatingSheet(
+        initial=1423.0,
+        ambient=300.0,
+        emissivity=0.9,
+        density=2500.0,
+        specific_heat=1150.0,
+        thickness=2.0,
+    )
+    rate = 0.9 * 5.670374419e-8 / (2500.0 * 1150.0 * 2.0)
+    hours = np.array([1.0, 10.0, 24.0])
+    solved = solve_ivp(
+        lambda t, y: -rate * (y**4 - 300.0**4),
+        (0.0, 86400.0),
+        [1423.0],
+        t_eval=3600.0 * hours,
+        rtol=1e-10,
+    )
+    values = [solution.temperature(3600.0 * hour) for hour in hours]
+    assert values == pytest.approx(solved.y[0], rel=1e-7)
+    assert values == pytest.approx([1312.1159, 916.3931, 725.8872], abs=1e-3)
+    assert solution.temperature(0.0) == pytest.approx(1423.0)
