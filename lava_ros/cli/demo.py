@@ -35,6 +35,7 @@ from lava_ros.cli.children import Child, ChildError
 from lava_ros.cli.ros import require_ros
 from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
 from lava_ros.errors import LavaError
+from lava_ros.presets import DEFAULT, PRESETS
 from lava_ros.scene import Scene
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
 #: Simulated time of the demo [s].
 DURATION = 6.0 * 3600.0
 
-#: Distance between particles on the demo's own terrain [m].
+#: Distance between particles on the demo's own terrain [m], with a preset of refinement 1.
 SPACING = 15.0
 
 #: Shortest the flow may take [s]: a GPU would be done before anybody saw it.
@@ -84,7 +85,16 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument('--json', metavar='FILE', help='also write the result here')
     parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
     parser.add_argument(
-        '--spacing', type=float, metavar='M', help='distance between particles [m]'
+        '--preset',
+        choices=tuple(PRESETS),
+        default=DEFAULT,
+        help=f'accuracy (default: {DEFAULT})',
+    )
+    parser.add_argument(
+        '--spacing',
+        type=float,
+        metavar='M',
+        help="distance between particles [m] in place of the preset's",
     )
     parser.add_argument(
         '--max-speed',
@@ -113,7 +123,7 @@ def run(args: argparse.Namespace) -> int:
     if spacing is not None:
         spacing = validation.number('--spacing', spacing, above=0.0, unit='m')
     elif not (args.scene or args.terrain):
-        spacing = SPACING
+        spacing = SPACING / PRESETS[args.preset].accuracy.refinement
     speed = min(max(duration / LEAST_WALL_TIME, SPEED_RANGE[0]), SPEED_RANGE[1])
     if args.max_speed is not None:
         low, high = SPEED_RANGE
@@ -126,6 +136,7 @@ def run(args: argparse.Namespace) -> int:
     _remove_earlier_demo(output)
     domain = _free_domain() if args.domain is None else args.domain
     settings = _node_parameters(scene, output, spacing, args.device)
+    settings['preset'] = args.preset
     settings |= {'end_time': duration, 'time_scale': speed}
     started = time.monotonic()
     try:

@@ -21,12 +21,14 @@ from collections.abc import Mapping
 from datetime import datetime, timezone
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import yaml
 
-from lava_ros.bag.reader import BagReader, Topic
 from lava_ros.errors import LavaError
+
+if TYPE_CHECKING:
+    from lava_ros.bag.reader import BagReader, Topic
 
 # Custom data of this name describes the scene, as scene_to_dict gives it, in YAML or JSON.
 _SCENE = 'scene'
@@ -51,6 +53,8 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         LavaError: The bag cannot be read, or the JSON file not written.
     """
+    from lava_ros.bag.reader import BagReader
+
     bag = BagReader(args.bag)
     if args.json is None:
         print('\n'.join(_lines(bag)))

@@ -18,8 +18,6 @@ from __future__ import annotations
 
 import argparse
 
-from lava_ros.bag.reader import BagReader
-from lava_ros.bag.recovery import recover
 from lava_ros.errors import LavaError
 
 
@@ -41,6 +39,9 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         LavaError: The bag cannot be read, or the output not be written.
     """
+    from lava_ros.bag.reader import BagReader
+    from lava_ros.bag.recovery import recover
+
     try:
         count = recover(BagReader(args.bag), args.output)
     except OSError as error:

@@ -20,7 +20,6 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from lava_ros.bag.reader import BagReader
 from lava_ros.cli.ros import require_ros
 
 if TYPE_CHECKING:
@@ -68,6 +67,8 @@ def run(args: argparse.Namespace) -> int:
         LavaError: An argument is out of range, or the bag cannot be read.
     """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from lava_ros.bag.reader import BagReader
 
     bag = BagReader(args.bag)
     require_ros()

@@ -39,9 +39,9 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.errors import LavaError
 from lava_ros.layers import Layer, load_layers
+from lava_ros.presets import preset_accuracy
 from lava_ros.ros import codec, diagnostics, inputs, parameters, qos
 from lava_ros.ros.layer_publishers import LayerPublishers
 from lava_ros.ros.recorder import Recorder
@@ -197,7 +197,9 @@ class LavaNode(Node):
 
         settings = self._settings
         return Simulation(
-            scene, accuracy=Accuracy(spacing=settings.spacing), device=settings.device
+            scene,
+            accuracy=preset_accuracy(settings.preset, spacing=settings.spacing),
+            device=settings.device,
         )
 
     # parameters
@@ -219,7 +221,7 @@ class LavaNode(Node):
             self._command('end_time', self._worker.set_end_time(new.end_time))
         if new.lava != old.lava:
             self._command('lava', self._worker.set_lava(new.lava))
-        if new.lava != old.lava or new.spacing != old.spacing:
+        if (new.lava, new.preset, new.spacing) != (old.lava, old.preset, old.spacing):
             self.get_logger().info('the new value is used from the next start or reset on')
 
     def _with(self, changed: list[Parameter]) -> dict[str, Any]:

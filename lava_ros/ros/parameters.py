@@ -21,8 +21,11 @@ from typing import Any
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 
+from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.layers import ZERO_CELSIUS
+from lava_ros.presets import DEFAULT as DEFAULT_PRESET
+from lava_ros.presets import PRESETS
 from lava_ros.ros.inputs import InputRules
 from lava_ros.scene import Lava, VENT_TEMPERATURE_RANGE
 
@@ -88,9 +91,14 @@ PARAMETERS = (
     ParameterSpec('time_scale', 1.0, 'Simulated seconds per second of the clock', (1e-3, 1e6)),
     ParameterSpec('end_time', 0.0, 'Simulated time [s] at which to stop; 0: never', (0.0, 1e10)),
     ParameterSpec(
+        'preset',
+        DEFAULT_PRESET,
+        f'Accuracy: one of {", ".join(PRESETS)}; from the next start or reset on',
+    ),
+    ParameterSpec(
         'spacing',
         0.0,
-        'Distance between particles [m], from the next start or reset on; 0: automatic',
+        'Distance between particles [m], from the next start or reset on; 0: as the preset has it',
         (0.0, 1e4),
     ),
     ParameterSpec(
@@ -190,7 +198,8 @@ class Settings:
         msg_config: File of the layers.
         time_scale: Simulated seconds per second of the clock.
         end_time: Simulated time at which to stop [s], None for never.
-        spacing: Distance between particles [m], None for automatic.
+        preset: Name of the accuracy's preset.
+        spacing: Distance between particles [m] in place of the preset's, None for that.
         default_discharge: Discharge of a vent opened by a click [m3/s].
         default_temperature: Its temperature [Celsius].
         default_radius: Its radius [m].
@@ -205,6 +214,7 @@ class Settings:
     msg_config: str = 'default.yaml'
     time_scale: float = 1.0
     end_time: float | None = None
+    preset: str = DEFAULT_PRESET
     spacing: float | None = None
     default_discharge: float = 10.0
     default_temperature: float = 1150.0
@@ -224,6 +234,7 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     """
     if not values['frame_id']:
         raise LavaError('frame_id', '', 'the name of a frame, such as map')
+    validation.choice('preset', values['preset'], PRESETS)
     rules = {item.name for item in fields(InputRules)} - {'epsg', 'offset'}
     plain = {item.name for item in fields(Settings)} - {'device', 'end_time', 'spacing'}
     return Settings(

@@ -116,8 +116,12 @@ def _draw_case(axes: Any, found: Sequence[Point], colours: dict[str, str]) -> No
                 zorder=4,
             )
     _set_limits(axes, found)
+    named = [point for point in sorted(found, key=lambda item: item.cost) if point.preset]
+    for before, point in zip([None, *named], named, strict=False):
+        _label(axes, point, is_low=before is not None and _are_close(axes, before, point))
     for point in found:
-        _label(axes, point)
+        if not point.preset:
+            _label(axes, point)
     axes.grid(which='major', color='#e6e6e6', linewidth=0.7, zorder=0)
     axes.set_axisbelow(True)
     for side in ('top', 'right'):
@@ -127,7 +131,16 @@ def _draw_case(axes: Any, found: Sequence[Point], colours: dict[str, str]) -> No
     axes.tick_params(which='both', labelsize=8, color='#888888', labelcolor=_INK)
 
 
-def _label(axes: Any, point: Point) -> None:
+def _are_close(axes: Any, one: Point, other: Point) -> bool:
+    """Whether the names of two points beside one another would overlap."""
+    x0, x1 = axes.get_xlim()
+    y0, y1 = axes.get_ylim()
+    gap = math.log(other.cost / one.cost) / math.log(x1 / x0)
+    rise = math.log(max(other.error, FLOOR) / max(one.error, FLOOR)) / math.log(y1 / y0)
+    return gap < 0.4 and abs(rise) < 0.1
+
+
+def _label(axes: Any, point: Point, *, is_low: bool = False) -> None:
     """Name presets, and settings with another kernel or integrator than the default's."""
     words = [word for word in point.setting.split(', ') if word in (*KERNELS, *INTEGRATORS)]
     text = point.preset or ' '.join(words)
@@ -138,7 +151,7 @@ def _label(axes: Any, point: Point) -> None:
     axes.annotate(
         text,
         (point.cost, max(point.error, FLOOR)),
-        xytext=(-7 if is_right else 7, 5),
+        xytext=(-7 if is_right else 7, -12 if is_low else 5),
         textcoords='offset points',
         ha='right' if is_right else 'left',
         fontsize=9 if point.preset else 7.5,

@@ -232,7 +232,8 @@ def measure(
     rows: list[Row] = []
     for index, case in enumerate(cases):
         own = [item for item in settings if _is_run(item, case.name)]
-        # seconds per unit of cost, from the dearest run so far: short ones say little
+        # seconds per unit of cost, from the dearest run so far: short ones say little, and fixed
+        # steps nothing
         pace, known = 0.0, 0.0
         for number, item in enumerate(own):
             share = (index + number / len(own)) / len(cases)
@@ -241,7 +242,7 @@ def measure(
             if pace * cost > longest * (PRESET_PATIENCE if item.preset else 1.0):
                 continue
             runs = [case.run(item.accuracy, device)]
-            if cost > known:
+            if cost > known and item.accuracy.fixed_step is None:
                 pace, known = runs[0].wall_time / cost, cost
             while len(runs) < repetitions and _total(runs) < REPEATED_BELOW:
                 runs.append(case.run(item.accuracy, device))

@@ -72,7 +72,11 @@ def test_zero_and_empty_mean_automatic():
 
 @pytest.mark.parametrize(
     ('changes', 'field'),
-    [({'frame_id': ''}, 'frame_id'), ({'lava.density': -1.0}, 'lava.density')],
+    [
+        ({'frame_id': ''}, 'frame_id'),
+        ({'lava.density': -1.0}, 'lava.density'),
+        ({'preset': 'best'}, 'preset'),
+    ],
 )
 def test_wrong_values_are_refused(changes, field):
     """What the ranges cannot say is checked with the values together."""
