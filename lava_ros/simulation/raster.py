@@ -15,9 +15,9 @@
 """Particles to grid: thickness and temperature at the cells of the terrain (section 3.4.2).
 
 A kernel sum reaches its radius past the last particle, and the paper's borders are too round.
-Here a cell holds lava where the particles' own areas V / h, smoothed by the same kernel, cover more
-than half of it: at a straight border that is where the lava ends, whatever the radius. In a cell
-that is covered in part the thickness is that of the covered part.
+Here a cell holds lava where the particles' own areas V / h, smoothed by the same kernel, cover
+more than half of it: at a straight border that is where the lava ends, whatever the radius. In a
+cell that is covered in part the thickness is that of the covered part.
 """
 
 from functools import lru_cache
