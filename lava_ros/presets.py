@@ -26,10 +26,10 @@ from lava_ros import validation
 from lava_ros.accuracy import Accuracy
 
 #: The measurements the presets rest on, in the repository.
-EVIDENCE = 'docs/accuracy/cpu.csv'
+EVIDENCE = 'docs/accuracy/h200.csv'
 
 #: What made them.
-COMMAND = 'lava accuracy --device cpu'
+COMMAND = 'lava accuracy --device cuda:0 --longest 20'
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ _PRESETS = (
             formulation='as-published',
         ),
         "The paper's printed formulas and settings: for comparison only.",
-        Evidence('fixed_volume', {'profile': 1.3, 'edge': 0.2}),
+        Evidence('fixed_volume', {'radius': 0.04, 'profile': 3.0}),
     ),
 )
 
