@@ -27,5 +27,5 @@ test: $(STAMP)  ## Run every test (ARGS='-k bag' selects)
 	$(VENV)/bin/python -m pytest $(ARGS)
 
 clean:  ## Remove what make made: .venv, the demo's bag and caches
-	rm -rf $(VENV) bags/demo bags/demo.png build install log dist *.egg-info .pytest_cache
+	rm -rf $(VENV) bags/demo build install log dist *.egg-info .pytest_cache
 	find lava_ros tests -name __pycache__ -type d -exec rm -rf {} +

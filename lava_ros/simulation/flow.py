@@ -57,7 +57,7 @@ def flow_kernel(real: Any, kernel_name: str, ratio: float, effects: Effects) -> 
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
     gradient_at = terrain_functions(real).gradient_at
-    column_of, row_of = cell_functions(real)
+    block_around = cell_functions(real).block_around
     viscosity = viscosity_function(real, effects.arrhenius)
     x_k1 = bessel(real).x_k1
     steep, green, helmholtz = effects.steep, effects.green, effects.helmholtz
@@ -85,13 +85,10 @@ def flow_kernel(real: Any, kernel_name: str, ratio: float, effects: Effects) -> 
         height = real(0.0)
         rise_x = real(0.0)
         rise_y = real(0.0)
-        column = column_of(cells, p[0])
-        row = row_of(cells, p[1])
-        first = wp.max(column - 1, 0)
-        last = wp.min(column + 1, cells.columns - 1)
-        for r in range(wp.max(row - 1, 0), wp.min(row + 2, cells.rows)):
+        block = block_around(cells, p[0], p[1])
+        for r in range(block[2], block[3]):
             for j in range(
-                starts[r * cells.columns + first], starts[r * cells.columns + last + 1]
+                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
             ):
                 other = ordered[j]
                 dx = (p[0] - other[0]) * inverse

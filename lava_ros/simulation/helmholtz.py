@@ -49,7 +49,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
     vec4 = wp.types.vector(4, real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, slope = kernel.norm, kernel.slope
-    column_of, row_of = cell_functions(real)
+    block_around = cell_functions(real).block_around
 
     @wp.kernel(module='unique', enable_backward=False)
     def start(
@@ -88,14 +88,11 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         drag = real(3.0) / f[0]
         diagonal = drag
         pull = drag * (vec2(f[1], f[2]) - u)
-        column = column_of(cells, p[0])
-        row = row_of(cells, p[1])
-        first = wp.max(column - 1, 0)
-        last = wp.min(column + 1, cells.columns - 1)
+        block = block_around(cells, p[0], p[1])
         scale = -real(wp.static(norm)) * inverse * inverse * inverse * inverse
-        for r in range(wp.max(row - 1, 0), wp.min(row + 2, cells.rows)):
+        for r in range(block[2], block[3]):
             for j in range(
-                starts[r * cells.columns + first], starts[r * cells.columns + last + 1]
+                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
             ):
                 other = ordered[j]
                 dx = (p[0] - other[0]) * inverse

@@ -44,11 +44,12 @@ class CellFunctions(NamedTuple):
 
     column_of: Any
     row_of: Any
+    block_around: Any
 
 
 @lru_cache
 def cell_functions(real: Any) -> CellFunctions:
-    """Return the column and row of the cell at a position, clamped to the grid."""
+    """Return the column and row of the cell at a position, clamped, and the cells around it."""
 
     @wp.func
     def column_of(frame: CellFrame, x: real) -> int:
@@ -60,7 +61,19 @@ def cell_functions(real: Any) -> CellFunctions:
         row = int(wp.floor((y - real(frame.y0)) / real(frame.size)))
         return wp.clamp(row, 0, frame.rows - 1)
 
-    return CellFunctions(column_of, row_of)
+    @wp.func
+    def block_around(frame: CellFrame, x: real, y: real) -> wp.vec4i:
+        """First and last column, first row and the one after the last, of the 3 x 3 cells."""
+        column = column_of(frame, x)
+        row = row_of(frame, y)
+        return wp.vec4i(
+            wp.max(column - 1, 0),
+            wp.min(column + 1, frame.columns - 1),
+            wp.max(row - 1, 0),
+            wp.min(row + 2, frame.rows),
+        )
+
+    return CellFunctions(column_of, row_of, block_around)
 
 
 @lru_cache
@@ -68,7 +81,7 @@ def _kernels(real: Any, is_staged: bool) -> tuple[Any, ...]:
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
     is_known = terrain_functions(real).is_known
-    column_of, row_of = cell_functions(real)
+    column_of, row_of, _ = cell_functions(real)
 
     @wp.kernel(module='unique', enable_backward=False)
     def bin_particles(

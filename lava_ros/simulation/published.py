@@ -34,7 +34,7 @@ from lava_ros.simulation.state import PARTICLES, State
 def _kernel(real: Any) -> Any:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    column_of, row_of = cell_functions(real)
+    block_around = cell_functions(real).block_around
 
     @wp.func
     def series(r: real) -> real:
@@ -61,13 +61,10 @@ def _kernel(real: Any) -> Any:
         total = real(0.0)
         x = real(0.0)
         y = real(0.0)
-        column = column_of(cells, p[0])
-        row = row_of(cells, p[1])
-        first = wp.max(column - 1, 0)
-        last = wp.min(column + 1, cells.columns - 1)
-        for r in range(wp.max(row - 1, 0), wp.min(row + 2, cells.rows)):
+        block = block_around(cells, p[0], p[1])
+        for r in range(block[2], block[3]):
             for j in range(
-                starts[r * cells.columns + first], starts[r * cells.columns + last + 1]
+                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
             ):
                 other = ordered[j]
                 dx = p[0] - other[0]

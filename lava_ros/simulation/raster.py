@@ -40,7 +40,7 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     norm, shape, *_ = smoothing_kernel(kernel_name, real, ratio)
-    column_of, row_of = cell_functions(real)
+    column_of, row_of, _ = cell_functions(real)
 
     @wp.kernel(module='unique', enable_backward=False)
     def raster(

@@ -45,7 +45,7 @@ from lava_ros.simulation.state import PARTICLES, State
 def _kernel(real: Any) -> Any:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    column_of, row_of = cell_functions(real)
+    block_around = cell_functions(real).block_around
     k0, x_k1 = bessel(real)
 
     @wp.kernel(module='unique', enable_backward=False)
@@ -72,13 +72,10 @@ def _kernel(real: Any) -> Any:
         total = weight
         x = weight * own[0]
         y = weight * own[1]
-        column = column_of(cells, p[0])
-        row = row_of(cells, p[1])
-        first = wp.max(column - 1, 0)
-        last = wp.min(column + 1, cells.columns - 1)
-        for r in range(wp.max(row - 1, 0), wp.min(row + 2, cells.rows)):
+        block = block_around(cells, p[0], p[1])
+        for r in range(block[2], block[3]):
             for j in range(
-                starts[r * cells.columns + first], starts[r * cells.columns + last + 1]
+                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
             ):
                 other = ordered[j]
                 dx = p[0] - other[0]
