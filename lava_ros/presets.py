@@ -86,8 +86,16 @@ _PRESETS = (
     Preset(
         'reference',
         # Half the displacement per step: what is left is the error of the particles.
-        Accuracy(refinement=3.0, ratio=4.0, courant_number=0.25, precision='float64'),
-        'To measure the others against: float64, and short steps.',
+        Accuracy(
+            refinement=3.0,
+            ratio=4.0,
+            courant_number=0.25,
+            gradient='balanced',
+            precision='float64',
+            deterministic=True,
+            symmetric=True,
+        ),
+        'To measure the others against: float64, short steps, ponds at rest.',
         Evidence('fixed_volume', {'radius': 0.0005, 'profile': 0.0013, 'edge': 0.0019}),
     ),
     Preset(

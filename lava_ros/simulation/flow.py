@@ -14,14 +14,23 @@
 
 """Thickness, surface slope and the local balance of gravity and basal viscous drag.
 
-Heights are SPH sums (3.9 with q = h); the surface gradient is grad S = grad h + grad H, the first
-an SPH sum, the second sampled from the staggered terrain grid. Where inertia and lateral stress
-are negligible the depth-averaged velocity is u = -rho g h^2 grad S / (3 mu).
+Heights are SPH sums (3.9 with q = h). Where inertia and lateral stress are negligible the
+depth-averaged velocity is u = -rho g h^2 grad S / (3 mu). The surface gradient has three forms:
+
+* energy, e: grad S = grad h + grad H, the first the sum of V_j grad W_ij, the second sampled from
+  the staggered terrain grid. It is the gradient of sum_i V_i (h_i / 2 + H_i), which never grows,
+  and it keeps the particles evenly apart. On a level surface it is not quite 0.
+* difference, d: the sum of V_j / h_j (S_j - S_i) grad W_ij with S = h + H at the particles, times
+  the inverse of its matrix for S = x (Bonet & Lok 1999), so that an edge does not halve it. It is
+  0 where S is constant, and the gradient of nothing: nothing keeps the particles apart.
+* balanced: d + r, r the difference e - d cut down to the length of d. It is e unless the surface
+  is nearly level, and 0 where d is. The energy never grows either: where r is cut,
+  e . (d + r) >= |d|^2 - (1 + |d| / |e - d|) |d| |e - d| + |d| |e - d| = 0.
 """
 
 from functools import lru_cache
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import warp as wp
 
@@ -48,19 +57,77 @@ class FlowConstants:
     reach: wp.float64
 
 
+class FlowKernels(NamedTuple):
+    """The kernels of ``compute_flow`` for one set of effects; ``elevate`` for differences only."""
+
+    elevate: Any
+    flow: Any
+
+
 @lru_cache
-def flow_kernel(real: Any, kernel_name: str, ratio: float, effects: Effects) -> Any:
-    """Return the kernel that computes thickness and local velocity, for one set of effects."""
+def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
+    """Return the device function from a surface gradient to velocity, drive and rates."""
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
-    kernel = smoothing_kernel(kernel_name, real, ratio)
-    norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
-    gradient_at = terrain_functions(real).gradient_at
-    block_around = cell_functions(real).block_around
     viscosity = viscosity_function(real, effects.arrhenius)
     x_k1 = bessel(real).x_k1
     steep, green, helmholtz = effects.steep, effects.green, effects.helmholtz
+
+    @wp.func
+    def balance(
+        i: int,
+        volume: real,
+        temperature: real,
+        height: real,
+        surface: vec2,
+        ground: vec2,
+        law: Rheology,
+        constants: FlowConstants,
+        flow: wp.array(dtype=vec3),
+        drive: wp.array(dtype=vec3),
+        rates: wp.array(dtype=real),
+    ):
+        radius = real(constants.radius)
+        mobility = real(constants.weight) * height * height / (
+            real(3.0) * viscosity(law, temperature)
+        )
+        if wp.static(steep):
+            along = real(1.0) / (real(1.0) + wp.dot(ground, ground))
+            mobility *= along * along
+        velocity = -mobility * surface
+        flow[i] = vec3(height, velocity[0], velocity[1])
+        rate = mobility * height * real(constants.stiffness)
+        if wp.static(green or helmholtz):
+            # lateral stress divides the response by 1 + q^2 h^2 / 3; with W^ <= 1 no wave then
+            # decays faster than D / (l^2 / stiffness + h^2 / 3)
+            thick = real(wp.static(stiffness / 3.0)) * height * height / (radius * radius)
+            reduced = rate / (real(1.0) + thick)
+            if wp.static(green):
+                drive[i] = vec3(height * velocity[0], height * velocity[1], volume / height)
+                # as far as the Green's function is not cut off
+                whole = real(1.0) - x_k1(real(wp.static(math.sqrt(3.0))) * radius / height)
+                reduced = wp.min(rate, reduced / whole)
+            rate = reduced
+        wp.atomic_max(rates, DIFFUSION, rate)
+        wp.atomic_max(rates, ADVECTION, wp.length(velocity) / real(constants.reach))
+
+    return balance
+
+
+@lru_cache
+def flow_kernels(
+    real: Any, kernel_name: str, ratio: float, gradient: str, effects: Effects
+) -> FlowKernels:
+    """Return the kernels that compute thickness and local velocity, for one set of effects."""
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    mat22 = wp.types.matrix((2, 2), real)
+    kernel = smoothing_kernel(kernel_name, real, ratio)
+    norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
+    gradient_at, height_at, _ = terrain_functions(real)
+    block_around = cell_functions(real).block_around
+    balance = _balance_function(real, kernel.stiffness, effects)
 
     @wp.kernel(module='unique', enable_backward=False)
     def thickness_and_velocity(
@@ -80,8 +147,7 @@ def flow_kernel(real: Any, kernel_name: str, ratio: float, effects: Effects) -> 
         if i >= counts[PARTICLES]:
             return
         p = ordered[i]
-        radius = real(constants.radius)
-        inverse = real(1.0) / radius
+        inverse = real(1.0) / real(constants.radius)
         height = real(0.0)
         rise_x = real(0.0)
         rise_y = real(0.0)
@@ -105,30 +171,106 @@ def flow_kernel(real: Any, kernel_name: str, ratio: float, effects: Effects) -> 
         height *= real(1.0) - excess(p[2] * inverse * inverse / height)
         ground = gradient_at(elevation, terrain, p[0], p[1])
         surface = vec2(rise_x, rise_y) * (scale * inverse) + ground
-        mobility = real(constants.weight) * height * height / (
-            real(3.0) * viscosity(law, p[3])
+        balance(
+            i, p[2], p[3], height, surface, ground, law, constants, flow, drive, rates
         )
-        if wp.static(steep):
-            along = real(1.0) / (real(1.0) + wp.dot(ground, ground))
-            mobility *= along * along
-        velocity = -mobility * surface
-        flow[i] = vec3(height, velocity[0], velocity[1])
-        stiffness = mobility * height * real(constants.stiffness)
-        if wp.static(green or helmholtz):
-            # lateral stress divides the response by 1 + q^2 h^2 / 3; with W^ <= 1 no wave then
-            # decays faster than D / (l^2 / stiffness + h^2 / 3)
-            thick = real(wp.static(kernel.stiffness / 3.0)) * height * height * inverse * inverse
-            reduced = stiffness / (real(1.0) + thick)
-            if wp.static(green):
-                drive[i] = vec3(height * velocity[0], height * velocity[1], p[2] / height)
-                # as far as the Green's function is not cut off
-                whole = real(1.0) - x_k1(real(wp.static(math.sqrt(3.0))) * radius / height)
-                reduced = wp.min(stiffness, reduced / whole)
-            stiffness = reduced
-        wp.atomic_max(rates, DIFFUSION, stiffness)
-        wp.atomic_max(rates, ADVECTION, wp.length(velocity) / real(constants.reach))
 
-    return thickness_and_velocity
+    @wp.kernel(module='unique', enable_backward=False)
+    def elevate(
+        ordered: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        cells: CellFrame,
+        elevation: wp.array2d(dtype=real),
+        terrain: TerrainFrame,
+        constants: FlowConstants,
+        surface: wp.array(dtype=vec2),
+        flow: wp.array(dtype=vec3),
+    ):
+        """Thickness, the surface's elevation and the area V / h of each particle."""
+        i = wp.tid()
+        if i >= counts[PARTICLES]:
+            return
+        p = ordered[i]
+        inverse = real(1.0) / real(constants.radius)
+        height = real(0.0)
+        block = block_around(cells, p[0], p[1])
+        for r in range(block[2], block[3]):
+            for j in range(
+                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
+            ):
+                other = ordered[j]
+                dx = (p[0] - other[0]) * inverse
+                dy = (p[1] - other[1]) * inverse
+                square = dx * dx + dy * dy
+                if square < real(1.0):
+                    height += other[2] * shape(wp.sqrt(square))
+        height *= real(wp.static(norm)) * inverse * inverse
+        height *= real(1.0) - excess(p[2] * inverse * inverse / height)
+        surface[i] = vec2(height + height_at(elevation, terrain, p[0], p[1]), p[2] / height)
+        flow[i] = vec3(height, real(0.0), real(0.0))
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def velocity_of_differences(
+        ordered: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        cells: CellFrame,
+        elevation: wp.array2d(dtype=real),
+        terrain: TerrainFrame,
+        law: Rheology,
+        constants: FlowConstants,
+        surface: wp.array(dtype=vec2),
+        flow: wp.array(dtype=vec3),
+        drive: wp.array(dtype=vec3),
+        rates: wp.array(dtype=real),
+    ):
+        i = wp.tid()
+        if i >= counts[PARTICLES]:
+            return
+        p = ordered[i]
+        inverse = real(1.0) / real(constants.radius)
+        own = surface[i][0]
+        # sums over the neighbours' areas: differences, their second moments, and V grad W
+        rise = vec2()
+        moment = mat22()
+        push = vec2()
+        block = block_around(cells, p[0], p[1])
+        for r in range(block[2], block[3]):
+            for j in range(
+                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
+            ):
+                other = ordered[j]
+                d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
+                square = wp.dot(d, d)
+                if square < real(1.0):
+                    there = surface[j]
+                    pull = slope(wp.sqrt(square)) * d
+                    rise += there[1] * (there[0] - own) * pull
+                    moment -= there[1] * wp.outer(d, pull)
+                    if wp.static(gradient == 'balanced'):
+                        push += other[2] * pull
+        scale = real(wp.static(norm)) * inverse * inverse
+        moment *= scale
+        rise *= scale * inverse
+        # a lone row of particles says nothing about the slope across it
+        if wp.determinant(moment) > real(0.05):
+            rise = wp.inverse(moment) * rise
+        ground = gradient_at(elevation, terrain, p[0], p[1])
+        if wp.static(gradient == 'balanced'):
+            rest = push * (scale * inverse) + ground - rise
+            size = wp.length(rest)
+            most = wp.length(rise)
+            if size > most:
+                rest *= most / size
+            rise += rest
+        balance(
+            i, p[2], p[3], flow[i][0], rise, ground, law, constants, flow, drive, rates
+        )
+
+    if gradient == 'energy':
+        return FlowKernels(None, thickness_and_velocity)
+    return FlowKernels(elevate, velocity_of_differences)
 
 
 def compute_flow(
@@ -137,23 +279,30 @@ def compute_flow(
     terrain: StaggeredTerrain,
     law: Rheology,
     constants: FlowConstants,
-    kernel: Any,
+    kernels: FlowKernels,
 ) -> None:
     """Fill ``state.flow`` (and ``state.drive``) of the ordered particles and raise the rates."""
     state.rates.zero_()
+    ground = [
+        state.ordered,
+        state.counts,
+        neighbors.starts,
+        neighbors.frame,
+        terrain.height,
+        terrain.frame,
+    ]
+    if state.has_surface:
+        wp.launch(
+            kernels.elevate,
+            dim=state.capacity,
+            inputs=[*ground, constants],
+            outputs=[state.surface, state.flow],
+            device=state.device,
+        )
     wp.launch(
-        kernel,
+        kernels.flow,
         dim=state.capacity,
-        inputs=[
-            state.ordered,
-            state.counts,
-            neighbors.starts,
-            neighbors.frame,
-            terrain.height,
-            terrain.frame,
-            law,
-            constants,
-        ],
+        inputs=[*ground, law, constants, *((state.surface,) if state.has_surface else ())],
         outputs=[state.flow, state.drive if state.effects.green else state.flow, state.rates],
         device=state.device,
     )

@@ -28,7 +28,7 @@ from lava_ros.accuracy import Accuracy, expected_thickness
 from lava_ros.effects import Effects, effects_for
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
-from lava_ros.simulation.flow import compute_flow, flow_kernel, FlowConstants
+from lava_ros.simulation.flow import compute_flow, flow_kernels, FlowConstants
 from lava_ros.simulation.heat import heat_constants
 from lava_ros.simulation.helmholtz import solve_velocity
 from lava_ros.simulation.kernels import smoothing_kernel
@@ -112,14 +112,7 @@ class Simulation:
         # a float32 keeps the sum of the particles' volumes equal to their number times this
         self.particle_volume = float(np.float32(spacing * spacing * thickness))
         self.radius = self.accuracy.ratio * spacing
-        self._state = State(
-            _FIRST_CAPACITY,
-            self.effects,
-            self.accuracy.precision,
-            is_staged=self.accuracy.integrator == 'rkl2',
-            is_deterministic=self.accuracy.deterministic,
-            device=self._device,
-        )
+        self._state = State(_FIRST_CAPACITY, self.effects, self.accuracy, self._device)
         self._emitted_before = 0.0
         self._graph: Any = None
         self._place(scene.terrain)
@@ -280,8 +273,8 @@ class Simulation:
         self._flow.reach = accuracy.courant_number * min(self.radius, terrain.resolution)
         kernel = smoothing_kernel(accuracy.kernel, self._state.real, accuracy.ratio)
         self._flow.stiffness = kernel.stiffness / (accuracy.diffusion_number * self.radius**2)
-        self._flow_kernel = flow_kernel(
-            self._state.real, accuracy.kernel, accuracy.ratio, self.effects
+        self._flow_kernels = flow_kernels(
+            self._state.real, accuracy.kernel, accuracy.ratio, accuracy.gradient, self.effects
         )
         self._graph = None
 
@@ -319,6 +312,7 @@ class Simulation:
             particle_volume=self.particle_volume,
             least_radius=spacing,
             precision=self.accuracy.precision,
+            symmetric=self.accuracy.symmetric,
             device=self._device,
         )
 
@@ -333,7 +327,7 @@ class Simulation:
 
     def _compute_flow(self) -> None:
         compute_flow(
-            self._state, self._neighbors, self._terrain, self._law, self._flow, self._flow_kernel
+            self._state, self._neighbors, self._terrain, self._law, self._flow, self._flow_kernels
         )
 
     def _compute_velocity(self) -> None:

@@ -29,7 +29,8 @@ class VolumeBudget:
         emitted: What the vents have given, the exact integral of their discharge, and what the
             simulation was started with.
         held: What the simulation holds: the sum of the particles' volumes, and ``pending``.
-        pending: The part of ``held`` that waits in the vents' conduits, less than a particle each.
+        pending: The part of ``held`` that waits in the vents' conduits, less than a particle each
+            (less than eight where they emit symmetrically).
         left: What has flowed over the terrain's border or onto cells without data.
     """
 

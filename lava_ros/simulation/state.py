@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
@@ -128,6 +129,8 @@ class State:
             of each particle, shape [capacity]; none with the Euler integrator.
         drift: Displacement a stage ago [m] and velocity at the start of the step [m/s], likewise.
         flow: Thickness [m], velocity x and y [m/s], of each ordered particle, shape [capacity].
+        surface: Only where the gradient takes differences: elevation of the surface [m] and the
+            area V/h [m2] of each ordered particle, shape [capacity].
         drive: Only with the Green's function: thickness times local velocity, x and y [m2/s], and
             the area V/h [m2] of each ordered particle, shape [capacity].
         solution, next_solution, correction: Only with the Helmholtz solve: velocities of two
@@ -145,21 +148,19 @@ class State:
         self,
         capacity: int,
         effects: Effects,
-        precision: str,
-        *,
-        is_staged: bool,
-        is_deterministic: bool,
+        accuracy: Accuracy,
         device: Any,
     ) -> None:
         """Allocate for ``capacity`` particles."""
-        self.real = REAL[precision]
+        self.real = REAL[accuracy.precision]
         self.vec2 = wp.types.vector(2, self.real)
         self.vec3 = wp.types.vector(3, self.real)
         self.vec4 = wp.types.vector(4, self.real)
         self.effects = effects
-        self.is_staged = is_staged
-        self.has_remainder = precision == 'float32'
-        self.is_deterministic = is_deterministic
+        self.is_staged = accuracy.integrator == 'rkl2'
+        self.has_remainder = accuracy.precision == 'float32'
+        self.is_deterministic = accuracy.deterministic
+        self.has_surface = accuracy.gradient != 'energy'
         self.device = device
         self.clock = wp.zeros(4, dtype=wp.float64, device=device)
         self.counts = wp.zeros(8, dtype=wp.int32, device=device)
@@ -192,6 +193,8 @@ class State:
             self.solution = wp.zeros(capacity, dtype=self.vec2, device=self.device)
             self.next_solution = wp.zeros(capacity, dtype=self.vec2, device=self.device)
             self.correction = wp.zeros(capacity, dtype=self.vec2, device=self.device)
+        if self.has_surface:
+            self.surface = wp.zeros(capacity, dtype=self.vec2, device=self.device)
         if self.effects.green:
             self.drive = wp.zeros(capacity, dtype=self.vec3, device=self.device)
 

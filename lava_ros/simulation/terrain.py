@@ -96,13 +96,22 @@ class TerrainFunctions(NamedTuple):
     """Device functions that read a staggered terrain."""
 
     gradient_at: Any
+    height_at: Any
     is_known: Any
 
 
 @lru_cache
 def terrain_functions(real: Any) -> TerrainFunctions:
-    """Return the sampling of the gradient and the test for cells with data."""
+    """Return the sampling of gradient and height, and the test for cells with data."""
     vec2 = wp.types.vector(2, real)
+
+    @wp.func
+    def spline(n: int, t: real) -> real:
+        """Weight of the n-th of three rows (or columns): a quadratic B-spline."""
+        if n == 1:
+            return real(0.75) - t * t
+        side = real(0.5) + wp.where(n == 0, -t, t)
+        return real(0.5) * side * side
 
     @wp.func
     def gradient_at(
@@ -122,21 +131,28 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         after_t = real(0.5) + t
         rise = vec2()
         for n in range(3):
-            # weights of the three rows (and columns): a quadratic B-spline
-            across_t = real(0.75) - t * t
-            across_s = real(0.75) - s * s
-            if n == 0:
-                across_t = real(0.5) * before_t * before_t
-                across_s = real(0.5) * before_s * before_s
-            if n == 2:
-                across_t = real(0.5) * after_t * after_t
-                across_s = real(0.5) * after_s * after_s
             east = before_s * (height[i + n, j + 1] - height[i + n, j])
             east += after_s * (height[i + n, j + 2] - height[i + n, j + 1])
             north = before_t * (height[i + 1, j + n] - height[i, j + n])
             north += after_t * (height[i + 2, j + n] - height[i + 1, j + n])
-            rise += vec2(across_t * east, across_s * north)
+            rise += vec2(spline(n, t) * east, spline(n, s) * north)
         return rise * inverse
+
+    @wp.func
+    def height_at(height: wp.array2d(dtype=real), frame: TerrainFrame, x: real, y: real) -> real:
+        """Height of the surface whose gradient is ``gradient_at``."""
+        inverse = real(1.0) / real(frame.resolution)
+        column = (x - real(frame.x0)) * inverse
+        row = (y - real(frame.y0)) * inverse
+        i = wp.clamp(int(wp.floor(row)), 0, frame.rows - 1)
+        j = wp.clamp(int(wp.floor(column)), 0, frame.columns - 1)
+        s = wp.clamp(column - real(j) - real(0.5), real(-0.5), real(0.5))
+        t = wp.clamp(row - real(i) - real(0.5), real(-0.5), real(0.5))
+        total = real(0.0)
+        for m in range(3):
+            for n in range(3):
+                total += spline(m, t) * spline(n, s) * height[i + m, j + n]
+        return total
 
     @wp.func
     def is_known(known: wp.array2d(dtype=wp.uint8), frame: TerrainFrame, x: real, y: real) -> bool:
@@ -146,4 +162,4 @@ def terrain_functions(real: Any) -> TerrainFunctions:
             return False
         return known[i, j] != wp.uint8(0)
 
-    return TerrainFunctions(gradient_at, is_known)
+    return TerrainFunctions(gradient_at, height_at, is_known)

@@ -25,35 +25,73 @@ import warp as wp
 from lava_ros.scene import Vent
 from lava_ros.simulation.state import FULL, IS_LAST, PARTICLES, REAL, State, TIME
 
+#: Particles that come out of a disc and of a fissure at once, so that they have its symmetries.
+_DISC_GROUP, _FISSURE_GROUP = 8, 4
+
 
 @lru_cache
-def _kernel(real: Any) -> Any:
+def _kernel(real: Any, symmetric: bool) -> Any:
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
 
     @wp.func
-    def place_of(shape: wp.array2d(dtype=wp.float64), v: int, n: int, axis: int) -> real:
-        """Coordinate of a vent's n-th particle: stratified, never the same place twice.
+    def group_of(shape: wp.array2d(dtype=wp.float64), v: int) -> int:
+        if wp.static(symmetric):
+            return wp.where(
+                shape[v, 6] > wp.float64(0.0), wp.static(_FISSURE_GROUP), wp.static(_DISC_GROUP)
+            )
+        return 1
 
-        The additive recurrence of the plastic number spreads any number of points evenly.
+    @wp.func
+    def place_of(shape: wp.array2d(dtype=wp.float64), v: int, n: int) -> vec2:
+        """Place of a vent's n-th particle: stratified, never the same place twice.
+
+        The additive recurrence of the plastic number spreads any number of points evenly. With
+        symmetry each of its points is in one part of the vent, and the others mirror it.
         """
-        a = wp.float64(0.7548776662466927) * wp.float64(n)
-        b = wp.float64(0.5698402909980532) * wp.float64(n)
+        group = group_of(shape, v)
+        part = n % group
+        turns = wp.float64(n // group + 1)
+        a = wp.float64(0.7548776662466927) * turns
+        b = wp.float64(0.5698402909980532) * turns
         a = a - wp.floor(a)
         b = b - wp.floor(b)
         radius = shape[v, 4]
         length = shape[v, 6]
+        x = wp.float64(0.0)
+        y = wp.float64(0.0)
         if length > wp.float64(0.0):
-            across = radius * (wp.float64(2.0) * b - wp.float64(1.0)) / length
+            across = wp.float64(2.0) * b - wp.float64(1.0)
+            if wp.static(symmetric):
+                a = wp.float64(0.5) * a
+                across = b
+                if part % 2 == 1:
+                    a = wp.float64(1.0) - a
+                if part >= 2:
+                    across = -across
+            across *= radius / length
             along_x = shape[v, 2] - shape[v, 0]
             along_y = shape[v, 3] - shape[v, 1]
-            if axis == 0:
-                return real(shape[v, 0] + a * along_x - across * along_y)
-            return real(shape[v, 1] + a * along_y + across * along_x)
-        angle = wp.float64(2.0) * wp.float64(wp.pi) * a
-        if axis == 0:
-            return real(shape[v, 0] + radius * wp.sqrt(b) * wp.cos(angle))
-        return real(shape[v, 1] + radius * wp.sqrt(b) * wp.sin(angle))
+            x = a * along_x - across * along_y
+            y = a * along_y + across * along_x
+        elif wp.static(symmetric):
+            # away from the sides of its eighth, lest a point meet its mirror image
+            angle = wp.float64(0.25 * wp.pi) * (wp.float64(0.1) + wp.float64(0.8) * a)
+            x = radius * wp.sqrt(b) * wp.cos(angle)
+            y = radius * wp.sqrt(b) * wp.sin(angle)
+            if part % 2 == 1:
+                swapped = x
+                x = y
+                y = swapped
+            if (part // 2) % 2 == 1:
+                x = -x
+            if part >= 4:
+                y = -y
+        else:
+            angle = wp.float64(2.0 * wp.pi) * a
+            x = radius * wp.sqrt(b) * wp.cos(angle)
+            y = radius * wp.sqrt(b) * wp.sin(angle)
+        return vec2(real(shape[v, 0] + x), real(shape[v, 1] + y))
 
     @wp.kernel(module='unique', enable_backward=False)
     def emit(
@@ -84,6 +122,7 @@ def _kernel(real: Any) -> Any:
                     k += 1
                 volume = volumes[k] + fluxes[k] * (time - times[k])
                 due = int(volume / particle_volume) - emitted[v]
+                due -= due % group_of(shape, v)
                 slot = 0
                 if due > 0:
                     slot = wp.atomic_add(counts, PARTICLES, due)
@@ -95,11 +134,9 @@ def _kernel(real: Any) -> Any:
                 for n in range(due):
                     if wp.static(real is wp.float32):
                         remainder[slot + n] = vec2()
+                    place = place_of(shape, v, emitted[v] + n)
                     particle[slot + n] = vec4(
-                        place_of(shape, v, emitted[v] + n + 1, 0),
-                        place_of(shape, v, emitted[v] + n + 1, 1),
-                        real(particle_volume),
-                        real(shape[v, 5]),
+                        place[0], place[1], real(particle_volume), real(shape[v, 5])
                     )
                 if due > 0:
                     emitted[v] = emitted[v] + due
@@ -125,6 +162,7 @@ class VentSet:
         particle_volume: float,
         least_radius: float,
         precision: str,
+        symmetric: bool,
         device: Any,
     ) -> None:
         """Lay out the vents' tables.
@@ -137,6 +175,7 @@ class VentSet:
             particle_volume: Volume of a particle [m3].
             least_radius: Radius below which a vent is not resolved [m]: it is widened to this.
             precision: Precision of the particles.
+            symmetric: Whether particles come out in groups that have the vent's symmetries.
             device: Warp device.
         """
         self.vents = tuple(vents)
@@ -144,7 +183,7 @@ class VentSet:
         self._carried = np.array(carried, dtype=np.float64)
         self._particle_volume = particle_volume
         self._device = device
-        self._kernel = _kernel(REAL[precision])
+        self._kernel = _kernel(REAL[precision], symmetric)
         shape = np.zeros((len(self.vents), 7))
         starts, times, fluxes, volumes = [0], [], [], []
         for row, vent, conduit in zip(shape, self.vents, carried, strict=True):

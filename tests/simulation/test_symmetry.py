@@ -14,12 +14,15 @@
 
 """The solver prefers no direction and no place on a large map."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.presets import preset_accuracy
+from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
 
 SIDE = 40
@@ -75,6 +78,32 @@ def test_mirrored_and_rotated_scenes_give_mirrored_and_rotated_grids(device, kin
     scale = plain.thickness.max()
     assert np.abs(mirrored.thickness[:, ::-1] - plain.thickness).max() < 1e-6 * scale
     assert np.abs(np.rot90(turned.thickness) - plain.thickness).max() < 1e-6 * scale
+
+
+@pytest.mark.parametrize('kind', ['disc', 'fissure'])
+def test_mirrored_and_rotated_vents_give_mirrored_and_rotated_grids(device, kind):
+    """At the reference preset's knobs a vent's particles have the symmetries of the grid."""
+    hills = smooth_hills()
+
+    def eruption(elevation, transform):
+        place, end = transform(np.array([17.0, -9.0])), transform(np.array([38.0, 12.0]))
+        vent = Vent(tuple(place), 0.3, radius=6.0, end=tuple(end) if kind == 'fissure' else None)
+        half = 2.5 * SIDE
+        simulation = Simulation(
+            Scene(Terrain(elevation, 5.0, origin=(-half, -half)), (vent,), Lava(viscosity=2e3)),
+            accuracy=replace(preset_accuracy('reference'), spacing=3.0, thickness=0.5),
+            device=device,
+        )
+        simulation.advance(900.0)
+        assert simulation.particle_count >= 32
+        return simulation.snapshot().thickness
+
+    plain = eruption(hills, lambda place: place)
+    mirrored = eruption(hills[:, ::-1], lambda place: place * [-1.0, 1.0])
+    turned = eruption(np.rot90(hills, -1), lambda place: np.array([-place[1], place[0]]))
+    assert plain.max() > 0.3
+    assert np.abs(mirrored[:, ::-1] - plain).max() < 1e-6 * plain.max()
+    assert np.abs(np.rot90(turned) - plain).max() < 1e-6 * plain.max()
 
 
 def test_map_coordinates_do_not_matter():
