@@ -35,21 +35,47 @@ class Effects:
     """The physics that is switched on beside slope, spreading and viscosity.
 
     Attributes:
+        yielding: Lava has a yield strength: it stops where its weight does not overcome it.
+        power_law: Strain rate grows with a power of stress other than one.
+        arrhenius: Viscosity depends on temperature by the Arrhenius law.
+        vft: Viscosity depends on temperature by the Vogel-Fulcher-Tammann law.
+        crystals: Crystals that form as lava cools stiffen it.
+        steep: Thickness and distance are taken along the slope instead of in plan, a factor
+            cos^4(slope) on the speed.
+        inertia: Lava has momentum and takes time to reach the speed its weight can drive.
         green: Lateral viscous stress by the Green's function (MODEL.md, sections 2 and 4) instead
             of the local balance.
         helmholtz: The same stress by solving the equation that the Green's function approximates:
             dearer, exact at free edges, not limited by the kernel radius. Not beside ``green``.
-        arrhenius: Viscosity depends on temperature; otherwise every particle has the lava's own.
         cooling: Radiation and convection.
-        steep: Thickness and distance are taken along the slope instead of in plan, a factor
-            cos^4(slope) on the speed.
+        crust: Lava radiates from a crust that is colder than its core.
+        ground: Heat goes into the ground.
+        viscous_heating: Shear warms lava.
+        latent_heat: Crystallisation gives heat.
+        conduction: Heat flows from column to column.
+        solidification: Columns below the solidus become terrain.
+        merging: Particles that have come together merge, stretched ones split.
+        border: The kernel radius shrinks towards the border of the flow.
     """
 
+    yielding: bool = False
+    power_law: bool = False
+    arrhenius: bool = True
+    vft: bool = False
+    crystals: bool = False
+    steep: bool = True
+    inertia: bool = False
     green: bool = False
     helmholtz: bool = False
-    arrhenius: bool = True
     cooling: bool = True
-    steep: bool = True
+    crust: bool = False
+    ground: bool = False
+    viscous_heating: bool = False
+    latent_heat: bool = False
+    conduction: bool = False
+    solidification: bool = False
+    merging: bool = False
+    border: bool = False
 
     def __post_init__(self) -> None:
         """Refuse anything but booleans.
@@ -60,8 +86,10 @@ class Effects:
         for item in fields(self):
             if not isinstance(getattr(self, item.name), bool):
                 raise LavaError(f'effects.{item.name}', getattr(self, item.name), 'true or false')
-        if self.green and self.helmholtz:
-            raise LavaError('effects.helmholtz', True, 'false beside green: they are one effect')
+        for one, other in (('helmholtz', 'green'), ('vft', 'arrhenius')):
+            if getattr(self, one) and getattr(self, other):
+                right = f'false beside {other}: they are one effect'
+                raise LavaError(f'effects.{one}', True, right)
 
 
 def effects_for(scene: Scene, overrides: dict[str, bool] | None = None) -> Effects:
@@ -79,9 +107,11 @@ def effects_for(scene: Scene, overrides: dict[str, bool] | None = None) -> Effec
     """
     lava = scene.lava
     chosen = {
-        'green': False,
-        'helmholtz': False,
-        'arrhenius': lava.arrhenius > 0.0,
+        'yielding': lava.yield_strength > 0.0,
+        'power_law': lava.flow_index != 1.0,
+        'arrhenius': lava.arrhenius > 0.0 and lava.vft_b == 0.0,
+        'vft': lava.vft_b > 0.0,
+        'crystals': lava.crystal_law != 'none' and lava.crystals > 0.0,
         'cooling': lava.emissivity > 0.0 or lava.convection > 0.0,
         'steep': steepest_slope(scene.terrain) > STEEP_SLOPE,
     }

@@ -29,6 +29,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.lava import Lava
 
 #: Most cells along one side: nav_msgs/MapMetaData consumers index cells with 16-bit integers.
 MAX_SIDE_CELLS = 32767
@@ -214,50 +215,6 @@ def _discharge(label: str, value: object) -> float | tuple[tuple[float, float], 
     if not pairs:
         raise LavaError(label, value, 'a flux [m3/s] or at least one (s, m3/s) pair')
     return tuple(pairs)
-
-
-@dataclass(frozen=True)
-class Lava:
-    """Material constants. The defaults are table 3.1 of the paper this method comes from.
-
-    Attributes:
-        density: Density [kg/m3].
-        viscosity: Dynamic viscosity at ``reference_temperature`` [Pa s].
-        reference_temperature: Temperature at which ``viscosity`` holds [K].
-        arrhenius: Rate of the Arrhenius law mu = viscosity exp(arrhenius (reference - T)) [1/K];
-            0 keeps the viscosity constant. 8e-3 is the paper's, 0.04 is usual in the field
-            (Dragoni 1989).
-        specific_heat: Specific heat capacity [J/(kg K)].
-        emissivity: Emissivity of the surface, 0 to 1. 0 switches radiation off.
-        convection: Coefficient of heat transfer to the air [W/(m2 K)]. 0 switches it off.
-    """
-
-    density: float = 2500.0
-    viscosity: float = 100.0
-    reference_temperature: float = 1423.0
-    arrhenius: float = 8e-3
-    specific_heat: float = 1150.0
-    emissivity: float = 0.9
-    convection: float = 50.0
-
-    def __post_init__(self) -> None:
-        """Validate every field.
-
-        Raises:
-            LavaError: A field is not usable.
-        """
-        limits: dict[str, dict[str, Any]] = {
-            'density': {'above': 0.0, 'unit': 'kg/m3'},
-            'viscosity': {'above': 0.0, 'unit': 'Pa s'},
-            'reference_temperature': {'above': 0.0, 'unit': 'K'},
-            'arrhenius': {'at_least': 0.0, 'unit': '1/K'},
-            'specific_heat': {'above': 0.0, 'unit': 'J/(kg K)'},
-            'emissivity': {'at_least': 0.0, 'at_most': 1.0},
-            'convection': {'at_least': 0.0, 'unit': 'W/(m2 K)'},
-        }
-        for name, limit in limits.items():
-            value = validation.number(f'lava.{name}', getattr(self, name), **limit)
-            object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True, eq=False)

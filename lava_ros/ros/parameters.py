@@ -157,28 +157,22 @@ PARAMETERS = (
     ),
 )
 
-_LAVA_TEXTS: dict[str, tuple[str, tuple[float, float]]] = {
-    'density': ('Density [kg/m3]', (1.0, 1e5)),
-    'viscosity': ('Dynamic viscosity at the reference temperature [Pa s]', (1e-6, 1e15)),
-    'reference_temperature': ('Temperature at which the viscosity holds [K]', (1.0, 5000.0)),
-    'arrhenius': ('Rate of the Arrhenius law [1/K]; 0: constant viscosity', (0.0, 1.0)),
-    'specific_heat': ('Specific heat capacity [J/(kg K)]', (1.0, 1e5)),
-    'emissivity': ('Emissivity of the surface; 0: no radiation', (0.0, 1.0)),
-    'convection': ('Heat transfer to the air [W/(m2 K)]; 0: none', (0.0, 1e5)),
-}
-
-
 def lava_parameters(lava: Lava) -> tuple[ParameterSpec, ...]:
     """The parameters ``lava.*``, with a material's values as defaults."""
     return tuple(
         ParameterSpec(
             LAVA + item.name,
             getattr(lava, item.name),
-            f'{_LAVA_TEXTS[item.name][0]}; from the next start or reset on',
-            _LAVA_TEXTS[item.name][1],
+            f'{_labelled(item.metadata)}; from the next start or reset on',
+            item.metadata.get('limits'),
         )
         for item in fields(Lava)
     )
+
+
+def _labelled(metadata: Mapping[str, Any]) -> str:
+    unit = metadata.get('unit')
+    return f'{metadata["text"]} [{unit}]' if unit else str(metadata['text'])
 
 
 def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:

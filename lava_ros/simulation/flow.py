@@ -35,6 +35,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from lava_ros.effects import Effects
+from lava_ros.simulation.effects import load
 from lava_ros.simulation.kernels import bessel, smoothing_kernel
 from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
 from lava_ros.simulation.rheology import Rheology, viscosity_function
@@ -69,9 +70,10 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     """Return the device function from a surface gradient to velocity, drive and rates."""
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
-    viscosity = viscosity_function(real, effects.arrhenius)
+    viscosity = viscosity_function(real, effects)
     x_k1 = bessel(real).x_k1
-    steep, green, helmholtz = effects.steep, effects.green, effects.helmholtz
+    green, helmholtz = effects.green, effects.helmholtz
+    steep = load('steep').factor(real) if effects.steep else None
 
     @wp.func
     def balance(
@@ -91,9 +93,8 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         mobility = real(constants.weight) * height * height / (
             real(3.0) * viscosity(law, temperature)
         )
-        if wp.static(steep):
-            along = real(1.0) / (real(1.0) + wp.dot(ground, ground))
-            mobility *= along * along
+        if wp.static(effects.steep):
+            mobility *= steep(ground)
         velocity = -mobility * surface
         flow[i] = vec3(height, velocity[0], velocity[1])
         rate = mobility * height * real(constants.stiffness)

@@ -12,9 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Heat lost at the surface: radiation and convection of a column at its mean temperature.
+"""The temperature of a column: what every effect that moves heat adds up to.
 
-rho c h dT/dt = -eps sigma (T^4 - Ta^4) - lambda (T - Ta).
+Each effect's part of the balance is -s(T) T + f(T), with s >= 0. Two exponential stages (s and f
+at the start give the midpoint, those at the midpoint the whole step) are of second order, and stay
+between the temperature and the equilibrium f / s for any step.
 """
 
 from functools import lru_cache
@@ -22,10 +24,15 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.effects import Effects
 from lava_ros.scene import Scene
+from lava_ros.simulation.effects import load
 
 #: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018).
 STEFAN_BOLTZMANN = 5.670374419e-8
+
+#: Effects that are part of the balance.
+HEAT_EFFECTS = ('cooling',)
 
 
 @wp.struct
@@ -52,29 +59,52 @@ def heat_constants(scene: Scene) -> HeatConstants:
 
 
 @lru_cache
-def cooled_function(real: Any) -> Any:
-    """Return the device function that gives the temperature after a time step.
+def temperature_function(real: Any, effects: Effects) -> Any:
+    """Return the device function that gives the temperature after a step.
 
-    The balance is T' = -s(T) (T - Ta). Two exponential stages (the rate s at the start gives the
-    midpoint, the rate there the whole step) are of second order and stay between Ta and T for any
-    step.
+    None when no effect moves heat: temperatures then stay.
     """
+    names = [name for name in HEAT_EFFECTS if getattr(effects, name)]
+    if not names:
+        return None
+    balance = load(names[0]).terms(real)
+    for name in names[1:]:
+        balance = _sum(real, balance, load(name).terms(real))
 
     @wp.func
-    def rate(constants: HeatConstants, thickness: real, temperature: real) -> real:
-        ambient = real(constants.ambient)
-        square = temperature * temperature + ambient * ambient
-        loss = real(constants.radiation) * square * (temperature + ambient)
-        return (loss + real(constants.convection)) / thickness
-
-    @wp.func
-    def cooled(
+    def temperature_after(
         constants: HeatConstants, thickness: real, temperature: real, step: real
     ) -> real:
-        ambient = real(constants.ambient)
-        excess = temperature - ambient
-        half = rate(constants, thickness, temperature) * real(0.5) * step
-        middle = ambient + excess * wp.exp(-half)
-        return ambient + excess * wp.exp(-rate(constants, thickness, middle) * step)
+        start = balance(constants, thickness, temperature)
+        middle = relaxed(temperature, start[0], start[1], real(0.5) * step)
+        half_way = balance(constants, thickness, middle)
+        return relaxed(temperature, half_way[0], half_way[1], step)
 
-    return cooled
+    relaxed = _relaxed(real)
+    return temperature_after
+
+
+def _sum(real: Any, first: Any, second: Any) -> Any:
+    vec2 = wp.types.vector(2, real)
+
+    @wp.func
+    def both(constants: HeatConstants, thickness: real, temperature: real) -> vec2:
+        return first(constants, thickness, temperature) + second(
+            constants, thickness, temperature
+        )
+
+    return both
+
+
+@lru_cache
+def _relaxed(real: Any) -> Any:
+    @wp.func
+    def relaxed(temperature: real, rate: real, source: real, step: real) -> real:
+        """Solve T' = -rate T + source with constant rate and source."""
+        x = rate * step
+        if x < real(1.0e-6):
+            return temperature + step * (source - rate * temperature)
+        equilibrium = source / rate
+        return equilibrium + (temperature - equilibrium) * wp.exp(-x)
+
+    return relaxed

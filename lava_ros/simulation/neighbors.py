@@ -77,7 +77,9 @@ def cell_functions(real: Any) -> CellFunctions:
 
 
 @lru_cache
-def _kernels(real: Any, is_staged: bool) -> tuple[Any, ...]:
+def _kernels(
+    real: Any, is_staged: bool, has_velocity: bool, has_age: bool
+) -> tuple[Any, ...]:
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
     is_known = terrain_functions(real).is_known
@@ -123,6 +125,10 @@ def _kernels(real: Any, is_staged: bool) -> tuple[Any, ...]:
         drift: wp.array(dtype=vec4),
         ordered_base: wp.array(dtype=vec4),
         ordered_drift: wp.array(dtype=vec4),
+        velocity: wp.array(dtype=vec2),
+        ordered_velocity: wp.array(dtype=vec2),
+        age: wp.array(dtype=real),
+        ordered_age: wp.array(dtype=real),
     ):
         i = wp.tid()
         if i >= counts[PARTICLES]:
@@ -131,6 +137,10 @@ def _kernels(real: Any, is_staged: bool) -> tuple[Any, ...]:
         ordered[place] = particle[i]
         if wp.static(real is wp.float32):
             ordered_remainder[place] = remainder[i]
+        if wp.static(has_velocity):
+            ordered_velocity[place] = velocity[i]
+        if wp.static(has_age):
+            ordered_age[place] = age[i]
         if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
             if counts[STAGE] > 0:
                 ordered_base[place] = base[i]
@@ -171,6 +181,10 @@ def _kernels(real: Any, is_staged: bool) -> tuple[Any, ...]:
     return bin_particles, order_particles, count_inside, list_cells, rank_sorted
 
 
+def _kernels_of(state: State) -> tuple[Any, ...]:
+    return _kernels(state.real, state.is_staged, state.has_velocity, state.has_age)
+
+
 class NeighborGrid:
     """The cells of a terrain for one kernel radius.
 
@@ -195,7 +209,7 @@ class NeighborGrid:
 
     def rebuild(self, state: State) -> None:
         """Sort ``state.particle`` into ``state.ordered`` and drop what left the terrain."""
-        bin_particles, order_particles, count_inside, *_ = _kernels(state.real, state.is_staged)
+        bin_particles, order_particles, count_inside, *_ = _kernels_of(state)
         self._sizes.zero_()
         wp.launch(
             bin_particles,
@@ -219,16 +233,9 @@ class NeighborGrid:
             inputs=[state.particle, state.counts, state.cell, state.rank, self.starts],
             outputs=[
                 state.ordered,
-                *(
-                    (state.remainder, state.ordered_remainder)
-                    if state.has_remainder
-                    else (None, None)
-                ),
-                *(
-                    (state.base, state.drift, state.ordered_base, state.ordered_drift)
-                    if state.is_staged
-                    else (None, None, None, None)
-                ),
+                *state.optional('remainder', 'ordered_remainder'),
+                *state.optional('base', 'drift', 'ordered_base', 'ordered_drift'),
+                *state.optional('velocity', 'ordered_velocity', 'age', 'ordered_age'),
             ],
             device=state.device,
         )
@@ -242,7 +249,7 @@ class NeighborGrid:
 
     def _rank_by_order(self, state: State) -> None:
         """Replace the ranks that atomics gave, which vary on a GPU, by a stable sort's."""
-        *_, list_cells, rank_sorted = _kernels(state.real, state.is_staged)
+        *_, list_cells, rank_sorted = _kernels_of(state)
         wp.launch(
             list_cells,
             dim=state.capacity,

@@ -12,19 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Viscosity of lava as a function of temperature."""
+"""How easily lava flows: viscosity as a function of temperature."""
 
 from functools import lru_cache
 from typing import Any
 
 import warp as wp
 
+from lava_ros.effects import Effects
 from lava_ros.scene import Lava
+from lava_ros.simulation.effects import load
+
+#: Effects that are a law of viscosity; at most one is on.
+VISCOSITY_LAWS = ('arrhenius',)
 
 
 @wp.struct
 class Rheology:
-    """Constants of the viscosity law."""
+    """Constants of the laws of flow."""
 
     viscosity: wp.float64
     reference_temperature: wp.float64
@@ -32,7 +37,7 @@ class Rheology:
 
 
 def rheology_of(lava: Lava) -> Rheology:
-    """Collect the constants a viscosity function needs."""
+    """Collect the constants the laws need."""
     constants = Rheology()
     constants.viscosity = lava.viscosity
     constants.reference_temperature = lava.reference_temperature
@@ -41,21 +46,14 @@ def rheology_of(lava: Lava) -> Rheology:
 
 
 @lru_cache
-def viscosity_function(real: Any, arrhenius: bool) -> Any:
-    """Return the device function mu(T) [Pa s]: constant, or the Arrhenius law of 3.26.
-
-    The paper multiplies f(theta) = K_e exp(alpha (theta_e - theta)) by another constant mu of the
-    same 100 Pa s; that counts the viscosity twice, so f alone is the viscosity here.
-    """
+def viscosity_function(real: Any, effects: Effects) -> Any:
+    """Return the device function mu(T) [Pa s]: an effect's law, or a constant."""
+    for name in VISCOSITY_LAWS:
+        if getattr(effects, name):
+            return load(name).viscosity(real)
 
     @wp.func
     def constant(law: Rheology, temperature: real) -> real:
         return real(law.viscosity)
 
-    @wp.func
-    def arrhenius_law(law: Rheology, temperature: real) -> real:
-        return real(law.viscosity) * wp.exp(
-            real(law.arrhenius) * (real(law.reference_temperature) - temperature)
-        )
-
-    return arrhenius_law if arrhenius else constant
+    return constant

@@ -28,9 +28,9 @@ from lava_ros.accuracy import Accuracy, expected_thickness
 from lava_ros.effects import Effects, effects_for
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
+from lava_ros.simulation.effects import after_step, load
 from lava_ros.simulation.flow import compute_flow, flow_kernels, FlowConstants
 from lava_ros.simulation.heat import heat_constants
-from lava_ros.simulation.helmholtz import solve_velocity
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.published import publish_velocity
@@ -55,7 +55,6 @@ from lava_ros.simulation.state import (
 from lava_ros.simulation.terrain import StaggeredTerrain
 from lava_ros.simulation.timestep import choose_stage, finish_stage, LIMITS, move_particles
 from lava_ros.simulation.vents import VentSet
-from lava_ros.simulation.viscosity import spread_velocity
 
 #: Particles there is room for at the start; room doubles whenever half of it is taken.
 _FIRST_CAPACITY = 4096
@@ -267,6 +266,10 @@ class Simulation:
         )
         self._law = rheology_of(self.scene.lava)
         self._heat = heat_constants(self.scene)
+        self._after_step = [
+            module.AfterStep(self.scene, accuracy, self._terrain, self._state)
+            for module in after_step(self.effects)
+        ]
         self._flow = FlowConstants()
         self._flow.radius = self.radius
         self._flow.weight = self.scene.lava.density * self.scene.gravity
@@ -311,7 +314,6 @@ class Simulation:
             centre=centre_of(self.scene.terrain),
             particle_volume=self.particle_volume,
             least_radius=spacing,
-            precision=self.accuracy.precision,
             symmetric=self.accuracy.symmetric,
             device=self._device,
         )
@@ -322,6 +324,8 @@ class Simulation:
         self._compute_velocity()
         choose_stage(self._state, self._longest_step(), self.accuracy.fixed_step)
         move_particles(self._state, self._heat)
+        for effect in self._after_step:
+            effect.apply(self._state, self._neighbors)
         self._vents.emit(self._state)
         finish_stage(self._state)
 
@@ -337,9 +341,9 @@ class Simulation:
                 self._state, self._neighbors, self.radius, self.scene.lava.viscosity
             )
         elif self.effects.green:
-            spread_velocity(self._state, self._neighbors, self.radius)
+            load('green').spread_velocity(self._state, self._neighbors, self.radius)
         elif self.effects.helmholtz:
-            solve_velocity(
+            load('helmholtz').solve_velocity(
                 self._state,
                 self._neighbors,
                 radius=self.radius,

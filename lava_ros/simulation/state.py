@@ -125,6 +125,9 @@ class State:
         ordered: The same as ``particle`` in the order of the neighbour grid's cells.
         remainder: Only in float32: what rounding cut off each particle's position [m], shape
             [capacity]. Without it slow lava far from the centre would never move.
+        velocity: Only with inertia: velocity of each particle [m/s], shape [capacity].
+        age: Only with a crust or conduction into the ground: time since each particle came out
+            [s], shape [capacity].
         base: Position at the start of the step [m] and displacement since then two stages ago [m],
             of each particle, shape [capacity]; none with the Euler integrator.
         drift: Displacement a stage ago [m] and velocity at the start of the step [m/s], likewise.
@@ -160,6 +163,8 @@ class State:
         self.is_staged = accuracy.integrator == 'rkl2'
         self.has_remainder = accuracy.precision == 'float32'
         self.is_deterministic = accuracy.deterministic
+        self.has_velocity = effects.inertia
+        self.has_age = effects.crust or effects.ground
         self.has_surface = accuracy.gradient != 'energy'
         self.device = device
         self.clock = wp.zeros(4, dtype=wp.float64, device=device)
@@ -184,6 +189,12 @@ class State:
         if self.has_remainder:
             self.remainder = wp.zeros(capacity, dtype=self.vec2, device=self.device)
             self.ordered_remainder = wp.zeros(capacity, dtype=self.vec2, device=self.device)
+        if self.has_velocity:
+            self.velocity = wp.zeros(capacity, dtype=self.vec2, device=self.device)
+            self.ordered_velocity = wp.zeros(capacity, dtype=self.vec2, device=self.device)
+        if self.has_age:
+            self.age = wp.zeros(capacity, dtype=self.real, device=self.device)
+            self.ordered_age = wp.zeros(capacity, dtype=self.real, device=self.device)
         if self.is_staged:
             self.base = wp.zeros(capacity, dtype=self.vec4, device=self.device)
             self.drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
@@ -200,9 +211,8 @@ class State:
 
     def grow(self, capacity: int) -> None:
         """Make room for ``capacity`` particles and keep those there are."""
-        names = ['particle']
+        names = ['particle', *self._carried]
         names += ['base', 'drift'] if self.is_staged else []
-        names += ['remainder'] if self.has_remainder else []
         kept = {name: getattr(self, name) for name in names}
         count = self.count
         self._allocate(capacity)
@@ -212,6 +222,17 @@ class State:
         counts = self.counts.numpy()
         counts[FULL] = 0
         self.counts.assign(counts)
+
+    @property
+    def _carried(self) -> list[str]:
+        """Names of the arrays that particles take along from step to step, each with a twin."""
+        names = ['remainder'] if self.has_remainder else []
+        names += ['velocity'] if self.has_velocity else []
+        return names + (['age'] if self.has_age else [])
+
+    def optional(self, *names: str) -> list[Any]:
+        """The arrays of these names, None for those that are not allocated."""
+        return [getattr(self, name, None) for name in names]
 
     @property
     def count(self) -> int:
@@ -225,8 +246,8 @@ class State:
         if len(values):
             rows = wp.array(values, dtype=self.vec4, device=self.device)
             wp.copy(self.particle, rows, count=len(values))
-        if self.has_remainder:
-            self.remainder.zero_()
+        for name in self._carried:
+            getattr(self, name).zero_()
         counts = self.counts.numpy()
         counts[PARTICLES] = len(values)
         self.counts.assign(counts)
@@ -234,8 +255,8 @@ class State:
     def take_order(self) -> None:
         """Let the ordered particles be the particles."""
         wp.copy(self.particle, self.ordered)
-        if self.has_remainder:
-            wp.copy(self.remainder, self.ordered_remainder)
+        for name in self._carried:
+            wp.copy(getattr(self, name), getattr(self, f'ordered_{name}'))
 
     def read_particles(self) -> np.ndarray:
         """Rows of (x, y, volume, temperature), float64, x and y from the centre."""

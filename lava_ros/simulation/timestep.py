@@ -27,7 +27,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.simulation.heat import cooled_function, HeatConstants
+from lava_ros.simulation.heat import HeatConstants, temperature_function
 from lava_ros.simulation.state import (
     BEFORE_FORMER,
     EVALUATIONS,
@@ -151,8 +151,8 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    cooled = cooled_function(real)
-    cooling = effects.cooling
+    temperature_after = temperature_function(real, effects)
+    heats = temperature_after is not None
 
     @wp.kernel(module='unique', enable_backward=False)
     def move(
@@ -202,9 +202,9 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
                 base[i] = vec4(x, y, d[0], d[1])
                 drift[i] = vec4(dx, dy, d[2], d[3])
         temperature = p[3]
-        if wp.static(cooling):  # noqa: SIM102, the static test decides what is compiled
+        if wp.static(heats):  # noqa: SIM102, the static test decides what is compiled
             if counts[IS_LAST] == 1:
-                temperature = cooled(heat, f[0], temperature, real(clock[STEP]))
+                temperature = temperature_after(heat, f[0], temperature, real(clock[STEP]))
         if wp.static(real is wp.float32):
             rest = ordered_remainder[i]
             dx += rest[0]
@@ -248,9 +248,7 @@ def choose_stage(state: State, longest: float, fixed: float | None) -> None:
 
 
 def move_particles(state: State, heat: HeatConstants) -> None:
-    """Move the ordered particles over the stage, cool them at the end of the step."""
-    staged = (state.base, state.drift) if state.is_staged else (None, None)
-    ordered = (state.ordered_base, state.ordered_drift) if state.is_staged else (None, None)
+    """Move the ordered particles over the stage, heat or cool them at the end of the step."""
     wp.launch(
         _move_kernel(state.real, state.effects, state.is_staged),
         dim=state.capacity,
@@ -261,10 +259,9 @@ def move_particles(state: State, heat: HeatConstants) -> None:
             state.clock,
             state.stage,
             heat,
-            *ordered,
-            state.ordered_remainder if state.has_remainder else None,
+            *state.optional('ordered_base', 'ordered_drift', 'ordered_remainder'),
         ],
-        outputs=[state.particle, *staged, state.remainder if state.has_remainder else None],
+        outputs=[state.particle, *state.optional('base', 'drift', 'remainder')],
         device=state.device,
     )
 

@@ -23,14 +23,14 @@ import numpy as np
 import warp as wp
 
 from lava_ros.scene import Vent
-from lava_ros.simulation.state import FULL, IS_LAST, PARTICLES, REAL, State, TIME
+from lava_ros.simulation.state import FULL, IS_LAST, PARTICLES, State, TIME
 
 #: Particles that come out of a disc and of a fissure at once, so that they have its symmetries.
 _DISC_GROUP, _FISSURE_GROUP = 8, 4
 
 
 @lru_cache
-def _kernel(real: Any, symmetric: bool) -> Any:
+def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool) -> Any:
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
 
@@ -108,6 +108,8 @@ def _kernel(real: Any, symmetric: bool) -> Any:
         counts: wp.array(dtype=wp.int32),
         particle: wp.array(dtype=vec4),
         remainder: wp.array(dtype=vec2),
+        velocity: wp.array(dtype=vec2),
+        age: wp.array(dtype=real),
     ):
         """Release the whole particles that the discharge up to now makes and are not out yet."""
         if counts[IS_LAST] == 0:
@@ -134,6 +136,10 @@ def _kernel(real: Any, symmetric: bool) -> Any:
                 for n in range(due):
                     if wp.static(real is wp.float32):
                         remainder[slot + n] = vec2()
+                    if wp.static(has_velocity):
+                        velocity[slot + n] = vec2()
+                    if wp.static(has_age):
+                        age[slot + n] = real(0.0)
                     place = place_of(shape, v, emitted[v] + n)
                     particle[slot + n] = vec4(
                         place[0], place[1], real(particle_volume), real(shape[v, 5])
@@ -161,7 +167,6 @@ class VentSet:
         centre: np.ndarray,
         particle_volume: float,
         least_radius: float,
-        precision: str,
         symmetric: bool,
         device: Any,
     ) -> None:
@@ -174,7 +179,6 @@ class VentSet:
             centre: Map position particles are relative to [m].
             particle_volume: Volume of a particle [m3].
             least_radius: Radius below which a vent is not resolved [m]: it is widened to this.
-            precision: Precision of the particles.
             symmetric: Whether particles come out in groups that have the vent's symmetries.
             device: Warp device.
         """
@@ -182,8 +186,8 @@ class VentSet:
         self.since = since
         self._carried = np.array(carried, dtype=np.float64)
         self._particle_volume = particle_volume
+        self._symmetric = symmetric
         self._device = device
-        self._kernel = _kernel(REAL[precision], symmetric)
         shape = np.zeros((len(self.vents), 7))
         starts, times, fluxes, volumes = [0], [], [], []
         for row, vent, conduit in zip(shape, self.vents, carried, strict=True):
@@ -213,7 +217,7 @@ class VentSet:
         # one thread for all vents gives their particles the same order in every run
         span = len(self.vents) if state.is_deterministic else 1
         wp.launch(
-            self._kernel,
+            _kernel(state.real, self._symmetric, state.has_velocity, state.has_age),
             dim=len(self.vents) // span,
             inputs=[
                 span,
@@ -230,7 +234,7 @@ class VentSet:
                 self._released,
                 state.counts,
                 state.particle,
-                state.remainder if state.has_remainder else None,
+                *state.optional('remainder', 'velocity', 'age'),
             ],
             device=self._device,
         )

@@ -41,7 +41,7 @@ def sheet_velocity(
 def green_response(wave_number: float, thickness: float) -> float:
     """Velocity over local velocity for a driving term sin(q x), 1 / (1 + q^2 / k^2).
 
-    From lap u' - k^2 u' = b with k = sqrt(3) / h (see ``simulation.viscosity``).
+    From lap u' - k^2 u' = b with k = sqrt(3) / h (see ``simulation.effects.green``).
 
     Args:
         wave_number: q [1/m].
