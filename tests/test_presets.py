@@ -22,7 +22,8 @@ import pytest
 from lava_ros.accuracy import Accuracy
 from lava_ros.errors import LavaError
 from lava_ros.presets import COMMAND, DEFAULT, EVIDENCE, preset_accuracy, PRESETS
-from lava_ros.verification.report import points, read_csv
+from lava_ros.verification.front import points
+from lava_ros.verification.rows import read_csv
 
 ROWS = read_csv(Path(__file__).parents[1] / EVIDENCE)
 

@@ -27,7 +27,7 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
-    from lava_ros.verification.report import Row
+    from lava_ros.verification.rows import Row
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -36,7 +36,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         'accuracy',
         help='measure what accuracy costs in time',
         description='Run every case with an exact solution at many settings and at the presets; '
-        'write the errors and times as CSV, as a Markdown table and as a chart.',
+        'write the errors and times as CSV, as Markdown tables and as a chart.',
     )
     parser.add_argument(
         '--quick', action='store_true', help='fewer settings: less than two minutes on two cores'
@@ -45,7 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         '--case',
         action='append',
         metavar='NAME',
-        help='only this case; may be given several times (default: all)',
+        help="only this case, or 'lateral'; may be given several times (default: all)",
     )
     parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
     parser.add_argument(
@@ -73,40 +73,46 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         LavaError: An argument cannot be used.
     """
-    from lava_ros.verification import report
+    from lava_ros.verification import measure, settings
     from lava_ros.verification.cases import CASES
     from lava_ros.verification.chart import draw
+    from lava_ros.verification.report import markdown
+    from lava_ros.verification.rows import write_csv, write_json
 
-    repetitions, longest = (1, report.QUICK_LONGEST) if args.quick else (3, report.LONGEST)
+    repetitions, longest = (1, measure.QUICK_LONGEST) if args.quick else (3, measure.LONGEST)
     if args.repetitions is not None:
         repetitions = int(validation.number('--repetitions', args.repetitions, at_least=1))
     if args.longest is not None:
         longest = validation.number('--longest', args.longest, above=0.0, unit='s')
     for name in args.case or ():
-        validation.choice('--case', name, CASES)
-    cases = [case for name, case in CASES.items() if not args.case or name in args.case]
+        validation.choice('--case', name, (*CASES, settings.LATERAL))
+    pairs = [
+        (case, item)
+        for case, item in settings.all_pairs(quick=args.quick)
+        if not args.case or case.name in args.case
+    ]
+    titles = {case.name: f'{case.title[0].upper()}{case.title[1:]}' for case, _ in pairs}
     device = _device(args.device)
-    folder = _folder(args.output)
+    folder, stem = _folder(args.output), measure.file_stem(device)
     if args.json:
         _write('--json', Path(args.json), '[]\n')
-    settings = report.all_settings(quick=args.quick)
+    rows: list[Row] = []
     with _Progress() as progress:
-        rows = report.measure(
-            cases,
-            settings,
+        for found in measure.measure(
+            pairs,
             device=device,
             command=_command(args, device),
             repetitions=repetitions,
             longest=longest,
             on_progress=progress.show,
-        )
-    titles = {case.name: f'{case.title[0].upper()}{case.title[1:]}' for case in cases}
-    stem = report.file_stem(device)
-    report.write_csv(rows, folder / f'{stem}.csv')
-    _write('--output', folder / f'{stem}.md', report.markdown(rows, titles, stem=stem))
+        ):
+            # what is interrupted keeps what it has
+            rows += found
+            write_csv(rows, folder / f'{stem}.csv')
+            _write('--output', folder / f'{stem}.md', markdown(rows, titles, stem=stem))
     draw(rows, titles, folder / f'{stem}.png')
     if args.json:
-        report.write_json(rows, Path(args.json))
+        write_json(rows, Path(args.json))
     _print_presets(rows, titles)
     print(f'written to {folder}: {stem}.csv, {stem}.md, {stem}.png')
     return 0
@@ -151,17 +157,20 @@ def _write(name: str, path: Path, text: str) -> None:
 
 def _print_presets(rows: Sequence[Row], titles: dict[str, str]) -> None:
     """Print the presets' errors and costs, one line for each case."""
-    from lava_ros.verification.report import percent, points, presets_of, seconds
+    from lava_ros.verification.front import points, presets_of
+    from lava_ros.verification.tables import percent, seconds
 
-    everything = points(rows)
-    found = {(point.case, point.preset): point for point in everything}
-    presets = presets_of(everything)
-    width = max(len(title) for title in titles.values())
+    found = {(point.case, point.preset): point for point in points(rows) if point.preset}
+    presets = presets_of(found.values())
+    if not presets:
+        return
+    cases = list(dict.fromkeys(case for case, _ in found))
+    width = max(len(titles[name]) for name in cases)
     print(f'{"Error in wall time for an hour":{width}}' + ''.join(f'  {p:>18}' for p in presets))
-    for name, title in titles.items():
+    for name in cases:
         places = [found.get((name, preset)) for preset in presets]
         texts = [f'{percent(at.error)} in {seconds(at.cost)}' if at else '-' for at in places]
-        print(f'{title:{width}}' + ''.join(f'  {text:>18}' for text in texts))
+        print(f'{titles[name]:{width}}' + ''.join(f'  {text:>18}' for text in texts))
 
 
 class _Progress:

@@ -205,6 +205,14 @@ class Simulation:
             velocity=flow[:, 1:],
         )
 
+    def evaluate(self) -> None:
+        """Compute the particles' thickness and velocity where they are, neighbours included.
+
+        Nothing is read back and nothing moves: it is what a stage of a time step costs.
+        """
+        self._neighbors.rebuild(self._state)
+        self._compute_velocity()
+
     def set_vents(self, vents: Iterable[Vent]) -> None:
         """Replace the vents from now on.
 

@@ -17,26 +17,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lava_ros.accuracy import INTEGRATORS, KERNELS
 from lava_ros.errors import LavaError
-from lava_ros.verification.report import (
-    pareto_front,
-    percent,
-    Point,
-    points,
-    presets_of,
-    Row,
-    seconds,
-)
+from lava_ros.verification.front import pareto_front, Point, points, presets_of
+from lava_ros.verification.rows import Row
+from lava_ros.verification.tables import percent, seconds
 
 #: Smallest error that is drawn: below it is rounding.
 FLOOR = 1e-7
 
 _INK, _GREY, _FRONT = '#222222', '#9aa0a6', '#d1495b'
+
+#: Where a name may stand beside its point [typographic points], from the best place.
+_SIDES = (
+    (7.0, 5.0, 'left'),
+    (7.0, -12.0, 'left'),
+    (-7.0, 5.0, 'right'),
+    (-7.0, -12.0, 'right'),
+    (0.0, 9.0, 'center'),
+    (0.0, -17.0, 'center'),
+    (7.0, 16.0, 'left'),
+    (-7.0, 16.0, 'right'),
+    (7.0, -24.0, 'left'),
+    (-7.0, -24.0, 'right'),
+)
 
 #: Colours of the presets, from the cheapest on, and of the paper's.
 _COLOURS = ('#fb9a06', '#e2583b', '#a92e5e', '#3d0f56', '#5f6368')
@@ -59,25 +70,32 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
     except ImportError as error:
         needed = "matplotlib: pip install 'lava_ros[plot]'"
         raise LavaError('chart', str(output), needed) from error
-    everything = [item for item in points(rows) if math.isfinite(item.error + item.cost)]
+    everything = [item for item in points(rows) if math.isfinite(item.cost)]
+    # of what lacks a result only presets are shown, where they would be at least
+    everything = [item for item in everything if item.preset or math.isfinite(item.error)]
     # where nothing but presets was run there is no front to see
     swept = list(dict.fromkeys(point.case for point in everything if not point.preset))
     cases = swept or list(dict.fromkeys(point.case for point in everything))
     colours = dict(zip(presets_of(everything), _COLOURS, strict=False))
-    columns = min(len(cases), 3)
-    lines = math.ceil(len(cases) / columns)
+    columns = max(1, min(len(cases), 3))
+    lines = max(1, math.ceil(len(cases) / columns))
     width, height = (7.2, 5.2) if columns == 1 else (4.0 * columns, 3.3 * lines + 1.1)
     figure = Figure(figsize=(width, height), dpi=130, facecolor='white')
-    FigureCanvasAgg(figure)
+    canvas = FigureCanvasAgg(figure)
+    panels = []
     for index, name in enumerate(cases):
         axes = figure.add_subplot(lines, columns, index + 1)
         found = [point for point in everything if point.case == name]
         _draw_case(axes, found, colours)
+        panels.append((axes, found))
         axes.set_title(titles.get(name, name), loc='left', fontsize=10, color=_INK)
         if index % columns == 0:
             axes.set_ylabel('largest relative error', fontsize=9, color=_INK)
         if index + columns >= len(cases):
             axes.set_xlabel('wall time for an hour of the flow', fontsize=9, color=_INK)
+    if not cases:
+        figure.text(0.5, 0.45, 'No time was simulated: there is no cost to show', ha='center',
+                    color='#555555')
     top = 0.62 / height
     figure.text(
         0.012,
@@ -91,7 +109,10 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
     figure.text(0.988, 1.0 - 0.2 / height, rows[0].machine, fontsize=9, color='#555555',
                 va='center', ha='right')
     _draw_legend(figure, colours, height)
-    figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - top), w_pad=1.2, h_pad=1.2)
+    if cases:
+        figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - top), w_pad=1.2, h_pad=1.2)
+    for axes, found in panels:
+        _name_points(axes, found, canvas.get_renderer())
     try:
         figure.savefig(output)
     except (OSError, ValueError) as error:
@@ -103,25 +124,19 @@ def _draw_case(axes: Any, found: Sequence[Point], colours: dict[str, str]) -> No
     axes.set_yscale('log')
     plain = [point for point in found if not point.preset]
     axes.scatter(*_places(plain), s=13, color=_GREY, linewidths=0, alpha=0.75, zorder=2)
-    front = pareto_front(found)
-    axes.plot(*_places(front), color=_FRONT, linewidth=1.3, zorder=3)
+    axes.plot(*_places(pareto_front(found)), color=_FRONT, linewidth=1.3, zorder=3)
     for point in found:
         if point.preset:
             axes.scatter(
                 *_places([point]),
                 s=58,
+                marker='o' if math.isfinite(point.error) else '^',
                 color=colours[point.preset],
                 edgecolors='white',
                 linewidths=1.2,
                 zorder=4,
             )
     _set_limits(axes, found)
-    named = [point for point in sorted(found, key=lambda item: item.cost) if point.preset]
-    for before, point in zip([None, *named], named, strict=False):
-        _label(axes, point, is_low=before is not None and _are_close(axes, before, point))
-    for point in found:
-        if not point.preset:
-            _label(axes, point)
     axes.grid(which='major', color='#e6e6e6', linewidth=0.7, zorder=0)
     axes.set_axisbelow(True)
     for side in ('top', 'right'):
@@ -131,29 +146,56 @@ def _draw_case(axes: Any, found: Sequence[Point], colours: dict[str, str]) -> No
     axes.tick_params(which='both', labelsize=8, color='#888888', labelcolor=_INK)
 
 
-def _are_close(axes: Any, one: Point, other: Point) -> bool:
-    """Whether the names of two points beside one another would overlap."""
-    x0, x1 = axes.get_xlim()
-    y0, y1 = axes.get_ylim()
-    gap = math.log(other.cost / one.cost) / math.log(x1 / x0)
-    rise = math.log(max(other.error, FLOOR) / max(one.error, FLOOR)) / math.log(y1 / y0)
-    return gap < 0.4 and abs(rise) < 0.1
+def _name_points(axes: Any, found: Sequence[Point], renderer: Any) -> None:
+    """Name presets, and other settings where there is room."""
+    from matplotlib.transforms import Bbox
+
+    named = sorted((point for point in found if point.preset), key=lambda item: item.cost)
+    others = [point for point in found if not point.preset and _label(point)]
+    places = axes.transData.transform(np.column_stack(_places(found)))
+    line = axes.transData.transform(np.column_stack(_places(pareto_front(found))))
+    shares = np.linspace(0.0, 1.0, 20)[:, None]
+    shown = [*places]
+    for start, end in pairwise(line):
+        shown += [*(start + shares * (end - start))]
+    size = renderer.points_to_pixels(4.0)
+    taken = [
+        Bbox.from_bounds(x - size, y - size, 2.0 * size, 2.0 * size)
+        for (x, y), point in zip(places, found, strict=True)
+        if point.preset
+    ]
+    for point in (*named, *others):
+        tried = []
+        for x, y, side in _SIDES:
+            text = _annotate(axes, point, x, y, side)
+            box = text.get_window_extent(renderer)
+            text.remove()
+            inside = axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1 + 2.0 * size
+            inside = inside and axes.bbox.y0 <= box.y0 and box.y1 <= axes.bbox.y1 + 2.0 * size
+            hidden = sum(box.contains(*place) for place in shown)
+            hit = sum(bool(box.overlaps(other)) for other in taken) + (not inside)
+            tried.append(((hit, hidden), (x, y, side), box))
+        (hit, _), where, box = min(tried, key=lambda item: item[0])
+        if point.preset or not hit:
+            _annotate(axes, point, *where)
+            taken.append(box)
 
 
-def _label(axes: Any, point: Point, *, is_low: bool = False) -> None:
-    """Name presets, and settings with another kernel or integrator than the default's."""
-    words = [word for word in point.setting.split(', ') if word in (*KERNELS, *INTEGRATORS)]
-    text = point.preset or ' '.join(words)
-    if not text:
-        return
-    low, high = axes.get_xlim()
-    is_right = math.log(point.cost / low) > 0.78 * math.log(high / low)
-    axes.annotate(
-        text,
-        (point.cost, max(point.error, FLOOR)),
-        xytext=(-7 if is_right else 7, -12 if is_low else 5),
+def _label(point: Point) -> str:
+    """A preset's name, or what else than the default's kernel, integrator or formulas it has."""
+    words = point.setting.split(', ')
+    if point.preset or 'as-published' in words:
+        return point.preset or 'as-published'
+    return ' '.join(word for word in words if word in (*KERNELS, *INTEGRATORS))
+
+
+def _annotate(axes: Any, point: Point, x: float, y: float, side: str) -> Any:
+    return axes.annotate(
+        _label(point),
+        (point.cost, _height(point)),
+        xytext=(x, y),
         textcoords='offset points',
-        ha='right' if is_right else 'left',
+        ha=side,
         fontsize=9 if point.preset else 7.5,
         weight='bold' if point.preset else 'normal',
         color=_INK if point.preset else '#70757a',
@@ -169,7 +211,11 @@ def _halo() -> list[Any]:
 
 
 def _places(found: Sequence[Point]) -> tuple[list[float], list[float]]:
-    return [point.cost for point in found], [max(point.error, FLOOR) for point in found]
+    return [point.cost for point in found], [_height(point) for point in found]
+
+
+def _height(point: Point) -> float:
+    return max(point.least, FLOOR)
 
 
 def _set_limits(axes: Any, found: Sequence[Point]) -> None:

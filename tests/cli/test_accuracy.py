@@ -15,6 +15,7 @@
 """`lava accuracy`: the report as a command."""
 
 import csv
+from dataclasses import replace
 import json
 from pathlib import Path
 import subprocess
@@ -24,7 +25,8 @@ import pytest
 
 from lava_ros.accuracy import Accuracy
 from lava_ros.cli import main as cli
-from lava_ros.verification import report
+from lava_ros.verification import cases, measure, settings
+from lava_ros.verification.rows import read_csv
 
 ROOT = Path(__file__).parents[2]
 
@@ -44,9 +46,10 @@ class Absent:
 sys.meta_path.insert(0, Absent())
 from lava_ros.accuracy import Accuracy
 from lava_ros.cli.main import main
-from lava_ros.verification import report
+from lava_ros.verification import settings
 
-report.all_settings = lambda quick: [report.Setting('a', Accuracy(refinement=0.25), 'draft')]
+few = [settings.Setting('a', Accuracy(refinement=0.25), 'draft')]
+settings.all_settings = lambda quick: few
 sys.exit(main(sys.argv[1:]))
 """
 
@@ -54,8 +57,8 @@ sys.exit(main(sys.argv[1:]))
 @pytest.fixture
 def one_setting(monkeypatch):
     """Let the report have one coarse setting."""
-    settings = [report.Setting('coarse', Accuracy(refinement=0.25), 'draft')]
-    monkeypatch.setattr(report, 'all_settings', lambda quick: settings)
+    coarse = [settings.Setting('coarse', Accuracy(refinement=0.25), 'draft')]
+    monkeypatch.setattr(settings, 'all_settings', lambda quick: coarse)
 
 
 def test_report_is_written(tmp_path, one_setting, capsys):
@@ -73,6 +76,21 @@ def test_report_is_written(tmp_path, one_setting, capsys):
     output = capsys.readouterr().out
     assert '100 %' in output
     assert 'draft' in output
+
+
+def test_what_is_interrupted_keeps_what_it_has(tmp_path, one_setting, monkeypatch):
+    """The rows of the first case are there when the second one fails."""
+    second = cases.CASES['dam_break']
+
+    def stop(accuracy, device):
+        raise KeyboardInterrupt
+
+    monkeypatch.setitem(settings.CASES, 'dam_break', replace(second, run=stop))
+    words = ['--quick', '--device', 'cpu', '--output', str(tmp_path)]
+    words += ['--case', 'fixed_volume', '--case', 'dam_break']
+    assert cli.main(['accuracy', *words]) == 130
+    assert {row.case for row in read_csv(tmp_path / 'cpu.csv')} == {'fixed_volume'}
+    assert 'Fixed volume' in (tmp_path / 'cpu.md').read_text()
 
 
 @pytest.mark.parametrize(
@@ -95,7 +113,7 @@ def test_what_cannot_be_used_is_refused_before_anything_runs(
     def never(*args, **options):
         raise AssertionError('it began to measure')
 
-    monkeypatch.setattr(report, 'measure', never)
+    monkeypatch.setattr(measure, 'measure', never)
     assert cli.main(['accuracy', *words]) == 2
     errors = capsys.readouterr().err
     assert errors.startswith(f'lava accuracy: {field} ')

@@ -29,7 +29,7 @@ from types import ModuleType
 from lava_ros.effects import Effects
 
 #: Effects that make a pass over the particles at the end of a step, in this order. Their class
-#: ``AfterStep(scene, accuracy, terrain, state)`` has a method ``apply(state, neighbors)``, launched
+#: ``AfterStep(scene, accuracy, terrain, state)`` has a method ``apply(state, neighbors)``, called
 #: after the motion in every stage: its kernels return at once unless ``counts[IS_LAST]`` is 1, and
 #: the step is ``clock[STEP]``. ``state.ordered`` holds the particles before the motion, and
 #: ``state.particle`` the same ones in the same order after it.

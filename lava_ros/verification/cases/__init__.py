@@ -14,7 +14,7 @@
 
 """Cases that run the solver where an exact solution is known."""
 
-from lava_ros.verification.cases import sheets, slopes, spreading
+from lava_ros.verification.cases import channel, pond, sheets, slopes, spreading
 from lava_ros.verification.cases.case import Case, Measurement, Run
 from lava_ros.verification.cases.sheets import green_response, sheet_on_slope
 from lava_ros.verification.cases.spreading import Spread, spread_of_fixed_volume
@@ -32,5 +32,7 @@ __all__ = [
 
 #: Every case by its name, from the simplest.
 CASES: dict[str, Case] = {
-    case.name: case for case in (*sheets.CASES, *spreading.CASES, *slopes.CASES)
+    case.name: case
+    for module in (sheets, channel, pond, spreading, slopes)
+    for case in module.CASES
 }

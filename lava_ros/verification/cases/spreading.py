@@ -48,14 +48,14 @@ class Spread:
         radius: Root of the volume-weighted mean of r^2 [m].
         profile: Mean of |h - exact| at the particles over the mean thickness.
         edge: Mean radius at which the output grid's thickness falls below ``FRONT`` [m].
-        scatter: Relative standard deviation of h / exact inside 0.3 R.
+        scatter: Standard deviation of h / exact at the particles inside 0.3 R.
         run: The run.
     """
 
     radius: Measurement
     profile: Measurement
     edge: Measurement
-    scatter: float
+    scatter: Measurement
     run: Run
 
     @property
@@ -130,12 +130,15 @@ def spread_of_fixed_volume(
         solution.radius_of_thickness(FRONT, end),
         'm',
     )
+    scatter = Measurement(
+        'scatter', float((sample.thickness[inner] / expected[inner]).std()), 0.0, '1', scale=1.0
+    )
     return Spread(
         radius=spread,
         profile=profile,
         edge=edge,
-        scatter=float((sample.thickness[inner] / expected[inner]).std()),
-        run=trial.run('fixed_volume', spread, profile, edge),
+        scatter=scatter,
+        run=trial.run('fixed_volume', spread, profile, edge, scatter),
     )
 
 
