@@ -17,10 +17,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+import math
 from typing import Any
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+
+#: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018).
+STEFAN_BOLTZMANN = 5.670374419e-8
 
 #: Laws of what crystals do to viscosity.
 CRYSTAL_LAWS = ('none', 'einstein-roscoe', 'maron-pierce')
@@ -141,3 +145,32 @@ class Lava:
                 raise LavaError('lava.solidus', self.solidus, f'above 0 K beside lava.{name}')
         if self.crust and not self.conductivity:
             raise LavaError('lava.conductivity', self.conductivity, 'above 0 beside lava.crust')
+
+    @property
+    def is_vft(self) -> bool:
+        """Whether the VFT law gives the viscosity."""
+        return self.vft_b > 0.0
+
+    def crystal_fraction(self, temperature: float) -> float:
+        """Volume fraction of crystals at a temperature [K]: none at the liquidus."""
+        share = (self.liquidus - temperature) / (self.liquidus - self.solidus)
+        return self.crystals * min(max(share, 0.0), 1.0) if self.solidus else 0.0
+
+    def viscosity_at(self, temperature: float) -> float:
+        """Viscosity [Pa s] at a temperature [K], crystals included."""
+        if self.is_vft:
+            above = max(temperature - self.vft_c, 1.0)
+            viscosity = 10.0 ** min(self.vft_a + self.vft_b / above, 15.0)
+        else:
+            viscosity = self.viscosity * math.exp(
+                min(self.arrhenius * (self.reference_temperature - temperature), 60.0)
+            )
+        if self.crystal_law == 'none':
+            return viscosity
+        free = max(1.0 - self.crystal_fraction(temperature) / self.packing, 1e-3)
+        return viscosity * free ** (-2.5 if self.crystal_law == 'einstein-roscoe' else -2.0)
+
+    def yield_strength_at(self, temperature: float) -> float:
+        """Yield strength [Pa] at a temperature [K]."""
+        colder = self.reference_temperature - temperature
+        return self.yield_strength * math.exp(min(self.yield_rate * colder, 60.0))

@@ -76,6 +76,7 @@ def run(args: argparse.Namespace) -> int:
     from lava_ros.verification import measure, settings
     from lava_ros.verification.cases import CASES
     from lava_ros.verification.chart import draw
+    from lava_ros.verification.lateral import NAME
     from lava_ros.verification.report import markdown
     from lava_ros.verification.rows import write_csv, write_json
 
@@ -85,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
     if args.longest is not None:
         longest = validation.number('--longest', args.longest, above=0.0, unit='s')
     for name in args.case or ():
-        validation.choice('--case', name, (*CASES, settings.LATERAL))
+        validation.choice('--case', name, (*CASES, NAME))
     pairs = [
         (case, item)
         for case, item in settings.all_pairs(quick=args.quick)

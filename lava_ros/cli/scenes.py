@@ -38,15 +38,17 @@ DEMO_LAVA = Lava(viscosity=5e4)
 SUMMIT_DISCHARGE = 50.0
 
 
-def add_scene_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments that choose a scene."""
-    parser.add_argument(
-        '--scene', metavar='FILE', help='scene file (YAML): terrain, vents and lava'
-    )
+def add_scene_arguments(parser: argparse.ArgumentParser, *, positional: bool = False) -> None:
+    """Add the arguments that choose a scene, the scene file itself without a flag if asked."""
+    text = 'scene file (YAML): terrain, vents and lava'
+    if positional:
+        parser.add_argument('scene', nargs='?', metavar='SCENE', help=text)
+    else:
+        parser.add_argument('--scene', metavar='FILE', help=text)
     parser.add_argument(
         '--terrain',
         metavar='FILE',
-        help="GeoTIFF, ESRI ASCII grid or npz; with --scene in place of the scene's own "
+        help="GeoTIFF, ESRI ASCII grid or npz; with a scene in place of the scene's own "
         '(default: a real mountain ridge, 9 x 8 km)',
     )
 

@@ -19,8 +19,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lava_ros.verification.front import pareto_front, Point, points, presets_of
+from lava_ros.verification.lateral import NAME as LATERAL
 from lava_ros.verification.rows import Row
-from lava_ros.verification.settings import LATERAL
 from lava_ros.verification.studies import studies
 from lava_ros.verification.tables import percent, seconds, table
 

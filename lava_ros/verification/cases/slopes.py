@@ -187,12 +187,12 @@ def _run_smith(accuracy: Accuracy, device: str) -> Run:
     The outer tenth of the width carries 4e-4 of the flux, a particle in more than a hundred T,
     so the half-width is taken where the flow is half as thick as on its axis.
 
-    By a finite-volume solution of Lister's equation, what Smith's leaves out and a source of radius
-    0.5 L in place of a point make this half-width 0.2 % larger here at last, the spread 0.8 %
-    larger and the axis 0.2 % thinner; twelve run-outs down it is twice as much. The half-width has
-    that value from 600 T on. The spread, which counts the creeping edges, is 4 % short of it at
-    350 T, 1.2 % at 800 T and 0.6 % at 1200 T. The mean of moments between the last two is what is
-    compared.
+    By a finite-volume solution of Lister's equation, what Smith's leaves out and a source of
+    radius 0.5 L in place of a point make this half-width 0.2 % larger here at last, the spread
+    0.8 % larger and the axis 0.2 % thinner; twelve run-outs down it is twice as much. The
+    half-width has that value from 600 T on. The spread, which counts the creeping edges, is 4 %
+    short of it at 350 T, 1.2 % at 800 T and 0.6 % at 1200 T. The mean of moments between the last
+    two is what is compared.
     """
     slope, station = math.radians(10.0), 18.0
     scales = exact.ListerScales(DISCHARGE, slope, NU, GRAVITY)

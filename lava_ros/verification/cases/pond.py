@@ -1,0 +1,140 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A pond: lava in a rough bowl, which has to come to rest with a level surface."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.scene import Scene, Terrain
+from lava_ros.simulation import Particles
+from lava_ros.verification.cases.case import (
+    Case,
+    FLAT,
+    GRAVITY,
+    ISOTHERMAL,
+    Measurement,
+    Run,
+    Trial,
+)
+
+#: Side of the terrain and of its cells [m].
+SIDE, CELL = 100.0, 2.0
+
+#: Elevation of the lava's surface above the bottom of the smooth bowl [m].
+LEVEL = 3.0
+
+#: Lava thicker than this counts as deep [m].
+DEEP = 1.0
+
+#: When the pond is looked at [s].
+HOUR = 3600.0
+
+#: Waves that make the bowl rough, the height of each [m], and the shortest and longest [m].
+WAVES, WAVE_HEIGHT, WAVELENGTHS = 16, 0.06, (14.0, 40.0)
+
+
+def rough_bowl() -> Terrain:
+    """A paraboloid with bumps of a few decimetres.
+
+    Wavelengths, directions and phases of the bumps are even over their ranges, in no order:
+    multiples of irrational numbers, modulo 1.
+    """
+    count = round(SIDE / CELL)
+    ticks = (np.arange(count) + 0.5 - 0.5 * count) * CELL
+    x, y = np.meshgrid(ticks, ticks)
+    elevation = 0.003 * (x**2 + y**2)
+    shortest, longest = WAVELENGTHS
+    for index in range(1, WAVES + 1):
+        length, turn, phase = np.modf(index * np.sqrt([2.0, 3.0, 5.0]))[0]
+        q = 2.0 * math.pi / (shortest * (longest / shortest) ** length)
+        angle = 2.0 * math.pi * turn
+        place = x * math.cos(angle) + y * math.sin(angle)
+        elevation += WAVE_HEIGHT * np.sin(q * place + 2.0 * math.pi * phase)
+    return Terrain(elevation, CELL, origin=(-0.5 * SIDE, -0.5 * SIDE))
+
+
+def ground_at(terrain: Terrain, position: np.ndarray) -> np.ndarray:
+    """Elevation of the surface whose gradient drives the lava [m]: the quadratic B-spline.
+
+    Args:
+        terrain: The terrain.
+        position: Places on it, at least two cells from its border [m], shape [count, 2].
+    """
+    place = (position - np.asarray(terrain.origin)) / terrain.resolution
+    cell = np.floor(place).astype(int)
+    t = place - cell - 0.5
+    weights = np.stack([0.5 * (0.5 - t) ** 2, 0.75 - t**2, 0.5 * (0.5 + t) ** 2])
+    total = np.zeros(len(position))
+    for i in range(3):
+        for j in range(3):
+            values = terrain.elevation[cell[:, 1] + i - 1, cell[:, 0] + j - 1]
+            total += weights[i, :, 1] * weights[j, :, 0] * values
+    return total
+
+
+def pond(accuracy: Accuracy, device: str = 'cpu') -> Trial:
+    """Lava filled into the rough bowl up to a level.
+
+    Args:
+        accuracy: Resolution; its spacing and thickness are set by the case.
+        device: Warp device.
+    """
+    terrain = rough_bowl()
+    spacing = 2.0 / accuracy.refinement
+    # off the grid of the terrain's cells
+    ticks = np.arange(-0.4 * SIDE, 0.4 * SIDE, spacing) + 0.15 * CELL
+    places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    depth = LEVEL - ground_at(terrain, places)
+    wet = depth > 0.05
+    return Trial(
+        Scene(terrain, lava=ISOTHERMAL, gravity=GRAVITY),
+        effects=FLAT,
+        accuracy=replace(accuracy, spacing=spacing, thickness=float(depth[wet].mean())),
+        particles=Particles(places[wet], depth[wet] * spacing**2, 1400.0),
+        device=device,
+    )
+
+
+def stillness(trial: Trial) -> tuple[Measurement, Measurement]:
+    """How far a pond is from rest: its fastest particle, and how level its surface is.
+
+    Speeds are over that of a fall from the surface to the bottom, heights over the largest depth.
+    """
+    sample = trial.simulation.sample()
+    deep = sample.thickness > DEEP
+    depth = float(sample.thickness.max())
+    surface = sample.thickness + ground_at(trial.simulation.scene.terrain, sample.position)
+    return (
+        Measurement(
+            'speed',
+            float(np.hypot(*sample.velocity.T).max()),
+            0.0,
+            'm/s',
+            scale=math.sqrt(2.0 * GRAVITY * depth),
+        ),
+        Measurement('flatness', float(surface[deep].std()), 0.0, 'm', scale=depth),
+    )
+
+
+def _run(accuracy: Accuracy, device: str) -> Run:
+    trial = pond(accuracy, device)
+    trial.advance(HOUR)
+    return trial.run('pond', *stillness(trial))
+
+
+CASES = (Case('pond', 'pond in a rough bowl after an hour', 'hydrostatics', _run),)

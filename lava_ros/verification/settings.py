@@ -1,0 +1,234 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which settings are tried: a grid, the presets, one knob at a time, and what studies compare."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+import math
+
+from lava_ros.accuracy import Accuracy, GRADIENTS
+from lava_ros.presets import DEFAULT, PRESETS
+from lava_ros.verification.cases import Case, CASES
+from lava_ros.verification.lateral import lateral_experiments
+
+#: Refinements of the grid: 500, 2,000, 8,000 and 32,000 particles in the fixed volume's case.
+REFINEMENTS = (0.25, 0.5, 1.0, 2.0)
+
+#: Ratios of the grid: 20, 28, 38 and 64 neighbours.
+RATIOS = (2.5, 3.0, 3.5, 4.5)
+
+#: The same for a quick report, and its presets.
+QUICK_REFINEMENTS, QUICK_RATIOS, QUICK_PRESETS = (0.25, 0.5), (2.5, 3.5), ('draft', 'standard')
+
+#: Cases in which single knobs are turned, and the paper's step of 0.01 s is taken: its 200 s are
+#: 20,000 of them.
+KNOB_CASES = ('fixed_volume',)
+
+#: Cases in which the forms of the gradient are compared.
+GRADIENT_CASES = ('fixed_volume', 'pond')
+
+#: Kernel radii over the thickness at which a quick report studies the lateral stress.
+QUICK_RADII = ('l = 1 h', 'l = 6 h')
+
+#: Cases of even layers: the resolution hardly enters or no time passes, and only presets are run.
+EVEN_CASES = ('sheet', 'green', 'channel', 'radiating_sheet')
+
+#: Refinements of the convergence study: every doubling from 2,000 particles to 128,000.
+DOUBLINGS = (0.5, 0.707, 1.0, 1.414, 2.0, 2.828, 4.0)
+
+#: Refinements at which the integrators are compared, and the Courant numbers of the second-order
+#: one; Euler's steps are shorter than any of them asks for.
+STEPPED, COURANT_NUMBERS = (1.0, 4.0), (0.5, 0.75, 1.0)
+
+#: The refinement at which the paper's kernel radius is 1 m in the case of the fixed volume, as in
+#: its table 3.1: 180,000 particles on a disc of 130 m are 1 m / 1.84 apart.
+LITERAL = 4.74
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One column of the experiment.
+
+    Attributes:
+        name: What it is, in words.
+        accuracy: The knobs.
+        preset: Name of the preset it is, if any.
+        cases: Names of the cases it is run on; None for all.
+    """
+
+    name: str
+    accuracy: Accuracy
+    preset: str = ''
+    cases: tuple[str, ...] | None = None
+
+
+def all_settings(*, quick: bool = False) -> list[Setting]:
+    """The settings of a report, each accuracy once, from cheap to dear.
+
+    Args:
+        quick: Only what takes less than two minutes on two cores.
+    """
+    refinements, ratios = (QUICK_REFINEMENTS, QUICK_RATIOS) if quick else (REFINEMENTS, RATIOS)
+    chosen = {
+        PRESETS[name].accuracy: name for name in (QUICK_PRESETS if quick else tuple(PRESETS))
+    }
+    tried: list[tuple[Accuracy, tuple[str, ...] | None]] = [
+        (Accuracy(refinement=refinement, ratio=ratio), None)
+        for refinement in refinements
+        for ratio in ratios
+    ]
+    tried += [
+        (item, None if item.formulation == 'corrected' else KNOB_CASES) for item in chosen
+    ]
+    tried += [(item, KNOB_CASES) for item in knobs(quick=quick)]
+    tried += [(item, GRADIENT_CASES) for item in gradients().values()]
+    if quick:
+        tried += [(item, KNOB_CASES) for item in convergence() if item.refinement <= 1.0]
+    else:
+        tried += [(item, KNOB_CASES) for item in (*convergence(), *stepping())]
+        tried += [(item, KNOB_CASES) for item in from_paper().values()]
+    cases: dict[Accuracy, tuple[str, ...] | None] = {}
+    for accuracy, names in tried:
+        known = cases.setdefault(accuracy, names)
+        if known is not None and names is not None:
+            cases[accuracy] = tuple(dict.fromkeys((*known, *names)))
+    settings = [
+        Setting(name_of(accuracy), accuracy, chosen.get(accuracy, ''), names)
+        for accuracy, names in cases.items()
+    ]
+    return sorted(settings, key=lambda item: expected_cost(item.accuracy))
+
+
+def knobs(*, quick: bool = False) -> list[Accuracy]:
+    """The default preset with one knob turned."""
+    turned: list[dict[str, object]] = [{'integrator': 'euler'}, {'kernel': 'poly6'}]
+    if not quick:
+        turned += [
+            {'kernel': 'spiky'},
+            {'precision': 'float64'},
+            {'diffusion_number': 1.0},
+            {'diffusion_number': 2.0},
+            {'courant_number': 0.25},
+            {'courant_number': 0.125},
+        ]
+    return [replace(_standard(), **knob) for knob in turned]  # type: ignore[arg-type]
+
+
+def convergence() -> list[Accuracy]:
+    """The default preset at every doubling of the particles, from few to many."""
+    return [replace(_standard(), refinement=refinement) for refinement in DOUBLINGS]
+
+
+def stepping() -> list[Accuracy]:
+    """Euler, then the second-order integrator at several Courant numbers, few particles first."""
+    return [
+        item
+        for refinement in STEPPED
+        for item in (
+            replace(_standard(), refinement=refinement, integrator='euler'),
+            *(
+                replace(_standard(), refinement=refinement, courant_number=number)
+                for number in COURANT_NUMBERS
+            ),
+        )
+    ]
+
+
+def gradients() -> dict[str, Accuracy]:
+    """The default preset by the form of its gradient."""
+    return {form: replace(_standard(), gradient=form) for form in GRADIENTS}
+
+
+def from_paper() -> dict[str, Accuracy]:
+    """The paper's settings, then one correction after another, by what each changes."""
+    paper = PRESETS['as-published'].accuracy
+    corrected = replace(paper, formulation='corrected')
+    wendland = replace(corrected, kernel='wendland', ratio=2.5)
+    free = replace(wendland, fixed_step=None)
+    wide = replace(_standard(), refinement=paper.refinement)
+    stepped = replace(wide, ratio=wendland.ratio)
+    more = (_standard().refinement / paper.refinement) ** 2
+    return {
+        '`as-published`': paper,
+        'l = 1 m, as in table 3.1': replace(paper, refinement=LITERAL),
+        '`as-published`, formulas corrected': corrected,
+        f'and Wendland C2 over {_neighbours(wendland)} neighbours': wendland,
+        'and steps that follow the limits': free,
+        'and super-time-stepping': stepped,
+        f'and {_neighbours(wide)} neighbours': wide,
+        f'and {more:.0f} times the particles: `{DEFAULT}`': _standard(),
+    }
+
+
+def _neighbours(accuracy: Accuracy) -> str:
+    return f'{math.pi * accuracy.ratio**2:.0f}'
+
+
+def _standard() -> Accuracy:
+    return PRESETS[DEFAULT].accuracy
+
+
+def name_of(accuracy: Accuracy) -> str:
+    """Say the resolution, and every other knob that is not at its default."""
+    usual = Accuracy()
+    words = [f'refinement {accuracy.refinement:g}', f'ratio {accuracy.ratio:g}']
+    for item in fields(Accuracy):
+        value = getattr(accuracy, item.name)
+        if item.name in ('refinement', 'ratio') or value == getattr(usual, item.name):
+            continue
+        label = item.name.replace('_', ' ')
+        if isinstance(value, bool):
+            words.append(label if value else f'not {label}')
+        elif isinstance(value, str) and item.name != 'gradient':
+            words.append(value)
+        else:
+            words.append(f'{label} {value:g}' if isinstance(value, float) else f'{label} {value}')
+    return ', '.join(words)
+
+
+def expected_cost(accuracy: Accuracy) -> float:
+    """How long a run takes over one at the default accuracy, roughly.
+
+    Particles, times the stages of a step, which grow with the refinement for RKL2 and with its
+    square for Euler.
+    """
+    if accuracy.fixed_step is not None:
+        return 0.2 / accuracy.fixed_step * accuracy.refinement**2 * 8.0
+    stages = accuracy.refinement if accuracy.integrator == 'rkl2' else 4.0 * accuracy.refinement**2
+    return stages * accuracy.refinement**2 * (0.5 / accuracy.courant_number) ** 0.5
+
+
+def all_pairs(*, quick: bool = False) -> list[tuple[Case, Setting]]:
+    """Every case with the settings it is run at, from cheap to dear, and the lateral experiments.
+
+    Args:
+        quick: Only what takes less than two minutes on two cores.
+    """
+    settings = all_settings(quick=quick)
+    pairs = [
+        (case, item) for case in CASES.values() for item in settings if _is_run(item, case.name)
+    ]
+    return pairs + [
+        (item.case, Setting(item.setting, _standard()))
+        for item in lateral_experiments()
+        if not quick or item.setting.endswith(QUICK_RADII)
+    ]
+
+
+def _is_run(setting: Setting, case: str) -> bool:
+    if setting.cases is not None:
+        return case in setting.cases
+    return bool(setting.preset) or case not in EVEN_CASES

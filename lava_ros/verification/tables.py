@@ -1,0 +1,53 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Tables of Markdown, and numbers as people read them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+import math
+
+
+def table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[str]:
+    """Lines of a table of Markdown.
+
+    Args:
+        head: Titles of the columns.
+        body: Lines of as many cells.
+    """
+    lines = ['| ' + ' | '.join(head) + ' |', '|---' * len(head) + '|']
+    return lines + ['| ' + ' | '.join(line) + ' |' for line in body]
+
+
+def percent(value: float) -> str:
+    """A share in per cent, to two digits."""
+    if not math.isfinite(value):
+        return 'none'
+    if 0.0 < value < 1e-5:
+        return f'{value:.0e}'
+    return f'{100.0 * value:.2g} %' if value < 0.0995 else f'{100.0 * value:.0f} %'
+
+
+def seconds(value: float) -> str:
+    """A time [s] to two digits, in the unit that suits it."""
+    if math.isnan(value):
+        return '-'
+    if value < 0.1:
+        return f'{1e3 * value:.2g} ms'
+    if value < 9.95:
+        return f'{value:.2g} s'
+    if value < 600.0:
+        return f'{value:.0f} s'
+    return f'{value / 60.0:.0f} min' if value < 7200.0 else f'{value / 3600.0:.1f} h'

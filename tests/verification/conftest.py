@@ -1,0 +1,120 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cases that only pretend, and rows of measurements."""
+
+from dataclasses import dataclass
+
+import pytest
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.verification.measure import measure
+from lava_ros.verification.rows import Row
+from lava_ros.verification.settings import Setting
+
+
+@dataclass(frozen=True)
+class FakeMeasurement:
+    """A measured number with the error it is given."""
+
+    quantity: str
+    error: float
+    measured: float = 1.0
+    exact: float = 1.0
+    unit: str = 'm'
+
+
+@dataclass(frozen=True)
+class FakeRun:
+    """A run that took the time it is given."""
+
+    case: str
+    measurements: tuple
+    wall_time: float
+    particles: int = 100
+    steps: int = 3
+    evaluations: int = 9
+    simulated_time: float = 1800.0
+
+
+class FakeCase:
+    """A case whose error falls and whose time grows with the refinement."""
+
+    def __init__(self, name='fake', time=0.01):
+        self.name, self.title, self.source = name, f'The {name} case', 'nowhere'
+        self.time = time
+        self.accuracies = []
+
+    def run(self, accuracy, device):
+        """Count the runs; each takes a little longer than the one before."""
+        self.accuracies.append(accuracy)
+        scale = accuracy.refinement * accuracy.ratio
+        return FakeRun(
+            self.name,
+            (FakeMeasurement('radius', 1e-3 / scale), FakeMeasurement('profile', 1e-2 / scale)),
+            self.time * scale + 1e-4 * len(self.accuracies),
+        )
+
+
+@pytest.fixture
+def fake_case():
+    """Make cases of a name and a time for a run at a scale of one."""
+    return FakeCase
+
+
+@pytest.fixture
+def measured():
+    """Measure cases at settings, at three refinements unless told."""
+
+    def rows(cases, settings=None, **options):
+        settings = settings or [
+            Setting(f'refinement {n:g}', Accuracy(refinement=n)) for n in (0.5, 1.0, 2.0)
+        ]
+        pairs = [(case, item) for case in cases for item in settings]
+        found = measure(pairs, device='cpu', command='lava accuracy', **options)
+        return [row for group in found for row in group]
+
+    return rows
+
+
+@pytest.fixture
+def row():
+    """Make a row of a fixed volume, in all but what is told the same."""
+
+    def make(**changes):
+        usual = {
+            'case': 'fixed_volume',
+            'setting': 'a',
+            'preset': '',
+            'quantity': 'radius',
+            'error': 0.01,
+            'measured': 1.0,
+            'exact': 1.0,
+            'unit': 'm',
+            'particles': 8000,
+            'steps': 10,
+            'evaluations': 100,
+            'simulated_s': 360.0,
+            'wall_s': 1.0,
+            'wall_s_per_simulated_hour': 10.0,
+            'device': 'cpu',
+            'machine': 'a machine',
+            'command': 'lava accuracy',
+            'repetitions': 1,
+            'low': 1.0,
+            'high': 1.0,
+        }
+        return Row(**{**usual, **changes})
+
+    return make
