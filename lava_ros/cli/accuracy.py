@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     from lava_ros.verification.chart import draw
     from lava_ros.verification.lateral import NAME
     from lava_ros.verification.report import markdown
-    from lava_ros.verification.rows import write_csv, write_json
+    from lava_ros.verification.rows import read_csv, write_csv, write_json
 
     repetitions, longest = (1, measure.QUICK_LONGEST) if args.quick else (3, measure.LONGEST)
     if args.repetitions is not None:
@@ -92,12 +92,18 @@ def run(args: argparse.Namespace) -> int:
         for case, item in settings.all_pairs(quick=args.quick)
         if not args.case or case.name in args.case
     ]
-    titles = {case.name: f'{case.title[0].upper()}{case.title[1:]}' for case, _ in pairs}
+    order = [*CASES, NAME]
+    titles = {case.name: f'{case.title[0].upper()}{case.title[1:]}' for case in CASES.values()}
     device = _device(args.device)
     folder, stem = _folder(args.output), measure.file_stem(device)
     if args.json:
         _write('--json', Path(args.json), '[]\n')
-    rows: list[Row] = []
+    measured: list[Row] = []
+    kept: list[Row] = []
+    if args.case and (folder / f'{stem}.csv').exists():
+        others = set(order) - set(args.case)
+        kept = [row for row in read_csv(folder / f'{stem}.csv') if row.case in others]
+    rows = kept
     with _Progress() as progress:
         for found in measure.measure(
             pairs,
@@ -108,13 +114,14 @@ def run(args: argparse.Namespace) -> int:
             on_progress=progress.show,
         ):
             # what is interrupted keeps what it has
-            rows += found
+            measured += found
+            rows = sorted([*kept, *measured], key=lambda row: order.index(row.case))
             write_csv(rows, folder / f'{stem}.csv')
             _write('--output', folder / f'{stem}.md', markdown(rows, titles, stem=stem))
     draw(rows, titles, folder / f'{stem}.png')
     if args.json:
-        write_json(rows, Path(args.json))
-    _print_presets(rows, titles)
+        write_json(measured, Path(args.json))
+    _print_presets(measured, titles)
     print(f'written to {folder}: {stem}.csv, {stem}.md, {stem}.png')
     return 0
 

@@ -33,11 +33,12 @@ def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
         titles: Title of each case by name.
         stem: Name of the CSV and the chart, without suffix.
     """
-    first = rows[0]
+    commands = [f'`{command}`' for command in dict.fromkeys(row.command for row in rows)]
+    machines = ', '.join(dict.fromkeys(row.machine for row in rows))
     lines = [
-        f'# Accuracy against time: {first.machine}',
+        f'# Accuracy against time: {machines}',
         '',
-        f'Made by `{first.command}`; every measurement is in [{stem}.csv]({stem}.csv). The error '
+        f'Made by {", ".join(commands)}; every measurement is in [{stem}.csv]({stem}.csv). The error '
         'of a case is the largest relative error of its quantities; the cost is wall time for an '
         'hour of the flow, kernels compiled, median of the repetitions. What would have taken too '
         'long was left out. Settings on the front are bold: nothing is both faster and better. '

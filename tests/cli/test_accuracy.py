@@ -78,6 +78,22 @@ def test_report_is_written(tmp_path, one_setting, capsys):
     assert 'draft' in output
 
 
+def test_a_case_is_measured_again_and_the_others_stay(tmp_path, one_setting):
+    """The rows of a case that is named are replaced in an earlier report."""
+    words = ['accuracy', '--device', 'cpu', '--repetitions', '1', '--output', str(tmp_path)]
+    for names in (('fixed_volume', 'dam_break'), ('slope_fixed_area',), ('fixed_volume',)):
+        assert cli.main([*words, *(word for name in names for word in ('--case', name))]) == 0
+    rows = read_csv(tmp_path / 'cpu.csv')
+    assert list(dict.fromkeys(row.case for row in rows)) == [
+        'fixed_volume', 'dam_break', 'slope_fixed_area'
+    ]
+    commands = {row.case: row.command for row in rows}
+    assert commands['dam_break'].count('--case') == 2
+    assert commands['fixed_volume'].count('--case') == 1
+    text = (tmp_path / 'cpu.md').read_text()
+    assert all(command in text for command in commands.values())
+
+
 def test_what_is_interrupted_keeps_what_it_has(tmp_path, one_setting, monkeypatch):
     """The rows of the first case are there when the second one fails."""
     second = cases.CASES['dam_break']

@@ -14,7 +14,7 @@
 
 """Cases that run the solver where an exact solution is known."""
 
-from lava_ros.verification.cases import channel, pond, sheets, slopes, spreading
+from lava_ros.verification.cases import channel, pond, sheets, slopes, solid, spreading
 from lava_ros.verification.cases.case import Case, Measurement, Run
 from lava_ros.verification.cases.sheets import green_response, sheet_on_slope
 from lava_ros.verification.cases.spreading import Spread, spread_of_fixed_volume
@@ -33,6 +33,6 @@ __all__ = [
 #: Every case by its name, from the simplest.
 CASES: dict[str, Case] = {
     case.name: case
-    for module in (sheets, channel, pond, spreading, slopes)
+    for module in (sheets, channel, pond, spreading, slopes, solid)
     for case in module.CASES
 }

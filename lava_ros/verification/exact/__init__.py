@@ -32,6 +32,7 @@ from lava_ros.verification.exact.slopes import (
     SlopeFlux,
     SteadySource,
 )
+from lava_ros.verification.exact.solid import FreezingLens
 from lava_ros.verification.exact.spreading import (
     ConstantFluxSpread,
     DamBreak,
@@ -45,6 +46,7 @@ __all__ = [
     'ConstantFluxSpread',
     'DamBreak',
     'FixedVolumeSpread',
+    'FreezingLens',
     'ListerScales',
     'PlaneConstantFlux',
     'PlaneFixedArea',
