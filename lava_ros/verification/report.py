@@ -38,8 +38,8 @@ def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
     lines = [
         f'# Accuracy against time: {machines}',
         '',
-        f'Made by {", ".join(commands)}; every measurement is in [{stem}.csv]({stem}.csv). The error '
-        'of a case is the largest relative error of its quantities; the cost is wall time for an '
+        f'Made by {", ".join(commands)}; every measurement is in [{stem}.csv]({stem}.csv). '
+        'The error of a case is the largest of its quantities; the cost is wall time for an '
         'hour of the flow, kernels compiled, median of the repetitions. What would have taken too '
         'long was left out. Settings on the front are bold: nothing is both faster and better. '
         'What has no result is `none`, and in the chart a triangle at the errors it does have.',
