@@ -132,9 +132,14 @@ def expected_thickness(scene: Scene) -> float:
     """Thickness scale of a flow from a point source, (3 mu Q / (rho g))^(1/4) [m].
 
     It is the thickness at which spreading balances supply, on a plane (Huppert 1982) as on a slope
-    (Lister 1992). Q is the largest discharge of any vent; without one it is 1 m3/s.
+    (Lister 1992). Q is the largest discharge of any vent; without one it is 1 m3/s. mu is the
+    viscosity at the hottest vent.
     """
     lava = scene.lava
     discharge = max((flux for vent in scene.vents for _, flux in vent.series), default=0.0)
-    scale = 3.0 * lava.viscosity * (discharge or 1.0) / (lava.density * scene.gravity)
+    temperature = max(
+        (vent.temperature for vent in scene.vents), default=lava.reference_temperature
+    )
+    viscosity = lava.viscosity_at(temperature)
+    scale = 3.0 * viscosity * (discharge or 1.0) / (lava.density * scene.gravity)
     return math.sqrt(math.sqrt(scale))

@@ -213,8 +213,8 @@ def _bingham(scales: Scales) -> float:
     return strength / weight
 
 
-def _reynolds(scales: Scales) -> float:
-    """Rho u h s / (3 mu): the relaxation time of the speed over the time to run out."""
+def _relaxation(scales: Scales) -> float:
+    """Relaxation time rho h^2 / (3 mu) of the speed over the time u covers the run-out h / s."""
     momentum = scales.lava.density * scales.speed * scales.thickness
     return momentum * scales.slope / (3.0 * scales.viscosity)
 
@@ -288,8 +288,8 @@ CRITERIA: tuple[Criterion, ...] = (
         lambda lava: lava.crystal_law != 'none' and lava.crystals > 0.0,
     ),
     Criterion(
-        'inertia', 'inertia', 'Re h / L', _reynolds, 0.03, '3 % of the time to run out',
-        'relaxation of a sheet, verification/exact/inertia.py',
+        'inertia', 'inertia', 'relaxation over run-out time', _relaxation, 0.1,
+        '2 % of the front: a fifth of the number', 'point source on a slope with and without',
     ),
     Criterion(
         'helmholtz', 'lateral viscous stress', 'h / l',
@@ -373,7 +373,10 @@ def effects_for(
     """Choose the effects a scene calls for; arguments and errors as of ``decide``."""
     decisions = decide(scene, overrides, accuracy=accuracy, horizon=horizon)
     chosen = {item.criterion.effect: item.is_on for item in decisions}
-    if overrides and overrides.get('green') is True and 'helmholtz' not in overrides:
-        # two ways to one effect
-        chosen['helmholtz'] = False
+    forced = {name for name, is_on in (overrides or {}).items() if is_on is True}
+    # two ways to one effect; and what moves that fast is thin
+    if chosen['inertia'] or 'green' in forced:
+        chosen['helmholtz'] = 'helmholtz' in forced
+    if forced & {'green', 'helmholtz'}:
+        chosen['inertia'] = 'inertia' in forced
     return Effects(**{**dict.fromkeys(_NAMES, False), **chosen, **(overrides or {})})

@@ -18,16 +18,8 @@ An ``Effects`` value is the key of the compiled step: what it leaves out is in n
 """
 
 from dataclasses import dataclass, fields
-import math
 
-import numpy as np
-
-from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.scene import Scene, Terrain
-
-#: Slope above which the steep-slope factor cos^4 differs from 1 by more than 3 %.
-STEEP_SLOPE = math.tan(math.radians(7.0))
 
 
 @dataclass(frozen=True)
@@ -42,7 +34,9 @@ class Effects:
         crystals: Crystals that form as lava cools stiffen it.
         steep: Thickness and distance are taken along the slope instead of in plan, a factor
             cos^4(slope) on the speed.
-        inertia: Lava has momentum and takes time to reach the speed its weight can drive.
+        inertia: Lava has momentum and takes time to reach the speed its weight can drive. Steps
+            then have one stage, whatever ``Accuracy.integrator`` says. Not beside ``green`` or
+            ``helmholtz``.
         green: Lateral viscous stress by the Green's function (MODEL.md, sections 2 and 4) instead
             of the local balance.
         helmholtz: The same stress by solving the equation that the Green's function approximates:
@@ -55,7 +49,6 @@ class Effects:
         conduction: Heat flows from column to column.
         solidification: Columns below the solidus become terrain.
         merging: Particles that have come together merge, stretched ones split.
-        border: The kernel radius shrinks towards the border of the flow.
     """
 
     yielding: bool = False
@@ -75,13 +68,12 @@ class Effects:
     conduction: bool = False
     solidification: bool = False
     merging: bool = False
-    border: bool = False
 
     def __post_init__(self) -> None:
         """Refuse anything but booleans.
 
         Raises:
-            LavaError: A field is not true or false.
+            LavaError: A field is not true or false, or two do not go together.
         """
         for item in fields(self):
             if not isinstance(getattr(self, item.name), bool):
@@ -90,42 +82,7 @@ class Effects:
             if getattr(self, one) and getattr(self, other):
                 right = f'false beside {other}: they are one effect'
                 raise LavaError(f'effects.{one}', True, right)
-
-
-def effects_for(scene: Scene, overrides: dict[str, bool] | None = None) -> Effects:
-    """Choose the effects a scene calls for.
-
-    The lateral stress is off unless asked for: it acts over 0.58 thicknesses, less than the
-    particle spacing of a field-scale scene.
-
-    Args:
-        scene: The scene.
-        overrides: Effects switched on or off whatever the scene says, by name.
-
-    Raises:
-        LavaError: An override names no effect.
-    """
-    lava = scene.lava
-    chosen = {
-        'yielding': lava.yield_strength > 0.0,
-        'power_law': lava.flow_index != 1.0,
-        'arrhenius': lava.arrhenius > 0.0 and lava.vft_b == 0.0,
-        'vft': lava.vft_b > 0.0,
-        'crystals': lava.crystal_law != 'none' and lava.crystals > 0.0,
-        'cooling': lava.emissivity > 0.0 or lava.convection > 0.0,
-        'steep': steepest_slope(scene.terrain) > STEEP_SLOPE,
-    }
-    names = [item.name for item in fields(Effects)]
-    chosen.update(validation.keys('effects', overrides or {}, allowed=names))  # type: ignore[arg-type]
-    return Effects(**chosen)
-
-
-def steepest_slope(terrain: Terrain) -> float:
-    """Largest slope (rise over run) between neighbouring cells with data."""
-    steepest = 0.0
-    for axis in (0, 1):
-        rise = np.abs(np.diff(terrain.elevation, axis=axis))
-        known = np.isfinite(rise)
-        if known.any():
-            steepest = max(steepest, float(rise[known].max()) / terrain.resolution)
-    return steepest
+        for one in ('green', 'helmholtz'):
+            if getattr(self, one) and self.inertia:
+                right = 'false beside inertia: the lateral stress is part of the local balance'
+                raise LavaError(f'effects.{one}', True, right)

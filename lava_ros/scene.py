@@ -151,6 +151,8 @@ class Vent:
         radius: Radius of the disc, or half the width of the fissure [m].
         end: The other end of the fissure, (x, y) [m], None for a disc.
         name: Free text that identifies the vent in logs and messages.
+        velocity: Horizontal velocity (vx, vy) with which lava comes out [m/s]; without inertia
+            (``Effects.inertia``) lava takes the velocity its weight drives at once.
     """
 
     position: tuple[float, float]
@@ -159,6 +161,7 @@ class Vent:
     radius: float = 10.0
     end: tuple[float, float] | None = None
     name: str = ''
+    velocity: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Validate and normalise every field.
@@ -171,6 +174,7 @@ class Vent:
         put(self, 'position', validation.pair(label + 'position', self.position))
         if self.end is not None:
             put(self, 'end', validation.pair(label + 'end', self.end))
+        put(self, 'velocity', validation.pair(label + 'velocity', self.velocity, unit='m/s'))
         put(self, 'radius', validation.number(label + 'radius', self.radius, above=0.0, unit='m'))
         put(
             self,

@@ -350,6 +350,7 @@ def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
         'volume_held': float(values['volume_held_m3']),
         'volume_pending': float(values['volume_pending_m3']),
         'volume_left': float(values['volume_left_m3']),
+        'volume_frozen': float(values['volume_frozen_m3']),
         'volume_error': float(values['volume_error']),
         'steps': int(values['steps']),
         'speed': round(speed, 1),

@@ -38,7 +38,7 @@ from lava_ros.effects import Effects
 from lava_ros.simulation.effects import load
 from lava_ros.simulation.kernels import bessel, smoothing_kernel
 from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
-from lava_ros.simulation.rheology import Rheology, viscosity_function
+from lava_ros.simulation.rheology import Rheology, speed_function, viscosity_function
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
 
@@ -74,6 +74,8 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     x_k1 = bessel(real).x_k1
     green, helmholtz = effects.green, effects.helmholtz
     steep = load('steep').factor(real) if effects.steep else None
+    along = load('steep').along(real) if effects.steep else None
+    speed = speed_function(real, effects)
 
     @wp.func
     def balance(
@@ -88,16 +90,31 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         flow: wp.array(dtype=vec3),
         drive: wp.array(dtype=vec3),
         rates: wp.array(dtype=real),
+        slope_of: wp.array(dtype=vec2),
     ):
         radius = real(constants.radius)
-        mobility = real(constants.weight) * height * height / (
-            real(3.0) * viscosity(law, temperature)
-        )
-        if wp.static(effects.steep):
-            mobility *= steep(ground)
+        if wp.static(speed is None):
+            mobility = real(constants.weight) * height * height / (
+                real(3.0) * viscosity(law, temperature)
+            )
+            if wp.static(effects.steep):
+                mobility *= steep(ground)
+            largest = mobility
+        else:
+            depth = height
+            fall = wp.length(surface)
+            if wp.static(effects.steep):
+                layer = along(height, surface, ground)
+                depth = layer[0]
+                fall = layer[1]
+            response = speed(law, real(constants.weight), depth, fall, temperature)
+            mobility = response[0]
+            largest = response[1]
         velocity = -mobility * surface
         flow[i] = vec3(height, velocity[0], velocity[1])
-        rate = mobility * height * real(constants.stiffness)
+        if wp.static(effects.viscous_heating):
+            slope_of[i] = surface
+        rate = largest * height * real(constants.stiffness)
         if wp.static(green or helmholtz):
             # lateral stress divides the response by 1 + q^2 h^2 / 3; with W^ <= 1 no wave then
             # decays faster than D / (l^2 / stiffness + h^2 / 3)
@@ -109,8 +126,12 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
                 whole = real(1.0) - x_k1(real(wp.static(math.sqrt(3.0))) * radius / height)
                 reduced = wp.min(rate, reduced / whole)
             rate = reduced
-        wp.atomic_max(rates, DIFFUSION, rate)
-        wp.atomic_max(rates, ADVECTION, wp.length(velocity) / real(constants.reach))
+        if wp.static(effects.inertia):
+            # the balance of momentum (effects/inertia.py) wants the slope, and has its own limits
+            flow[i] = vec3(height, surface.x, surface.y)
+        else:
+            wp.atomic_max(rates, DIFFUSION, rate)
+            wp.atomic_max(rates, ADVECTION, wp.length(velocity) / real(constants.reach))
 
     return balance
 
@@ -143,6 +164,7 @@ def flow_kernels(
         flow: wp.array(dtype=vec3),
         drive: wp.array(dtype=vec3),
         rates: wp.array(dtype=real),
+        slope_of: wp.array(dtype=vec2),
     ):
         i = wp.tid()
         if i >= counts[PARTICLES]:
@@ -173,7 +195,7 @@ def flow_kernels(
         ground = gradient_at(elevation, terrain, p[0], p[1])
         surface = vec2(rise_x, rise_y) * (scale * inverse) + ground
         balance(
-            i, p[2], p[3], height, surface, ground, law, constants, flow, drive, rates
+            i, p[2], p[3], height, surface, ground, law, constants, flow, drive, rates, slope_of
         )
 
     @wp.kernel(module='unique', enable_backward=False)
@@ -225,6 +247,7 @@ def flow_kernels(
         flow: wp.array(dtype=vec3),
         drive: wp.array(dtype=vec3),
         rates: wp.array(dtype=real),
+        slope_of: wp.array(dtype=vec2),
     ):
         i = wp.tid()
         if i >= counts[PARTICLES]:
@@ -266,7 +289,7 @@ def flow_kernels(
                 rest *= most / size
             rise += rest
         balance(
-            i, p[2], p[3], flow[i][0], rise, ground, law, constants, flow, drive, rates
+            i, p[2], p[3], flow[i][0], rise, ground, law, constants, flow, drive, rates, slope_of
         )
 
     if gradient == 'energy':
@@ -304,6 +327,11 @@ def compute_flow(
         kernels.flow,
         dim=state.capacity,
         inputs=[*ground, law, constants, *((state.surface,) if state.has_surface else ())],
-        outputs=[state.flow, state.drive if state.effects.green else state.flow, state.rates],
+        outputs=[
+            state.flow,
+            state.drive if state.effects.green else state.flow,
+            state.rates,
+            *state.optional('slope'),
+        ],
         device=state.device,
     )

@@ -12,14 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+
 """The temperature of a column: what every effect that moves heat adds up to.
 
-Each effect's part of the balance is -s(T) T + f(T), with s >= 0. Two exponential stages (s and f
-at the start give the midpoint, those at the midpoint the whole step) are of second order, and stay
+Each effect's part of the balance is -s T + f, with s >= 0. Two exponential stages (s and f at the
+start give the midpoint, those at the midpoint the whole step) are of second order, and stay
 between the temperature and the equilibrium f / s for any step.
+
+A loss that depends on a column's age t falls as 1 / sqrt(t). Over a span from t0 to t1 it is taken
+at the age ((sqrt(t0) + sqrt(t1)) / 2)^2, the midpoint in sqrt(t): that integrates 1 / sqrt(t)
+exactly, from an age of 0 too.
 """
 
 from functools import lru_cache
+import math
 from typing import Any
 
 import warp as wp
@@ -31,20 +37,29 @@ from lava_ros.simulation.effects import load
 #: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018).
 STEFAN_BOLTZMANN = 5.670374419e-8
 
-#: Effects that are part of the balance.
-HEAT_EFFECTS = ('cooling',)
+#: Effects that are part of the balance; a crust loses what ``cooling`` would, from its surface.
+HEAT_EFFECTS = ('cooling', 'crust', 'ground', 'viscous_heating')
 
 
 @wp.struct
 class HeatConstants:
     """Constants of the heat balance.
 
-    ``radiation`` is eps sigma / (rho c), ``convection`` lambda / (rho c), ``ambient`` Ta [K].
+    ``radiation`` is eps sigma / (rho c), ``convection`` lambda / (rho c), ``ambient`` Ta [K],
+    ``diffusivity`` that of lava [m2/s], ``contact`` kg / (rho c sqrt(a)) with the ground's
+    diffusivity a [m/s^0.5], ``fall`` g / c [K/m], ``latent`` L / c [K], ``solidus`` and
+    ``liquidus`` [K].
     """
 
     radiation: wp.float64
     convection: wp.float64
     ambient: wp.float64
+    diffusivity: wp.float64
+    contact: wp.float64
+    fall: wp.float64
+    latent: wp.float64
+    solidus: wp.float64
+    liquidus: wp.float64
 
 
 def heat_constants(scene: Scene) -> HeatConstants:
@@ -55,6 +70,14 @@ def heat_constants(scene: Scene) -> HeatConstants:
     constants.radiation = lava.emissivity * STEFAN_BOLTZMANN / capacity
     constants.convection = lava.convection / capacity
     constants.ambient = scene.ambient_temperature
+    constants.diffusivity = lava.conductivity / capacity
+    constants.contact = lava.ground_conductivity / (
+        capacity * math.sqrt(lava.ground_diffusivity)
+    )
+    constants.fall = scene.gravity / lava.specific_heat
+    constants.latent = lava.latent_heat / lava.specific_heat
+    constants.solidus = lava.solidus
+    constants.liquidus = lava.liquidus
     return constants
 
 
@@ -62,25 +85,45 @@ def heat_constants(scene: Scene) -> HeatConstants:
 def temperature_function(real: Any, effects: Effects) -> Any:
     """Return the device function that gives the temperature after a step.
 
+    Its arguments: the constants, thickness [m], temperature [K], age at the start of the step [s],
+    height that the surface under the column has fallen by along its way [m], and the step [s].
+
     None when no effect moves heat: temperatures then stay.
     """
     names = [name for name in HEAT_EFFECTS if getattr(effects, name)]
+    if effects.crust and effects.cooling:
+        names.remove('cooling')
     if not names:
         return None
     balance = load(names[0]).terms(real)
     for name in names[1:]:
         balance = _sum(real, balance, load(name).terms(real))
+    relaxed = load('latent_heat').relaxed(real) if effects.latent_heat else _relaxed(real)
+
+    @wp.func
+    def mean_age(age: real, span: real) -> real:
+        """Age at which to take a loss over a span; never 0."""
+        root = wp.sqrt(age) + wp.sqrt(age + span)
+        return wp.max(real(0.25) * root * root, real(1.0e-9))
 
     @wp.func
     def temperature_after(
-        constants: HeatConstants, thickness: real, temperature: real, step: real
+        constants: HeatConstants,
+        thickness: real,
+        temperature: real,
+        age: real,
+        drop: real,
+        step: real,
     ) -> real:
-        start = balance(constants, thickness, temperature)
-        middle = relaxed(temperature, start[0], start[1], real(0.5) * step)
-        half_way = balance(constants, thickness, middle)
-        return relaxed(temperature, half_way[0], half_way[1], step)
+        if step <= real(0.0):
+            return temperature
+        rate = drop / step
+        half = real(0.5) * step
+        start = balance(constants, thickness, temperature, mean_age(age, half), rate)
+        middle = relaxed(constants, temperature, start[0], start[1], half)
+        half_way = balance(constants, thickness, middle, mean_age(age, step), rate)
+        return relaxed(constants, temperature, half_way[0], half_way[1], step)
 
-    relaxed = _relaxed(real)
     return temperature_after
 
 
@@ -88,9 +131,11 @@ def _sum(real: Any, first: Any, second: Any) -> Any:
     vec2 = wp.types.vector(2, real)
 
     @wp.func
-    def both(constants: HeatConstants, thickness: real, temperature: real) -> vec2:
-        return first(constants, thickness, temperature) + second(
-            constants, thickness, temperature
+    def both(
+        constants: HeatConstants, thickness: real, temperature: real, age: real, drop: real
+    ) -> vec2:
+        return first(constants, thickness, temperature, age, drop) + second(
+            constants, thickness, temperature, age, drop
         )
 
     return both
@@ -98,13 +143,27 @@ def _sum(real: Any, first: Any, second: Any) -> Any:
 
 @lru_cache
 def _relaxed(real: Any) -> Any:
+    relaxation = relaxation_function(real)
+
     @wp.func
-    def relaxed(temperature: real, rate: real, source: real, step: real) -> real:
-        """Solve T' = -rate T + source with constant rate and source."""
+    def relaxed(
+        constants: HeatConstants, temperature: real, rate: real, source: real, step: real
+    ) -> real:
+        return relaxation(temperature, rate, source, step)
+
+    return relaxed
+
+
+@lru_cache
+def relaxation_function(real: Any) -> Any:
+    """Return the device function that solves T' = -rate T + source, both constant."""
+
+    @wp.func
+    def relaxation(temperature: real, rate: real, source: real, step: real) -> real:
         x = rate * step
         if x < real(1.0e-6):
             return temperature + step * (source - rate * temperature)
         equilibrium = source / rate
         return equilibrium + (temperature - equilibrium) * wp.exp(-x)
 
-    return relaxed
+    return relaxation

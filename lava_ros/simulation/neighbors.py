@@ -78,7 +78,7 @@ def cell_functions(real: Any) -> CellFunctions:
 
 @lru_cache
 def _kernels(
-    real: Any, is_staged: bool, has_velocity: bool, has_age: bool
+    real: Any, is_staged: bool, has_velocity: bool, has_age: bool, has_empty: bool
 ) -> tuple[Any, ...]:
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
@@ -103,6 +103,11 @@ def _kernels(
             return
         p = particle[i]
         c = cells.rows * cells.columns
+        if wp.static(has_empty):  # noqa: SIM102, the static test decides what is compiled
+            if p[2] == real(0.0):
+                cell[i] = c
+                rank[i] = wp.atomic_add(sizes, c, 1)
+                return
         # between the stages of a step nothing leaves: a stage may overshoot the border
         if counts[STAGE] > 0 or is_known(known, terrain, p[0], p[1]):
             c = row_of(cells, p[1]) * cells.columns + column_of(cells, p[0])
@@ -182,7 +187,9 @@ def _kernels(
 
 
 def _kernels_of(state: State) -> tuple[Any, ...]:
-    return _kernels(state.real, state.is_staged, state.has_velocity, state.has_age)
+    return _kernels(
+        state.real, state.is_staged, state.has_velocity, state.has_age, state.has_empty
+    )
 
 
 class NeighborGrid:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How easily lava flows: viscosity as a function of temperature."""
+"""How easily lava flows: viscosity as a function of temperature, speed as one of the slope."""
 
 from functools import lru_cache
 from typing import Any
@@ -24,16 +24,29 @@ from lava_ros.scene import Lava
 from lava_ros.simulation.effects import load
 
 #: Effects that are a law of viscosity; at most one is on.
-VISCOSITY_LAWS = ('arrhenius',)
+VISCOSITY_LAWS = ('arrhenius', 'vft')
+
+#: The exponent of each law of crystals (``effects/crystals.py``).
+CRYSTAL_EXPONENTS = {'none': 0.0, 'einstein-roscoe': 2.5, 'maron-pierce': 2.0}
 
 
 @wp.struct
 class Rheology:
-    """Constants of the laws of flow."""
+    """Constants of the laws of flow: the fields of ``Lava``, and the crystals' law as numbers."""
 
     viscosity: wp.float64
     reference_temperature: wp.float64
     arrhenius: wp.float64
+    vft_a: wp.float64
+    vft_b: wp.float64
+    vft_c: wp.float64
+    liquidus: wp.float64
+    solidus: wp.float64
+    crystals_over_packing: wp.float64
+    crystal_exponent: wp.float64
+    yield_strength: wp.float64
+    yield_rate: wp.float64
+    flow_index: wp.float64
 
 
 def rheology_of(lava: Lava) -> Rheology:
@@ -42,18 +55,44 @@ def rheology_of(lava: Lava) -> Rheology:
     constants.viscosity = lava.viscosity
     constants.reference_temperature = lava.reference_temperature
     constants.arrhenius = lava.arrhenius
+    constants.vft_a = lava.vft_a
+    constants.vft_b = lava.vft_b
+    constants.vft_c = lava.vft_c
+    constants.liquidus = lava.liquidus
+    constants.solidus = lava.solidus
+    constants.crystals_over_packing = lava.crystals / lava.packing
+    constants.crystal_exponent = CRYSTAL_EXPONENTS[lava.crystal_law]
+    constants.yield_strength = lava.yield_strength
+    constants.yield_rate = lava.yield_rate
+    constants.flow_index = lava.flow_index
     return constants
 
 
 @lru_cache
 def viscosity_function(real: Any, effects: Effects) -> Any:
-    """Return the device function mu(T) [Pa s]: an effect's law, or a constant."""
-    for name in VISCOSITY_LAWS:
-        if getattr(effects, name):
-            return load(name).viscosity(real)
+    """Return the device function mu(T) [Pa s]: an effect's law, or a constant; with crystals."""
 
     @wp.func
     def constant(law: Rheology, temperature: real) -> real:
         return real(law.viscosity)
 
-    return constant
+    viscosity = constant
+    for name in VISCOSITY_LAWS:
+        if getattr(effects, name):
+            viscosity = load(name).viscosity(real)
+    return load('crystals').stiffening(real, viscosity) if effects.crystals else viscosity
+
+
+@lru_cache
+def speed_function(real: Any, effects: Effects) -> Any:
+    """Return the device function of lava whose speed is not proportional to the slope.
+
+    Of rho g, thickness, slope s and temperature it gives the mobility u / s and a bound of u / s
+    and du/ds [m/s]: times the thickness they are diffusivities across and along the slope. None
+    when lava is Newtonian: both are then rho g h^2 / (3 mu).
+    """
+    viscosity = viscosity_function(real, effects)
+    if effects.power_law:
+        strength = load('yielding').strength(real) if effects.yielding else None
+        return load('power_law').speed(real, viscosity, strength)
+    return load('yielding').speed(real, viscosity) if effects.yielding else None

@@ -14,7 +14,7 @@
 
 """The simulation of a scene: algorithm 1 of the paper with a step that follows the limits."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 import math
 import time as wall_clock
@@ -25,7 +25,8 @@ import warp as wp
 
 from lava_ros import validation
 from lava_ros.accuracy import Accuracy, expected_thickness
-from lava_ros.effects import Effects, effects_for
+from lava_ros.choice import effects_for, HORIZON
+from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.simulation.effects import after_step, load
@@ -82,28 +83,37 @@ class Simulation:
         self,
         scene: Scene,
         *,
-        effects: Effects | None = None,
+        effects: Effects | Mapping[str, bool] | None = None,
         accuracy: Accuracy | None = None,
         device: str | None = None,
+        horizon: float = HORIZON,
         particles: Particles | None = None,
     ) -> None:
         """Prepare a simulation at time 0.
 
         Args:
             scene: Terrain, vents and lava.
-            effects: The physics to switch on; chosen from the scene when left out.
+            effects: The physics to switch on. When left out it is chosen from the scene, and again
+                when vents or terrain change it; a mapping forces some effects on or off by name.
             accuracy: The resolution; automatic when left out.
             device: ``cpu`` or ``cuda:0``; the first CUDA device when there is one, else the CPU.
+            horizon: How far ahead the choice of effects looks [s].
             particles: Lava that is on the terrain at the start.
 
         Raises:
-            LavaError: The device does not exist, or a particle is not on the terrain.
+            LavaError: The device does not exist, a particle is not on the terrain, or an effect is
+                unknown.
         """
         self._device = _device(device)
         self.scene = scene
-        self.effects = effects_for(scene) if effects is None else effects
         self.accuracy = _resolved(accuracy or Accuracy(), scene)
+        self._horizon = horizon
+        self._forced = None if isinstance(effects, Effects) else dict(effects or {})
+        self.effects = effects if isinstance(effects, Effects) else self._chosen(scene)
         if self.accuracy.formulation == 'as-published':
+            if self.effects.inertia:
+                right = 'false beside accuracy.formulation as-published, which has none'
+                raise LavaError('effects.inertia', True, right)
             self.effects = replace(self.effects, green=True, steep=False)
         spacing, thickness = self.accuracy.spacing, self.accuracy.thickness
         assert spacing is not None and thickness is not None
@@ -114,6 +124,7 @@ class Simulation:
         self._state = State(_FIRST_CAPACITY, self.effects, self.accuracy, self._device)
         self._emitted_before = 0.0
         self._graph: Any = None
+        self._after_step: dict[str, Any] = {}
         self._place(scene.terrain)
         self._start_with(particles)
         self._vents = self._vent_set(scene.vents, since=0.0, carried=[0.0] * len(scene.vents))
@@ -160,9 +171,16 @@ class Simulation:
         self._sort()
         self._compute_flow()
         thickness, temperature = self._raster.fill(self._state, self._neighbors)
+        frozen = None
+        if self.effects.solidification:
+            frozen = self._after_step['solidification'].thickness().astype(np.float32)
+            thickness += frozen
+            temperature[np.isnan(temperature) & (frozen > 0.0)] = self.scene.lava.solidus
         unknown = ~self.scene.terrain.has_data
         thickness[unknown] = np.nan
         temperature[unknown] = np.nan
+        if frozen is not None:
+            frozen[unknown] = np.nan
         clock, counts = self._state.clock.numpy(), self._state.counts.numpy()
         return Snapshot(
             time=float(clock[TIME]),
@@ -178,6 +196,7 @@ class Simulation:
                 length=float(clock[FULL_STEP]),
                 limit=LIMITS[int(counts[LIMIT])],
             ),
+            frozen=frozen,
         )
 
     def budget(self) -> VolumeBudget:
@@ -189,6 +208,7 @@ class Simulation:
             held=float(self._state.read_particles()[:, 2].sum()) + pending,
             pending=pending,
             left=float(self._state.left.numpy()[0]),
+            frozen=float(self._state.frozen.numpy()[0]) if self.effects.solidification else 0.0,
         )
 
     def sample(self) -> ParticleSample:
@@ -237,6 +257,7 @@ class Simulation:
         ]
         self._vents = self._vent_set(vents, since=now, carried=carried)
         self.scene = replace(self.scene, vents=vents)
+        self._decide()
         self._append(
             [
                 (*vent.position, volume, vent.temperature)
@@ -248,6 +269,8 @@ class Simulation:
 
     def set_terrain(self, terrain: Terrain) -> None:
         """Replace the ground under the flow; lava outside the new one has left.
+
+        A terrain is the ground without lava: what has frozen stays on top of it.
 
         Raises:
             LavaError: A vent does not lie on the new terrain; the old one stays.
@@ -261,10 +284,33 @@ class Simulation:
         self._place(terrain)
         self._state.write_particles(rows)
         self._vents = self._vent_set(scene.vents, since=self.time, carried=pending)
+        self._decide()
         self._sort()
 
+    def _chosen(self, scene: Scene) -> Effects:
+        """The effects that a scene calls for, with what the user forces."""
+        return effects_for(
+            scene, self._forced, accuracy=self.accuracy, horizon=self._horizon
+        )
+
+    def _decide(self) -> None:
+        """Choose the effects anew where they follow the scene."""
+        if self._forced is None:
+            return
+        effects = self._chosen(self.scene)
+        if self.effects.solidification:
+            # what has frozen stays ground
+            effects = replace(effects, solidification=True)
+        if effects == self.effects:
+            return
+        former = self._state
+        self.effects = effects
+        self._state = State(former.capacity, effects, self.accuracy, self._device)
+        self._state.take_over(former)
+        self._place(self.scene.terrain)
+
     def _place(self, terrain: Terrain) -> None:
-        """Put a terrain and the grids that depend on it on the device."""
+        """Put a terrain, and the grids and kernels that depend on it, on the device."""
         accuracy = self.accuracy
         self._terrain = StaggeredTerrain(terrain, accuracy.precision, self._device)
         self._neighbors = NeighborGrid(self._terrain, self.radius, self._device)
@@ -274,10 +320,13 @@ class Simulation:
         )
         self._law = rheology_of(self.scene.lava)
         self._heat = heat_constants(self.scene)
-        self._after_step = [
-            module.AfterStep(self.scene, accuracy, self._terrain, self._state)
-            for module in after_step(self.effects)
-        ]
+        former = self._after_step
+        self._after_step = {
+            name: module.AfterStep(self.scene, accuracy, self._terrain, self._state)
+            for name, module in after_step(self.effects).items()
+        }
+        if 'solidification' in former:
+            self._after_step['solidification'].take_over(former['solidification'], self._state)
         self._flow = FlowConstants()
         self._flow.radius = self.radius
         self._flow.weight = self.scene.lava.density * self.scene.gravity
@@ -287,6 +336,17 @@ class Simulation:
         self._flow_kernels = flow_kernels(
             self._state.real, accuracy.kernel, accuracy.ratio, accuracy.gradient, self.effects
         )
+        if self.effects.inertia:
+            self._momentum = load('inertia').Momentum(
+                self._terrain,
+                self._law,
+                self._flow,
+                gravity=self.scene.gravity,
+                number=accuracy.diffusion_number,
+                kernel=accuracy.kernel,
+                ratio=accuracy.ratio,
+                effects=self.effects,
+            )
         self._graph = None
 
     def _start_with(self, particles: Particles | None) -> None:
@@ -299,6 +359,8 @@ class Simulation:
                 )
         rows = np.column_stack([particles.position, particles.volume, particles.temperature])
         self._append(rows.tolist())
+        if self.effects.inertia:
+            self._state.velocity[: len(rows)].assign(particles.velocity)
         self._emitted_before = float(self._state.read_particles()[:, 2].sum())
 
     def _append(self, rows: list[tuple[float, ...]]) -> None:
@@ -331,8 +393,10 @@ class Simulation:
         self._neighbors.rebuild(self._state)
         self._compute_velocity()
         choose_stage(self._state, self._longest_step(), self.accuracy.fixed_step)
+        if self.effects.inertia:
+            self._momentum.accelerate(self._state, self._neighbors)
         move_particles(self._state, self._heat)
-        for effect in self._after_step:
+        for effect in self._after_step.values():
             effect.apply(self._state, self._neighbors)
         self._vents.emit(self._state)
         finish_stage(self._state)
@@ -348,6 +412,8 @@ class Simulation:
             publish_velocity(
                 self._state, self._neighbors, self.radius, self.scene.lava.viscosity
             )
+        elif self.effects.inertia:
+            self._momentum.synchronize(self._state)
         elif self.effects.green:
             load('green').spread_velocity(self._state, self._neighbors, self.radius)
         elif self.effects.helmholtz:
@@ -361,7 +427,12 @@ class Simulation:
             )
 
     def _longest_step(self) -> float:
-        return min(self.accuracy.longest_step, self._vents.longest_step(self._thickness))
+        longest = min(self.accuracy.longest_step, self._vents.longest_step(self._thickness))
+        if self.effects.inertia:
+            # what has just come out is as fast as its vent says
+            fastest = max((math.hypot(*vent.velocity) for vent in self.scene.vents), default=0.0)
+            longest = min(longest, self._flow.reach / max(fastest, 1e-9))
+        return longest
 
     def _run_stages(self) -> None:
         """Take one stage on the CPU, a graph of several on a GPU; past the target they idle."""

@@ -32,17 +32,19 @@ class VolumeBudget:
         pending: The part of ``held`` that waits in the vents' conduits, less than a particle each
             (less than eight where they emit symmetrically).
         left: What has flowed over the terrain's border or onto cells without data.
+        frozen: What has solidified and become ground.
     """
 
     emitted: float
     held: float
     pending: float
     left: float
+    frozen: float = 0.0
 
     @property
     def error(self) -> float:
         """Share of the emitted volume that is unaccounted for."""
-        missing = abs(self.emitted - self.held - self.left)
+        missing = abs(self.emitted - self.held - self.left - self.frozen)
         return missing / self.emitted if self.emitted > 0.0 else missing
 
 
@@ -71,14 +73,16 @@ class Snapshot:
 
     Attributes:
         time: Simulated time [s].
-        terrain: The ground the arrays belong to.
-        thickness: Lava thickness [m], float32, shape [rows, columns], 0 where there is none and
-            NaN where the terrain has no data.
-        temperature: Depth-averaged temperature [K], float32, same shape, NaN where there is no
-            lava.
+        terrain: The ground before the eruption, which the arrays belong to.
+        thickness: Thickness of all lava on it, fluid and frozen [m], float32, shape [rows,
+            columns], 0 where there is none and NaN where the terrain has no data.
+        temperature: Depth-averaged temperature of the fluid lava [K], float32, same shape; the
+            solidus, which it is no hotter than, where all has frozen; NaN where there is no lava.
         budget: The volume budget.
         particle_count: Particles on the terrain.
         steps: The time stepping so far.
+        frozen: The frozen part of ``thickness`` [m], float32, same shape; None without
+            solidification.
     """
 
     time: float
@@ -88,3 +92,4 @@ class Snapshot:
     budget: VolumeBudget
     particle_count: int
     steps: StepReport
+    frozen: np.ndarray | None = None

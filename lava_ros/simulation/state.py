@@ -30,6 +30,7 @@ TIME = wp.constant(0)
 STEP = wp.constant(1)
 TARGET = wp.constant(2)
 FULL_STEP = wp.constant(3)
+FORMER_STEP = wp.constant(4)
 
 # Places in State.stage: the weights of the Runge-Kutta stage at hand.
 FORMER = wp.constant(0)
@@ -62,11 +63,13 @@ class Particles:
         position: Positions (x, y) in the map frame [m], shape [count, 2].
         volume: Volumes [m3], shape [count] or one for all.
         temperature: Temperatures [K], shape [count] or one for all.
+        velocity: Velocities [m/s], shape [count, 2] or [2] for all; used with inertia.
     """
 
     position: np.ndarray
     volume: np.ndarray | float
     temperature: np.ndarray | float
+    velocity: np.ndarray | tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         """Normalise to float64 arrays.
@@ -91,6 +94,16 @@ class Particles:
                     f'particles.{name}', f'array of shape {values.shape}', 'positive, one each'
                 )
             object.__setattr__(self, name, values)
+        velocity = np.array(self.velocity, dtype=np.float64)
+        if velocity.shape == (2,):
+            velocity = np.tile(velocity, (len(position), 1))
+        if velocity.shape != position.shape or not np.isfinite(velocity).all():
+            raise LavaError(
+                'particles.velocity',
+                f'array of shape {velocity.shape}',
+                'finite m/s, shape [count, 2] or [2]',
+            )
+        object.__setattr__(self, 'velocity', velocity)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +138,10 @@ class State:
         ordered: The same as ``particle`` in the order of the neighbour grid's cells.
         remainder: Only in float32: what rounding cut off each particle's position [m], shape
             [capacity]. Without it slow lava far from the centre would never move.
-        velocity: Only with inertia: velocity of each particle [m/s], shape [capacity].
+        velocity: Only with inertia: velocity of each particle in the middle of the latest step
+            [m/s], shape [capacity].
+        kick: Only with inertia: acceleration x and y [m/s2] of each ordered particle, shape
+            [capacity].
         age: Only with a crust or conduction into the ground: time since each particle came out
             [s], shape [capacity].
         base: Position at the start of the step [m] and displacement since then two stages ago [m],
@@ -136,15 +152,23 @@ class State:
             area V/h [m2] of each ordered particle, shape [capacity].
         drive: Only with the Green's function: thickness times local velocity, x and y [m2/s], and
             the area V/h [m2] of each ordered particle, shape [capacity].
+        slope: Only with viscous heating: gradient of the surface at each ordered particle, shape
+            [capacity].
+        exchange, warmth: Only with lateral conduction: rate at which each ordered particle
+            exchanges heat [1/s], and its temperature before an exchange [K], shape [capacity].
         solution, next_solution, correction: Only with the Helmholtz solve: velocities of two
             sweeps and their difference [m/s], of each ordered particle, shape [capacity].
-        clock: Simulated time, step, target time and latest full step [s], float64.
+        partner, births, slots: Only with merging: who each particle merges with, whether it
+            splits, and how many before it do, shape [capacity].
+        clock: Simulated time, step, target time, latest full step and, with inertia, the step
+            before [s], float64.
         counts: Particles, steps, what limited the step, whether the capacity was reached; then the
             stage at hand (0 between steps), the stages of the step, whether it is the last one,
             and the velocity evaluations so far.
         stage: Weights of the stage at hand.
         rates: Reciprocal of the step each limit allows [1/s].
         left: Volume that has left the terrain [m3], float64.
+        frozen: Only with solidification: volume that has frozen [m3], float64.
     """
 
     def __init__(
@@ -160,18 +184,23 @@ class State:
         self.vec3 = wp.types.vector(3, self.real)
         self.vec4 = wp.types.vector(4, self.real)
         self.effects = effects
-        self.is_staged = accuracy.integrator == 'rkl2'
+        # with inertia a step has one stage: effects/inertia.py
+        self.is_staged = accuracy.integrator == 'rkl2' and not effects.inertia
         self.has_remainder = accuracy.precision == 'float32'
         self.is_deterministic = accuracy.deterministic
         self.has_velocity = effects.inertia
         self.has_age = effects.crust or effects.ground
+        # what froze or was merged into another has no volume and is dropped
+        self.has_empty = effects.solidification or effects.merging
         self.has_surface = accuracy.gradient != 'energy'
         self.device = device
-        self.clock = wp.zeros(4, dtype=wp.float64, device=device)
+        self.clock = wp.zeros(5, dtype=wp.float64, device=device)
         self.counts = wp.zeros(8, dtype=wp.int32, device=device)
         self.rates = wp.zeros(2, dtype=self.real, device=device)
         self.stage = wp.zeros(4, dtype=self.real, device=device)
         self.left = wp.zeros(1, dtype=wp.float64, device=device)
+        if effects.solidification:
+            self.frozen = wp.zeros(1, dtype=wp.float64, device=device)
         self.capacity = 0
         self._allocate(capacity)
 
@@ -192,6 +221,7 @@ class State:
         if self.has_velocity:
             self.velocity = wp.zeros(capacity, dtype=self.vec2, device=self.device)
             self.ordered_velocity = wp.zeros(capacity, dtype=self.vec2, device=self.device)
+            self.kick = wp.zeros(capacity, dtype=self.vec2, device=self.device)
         if self.has_age:
             self.age = wp.zeros(capacity, dtype=self.real, device=self.device)
             self.ordered_age = wp.zeros(capacity, dtype=self.real, device=self.device)
@@ -200,6 +230,15 @@ class State:
             self.drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
             self.ordered_base = wp.zeros(capacity, dtype=self.vec4, device=self.device)
             self.ordered_drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
+        if self.effects.viscous_heating:
+            self.slope = wp.zeros(capacity, dtype=self.vec2, device=self.device)
+        if self.effects.conduction:
+            self.exchange = wp.zeros(capacity, dtype=self.real, device=self.device)
+            self.warmth = wp.zeros(capacity, dtype=self.real, device=self.device)
+        if self.effects.merging:
+            self.partner = wp.zeros(capacity, dtype=wp.int32, device=self.device)
+            self.births = wp.zeros(capacity, dtype=wp.int32, device=self.device)
+            self.slots = wp.zeros(capacity, dtype=wp.int32, device=self.device)
         if self.effects.helmholtz:
             self.solution = wp.zeros(capacity, dtype=self.vec2, device=self.device)
             self.next_solution = wp.zeros(capacity, dtype=self.vec2, device=self.device)
@@ -240,7 +279,16 @@ class State:
         return int(self.counts.numpy()[PARTICLES])
 
     def write_particles(self, values: np.ndarray) -> None:
-        """Replace all particles by rows of (x, y from the centre, volume, temperature)."""
+        """Replace all particles by rows of (x, y from the centre, volume, temperature).
+
+        The first of them are the particles that there were: they keep their velocity and age.
+        """
+        count = min(self.count, len(values))
+        kept = {
+            name: getattr(self, name).numpy()[:count].copy()
+            for name in self._carried
+            if name != 'remainder'
+        }
         if len(values) > self.capacity:
             self._allocate(len(values))
         if len(values):
@@ -248,9 +296,25 @@ class State:
             wp.copy(self.particle, rows, count=len(values))
         for name in self._carried:
             getattr(self, name).zero_()
+        for name, former in kept.items():
+            if count:
+                array = getattr(self, name)
+                rows = wp.array(former, dtype=array.dtype, device=self.device)
+                wp.copy(array, rows, count=count)
         counts = self.counts.numpy()
         counts[PARTICLES] = len(values)
         self.counts.assign(counts)
+
+    def take_over(self, former: 'State') -> None:
+        """Go on from another state, of other effects: what both have is kept."""
+        self.write_particles(former.read_particles())
+        count = former.count
+        for name in set(self._carried) & set(former._carried):
+            if count:
+                wp.copy(getattr(self, name), getattr(former, name), count=count)
+        for name in ('clock', 'counts', 'left', 'frozen'):
+            if hasattr(self, name) and hasattr(former, name):
+                wp.copy(getattr(self, name), getattr(former, name))
 
     def take_order(self) -> None:
         """Let the ordered particles be the particles."""

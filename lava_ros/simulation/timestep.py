@@ -33,6 +33,7 @@ from lava_ros.simulation.state import (
     EVALUATIONS,
     FIRST_VELOCITY,
     FORMER,
+    FORMER_STEP,
     FULL_STEP,
     IS_LAST,
     LIMIT,
@@ -48,7 +49,7 @@ from lava_ros.simulation.state import (
 )
 
 #: What can bound a step, by its number in ``State.counts[LIMIT]``.
-LIMITS = ('longest', 'diffusion', 'advection', 'fixed')
+LIMITS = ('longest', 'diffusion', 'advection', 'fixed', 'waves')
 
 #: Most stages of a step: more would lose digits, not gain steps.
 MOST_STAGES = 64
@@ -64,7 +65,7 @@ def _b(j: int) -> wp.float64:
 
 
 @lru_cache
-def _stage_kernel(real: Any, is_staged: bool) -> Any:
+def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool) -> Any:
     @wp.kernel(module='unique', enable_backward=False)
     def choose_stage(
         longest: wp.float64,
@@ -76,6 +77,8 @@ def _stage_kernel(real: Any, is_staged: bool) -> Any:
     ):
         """Begin a step or go on to its next stage; the last stage advances the clock."""
         one = wp.float64(1.0)
+        if wp.static(has_velocity):
+            clock[FORMER_STEP] = clock[STEP]
         if counts[STAGE] == 0:
             remaining = clock[TARGET] - clock[TIME]
             if remaining <= wp.float64(0.0):
@@ -97,7 +100,7 @@ def _stage_kernel(real: Any, is_staged: bool) -> Any:
             else:
                 if explicit < step:
                     step = explicit
-                    limit = 1
+                    limit = wp.static(LIMITS.index('waves' if has_velocity else 'diffusion'))
             if wp.float64(rates[1]) * step > one:
                 step = one / wp.float64(rates[1])
                 limit = 2
@@ -153,6 +156,8 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
     vec4 = wp.types.vector(4, real)
     temperature_after = temperature_function(real, effects)
     heats = temperature_after is not None
+    has_age = effects.crust or effects.ground
+    falls = effects.viscous_heating
 
     @wp.kernel(module='unique', enable_backward=False)
     def move(
@@ -169,6 +174,9 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
         base: wp.array(dtype=vec4),
         drift: wp.array(dtype=vec4),
         remainder: wp.array(dtype=vec2),
+        slope: wp.array(dtype=vec2),
+        ordered_age: wp.array(dtype=real),
+        age: wp.array(dtype=real),
     ):
         i = wp.tid()
         if i >= counts[PARTICLES]:
@@ -202,9 +210,19 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
                 base[i] = vec4(x, y, d[0], d[1])
                 drift[i] = vec4(dx, dy, d[2], d[3])
         temperature = p[3]
+        time_out = real(0.0)
+        if wp.static(has_age):
+            time_out = ordered_age[i]
+            age[i] = time_out
         if wp.static(heats):  # noqa: SIM102, the static test decides what is compiled
             if counts[IS_LAST] == 1:
-                temperature = temperature_after(heat, f[0], temperature, real(clock[STEP]))
+                step = real(clock[STEP])
+                drop = real(0.0)
+                if wp.static(falls):
+                    drop = -wp.dot(slope[i], vec2(dx, dy))
+                temperature = temperature_after(heat, f[0], temperature, time_out, drop, step)
+                if wp.static(has_age):
+                    age[i] = time_out + step
         if wp.static(real is wp.float32):
             rest = ordered_remainder[i]
             dx += rest[0]
@@ -239,7 +257,7 @@ def choose_stage(state: State, longest: float, fixed: float | None) -> None:
         fixed: Step to take whatever the limits say [s], None to follow them.
     """
     wp.launch(
-        _stage_kernel(state.real, state.is_staged),
+        _stage_kernel(state.real, state.is_staged, state.has_velocity),
         dim=1,
         inputs=[longest, fixed or 0.0, state.rates],
         outputs=[state.clock, state.counts, state.stage],
@@ -261,7 +279,10 @@ def move_particles(state: State, heat: HeatConstants) -> None:
             heat,
             *state.optional('ordered_base', 'ordered_drift', 'ordered_remainder'),
         ],
-        outputs=[state.particle, *state.optional('base', 'drift', 'remainder')],
+        outputs=[
+            state.particle,
+            *state.optional('base', 'drift', 'remainder', 'slope', 'ordered_age', 'age'),
+        ],
         device=state.device,
     )
 

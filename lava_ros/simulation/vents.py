@@ -137,7 +137,7 @@ def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool) -> An
                     if wp.static(real is wp.float32):
                         remainder[slot + n] = vec2()
                     if wp.static(has_velocity):
-                        velocity[slot + n] = vec2()
+                        velocity[slot + n] = vec2(real(shape[v, 7]), real(shape[v, 8]))
                     if wp.static(has_age):
                         age[slot + n] = real(0.0)
                     place = place_of(shape, v, emitted[v] + n)
@@ -188,7 +188,7 @@ class VentSet:
         self._particle_volume = particle_volume
         self._symmetric = symmetric
         self._device = device
-        shape = np.zeros((len(self.vents), 7))
+        shape = np.zeros((len(self.vents), 9))
         starts, times, fluxes, volumes = [0], [], [], []
         for row, vent, conduit in zip(shape, self.vents, carried, strict=True):
             end = vent.position if vent.end is None else vent.end
@@ -197,6 +197,7 @@ class VentSet:
             row[4] = max(vent.radius, least_radius)
             row[5] = vent.temperature
             row[6] = math.dist(vent.position, end)
+            row[7:9] = vent.velocity
             for time, flux in vent.series:
                 times.append(max(time, since))
                 fluxes.append(flux)

@@ -44,7 +44,18 @@ GRADIENT_CASES = ('fixed_volume', 'pond')
 QUICK_RADII = ('l = 1 h', 'l = 6 h')
 
 #: Cases of even layers: the resolution hardly enters or no time passes, and only presets are run.
-EVEN_CASES = ('sheet', 'green', 'channel', 'radiating_sheet')
+EVEN_CASES = (
+    'sheet',
+    'green',
+    'channel',
+    'radiating_sheet',
+    'ground',
+    'crust',
+    'latent_heat',
+    'herschel_bulkley',
+    'critical_thickness',
+    'material_laws',
+)
 
 #: Refinements of the convergence study: every doubling from 2,000 particles to 128,000.
 DOUBLINGS = (0.5, 0.707, 1.0, 1.414, 2.0, 2.828, 4.0)

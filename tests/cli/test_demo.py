@@ -59,7 +59,7 @@ def test_the_demo_runs_again_and_again(tmp_path: Path) -> None:
     assert result['simulated_time'] == pytest.approx(900.0)
     # Four vents with 130 m3/s together.
     assert result['volume_emitted'] == pytest.approx(130.0 * 900.0)
-    parts = result['volume_held'] + result['volume_left']
+    parts = result['volume_held'] + result['volume_left'] + result['volume_frozen']
     assert parts == pytest.approx(result['volume_emitted'], rel=1e-5)
     # The stamp of a frame is up to a slice of 0.1 s later than what it shows.
     assert 50.0 < result['speed'] < 330.0

@@ -95,6 +95,7 @@ def test_simulation_values():
         'volume_held_m3': '9.0',
         'volume_pending_m3': '0.5',
         'volume_left_m3': '1.0',
+        'volume_frozen_m3': '0.0',
         'volume_error': '0.000e+00',
         'steps': '40',
         'step_s': '0.25',

@@ -14,7 +14,6 @@
 
 """The simulation as its users see it: volume, vents, terrain, refusals."""
 
-from dataclasses import replace
 import math
 
 import numpy as np
@@ -290,13 +289,3 @@ def test_nothing_to_do_is_no_error(device):
     assert snapshot.time == 1e5
     assert (snapshot.thickness == 0.0).all()
     assert snapshot.budget.error == 0.0
-
-
-def test_effects_left_out_leave_no_array():
-    """Without the Green's function its array is not allocated; with it, it is."""
-    plain = eruption()
-    assert not hasattr(plain._state, 'drive')
-    green = eruption(effects=replace(plain.effects, green=True))
-    green.advance(60.0)
-    assert hasattr(green._state, 'drive')
-    assert green.budget().error < 1e-5

@@ -275,3 +275,27 @@ def test_radiating_sheet():
     assert values == pytest.approx(solved.y[0], rel=1e-7)
     assert values == pytest.approx([1312.1159, 916.3931, 725.8872], abs=1e-3)
     assert solution.temperature(0.0) == pytest.approx(1423.0)
+
+
+def test_freezing_lens():
+    """The frozen share is that of the columns which have cooled to the solidus by then."""
+    lens = exact.FreezingLens(
+        depth=3.0,
+        radius=60.0,
+        heat_capacity=3e6,
+        transfer=25.0,
+        first=1423.0,
+        solidus=1300.0,
+        ambient=300.0,
+    )
+    assert lens.volume == pytest.approx(
+        quad(lambda r: 2.0 * np.pi * r * lens.thickness(r), 0.0, 60.0)[0]
+    )
+    r = 60.0 * np.sqrt((np.arange(100000) + 0.5) / 100000)
+    h = lens.thickness(r)
+    for share in (0.2, 0.5, 0.9):
+        time = share * lens.end
+        temperature = 300.0 + 1123.0 * np.exp(-25.0 * time / (3e6 * h))
+        frozen = h[temperature < 1300.0].sum() / h.sum()
+        assert lens.frozen_share(time) == pytest.approx(frozen, abs=1e-4)
+    assert lens.frozen_share(2.0 * lens.end) == 1.0

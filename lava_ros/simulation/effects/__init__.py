@@ -18,7 +18,10 @@ A module holds the effect's equation, its device code and its launches. What a m
 and who calls it:
 
     viscosity(real)      mu(T) of the law            simulation/rheology.py
+    stiffening(real, mu) mu(T) with more in the lava simulation/rheology.py
+    speed(real, mu, ...) u of thickness and slope    simulation/rheology.py
     terms(real)          heat gained and lost        simulation/heat.py
+    relaxed(real)        what a step makes of them   simulation/heat.py
     factor(real)         what scales the mobility    simulation/flow.py
     AfterStep            a pass at the step's end    simulation/simulation.py
 """
@@ -41,6 +44,6 @@ def load(name: str) -> ModuleType:
     return import_module(f'{__name__}.{name}')
 
 
-def after_step(effects: Effects) -> list[ModuleType]:
-    """The modules of the effects that are on and make a pass at the end of a step."""
-    return [load(name) for name in AFTER_STEP if getattr(effects, name, False)]
+def after_step(effects: Effects) -> dict[str, ModuleType]:
+    """The modules of the effects that are on and make a pass at the end of a step, by name."""
+    return {name: load(name) for name in AFTER_STEP if getattr(effects, name, False)}

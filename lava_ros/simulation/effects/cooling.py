@@ -31,7 +31,9 @@ def terms(real: Any) -> Any:
     vec2 = wp.types.vector(2, real)
 
     @wp.func
-    def cooling(constants: HeatConstants, thickness: real, temperature: real) -> vec2:
+    def cooling(
+        constants: HeatConstants, thickness: real, temperature: real, age: real, drop: real
+    ) -> vec2:
         ambient = real(constants.ambient)
         square = temperature * temperature + ambient * ambient
         loss = real(constants.radiation) * square * (temperature + ambient)

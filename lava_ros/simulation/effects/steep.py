@@ -36,3 +36,27 @@ def factor(real: Any) -> Any:
         return square * square
 
     return steep
+
+
+@lru_cache
+def along(real: Any) -> Any:
+    """Return the device function that gives a thickness and a slope whose laws hold on the level.
+
+    Let the surface's gradient be (s, r), down the ground's slope and across it. In a layer
+    h cos b thick the stress at the base is rho g (h cos^2 b) (s, r cos b), that of a layer
+    h cos^2 b thick on the slope sqrt(s^2 + r^2 cos^2 b): rho g (h cos b) sin b in a sheet, where
+    s = tan b and r = 0. The velocity is along it; on the map its part down the slope is cos b
+    times as long, which leaves it along (s, r), with the mobility of that layer on that slope.
+    With the ground's gradient G the slope is cos b (|grad S|^2 + (grad S . G)^2)^(1/2).
+    """
+    vec2 = wp.types.vector(2, real)
+
+    @wp.func
+    def layer(height: real, surface: vec2, ground: vec2) -> vec2:
+        square = real(1.0) / (real(1.0) + wp.dot(ground, ground))
+        down = wp.dot(surface, ground)
+        return vec2(
+            height * square, wp.sqrt(square * (wp.dot(surface, surface) + down * down))
+        )
+
+    return layer

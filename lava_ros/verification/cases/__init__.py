@@ -14,7 +14,17 @@
 
 """Cases that run the solver where an exact solution is known."""
 
-from lava_ros.verification.cases import channel, pond, sheets, slopes, solid, spreading
+from lava_ros.verification.cases import (
+    channel,
+    heat,
+    inertia,
+    pond,
+    rheology,
+    sheets,
+    slopes,
+    solid,
+    spreading,
+)
 from lava_ros.verification.cases.case import Case, Measurement, Run
 from lava_ros.verification.cases.sheets import green_response, sheet_on_slope
 from lava_ros.verification.cases.spreading import Spread, spread_of_fixed_volume
@@ -33,6 +43,6 @@ __all__ = [
 #: Every case by its name, from the simplest.
 CASES: dict[str, Case] = {
     case.name: case
-    for module in (sheets, channel, pond, spreading, slopes, solid)
+    for module in (sheets, heat, rheology, channel, pond, spreading, slopes, solid, inertia)
     for case in module.CASES
 }

@@ -19,6 +19,29 @@ nu = mu / rho, and from alpha = g / (3 nu) where that is shorter. On a slope, x 
 the slope and normal to it.
 """
 
+from lava_ros.verification.exact.heat import (
+    ColumnOnGround,
+    ConvectingSlab,
+    CoolingCurrent,
+    CrystallisingSheet,
+    heat_into_ground,
+    temperature_step,
+    warming_by_descent,
+)
+from lava_ros.verification.exact.inertia import (
+    AcceleratingSheet,
+    OscillatingBowl,
+    RitterDamBreak,
+    StokerDamBreak,
+)
+from lava_ros.verification.exact.rheology import (
+    BinghamDome,
+    critical_thickness,
+    crystal_factor,
+    herschel_bulkley_velocity,
+    Ridge,
+    vft_viscosity,
+)
 from lava_ros.verification.exact.sheets import (
     channel_mean_velocity,
     green_response,
@@ -43,18 +66,35 @@ from lava_ros.verification.exact.spreading import (
 
 __all__ = [
     'LISTER_REFERENCE',
+    'AcceleratingSheet',
+    'BinghamDome',
+    'ColumnOnGround',
     'ConstantFluxSpread',
+    'ConvectingSlab',
+    'CoolingCurrent',
+    'CrystallisingSheet',
     'DamBreak',
     'FixedVolumeSpread',
     'FreezingLens',
     'ListerScales',
+    'OscillatingBowl',
     'PlaneConstantFlux',
     'PlaneFixedArea',
     'RadiatingSheet',
+    'Ridge',
+    'RitterDamBreak',
     'SlopeFixedArea',
     'SlopeFlux',
     'SteadySource',
+    'StokerDamBreak',
     'channel_mean_velocity',
+    'critical_thickness',
+    'crystal_factor',
     'green_response',
+    'heat_into_ground',
+    'herschel_bulkley_velocity',
     'sheet_velocity',
+    'temperature_step',
+    'vft_viscosity',
+    'warming_by_descent',
 ]

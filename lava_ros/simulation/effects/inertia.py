@@ -1,0 +1,345 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Inertia: lava has momentum and takes time to reach the speed its weight can drive.
+
+Du/Dt = -g grad S - gamma u, gamma = 3 mu / (rho h^2) for Newtonian lava (MODEL.md, section 4).
+
+* Drag. A layer that moves at the speed u bears the stress rho g h s of the slope s on which that
+  speed is the local balance's, u = M(s) s, whatever the law of flow (``rheology.py``). It is taken
+  at the end of a kick of length k: u' = M s with |u'| + k g s = |u + k a|, solved for s. That is
+  u' = (u + k a) / (1 + k gamma) for Newtonian lava; any steady state is the local balance's; and
+  lava with a strength stops, exactly, where k tau_y / (rho h) >= |u + k a|.
+* Time. Velocities are those of the middle of a step (leapfrog, in other words forward-backward: a
+  is -g grad S at the new positions): a kick takes half of the former step and half of this one.
+  What is reported is half a step further, where the positions are. A wave of number q is stable
+  for dt^2 g h q^2 <= 4 + 2 gamma dt, and the largest q^2 W^(q) is the kernel's stiffness. With
+  gamma dt large that is the explicit viscous limit: the drag, though implicit, does not lift it.
+* Bores. Two particles that approach at v = -u_ij . e_ij > 0 exchange momentum as over a wave
+  between them, with the limiter of Zhang, Hu & Adams (2017, J. Comput. Phys. 335):
+  du_i/dt = -sum_j V_j P_ij grad W_ij, P_ij = v min(``STRENGTH`` v, c) / h, c and h their means of
+  wave speed and thickness. It takes out energy, never momentum; it is of second order in the
+  spacing where the flow is smooth, and nothing where lava spreads.
+* Pressure. The energy sum V_i h_i / 2 has a gradient of sum V_j grad W_ij where h is the kernel's
+  sum; h is that without its excess e, ~ (V / (h l^2))^p, which makes a term
+  (1 + (p - 1) (e_i + e_j) / 2) of each. Where lava thins out waves would else be too slow.
+* Steep slopes. On a map the acceleration down a slope b is g tan b cos^2 b.
+"""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.simulation.effects import load
+from lava_ros.simulation.flow import FlowConstants
+from lava_ros.simulation.kernels import smoothing_kernel
+from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
+from lava_ros.simulation.rheology import Rheology, speed_function, viscosity_function
+from lava_ros.simulation.state import ADVECTION, DIFFUSION, FORMER_STEP, PARTICLES, State, STEP
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+
+#: Wave speed of the dissipation over the speed of approach, until it reaches c.
+STRENGTH = 3.0
+
+#: The slope of the drag is solved for to this part of it, in so many iterations at most.
+_CHANGE, _ITERATIONS = 1e-6, 40
+
+#: The excess of a kernel's sum (``kernels.py``) goes with this power of V / (h l^2).
+_EXCESS_POWERS = {'wendland': 2.5, 'spiky': 1.5}
+
+
+class _Kernels(NamedTuple):
+    synchronize: Any
+    accelerate: Any
+    adopt: Any
+
+
+@lru_cache
+def _drag_function(real: Any, effects: Effects) -> Any:
+    """Return the device function that slows a velocity down over a time."""
+    vec2 = wp.types.vector(2, real)
+    viscosity = viscosity_function(real, effects)
+    speed = speed_function(real, effects)
+    along = load('steep').along(real) if effects.steep else None
+
+    @wp.func
+    def slowed(
+        velocity: vec2,
+        fall: real,
+        height: real,
+        temperature: real,
+        ground: vec2,
+        law: Rheology,
+        weight: real,
+    ) -> vec2:
+        """The velocity after the time in which a slope of 1 changes it by ``fall`` [m/s]."""
+        pace = wp.length(velocity)
+        if pace == real(0.0) or fall == real(0.0):
+            return velocity
+        layer = vec2(height, real(1.0))
+        if wp.static(effects.steep):
+            layer = along(height, velocity / pace, ground)
+        if wp.static(speed is None):
+            mobility = weight * layer[0] * layer[0] / (real(3.0) * viscosity(law, temperature))
+        else:
+            # Newton's method from above: the bound of du/ds keeps it there
+            slope = pace / fall
+            response = speed(law, weight, layer[0], layer[1] * slope, temperature)
+            for _ in range(_ITERATIONS):
+                change = (slope * (response[0] + fall) - pace) / (response[1] + fall)
+                slope -= change
+                response = speed(law, weight, layer[0], layer[1] * slope, temperature)
+                if change <= real(_CHANGE) * slope:
+                    break
+            mobility = response[0]
+        return velocity * (mobility / (mobility + fall))
+
+    return slowed
+
+
+@lru_cache
+def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Kernels:
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    kernel = smoothing_kernel(kernel_name, real, ratio)
+    norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
+    power = _EXCESS_POWERS.get(kernel_name, 1.0)
+    gradient_at = terrain_functions(real).gradient_at
+    block_around = cell_functions(real).block_around
+    viscosity = viscosity_function(real, effects)
+    is_newtonian = speed_function(real, effects) is None
+    slowed = _drag_function(real, effects)
+    steep, heats = effects.steep, effects.viscous_heating
+
+    @wp.func
+    def share_of(ground: vec2) -> real:
+        """The part of g that acts on a map, cos^2 b."""
+        if wp.static(steep):
+            return real(1.0) / (real(1.0) + wp.dot(ground, ground))
+        return real(1.0)
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def synchronize(
+        ordered: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        clock: wp.array(dtype=wp.float64),
+        elevation: wp.array2d(dtype=real),
+        terrain: TerrainFrame,
+        law: Rheology,
+        constants: FlowConstants,
+        gravity: wp.float64,
+        number: wp.float64,
+        velocity: wp.array(dtype=vec2),
+        flow: wp.array(dtype=vec3),
+        kick: wp.array(dtype=vec2),
+        rates: wp.array(dtype=real),
+    ):
+        """Acceleration from the slope, the velocity half a step after the stored one, limits."""
+        i = wp.tid()
+        if i >= counts[PARTICLES]:
+            return
+        p = ordered[i]
+        height = flow[i][0]
+        ground = gradient_at(elevation, terrain, p[0], p[1])
+        weight = real(constants.weight)
+        g = real(gravity) * share_of(ground)
+        fall = -g * vec2(flow[i][1], flow[i][2])
+        kick[i] = fall
+        half = real(wp.float64(0.5) * clock[STEP])
+        u = slowed(
+            velocity[i] + half * fall, half * g, height, p[3], ground, law, weight
+        )
+        flow[i] = vec3(height, u[0], u[1])
+        # dt^2 w^2 <= d^2 + d gamma dt: d is 2 at the limit of stability
+        square = g * height * real(constants.stiffness)
+        mobility = real(1.0)
+        drag = real(0.0)
+        if wp.static(is_newtonian):
+            mobility = weight * height * height / (real(3.0) * viscosity(law, p[3]))
+            drag = g
+        root = wp.sqrt(
+            drag * drag + real(4.0) * real(number) * square * mobility * mobility
+        )
+        advection = wp.length(u) / real(constants.reach)
+        wp.atomic_max(rates, DIFFUSION, real(2.0) * square * mobility / (drag + root) + advection)
+        wp.atomic_max(rates, ADVECTION, advection)
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def accelerate(
+        ordered: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        cells: CellFrame,
+        clock: wp.array(dtype=wp.float64),
+        elevation: wp.array2d(dtype=real),
+        terrain: TerrainFrame,
+        law: Rheology,
+        constants: FlowConstants,
+        gravity: wp.float64,
+        flow: wp.array(dtype=vec3),
+        kick: wp.array(dtype=vec2),
+        old: wp.array(dtype=vec2),
+        velocity: wp.array(dtype=vec2),
+        slope: wp.array(dtype=vec2),
+    ):
+        i = wp.tid()
+        if i >= counts[PARTICLES]:
+            return
+        p = ordered[i]
+        f = flow[i]
+        inverse = real(1.0) / real(constants.radius)
+        g = real(gravity)
+        push = vec2()
+        lift = vec2()
+        own = excess(p[2] * inverse * inverse / f[0])
+        block = block_around(cells, p[0], p[1])
+        for r in range(block[2], block[3]):
+            for j in range(
+                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
+            ):
+                other = ordered[j]
+                d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
+                square = wp.dot(d, d)
+                if square < real(1.0) and square > real(0.0):
+                    there = flow[j]
+                    q = wp.sqrt(square)
+                    pull = other[2] * derivative(q)
+                    both = own + excess(other[2] * inverse * inverse / there[0])
+                    lift += pull * both * d
+                    approach = -(d[0] * (f[1] - there[1]) + d[1] * (f[2] - there[2])) / q
+                    if approach > real(0.0):
+                        height = real(0.5) * (f[0] + there[0])
+                        pace = wp.min(real(STRENGTH) * approach, wp.sqrt(g * height))
+                        push -= pull * approach * pace / height * d
+        scale = real(wp.static(norm)) * inverse * inverse * inverse
+        # 1/2 (power - 1) (e_i + e_j) of g V_j grad W_ij
+        lift *= -g * scale * real(wp.static(0.5 * (power - 1.0)))
+        ground = gradient_at(elevation, terrain, p[0], p[1])
+        step = real(clock[STEP])
+        time = real(0.5) * (real(clock[FORMER_STEP]) + step)
+        free = old[i] + time * (kick[i] + lift) + step * scale * push
+        fall = time * g * share_of(ground)
+        new = slowed(free, fall, f[0], p[3], ground, law, real(constants.weight))
+        velocity[i] = new
+        if wp.static(heats):
+            # the slope that the drag takes up: what heats is its work, not the weight's
+            slope[i] = vec2()
+            if fall > real(0.0):
+                slope[i] = (new - free) / fall
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def adopt(
+        counts: wp.array(dtype=wp.int32),
+        velocity: wp.array(dtype=vec2),
+        flow: wp.array(dtype=vec3),
+    ):
+        i = wp.tid()
+        if i < counts[PARTICLES]:
+            flow[i] = vec3(flow[i][0], velocity[i][0], velocity[i][1])
+
+    return _Kernels(synchronize, accelerate, adopt)
+
+
+class Momentum:
+    """The momentum balance of a simulation on its terrain."""
+
+    def __init__(
+        self,
+        terrain: StaggeredTerrain,
+        law: Rheology,
+        constants: FlowConstants,
+        *,
+        gravity: float,
+        number: float,
+        kernel: str,
+        ratio: float,
+        effects: Effects,
+    ) -> None:
+        """Prepare the balance.
+
+        Args:
+            terrain: The ground.
+            law: Constants of the laws of flow.
+            constants: Constants of the flow's equations.
+            gravity: Acceleration of gravity [m/s2].
+            number: ``Accuracy.diffusion_number``: 2 at the limit of stability.
+            kernel: Name of the smoothing kernel.
+            ratio: Kernel radius over particle spacing.
+            effects: The physics.
+        """
+        self._terrain = terrain
+        self._law = law
+        self._constants = constants
+        self._gravity = gravity
+        self._number = number
+        self._of = (kernel, ratio, effects)
+
+    def synchronize(self, state: State) -> None:
+        """Turn the slopes in ``state.flow`` into velocities at the particles' time.
+
+        ``state.kick`` gets the accelerations, ``state.rates`` is raised.
+        """
+        wp.launch(
+            _kernels(state.real, *self._of).synchronize,
+            dim=state.capacity,
+            inputs=[
+                state.ordered,
+                state.counts,
+                state.clock,
+                self._terrain.height,
+                self._terrain.frame,
+                self._law,
+                self._constants,
+                self._gravity,
+                self._number,
+                state.ordered_velocity,
+            ],
+            outputs=[state.flow, state.kick, state.rates],
+            device=state.device,
+        )
+
+    def accelerate(self, state: State, neighbors: NeighborGrid) -> None:
+        """Bring the velocities to the middle of the step that was chosen."""
+        kernels = _kernels(state.real, *self._of)
+        wp.launch(
+            kernels.accelerate,
+            dim=state.capacity,
+            inputs=[
+                state.ordered,
+                state.counts,
+                neighbors.starts,
+                neighbors.frame,
+                state.clock,
+                self._terrain.height,
+                self._terrain.frame,
+                self._law,
+                self._constants,
+                self._gravity,
+                state.flow,
+                state.kick,
+                state.ordered_velocity,
+            ],
+            outputs=[state.velocity, *state.optional('slope')],
+            device=state.device,
+        )
+        wp.launch(
+            kernels.adopt,
+            dim=state.capacity,
+            inputs=[state.counts, state.velocity],
+            outputs=[state.flow],
+            device=state.device,
+        )

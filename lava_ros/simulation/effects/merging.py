@@ -1,0 +1,278 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Merging and splitting: as many particles as the kernel needs, wherever the lava is.
+
+A particle of volume V stands for the area V / h. Where lava is thicker than expected, that is less
+than the square of the spacing: a kernel holds more neighbours than it needs. There two particles,
+each the other's nearest, become one, if it still stands for no more than the square of the
+spacing. Where lava has thinned out again a particle splits into halves, which go apart across the
+line to the nearest neighbour, down to the volume that vents emit.
+
+Volume is exact to the last bit: particles merge only where the sum of their volumes has no
+rounding, as that of equal ones has none, and halves have none. The sums of V x, V T and, with
+inertia, V u are kept to rounding, and so is that of V times age.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.scene import Scene
+from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
+from lava_ros.simulation.state import FULL, IS_LAST, PARTICLES, State, STEP, STEPS
+from lava_ros.simulation.terrain import StaggeredTerrain
+
+#: Steps from one pass to the next.
+EVERY = 2
+
+#: Distance over the spacing around two particles below which they merge.
+CLOSE = 1.1
+
+#: Area of a merged particle over the squared spacing, at most.
+WIDEST = 1.6
+
+#: Area of a particle over the squared spacing above which it splits.
+STRETCHED = 2.5
+
+
+@lru_cache
+def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    vec2d = wp.types.vector(2, wp.float64)
+    block_around = cell_functions(real).block_around
+
+    @wp.func
+    def is_due(counts: wp.array(dtype=wp.int32), clock: wp.array(dtype=wp.float64)) -> bool:
+        return (
+            counts[IS_LAST] == 1
+            and clock[STEP] > wp.float64(0.0)
+            and counts[STEPS] % wp.static(EVERY) == 0
+        )
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def choose(
+        ordered: wp.array(dtype=vec4),
+        particle: wp.array(dtype=vec4),
+        flow: wp.array(dtype=vec3),
+        counts: wp.array(dtype=wp.int32),
+        clock: wp.array(dtype=wp.float64),
+        starts: wp.array(dtype=wp.int32),
+        cells: CellFrame,
+        area: wp.float64,
+        least: wp.float64,
+        partner: wp.array(dtype=wp.int32),
+        births: wp.array(dtype=wp.int32),
+    ):
+        """Find who each particle would merge with, or, to split, its nearest neighbour."""
+        i = wp.tid()
+        births[i] = 0
+        if not is_due(counts, clock):
+            return
+        partner[i] = -1
+        if i >= counts[PARTICLES]:
+            return
+        p = particle[i]
+        if p[2] == real(0.0):
+            return
+        own = p[2] / flow[i][0]
+        splits = own > real(wp.static(STRETCHED)) * real(area) and p[2] >= real(least + least)
+        if not splits and own > real(wp.static(WIDEST)) * real(area):
+            return
+        nearest = partner[i]
+        shortest = real(0.0)
+        block = block_around(cells, ordered[i][0], ordered[i][1])
+        for r in range(block[2], block[3]):
+            for j in range(
+                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
+            ):
+                other = particle[j]
+                if j != i and other[2] > real(0.0):
+                    dx = other[0] - p[0]
+                    dy = other[1] - p[1]
+                    square = dx * dx + dy * dy
+                    fits = bool(splits)
+                    if not splits:
+                        both = p[2] + other[2]
+                        around = both / (flow[i][0] + flow[j][0])
+                        fits = (
+                            square < real(wp.static(CLOSE * CLOSE)) * around
+                            and real(2.0) * around < real(wp.static(WIDEST)) * real(area)
+                            and both - p[2] == other[2]
+                            and both - other[2] == p[2]
+                        )
+                    if fits and (nearest < 0 or square < shortest):
+                        nearest = j
+                        shortest = square
+        if splits:
+            births[i] = 1
+            # below -1: not to merge with
+            partner[i] = -2 - wp.where(nearest < 0, i, nearest)
+        else:
+            partner[i] = nearest
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def merge(
+        counts: wp.array(dtype=wp.int32),
+        clock: wp.array(dtype=wp.float64),
+        partner: wp.array(dtype=wp.int32),
+        particle: wp.array(dtype=vec4),
+        remainder: wp.array(dtype=vec2),
+        velocity: wp.array(dtype=vec2),
+        age: wp.array(dtype=real),
+    ):
+        """Make one of two that chose each other; the other is left without volume."""
+        i = wp.tid()
+        if i >= counts[PARTICLES] or not is_due(counts, clock):
+            return
+        j = partner[i]
+        if j <= i:
+            return
+        if partner[j] != i:
+            return
+        p = particle[i]
+        o = particle[j]
+        both = p[2] + o[2]
+        a = wp.float64(p[2]) / wp.float64(both)
+        b = wp.float64(o[2]) / wp.float64(both)
+        place = vec2d(
+            a * wp.float64(p[0]) + b * wp.float64(o[0]),
+            a * wp.float64(p[1]) + b * wp.float64(o[1]),
+        )
+        if wp.static(real is wp.float32):
+            rest = a * vec2d(remainder[i]) + b * vec2d(remainder[j])
+            place += rest
+            remainder[i] = vec2(
+                real(place[0] - wp.float64(real(place[0]))),
+                real(place[1] - wp.float64(real(place[1]))),
+            )
+        if wp.static(has_velocity):
+            velocity[i] = real(a) * velocity[i] + real(b) * velocity[j]
+        if wp.static(has_age):
+            age[i] = real(a) * age[i] + real(b) * age[j]
+        temperature = a * wp.float64(p[3]) + b * wp.float64(o[3])
+        particle[i] = vec4(real(place[0]), real(place[1]), both, real(temperature))
+        particle[j] = vec4(o[0], o[1], real(0.0), o[3])
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def split(
+        counts: wp.array(dtype=wp.int32),
+        flow: wp.array(dtype=vec3),
+        births: wp.array(dtype=wp.int32),
+        slots: wp.array(dtype=wp.int32),
+        partner: wp.array(dtype=wp.int32),
+        particle: wp.array(dtype=vec4),
+        remainder: wp.array(dtype=vec2),
+        velocity: wp.array(dtype=vec2),
+        age: wp.array(dtype=real),
+    ):
+        """Halve a particle; the second half goes behind the particles there are."""
+        i = wp.tid()
+        if births[i] == 0:
+            return
+        slot = counts[PARTICLES] + slots[i]
+        if slot >= particle.shape[0]:
+            # it splits when the host has made room
+            counts[FULL] = 1
+            return
+        p = particle[i]
+        other = particle[-2 - partner[i]]
+        d = vec2(p[1] - other[1], other[0] - p[0])
+        length = wp.length(d)
+        if length > real(0.0):
+            d /= length
+        else:
+            d = vec2(real(1.0), real(0.0))
+        d *= real(0.35) * wp.sqrt(p[2] / flow[i][0])
+        half = real(0.5) * p[2]
+        particle[i] = vec4(p[0] + d[0], p[1] + d[1], half, p[3])
+        particle[slot] = vec4(p[0] - d[0], p[1] - d[1], half, p[3])
+        if wp.static(real is wp.float32):
+            remainder[slot] = remainder[i]
+        if wp.static(has_velocity):
+            velocity[slot] = velocity[i]
+        if wp.static(has_age):
+            age[slot] = age[i]
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def count(
+        births: wp.array(dtype=wp.int32),
+        slots: wp.array(dtype=wp.int32),
+        counts: wp.array(dtype=wp.int32),
+    ):
+        last = births.shape[0] - 1
+        counts[PARTICLES] = wp.min(counts[PARTICLES] + slots[last] + births[last], last + 1)
+
+    return choose, merge, split, count
+
+
+class AfterStep:
+    """The pass that merges and splits particles."""
+
+    def __init__(
+        self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
+    ) -> None:
+        """Take the spacing and the volume that particles are meant to have."""
+        assert accuracy.spacing is not None and accuracy.thickness is not None
+        self._area = accuracy.spacing**2
+        self._least = float(np.float32(self._area * accuracy.thickness))
+
+    def apply(self, state: State, neighbors: NeighborGrid) -> None:
+        """Merge what has come together and split what has been stretched."""
+        choose, merge, split, count = _kernels(state.real, state.has_velocity, state.has_age)
+        carried = state.optional('remainder', 'velocity', 'age')
+        wp.launch(
+            choose,
+            dim=state.capacity,
+            inputs=[
+                state.ordered,
+                state.particle,
+                state.flow,
+                state.counts,
+                state.clock,
+                neighbors.starts,
+                neighbors.frame,
+                self._area,
+                self._least,
+            ],
+            outputs=[state.partner, state.births],
+            device=state.device,
+        )
+        wp.launch(
+            merge,
+            dim=state.capacity,
+            inputs=[state.counts, state.clock, state.partner],
+            outputs=[state.particle, *carried],
+            device=state.device,
+        )
+        wp.utils.array_scan(state.births, state.slots, inclusive=False)
+        wp.launch(
+            split,
+            dim=state.capacity,
+            inputs=[state.counts, state.flow, state.births, state.slots, state.partner],
+            outputs=[state.particle, *carried],
+            device=state.device,
+        )
+        wp.launch(
+            count,
+            dim=1,
+            inputs=[state.births, state.slots],
+            outputs=[state.counts],
+            device=state.device,
+        )

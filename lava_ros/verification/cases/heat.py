@@ -1,0 +1,308 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Cases of lava that gains and loses heat.
+
+Errors of temperatures are relative to what the lava has cooled or warmed by.
+"""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene, Vent
+from lava_ros.simulation import Particles
+from lava_ros.verification import exact
+from lava_ros.verification.cases.case import (
+    Case,
+    FLAT,
+    GRAVITY,
+    ISOTHERMAL,
+    joined,
+    Measurement,
+    plane,
+    Run,
+    SLOPING,
+    Trial,
+)
+
+#: Too viscous to move, and losing nothing unless a case says so.
+STILL = Lava(density=2500.0, viscosity=1e15, arrhenius=0.0, emissivity=0.0, convection=0.0)
+
+#: Heat capacity of a volume of it [J/(m3 K)].
+CAPACITY = STILL.density * STILL.specific_heat
+
+#: Temperatures of vents and of the air [K], and the thickness of sheets [m].
+HOT, COLD, THICKNESS = 1423.0, 300.0, 2.0
+
+#: Moments at which a sheet's temperature is read [h].
+HOURS = (1.0, 10.0, 100.0)
+
+
+def _lattice(length: float, width: float, spacing: float) -> np.ndarray:
+    """Points of a square lattice that fill a rectangle around the origin, shape [count, 2]."""
+    x, y = (
+        (np.arange(count) - 0.5 * (count - 1)) * spacing
+        for count in (max(2, int(length / spacing)), max(2, int(width / spacing)))
+    )
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def _cooling_sheet(
+    name: str,
+    lava: Lava,
+    effects: Effects,
+    solution: exact.ColumnOnGround | exact.ConvectingSlab | exact.CrystallisingSheet,
+    accuracy: Accuracy,
+    device: str,
+) -> Run:
+    """Temperatures of the middle of a still sheet at ``HOURS``."""
+    spacing = 4.0 / accuracy.refinement
+    side = max(80.0, 8.0 * spacing)
+    trial = Trial(
+        Scene(plane((-side, -side, side, side), 10.0), lava=lava, gravity=GRAVITY),
+        effects=effects,
+        accuracy=replace(accuracy, spacing=spacing, thickness=THICKNESS, longest_step=600.0),
+        particles=Particles(_lattice(side, side, spacing), THICKNESS * spacing**2, HOT),
+        device=device,
+    )
+    measurements = []
+    for hours in HOURS:
+        trial.advance(3600.0 * hours)
+        sample = trial.simulation.sample()
+        middle = np.abs(sample.position).max(axis=1) < 0.2 * side
+        temperature = solution.temperature(3600.0 * hours)
+        measurements.append(
+            Measurement(
+                f'temperature after {hours:g} h',
+                float(sample.temperature[middle].mean()),
+                temperature,
+                'K',
+                scale=HOT - temperature,
+            )
+        )
+    return trial.run(name, *measurements)
+
+
+def _run_ground(accuracy: Accuracy, device: str) -> Run:
+    lava = replace(STILL, ground_conductivity=2.0)
+    solution = exact.ColumnOnGround(
+        initial=HOT,
+        ground=COLD,
+        conductivity=lava.ground_conductivity,
+        diffusivity=lava.ground_diffusivity,
+        capacity=CAPACITY,
+        thickness=THICKNESS,
+    )
+    effects = replace(FLAT, ground=True)
+    return _cooling_sheet('ground', lava, effects, solution, accuracy, device)
+
+
+def _run_crust(accuracy: Accuracy, device: str) -> Run:
+    lava = replace(STILL, convection=50.0, conductivity=2.0, crust=True)
+    solution = exact.ConvectingSlab(
+        initial=HOT,
+        ambient=COLD,
+        conductivity=lava.conductivity,
+        capacity=CAPACITY,
+        convection=lava.convection,
+        thickness=THICKNESS,
+    )
+    effects = replace(FLAT, crust=True)
+    return _cooling_sheet('crust', lava, effects, solution, accuracy, device)
+
+
+def _run_latent(accuracy: Accuracy, device: str) -> Run:
+    # 16 kW/m2 at first: solid after two days
+    lava = replace(STILL, convection=50.0, latent_heat=3.5e5, liquidus=1400.0, solidus=1250.0)
+    solution = exact.CrystallisingSheet(
+        initial=HOT,
+        ambient=COLD,
+        convection=lava.convection,
+        density=lava.density,
+        specific_heat=lava.specific_heat,
+        latent_heat=lava.latent_heat,
+        liquidus=lava.liquidus,
+        solidus=lava.solidus,
+        thickness=THICKNESS,
+    )
+    effects = replace(FLAT, cooling=True, latent_heat=True)
+    return _cooling_sheet('latent_heat', lava, effects, solution, accuracy, device)
+
+
+def _run_viscous(accuracy: Accuracy, device: str) -> Run:
+    # a small heat capacity, to warm by degrees
+    lava = replace(ISOTHERMAL, specific_heat=1.0)
+    slope, thickness, side, duration = math.radians(10.0), 1.0, 120.0, 20.0
+    spacing = 2.0 / accuracy.refinement
+    trial = Trial(
+        Scene(plane((-2 * side, -2 * side, 2 * side, 2 * side), 5.0, slope), lava=lava,
+              gravity=GRAVITY),
+        effects=replace(SLOPING, viscous_heating=True),
+        accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
+        particles=Particles(_lattice(side, side, spacing), thickness * spacing**2, HOT),
+        device=device,
+    )
+    trial.advance(duration)
+    sample = trial.simulation.sample()
+    middle = np.abs(sample.position).max(axis=1) < 0.2 * side
+    speed = exact.sheet_velocity(
+        thickness * math.cos(slope),
+        slope,
+        density=lava.density,
+        viscosity=lava.viscosity,
+        gravity=GRAVITY,
+    )
+    rise = exact.warming_by_descent(
+        speed * math.sin(slope) * duration, gravity=GRAVITY, specific_heat=lava.specific_heat
+    )
+    sheet = trial.run(
+        'viscous_heating',
+        Measurement('warming', float(sample.temperature[middle].mean()) - HOT, rise, 'K'),
+    )
+    return joined('viscous_heating', [sheet, _spreading(lava, accuracy, device)])
+
+
+def _spreading(lava: Lava, accuracy: Accuracy, device: str) -> Run:
+    """Heat of a fixed volume that spreads, beside the potential energy that it loses."""
+    volume, count = 1e5, round(2000 * accuracy.refinement**2)
+    solution = exact.FixedVolumeSpread(volume, lava.viscosity / lava.density, GRAVITY)
+    start, end = solution.time_of_radius(100.0), solution.time_of_radius(160.0)
+    trial = Trial(
+        Scene(plane((-250.0, -250.0, 250.0, 250.0), 10.0), lava=lava, gravity=GRAVITY),
+        effects=replace(FLAT, viscous_heating=True),
+        accuracy=replace(
+            accuracy, spacing=math.sqrt(math.pi * 100.0**2 / count), thickness=volume / 3e4
+        ),
+        particles=Particles(solution.particles(count, start), volume / count, HOT),
+        device=device,
+    )
+    trial.advance(end - start)
+    sample = trial.simulation.sample()
+    rise = float((sample.volume * (sample.temperature - HOT)).sum() / volume)
+    # the centre of mass of the profile is at 2 / 5 of its height
+    fall = 0.4 * (solution.centre(start) - solution.centre(end))
+    return trial.run(
+        'viscous_heating',
+        Measurement(
+            'heat of spreading',
+            rise,
+            exact.warming_by_descent(fall, gravity=GRAVITY, specific_heat=lava.specific_heat),
+            'K',
+        ),
+    )
+
+
+def _run_conduction(accuracy: Accuracy, device: str) -> Run:
+    # conducts so well that a front of temperature is wider than the kernel
+    lava = replace(STILL, density=1000.0, specific_heat=1000.0, conductivity=1000.0)
+    diffusivity, time = 1e-3, 1.6e4
+    spacing, length, width = 0.5 / accuracy.refinement, 60.0, 14.0
+    places = _lattice(length, width, spacing)
+    cold = places[:, 0] < 0.0
+    trial = Trial(
+        Scene(plane((-40.0, -15.0, 40.0, 15.0), 1.0), lava=lava, gravity=GRAVITY),
+        effects=replace(FLAT, conduction=True),
+        accuracy=replace(accuracy, spacing=spacing, thickness=THICKNESS),
+        particles=Particles(places, THICKNESS * spacing**2, np.where(cold, 1000.0, 1400.0)),
+        device=device,
+    )
+    trial.advance(time)
+    sample = trial.simulation.sample()
+    middle = (np.abs(sample.position[:, 1]) < 0.2 * width) & (
+        np.abs(sample.position[:, 0]) < 0.4 * length
+    )
+    right = exact.temperature_step(
+        sample.position[:, 0], time, low=1000.0, high=1400.0, diffusivity=diffusivity
+    )
+    apart = np.abs(sample.temperature - right)[middle].max()
+    return trial.run(
+        'conduction',
+        Measurement('profile', float(apart), 0.0, 'K', scale=400.0),
+        Measurement(
+            'heat',
+            float(sample.volume @ sample.temperature / sample.volume.sum()),
+            float(np.where(cold, 1000.0, 1400.0).mean()),
+            'K',
+        ),
+    )
+
+
+def _run_current(accuracy: Accuracy, device: str) -> Run:
+    # Garel et al. measured it with silicone oil; this is lava
+    lava = replace(ISOTHERMAL, emissivity=0.9, convection=50.0)
+    discharge = 1.0
+    solution = exact.CoolingCurrent(
+        initial=HOT,
+        ambient=COLD,
+        emissivity=lava.emissivity,
+        convection=lava.convection,
+        capacity=lava.density * lava.specific_heat,
+        discharge=discharge,
+    )
+    # until the radius is four thermal radii: what is stored then grows by 2 % of the supply
+    spread = exact.ConstantFluxSpread(discharge, lava.viscosity / lava.density, GRAVITY)
+    side = 4.5 * solution.thermal_radius
+    trial = Trial(
+        Scene(
+            plane((-side, -side, side, side), 10.0),
+            vents=(Vent((0.0, 0.0), discharge, radius=5.0, temperature=HOT),),
+            lava=lava,
+            gravity=GRAVITY,
+            ambient_temperature=COLD,
+        ),
+        effects=replace(FLAT, cooling=True),
+        accuracy=replace(accuracy, spacing=8.0 / accuracy.refinement),
+        device=device,
+    )
+    trial.advance((4.0 * solution.thermal_radius / spread.coefficient) ** 2)
+    sample = trial.simulation.sample()
+    distance = np.hypot(*sample.position.T)
+    measurements = []
+    for share in (0.5, 1.0):
+        ring = np.abs(distance / solution.thermal_radius - share) < 0.1
+        measurements.append(
+            Measurement(
+                f'temperature at {share:g} thermal radii',
+                float(sample.temperature[ring].mean()),
+                float(solution.temperature(distance[ring]).mean()),
+                'K',
+                scale=HOT - COLD,
+            )
+        )
+    loss = solution.flux(sample.temperature) @ (sample.volume / sample.thickness)
+    return trial.run(
+        'cooling_current',
+        *measurements,
+        Measurement('power of the surface', float(loss), solution.power, 'W'),
+    )
+
+
+CASES = (
+    Case('ground', 'sheet that warms the ground', 'Carslaw & Jaeger 1959', _run_ground),
+    Case('crust', 'sheet that cools under a crust', 'Carslaw & Jaeger 1959', _run_crust),
+    Case('latent_heat', 'sheet that crystallises', 'enthalpy balance', _run_latent),
+    Case('viscous_heating', 'lava that warms as it descends', 'energy balance', _run_viscous),
+    Case('conduction', 'step of temperature', 'error function', _run_conduction),
+    Case(
+        'cooling_current',
+        'steady current that cools as it spreads',
+        'heat balance; Garel et al. 2012',
+        _run_current,
+    ),
+)

@@ -1,0 +1,308 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cases of lava with inertia: a sheet that is let go, dam breaks, an oscillation in a bowl."""
+
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.simulation import Particles
+from lava_ros.verification import exact
+from lava_ros.verification.cases.case import (
+    Case,
+    GRAVITY,
+    Measurement,
+    plane,
+    Run,
+    strip,
+    Trial,
+)
+from lava_ros.verification.cases.pond import ground_at
+from lava_ros.verification.field import front
+
+#: Momentum and drag alone.
+INERTIAL = Effects(arrhenius=False, cooling=False, steep=False, inertia=True)
+
+#: Lava without any drag to speak of.
+THIN = Lava(density=2600.0, viscosity=1e-6, arrhenius=0.0, emissivity=0.0, convection=0.0)
+
+#: How far a fan reaches back from a dam when it is looked at, and the thickness behind it [m].
+REACH, HEIGHT = 10.0, 1.0
+
+#: Half of the width of the band in the middle that is looked at [m].
+BAND = 1.0
+
+#: Particles of a dam break and of a bowl at a refinement of 1.
+PARTICLES = 20_000
+
+
+def _run_sheet(accuracy: Accuracy, device: str) -> Run:
+    """Speed of the middle of a sheet after a half, one and three relaxation times."""
+    thickness, slope = 2.0, math.radians(10.0)
+    lava = replace(THIN, viscosity=1e3)
+    sheet = exact.AcceleratingSheet(thickness, slope, lava.viscosity / lava.density, GRAVITY)
+    spacing = 2.0 / accuracy.refinement
+    times = np.array([0.5, 1.0, 3.0]) / sheet.rate
+    # what the border feels comes in at the wave speed
+    pace = math.sqrt(GRAVITY * thickness)
+    half = 1.5 * pace * times[-1] + 5.0 * spacing
+    ticks = np.arange(-half, half, spacing)
+    places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    run_out = sheet.final_speed * times[-1]
+    window = (-2.0 * half, -2.0 * half, 2.0 * half + run_out, 2.0 * half)
+    trial = Trial(
+        Scene(plane(window, 0.05 * half, slope), lava=lava, gravity=GRAVITY),
+        effects=replace(INERTIAL, steep=True),
+        accuracy=replace(
+            accuracy,
+            spacing=spacing,
+            thickness=thickness,
+            longest_step=0.02 / sheet.rate / accuracy.refinement,
+        ),
+        particles=Particles(places, thickness * spacing**2, 1400.0),
+        device=device,
+    )
+    measured = []
+    for time, name in zip(times, ('half', 'one', 'three'), strict=True):
+        trial.advance(float(time))
+        sample = trial.simulation.sample()
+        centre = sheet.final_speed * time - sheet.lag(time)
+        middle = np.hypot(sample.position[:, 0] - centre, sample.position[:, 1]) < 0.2 * half
+        measured.append(
+            Measurement(
+                f'speed after {name}',
+                float(sample.velocity[middle, 0].mean()),
+                sheet.speed(float(time)),
+                'm/s',
+            )
+        )
+    return trial.run('inertial_sheet', *measured)
+
+
+@dataclass(frozen=True)
+class Break:
+    """Two dams at |x| = ``half`` that broke at once, seen along the middle of a strip.
+
+    Attributes:
+        trial: The simulation, at the time when the fans meet.
+        distance: Distances from the dams [m], the mean of both sides.
+        thickness: Thickness there [m].
+    """
+
+    trial: Trial
+    distance: np.ndarray
+    thickness: np.ndarray
+
+
+def broken_dams(
+    bed: float, ahead: float, *, accuracy: Accuracy, device: str = 'cpu'
+) -> Break:
+    """Let a block collapse on both sides, on a bed that reaches as far as its own end is not felt.
+
+    The sides are as far from the band as what they feel comes. Where the tip of a break onto a dry
+    bed comes from, particles are half as far apart: it thins out to less than a single one.
+
+    Args:
+        bed: Thickness of the bed, 0 for none [m].
+        ahead: How far from the dams it has to be undisturbed at the end [m].
+        accuracy: Resolution; spacing and thickness are set by the case.
+        device: Warp device.
+    """
+    time = REACH / math.sqrt(GRAVITY * HEIGHT)
+    half, side = 1.1 * REACH, 1.1 * REACH + BAND
+    if bed:
+        outer = half + ahead + 1.1 * math.sqrt(GRAVITY * bed) * time
+        parts = [(-outer, -half, bed, 1.0), (-half, half, HEIGHT, 1.0), (half, outer, bed, 1.0)]
+    else:
+        outer, inner = half, half - 0.1 * REACH
+        parts = [
+            (-half, -inner, HEIGHT, 2.0), (-inner, inner, HEIGHT, 1.0), (inner, half, HEIGHT, 2.0)
+        ]
+    area = sum((end - start) * fineness**2 for start, end, _, fineness in parts) * 2.0 * side
+    spacing = math.sqrt(area / PARTICLES) / accuracy.refinement
+    places, volumes = [], []
+    for start, end, thickness, fineness in parts:
+        count = max(2, round((end - start) * 2.0 * side * (fineness / spacing) ** 2))
+        share, y = strip(2.0 * side, count)
+        places.append(np.column_stack([start + share * (end - start), y]))
+        volumes.append(np.full(count, thickness * (end - start) * 2.0 * side / count))
+    far = max(outer, half + 2.2 * REACH)
+    trial = Trial(
+        Scene(plane((-far, -2.0 * side, far, 2.0 * side), 1.0), lava=THIN, gravity=GRAVITY),
+        effects=INERTIAL,
+        accuracy=replace(accuracy, spacing=spacing, thickness=HEIGHT),
+        particles=Particles(np.concatenate(places), np.concatenate(volumes), 1400.0),
+        device=device,
+    )
+    trial.advance(time)
+    field = trial.field((-far, -2.0 * BAND, far, 2.0 * BAND))
+    line = field.along_x(BAND)
+    right = field.x > 0.0
+    return Break(trial, field.x[right] - half, 0.5 * (line + line[::-1])[right])
+
+
+def _difference(
+    broken: Break, solution: exact.RitterDamBreak | exact.StokerDamBreak, ahead: float
+) -> Measurement:
+    """Mean of |h - exact| from where the fan begins to ``ahead`` [m], over the mean thickness."""
+    inside = (broken.distance > -REACH) & (broken.distance < ahead)
+    expected = solution.thickness(broken.distance[inside], broken.trial.simulation.time)
+    return Measurement(
+        'thickness',
+        float(np.abs(broken.thickness[inside] - expected).mean()),
+        0.0,
+        'm',
+        scale=float(expected.mean()),
+    )
+
+
+def _run_ritter(accuracy: Accuracy, device: str) -> Run:
+    solution = exact.RitterDamBreak(HEIGHT, GRAVITY)
+    broken = broken_dams(0.0, 0.0, accuracy=accuracy, device=device)
+    return broken.trial.run('ritter', _difference(broken, solution, 2.0 * REACH))
+
+
+def _run_stoker(accuracy: Accuracy, device: str) -> Run:
+    bed = 0.1 * HEIGHT
+    solution = exact.StokerDamBreak(HEIGHT, bed, GRAVITY)
+    bore = solution.bore * REACH / math.sqrt(GRAVITY * HEIGHT)
+    ahead = bore + 0.2 * REACH
+    broken = broken_dams(bed, ahead, accuracy=accuracy, device=device)
+    place = front(broken.distance, broken.thickness, 0.5 * (bed + solution.plateau))
+    return broken.trial.run(
+        'stoker', _difference(broken, solution, ahead), Measurement('bore', place, bore, 'm')
+    )
+
+
+@dataclass(frozen=True)
+class Swing:
+    """An oscillation in a bowl.
+
+    Attributes:
+        trial: The simulation at the end.
+        solution: The exact solution.
+        times: When it was looked at [s].
+        spread: Mean of r^2 then [m2].
+        energy: Kinetic and potential energy over the density then, above that at rest [m5/s2].
+    """
+
+    trial: Trial
+    solution: exact.OscillatingBowl
+    times: np.ndarray
+    spread: np.ndarray
+    energy: np.ndarray
+
+    @property
+    def period(self) -> float:
+        """The period that fits best [s]: the spread is a cosine, which may die away."""
+
+        def misfit(period: float) -> float:
+            phase = 2.0 * math.pi * self.times / period
+            wave = np.column_stack([np.cos(phase), np.sin(phase)])
+            columns = np.column_stack(
+                [np.ones_like(phase), phase, wave, wave * self.times[:, None]]
+            )
+            fit = np.linalg.lstsq(columns, self.spread, rcond=None)[0]
+            return float(((columns @ fit - self.spread) ** 2).sum())
+
+        candidates = self.solution.period * np.linspace(0.95, 1.05, 2001)
+        return float(candidates[np.argmin([misfit(period) for period in candidates])])
+
+    @property
+    def damping(self) -> float:
+        """Part of the energy above that at rest that is lost in a period."""
+        lasted = self.times[-1] / self.solution.period
+        return 1.0 - float(self.energy[-1] / self.energy[0]) ** (1.0 / lasted)
+
+    @property
+    def growth(self) -> float:
+        """Largest rise of the energy from one look to a later one, over the first energy."""
+        return float((self.energy - np.minimum.accumulate(self.energy)).max() / self.energy[0])
+
+
+def swing(
+    count: int, *, accuracy: Accuracy, periods: float = 3.0, looks: int = 20, device: str = 'cpu'
+) -> Swing:
+    """Let lava swing in a paraboloid (Thacker 1981), from where it is narrow and at rest.
+
+    Args:
+        count: About how many particles there are.
+        accuracy: Resolution; spacing and thickness are set by the case.
+        periods: How many periods it is watched.
+        looks: How many times a period it is looked at.
+        device: Warp device.
+    """
+    solution = exact.OscillatingBowl(1.0, 50.0, 0.3, GRAVITY)
+    narrow = solution.radius / math.sqrt(solution.narrowness(0.0))
+    wide = solution.radius / math.sqrt(solution.narrowness(0.5 * solution.period))
+    cell, half = 1.0, math.ceil(1.3 * wide)
+    ticks = np.arange(-half + 0.5 * cell, half, cell)
+    bowl = solution.depth * (ticks[None, :] ** 2 + ticks[:, None] ** 2) / solution.radius**2
+    spacing = narrow * math.sqrt(math.pi / count)
+    # even points of a disc: the golden angle
+    index = np.arange(count) + 0.5
+    distance, angle = narrow * np.sqrt(index / count), index * math.pi * (3.0 - math.sqrt(5.0))
+    thickness = solution.thickness(distance, 0.0)
+    trial = Trial(
+        Scene(Terrain(bowl, cell, origin=(-half, -half)), lava=THIN, gravity=GRAVITY),
+        effects=INERTIAL,
+        accuracy=replace(
+            accuracy, spacing=spacing, thickness=0.5 * float(thickness.max())
+        ),
+        particles=Particles(
+            np.column_stack([distance * np.cos(angle), distance * np.sin(angle)]),
+            thickness * spacing**2,
+            1400.0,
+        ),
+        device=device,
+    )
+    times = solution.period * np.arange(1 + round(periods * looks)) / looks
+    spread, energy = [], []
+    # a paraboloid of liquid at rest: its centre of mass is at 2/3 of its depth above the bottom
+    volume = 0.5 * math.pi * solution.depth * solution.radius**2
+    rest = GRAVITY * volume * solution.depth * 2.0 / 3.0
+    for time in times:
+        trial.advance(float(time))
+        sample = trial.simulation.sample()
+        share = sample.volume / sample.volume.sum()
+        spread.append(float(share @ (sample.position**2).sum(axis=1)))
+        ground = ground_at(trial.simulation.scene.terrain, sample.position)
+        head = GRAVITY * (0.5 * sample.thickness + ground)
+        kinetic = 0.5 * (sample.velocity**2).sum(axis=1)
+        energy.append(float(sample.volume @ (kinetic + head)) - rest)
+    return Swing(trial, solution, times, np.array(spread), np.array(energy))
+
+
+def _run_thacker(accuracy: Accuracy, device: str) -> Run:
+    count = max(200, round(PARTICLES * accuracy.refinement**2))
+    seen = swing(count, accuracy=accuracy, device=device)
+    return seen.trial.run(
+        'thacker',
+        Measurement('period', seen.period, seen.solution.period, 's'),
+        Measurement('loss a period', seen.damping, 0.0, '1', scale=1.0),
+        Measurement('energy growth', seen.growth, 0.0, '1', scale=1.0),
+    )
+
+
+CASES = (
+    Case('inertial_sheet', 'sheet that is let go on a slope', 'exponential', _run_sheet),
+    Case('ritter', 'dam break onto a dry bed, with inertia', 'Ritter 1892', _run_ritter),
+    Case('stoker', 'dam break onto a wet bed, with inertia', 'Stoker 1957', _run_stoker),
+    Case('thacker', 'oscillation in a paraboloid', 'Thacker 1981', _run_thacker),
+)

@@ -1,0 +1,393 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Cases of lava that is not Newtonian, and of what temperature and crystals do to viscosity."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene
+from lava_ros.simulation import Particles
+from lava_ros.verification import exact
+from lava_ros.verification.cases.case import (
+    Case,
+    FLAT,
+    GRAVITY,
+    ISOTHERMAL,
+    joined,
+    Measurement,
+    plane,
+    Run,
+    SLOPING,
+    strip,
+    Trial,
+)
+from lava_ros.verification.field import front
+
+#: Weight of a volume [N/m3].
+WEIGHT = ISOTHERMAL.density * GRAVITY
+
+#: Side of the sheets, and of their middle, which the ends do not reach [m].
+SIDE, MIDDLE = 120.0, 48.0
+
+#: A slope [rad] that most sheets are on.
+SLOPE = math.radians(10.0)
+
+#: Strength over the stress at the base of the sheets that flow.
+STRENGTH = 0.4
+
+#: Temperature that strength and viscosity hold at [K].
+REFERENCE = ISOTHERMAL.reference_temperature
+
+#: What sheets are made of: quantity, effects, exponent.
+SHEETS = (
+    ('speed, Bingham', {'yielding': True}, 1.0),
+    ('speed, power law, n 0.5', {'power_law': True}, 0.5),
+    ('speed, n 0.5', {'yielding': True, 'power_law': True}, 0.5),
+    ('speed, n 1', {'yielding': True, 'power_law': True}, 1.0),
+    ('speed, n 2', {'yielding': True, 'power_law': True}, 2.0),
+)
+
+#: Constants A, B [K] and C [K] of a basalt.
+VFT = (-4.55, 5700.0, 600.0)
+
+#: Exponent of each crystals' law.
+CRYSTAL_EXPONENTS = {'einstein-roscoe': 2.5, 'maron-pierce': 2.0}
+
+#: Slumps are looked at after so many times mu / tau_y: what is left of their way falls as 1 / t.
+SLUMP = 1e4
+
+#: Radius, or half-width, that slumps start from, over the last: all of the lava moves at first.
+SQUEEZE = 0.7
+
+
+def _sheet(
+    lava: Lava,
+    effects: Effects,
+    *,
+    slope: float,
+    thickness: float,
+    accuracy: Accuracy,
+    device: str,
+    temperature: float = REFERENCE,
+) -> Trial:
+    """A square sheet on a slope [rad], its thickness [m] normal to it."""
+    spacing = 2.0 / accuracy.refinement
+    count = max(2, int(SIDE / spacing))
+    ticks = (np.arange(count) - 0.5 * (count - 1)) * spacing
+    places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    vertical = thickness / math.cos(slope)
+    return Trial(
+        Scene(plane((-SIDE, -SIDE, SIDE, SIDE), 5.0, slope), lava=lava, gravity=GRAVITY),
+        effects=effects,
+        accuracy=replace(accuracy, spacing=spacing, thickness=vertical, longest_step=1e6),
+        particles=Particles(places, vertical * spacing**2, temperature),
+        device=device,
+    )
+
+
+def _middle(trial: Trial) -> tuple[np.ndarray, np.ndarray]:
+    """Places along the slope [m] and speeds along it [m/s] of the middle, on the map."""
+    sample = trial.simulation.sample()
+    inside = np.abs(sample.position).max(axis=1) < 0.5 * MIDDLE
+    return sample.position[inside, 0], sample.velocity[inside, 0]
+
+
+def _speed(trial: Trial, slope: float, duration: float) -> float:
+    """Mean speed along the slope of the middle, over a duration [s]."""
+    speeds = []
+    for time in (0.0, duration):
+        trial.advance(time)
+        speeds.append(_middle(trial)[1].mean())
+    return float(np.mean(speeds)) / math.cos(slope)
+
+
+def _run_sheets(accuracy: Accuracy, device: str) -> Run:
+    runs = []
+    for quantity, switched, index in SHEETS:
+        strength = STRENGTH * WEIGHT * math.sin(SLOPE) if 'yielding' in switched else 0.0
+        lava = replace(ISOTHERMAL, viscosity=4e3, yield_strength=strength, flow_index=index)
+        trial = _sheet(
+            lava,
+            replace(SLOPING, **switched),
+            slope=SLOPE,
+            thickness=1.0,
+            accuracy=accuracy,
+            device=device,
+        )
+        right = exact.herschel_bulkley_velocity(
+            1.0,
+            SLOPE,
+            density=lava.density,
+            consistency=lava.viscosity,
+            strength=strength,
+            index=index,
+            gravity=GRAVITY,
+        )
+        measured = _speed(trial, SLOPE, 4.0)
+        runs.append(
+            trial.run('herschel_bulkley', Measurement(quantity, measured, right, 'm/s'))
+        )
+    return joined('herschel_bulkley', runs)
+
+
+def _run_critical(accuracy: Accuracy, device: str) -> Run:
+    """The thickness at which a sheet starts to move, and how far a thinner one creeps."""
+    runs = []
+    for degrees in (3.0, 10.0, 25.0):
+        slope = math.radians(degrees)
+        lava = replace(ISOTHERMAL, yield_strength=WEIGHT * math.sin(slope))
+
+        def sheet(thickness: float, lava: Lava = lava, slope: float = slope) -> Trial:
+            return _sheet(
+                lava,
+                replace(SLOPING, yielding=True),
+                slope=slope,
+                thickness=thickness,
+                accuracy=accuracy,
+                device=device,
+            )
+
+        right = exact.critical_thickness(
+            lava.yield_strength, slope, density=lava.density, gravity=GRAVITY
+        )
+        low, high = 0.97 * right, 1.03 * right
+        trial = sheet(high)
+        if not _middle(trial)[1].any() or _middle(sheet(low))[1].any():
+            low = high = math.nan
+        while high - low > 1e-4 * right:
+            thickness = 0.5 * (low + high)
+            trial = sheet(thickness)
+            if _middle(trial)[1].any():
+                high = thickness
+            else:
+                low = thickness
+        found = Measurement(
+            f'thickness at {degrees:g} degrees', 0.5 * (low + high), right, 'm'
+        )
+        runs.append(trial.run('critical_thickness', found))
+    slope = SLOPE
+    trial = _sheet(
+        replace(ISOTHERMAL, yield_strength=WEIGHT * math.sin(slope)),
+        replace(SLOPING, yielding=True),
+        slope=slope,
+        thickness=0.99,
+        accuracy=accuracy,
+        device=device,
+    )
+    start = np.sort(_middle(trial)[0])
+    trial.advance(1e5)
+    end = np.sort(_middle(trial)[0])
+    way = float(np.abs(end - start).max()) if len(end) == len(start) else math.nan
+    creep = Measurement('creep of 0.99 of it', way, 0.0, 'm', scale=1.0)
+    return joined(
+        'critical_thickness', [*runs, trial.run('critical_thickness', creep)]
+    )
+
+
+def _run_dome(accuracy: Accuracy, device: str) -> Run:
+    """A volume that spreads until it can no more.
+
+    It starts as a dome of the same shape, so that the stress exceeds the strength everywhere by
+    the same factor.
+    """
+    volume, strength = 1.5e5, 1e4
+    count = max(20, round(4000 * accuracy.refinement**2))
+    lava = replace(ISOTHERMAL, yield_strength=strength)
+    solution = exact.BinghamDome(volume, strength, lava.density, GRAVITY)
+    radius = solution.radius
+    area = math.pi * radius**2
+    half = 1.3 * radius
+    window = (-half, -half, half, half)
+    trial = Trial(
+        Scene(plane(window, 0.05 * half), lava=lava, gravity=GRAVITY),
+        effects=replace(FLAT, yielding=True),
+        accuracy=replace(
+            accuracy,
+            spacing=math.sqrt(area / count),
+            thickness=volume / area,
+            longest_step=1e6,
+        ),
+        particles=Particles(
+            solution.particles(count, SQUEEZE * radius), volume / count, REFERENCE
+        ),
+        device=device,
+    )
+    trial.advance(SLUMP * lava.viscosity / strength)
+    sample = trial.simulation.sample()
+    distance = np.hypot(*sample.position.T)
+    expected = solution.thickness(distance)
+    thin = 0.1 * volume / area
+    return trial.run(
+        'bingham_dome',
+        Measurement(
+            'radius', math.sqrt(float((distance**2).mean())), solution.rms_radius, 'm'
+        ),
+        Measurement(
+            'profile',
+            float(np.abs(sample.thickness - expected).mean()),
+            0.0,
+            'm',
+            scale=float(expected.mean()),
+        ),
+        Measurement(
+            'edge',
+            trial.field(window).mean_radius(thin, half),
+            solution.radius_of_thickness(thin),
+            'm',
+        ),
+    )
+
+
+def _run_ridge(accuracy: Accuracy, device: str) -> Run:
+    """A narrow strip down a slope that widens until it rests, twelve half-widths long."""
+    slope = math.radians(15.0)
+    strength = 2.0 * WEIGHT * math.sin(slope)
+    lava = replace(ISOTHERMAL, yield_strength=strength)
+    solution = exact.Ridge(0.85, strength, slope, WEIGHT)
+    half = solution.half_width
+    length = 12.0 * half
+    held = solution.section / math.cos(slope)
+    spacing = half / 14.0 / accuracy.refinement
+    share, x = strip(length, max(20, round(2.0 * half * length / spacing**2)))
+    places = np.linspace(-half, half, 20001)
+    density = solution.thickness(np.abs(places))
+    beyond = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
+    y = SQUEEZE * np.interp(share, beyond / beyond[-1], places)
+    trial = Trial(
+        Scene(
+            plane((-0.6 * length, -2.0 * half, 0.7 * length, 2.0 * half), half / 8.0, slope),
+            lava=lava,
+            gravity=GRAVITY,
+        ),
+        effects=replace(SLOPING, yielding=True),
+        accuracy=replace(
+            accuracy, spacing=spacing, thickness=0.5 * held / half, longest_step=1e6
+        ),
+        particles=Particles(np.column_stack([x, y]), held * length / len(x), REFERENCE),
+        device=device,
+    )
+    trial.advance(SLUMP * lava.viscosity / strength)
+    sample = trial.simulation.sample()
+    middle = np.abs(sample.position[:, 0]) < 0.15 * length
+    expected = solution.thickness(np.abs(sample.position[middle, 1])) / math.cos(slope)
+    grid = trial.field((-0.15 * length, -2.0 * half, 0.15 * length, 2.0 * half))
+    line, thin = grid.thickness.mean(axis=1), 0.1 * solution.critical
+    edges = [front(grid.y, line, thin), front(-grid.y[::-1], line[::-1], thin)]
+    return trial.run(
+        'ridge',
+        Measurement(
+            'half-width',
+            float(np.mean(edges)),
+            solution.distance_of_thickness(thin * math.cos(slope)),
+            'm',
+        ),
+        Measurement(
+            'profile',
+            float(np.abs(sample.thickness[middle] - expected).mean()),
+            0.0,
+            'm',
+            scale=float(expected.mean()),
+        ),
+    )
+
+
+def _run_laws(accuracy: Accuracy, device: str) -> Run:
+    """Sheets at several temperatures, whose speed says what viscosity and strength are there."""
+    runs = []
+
+    def compare(
+        quantity: str,
+        lava: Lava,
+        temperature: float,
+        viscosity: float,
+        strength: float = 0.0,
+        **switched: bool,
+    ) -> None:
+        trial = _sheet(
+            lava,
+            replace(SLOPING, **switched),
+            slope=SLOPE,
+            thickness=1.0,
+            accuracy=accuracy,
+            device=device,
+            temperature=temperature,
+        )
+        right = exact.herschel_bulkley_velocity(
+            1.0,
+            SLOPE,
+            density=lava.density,
+            consistency=viscosity,
+            strength=strength,
+            index=1.0,
+            gravity=GRAVITY,
+        )
+        # the sheet moves on by about its thickness
+        measured = _speed(trial, SLOPE, 1.0 / right)
+        runs.append(trial.run('material_laws', Measurement(quantity, measured, right, 'm/s')))
+
+    a, b, c = VFT
+    for temperature in (1400.0, 1200.0):
+        compare(
+            f'VFT, {temperature:g} K',
+            replace(ISOTHERMAL, vft_a=a, vft_b=b, vft_c=c),
+            temperature,
+            exact.vft_viscosity(temperature, a, b, c),
+            vft=True,
+        )
+    for law, exponent in CRYSTAL_EXPONENTS.items():
+        lava = replace(
+            ISOTHERMAL, solidus=1273.0, liquidus=1473.0, crystal_law=law, crystals=0.5
+        )
+        # three quarters of the way to the solidus
+        factor = exact.crystal_factor(0.375, lava.packing, exponent)
+        compare(law, lava, 1323.0, lava.viscosity * factor, crystals=True)
+    lava = replace(
+        ISOTHERMAL, yield_strength=0.2 * WEIGHT * math.sin(SLOPE), yield_rate=math.log(2.0) / 100.0
+    )
+    # twice as strong, at a hundred kelvin less
+    compare(
+        'strength',
+        lava,
+        REFERENCE - 100.0,
+        lava.viscosity,
+        2.0 * lava.yield_strength,
+        yielding=True,
+    )
+    return joined('material_laws', runs)
+
+
+CASES = (
+    Case(
+        'herschel_bulkley',
+        'sheets of Bingham, power-law and Herschel-Bulkley lava',
+        'Herschel & Bulkley 1926',
+        _run_sheets,
+    ),
+    Case(
+        'critical_thickness', 'sheets about to move', 'Hulme 1974', _run_critical
+    ),
+    Case(
+        'material_laws',
+        'viscosity and strength at several temperatures',
+        'Giordano et al. 2008; Roscoe 1952; Maron & Pierce 1956',
+        _run_laws,
+    ),
+    Case('bingham_dome', 'dome that a volume leaves', 'Nye 1952; Blake 1990', _run_dome),
+    Case('ridge', 'ridge that a strip down a slope leaves', 'after Hulme 1974', _run_ridge),
+)

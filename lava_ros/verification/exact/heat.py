@@ -1,0 +1,290 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Exact solutions of lava that gains and loses heat."""
+
+import math
+
+import numpy as np
+
+from lava_ros.verification.exact.sheets import STEFAN_BOLTZMANN
+
+
+class ColumnOnGround:
+    """A mixed column that loses heat to a half-space of ground and to nothing else.
+
+    rho c h T' = -q and the ground's surface is at T. In Laplace space (ground temperature over
+    Tg: (T - Tg) exp(-z sqrt(s / a))) q = kg sqrt(s / a) (T - Tg), so
+    (T - Tg) / (T0 - Tg) = 1 / (s + b sqrt(s)), b = kg / (sqrt(a) rho c h), whose original is
+    exp(b^2 t) erfc(b sqrt(t)).
+    """
+
+    def __init__(
+        self,
+        *,
+        initial: float,
+        ground: float,
+        conductivity: float,
+        diffusivity: float,
+        capacity: float,
+        thickness: float,
+    ) -> None:
+        """Set the case.
+
+        Args:
+            initial: T0 [K].
+            ground: Tg [K].
+            conductivity: kg [W/(m K)].
+            diffusivity: a [m2/s].
+            capacity: rho c of the column [J/(m3 K)].
+            thickness: h [m].
+        """
+        self.initial = initial
+        self.ground = ground
+        self.rate = conductivity / (math.sqrt(diffusivity) * capacity * thickness)
+
+    def temperature(self, time: float) -> float:
+        """T [K] at a time of contact [s], up to 700 / b^2."""
+        x = self.rate * math.sqrt(time)
+        return self.ground + (self.initial - self.ground) * math.exp(x * x) * math.erfc(x)
+
+
+def heat_into_ground(
+    difference: float, time: float, *, conductivity: float, diffusivity: float
+) -> float:
+    """Heat that a half-space takes from a surface of constant temperature [J/m2].
+
+    Its temperature is erfc(z / (2 sqrt(a t))) times the difference, the flux
+    kg difference / sqrt(pi a t), and its integral 2 kg difference sqrt(t / (pi a)).
+
+    Args:
+        difference: Temperature over the ground's [K].
+        time: Time of contact [s].
+        conductivity: kg [W/(m K)].
+        diffusivity: a [m2/s].
+    """
+    return 2.0 * conductivity * difference * math.sqrt(time / (math.pi * diffusivity))
+
+
+class ConvectingSlab:
+    """A slab that conducts heat to its top, which convects; its base is insulated.
+
+    T_t = kappa T_zz with k T_z = -lambda (T - Ta) on top. Its modes cos(beta z / h) have
+    beta tan(beta) = Bi = lambda h / k, and the mean over the thickness is
+    sum 2 Bi^2 / (beta^2 (beta^2 + Bi^2 + Bi)) exp(-beta^2 kappa t / h^2) of T0 - Ta
+    (Carslaw & Jaeger 1959, section 3.11).
+    """
+
+    def __init__(
+        self,
+        *,
+        initial: float,
+        ambient: float,
+        conductivity: float,
+        capacity: float,
+        convection: float,
+        thickness: float,
+        modes: int = 400,
+    ) -> None:
+        """Set the case.
+
+        Args:
+            initial: T0 [K].
+            ambient: Ta [K].
+            conductivity: k [W/(m K)].
+            capacity: rho c [J/(m3 K)].
+            convection: lambda [W/(m2 K)].
+            thickness: h [m].
+            modes: Modes that are summed.
+        """
+        self.initial = initial
+        self.ambient = ambient
+        biot = convection * thickness / conductivity
+        low = np.arange(modes) * math.pi
+        high = low + 0.5 * math.pi
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            below = middle * np.sin(middle) * np.sign(np.cos(middle)) < biot * np.abs(
+                np.cos(middle)
+            )
+            low, high = np.where(below, middle, low), np.where(below, high, middle)
+        self._squares = middle**2
+        self._weights = 2.0 * biot**2 / (
+            self._squares * (self._squares + biot**2 + biot)
+        )
+        self._rate = conductivity / (capacity * thickness**2)
+
+    def temperature(self, time: float) -> float:
+        """Mean of the temperature over the thickness [K] at a time [s]."""
+        left = float(self._weights @ np.exp(-self._squares * self._rate * time))
+        return self.ambient + (self.initial - self.ambient) * left
+
+
+class CrystallisingSheet:
+    """A sheet that loses lambda (T - Ta) and crystallises between liquidus and solidus.
+
+    rho c h m T' = -lambda (T - Ta) with m = 1 + L / (c (liquidus - solidus)) within the interval,
+    1 outside. So each piece is an exponential, and the time to a temperature is
+    rho c h / lambda times the sum of m ln((T1 - Ta) / (T2 - Ta)) over the pieces from T1 to T2.
+    """
+
+    def __init__(
+        self,
+        *,
+        initial: float,
+        ambient: float,
+        convection: float,
+        density: float,
+        specific_heat: float,
+        latent_heat: float,
+        liquidus: float,
+        solidus: float,
+        thickness: float,
+    ) -> None:
+        """Set the case.
+
+        Args:
+            initial: T0 [K].
+            ambient: Ta [K].
+            convection: lambda [W/(m2 K)].
+            density: rho [kg/m3].
+            specific_heat: c [J/(kg K)].
+            latent_heat: L [J/kg].
+            liquidus: Temperature above which there are no crystals [K].
+            solidus: Temperature below which there is no melt [K].
+            thickness: h [m].
+        """
+        self.initial = initial
+        self.ambient = ambient
+        self._time = density * specific_heat * thickness / convection
+        slower = 1.0 + latent_heat / (specific_heat * (liquidus - solidus))
+        self._pieces = (
+            (liquidus, math.inf, 1.0),
+            (solidus, liquidus, slower),
+            (0.0, solidus, 1.0),
+        )
+
+    def temperature(self, time: float) -> float:
+        """T [K] at a time [s]."""
+        now, left = self.initial, time / self._time
+        for low, high, slower in self._pieces:
+            if low < now <= high:
+                end = max(low, self.ambient)
+                needed = math.inf
+                if low > self.ambient:
+                    needed = slower * math.log((now - self.ambient) / (low - self.ambient))
+                if left <= needed:
+                    return self.ambient + (now - self.ambient) * math.exp(-left / slower)
+                now, left = end, left - needed
+        return now
+
+
+def temperature_step(
+    distance: np.ndarray, time: float, *, low: float, high: float, diffusivity: float
+) -> np.ndarray:
+    """Temperature [K] of a layer that was at ``low`` left of 0 and at ``high`` right of it.
+
+    T_t = kappa T_xx has T = (low + high) / 2 + (high - low) / 2 erf(x / (2 sqrt(kappa t))).
+
+    Args:
+        distance: x [m].
+        time: Time since then [s].
+        low: Temperature at x < 0 [K].
+        high: Temperature at x > 0 [K].
+        diffusivity: kappa [m2/s].
+    """
+    scaled = np.asarray(distance) / (2.0 * math.sqrt(diffusivity * time))
+    shape = np.array([math.erf(value) for value in scaled.ravel()]).reshape(scaled.shape)
+    return 0.5 * (low + high) + 0.5 * (high - low) * shape
+
+
+def warming_by_descent(descent: float, *, gravity: float, specific_heat: float) -> float:
+    """Rise of temperature when all potential energy becomes heat, g z / c [K].
+
+    Args:
+        descent: Height that the lava has come down [m].
+        gravity: Acceleration of gravity [m/s2].
+        specific_heat: c [J/(kg K)].
+    """
+    return gravity * descent / specific_heat
+
+
+class CoolingCurrent:
+    """A steady current from a point source that radiates and convects as it spreads.
+
+    All of the discharge Q flows through every circle that the current has left far behind, and
+    T is that of the circle: rho c Q dT/dr = -2 pi r F(T),
+    F = eps sigma (T^4 - Ta^4) + lambda (T - Ta), whatever the thickness and the viscosity are. So
+    r^2 = (rho c Q / pi) int_T^T0 dT / F. For F = lambda (T - Ta) that is
+    T - Ta = (T0 - Ta) exp(-pi lambda r^2 / (rho c Q)), the thermal radius sqrt(rho c Q / (pi
+    lambda)). A source that is a disc, too: within it the difference is 1 / (1 + a^2 / rT^2), which
+    is the point source's at its edge up to half of the square of a^2 / rT^2.
+
+    The surface loses rho c Q (T0 - Ta) in all: the heat that the source supplies.
+    """
+
+    def __init__(
+        self,
+        *,
+        initial: float,
+        ambient: float,
+        emissivity: float,
+        convection: float,
+        capacity: float,
+        discharge: float,
+    ) -> None:
+        """Set the case.
+
+        Args:
+            initial: T0 [K].
+            ambient: Ta [K].
+            emissivity: eps.
+            convection: lambda [W/(m2 K)].
+            capacity: rho c [J/(m3 K)].
+            discharge: Q [m3/s].
+        """
+        self.initial = initial
+        self.ambient = ambient
+        self._emissivity = emissivity
+        self._convection = convection
+        self._supply = capacity * discharge
+        # T falls by e each time the integral of dT / F does: even in the logarithm of T - Ta
+        logs = np.linspace(0.0, -12.0, 24001)
+        differences = (initial - ambient) * np.exp(logs)
+        slopes = differences / self.flux(ambient + differences)
+        steps = 0.5 * (slopes[1:] + slopes[:-1]) * (logs[:-1] - logs[1:])
+        self._squares = np.concatenate([[0.0], np.cumsum(steps)]) * self._supply / math.pi
+        self._logs = logs
+
+    def flux(self, temperature: np.ndarray) -> np.ndarray:
+        """Loss of the surface [W/m2] at temperatures [K]."""
+        fourth = np.asarray(temperature) ** 4 - self.ambient**4
+        excess = np.asarray(temperature) - self.ambient
+        return self._emissivity * STEFAN_BOLTZMANN * fourth + self._convection * excess
+
+    @property
+    def power(self) -> float:
+        """Heat that the source supplies and the surface loses [W]."""
+        return self._supply * (self.initial - self.ambient)
+
+    @property
+    def thermal_radius(self) -> float:
+        """Distance at which T - Ta has fallen to 1 / e [m]."""
+        return math.sqrt(float(np.interp(1.0, -self._logs, self._squares)))
+
+    def temperature(self, distance: np.ndarray) -> np.ndarray:
+        """T [K] at distances from the source [m]."""
+        logs = np.interp(np.asarray(distance) ** 2, self._squares, self._logs)
+        return self.ambient + (self.initial - self.ambient) * np.exp(logs)

@@ -1,0 +1,170 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Exact solutions of shallow flow with inertia: sheets, dam breaks, a bowl.
+
+Du/Dt = -g grad(h + H) - drag and h_t + div(h u) = 0.
+"""
+
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class AcceleratingSheet:
+    """A uniform sheet that is let go on a slope, at rest.
+
+    h du/dt = g h tan(b) cos^2(b) - gamma h u with gamma = 3 nu / (h cos b)^2, all on the map: from
+    rest u = u_eq (1 - exp(-gamma t)), u_eq = g h^2 tan(b) cos^4(b) / (3 nu). A sheet without
+    inertia is ahead by u_eq (1 - exp(-gamma t)) / gamma.
+
+    Attributes:
+        thickness: h, vertical [m].
+        slope: b [rad].
+        nu: Kinematic viscosity [m2/s].
+        gravity: g [m/s2].
+    """
+
+    thickness: float
+    slope: float
+    nu: float
+    gravity: float
+
+    @property
+    def rate(self) -> float:
+        """Gamma [1/s], one over the relaxation time."""
+        return 3.0 * self.nu / (self.thickness * math.cos(self.slope)) ** 2
+
+    @property
+    def final_speed(self) -> float:
+        """u_eq [m/s]."""
+        fall = self.gravity * math.tan(self.slope) * math.cos(self.slope) ** 2
+        return fall / self.rate
+
+    def speed(self, time: float) -> float:
+        """Speed u [m/s]."""
+        return self.final_speed * -math.expm1(-self.rate * time)
+
+    def lag(self, time: float) -> float:
+        """How far a sheet without inertia is ahead [m]."""
+        return self.speed(time) / self.rate
+
+
+@dataclass(frozen=True)
+class RitterDamBreak:
+    """A dam at x = 0 breaks onto a dry bed, without drag (Ritter 1892).
+
+    Along dx/dt = u - c, c = sqrt(g h), the invariant u + 2 c keeps its value 2 c0 behind the dam.
+    In the fan from the dam x / t = u - c, so c = (2 c0 - x / t) / 3 between x = -c0 t and 2 c0 t.
+
+    Attributes:
+        height: Thickness behind the dam [m].
+        gravity: g [m/s2].
+    """
+
+    height: float
+    gravity: float
+
+    @property
+    def pace(self) -> float:
+        """c0 [m/s]."""
+        return math.sqrt(self.gravity * self.height)
+
+    def thickness(self, x: np.ndarray, time: float) -> np.ndarray:
+        """Thickness [m] at places x [m]."""
+        c = np.clip((2.0 * self.pace - x / time) / 3.0, 0.0, self.pace)
+        return c**2 / self.gravity
+
+
+class StokerDamBreak:
+    """A dam at x = 0 breaks onto a layer at rest, without drag (Stoker 1957, section 10.8).
+
+    A fan as Ritter's ends at x / t = u_m - c_m with u_m = 2 (c0 - c_m). A plateau h_m follows up
+    to the bore at x / t = s. What flows into the bore balances, h_m (s - u_m) = h_1 s, and so does
+    momentum, s^2 = g h_m (h_m + h_1) / (2 h_1). The two give u_m = s (1 - h_1 / h_m), an equation
+    for h_m whose left side falls and whose right side rises.
+
+    Attributes:
+        plateau: h_m [m].
+        bore: s [m/s].
+    """
+
+    def __init__(self, height: float, bed: float, gravity: float) -> None:
+        """Solve for the plateau by bisection.
+
+        Args:
+            height: Thickness behind the dam [m].
+            bed: Thickness of the layer in front of it, h_1 [m].
+            gravity: g [m/s2].
+        """
+        self.height, self.bed, self.gravity = height, bed, gravity
+        low, high = bed, height
+        for _ in range(200):
+            middle = 0.5 * (low + high)
+            if self._speed(middle) > self._bore(middle) * (1.0 - bed / middle):
+                low = middle
+            else:
+                high = middle
+        self.plateau = 0.5 * (low + high)
+        self.bore = self._bore(self.plateau)
+
+    def _speed(self, plateau: float) -> float:
+        return 2.0 * (math.sqrt(self.gravity * self.height) - math.sqrt(self.gravity * plateau))
+
+    def _bore(self, plateau: float) -> float:
+        return math.sqrt(0.5 * self.gravity * plateau * (plateau + self.bed) / self.bed)
+
+    def thickness(self, x: np.ndarray, time: float) -> np.ndarray:
+        """Thickness [m] at places x [m]."""
+        fan = RitterDamBreak(self.height, self.gravity).thickness(x, time)
+        return np.where(x > self.bore * time, self.bed, np.maximum(fan, self.plateau))
+
+
+@dataclass(frozen=True)
+class OscillatingBowl:
+    """Liquid that swings in a paraboloid, wide and thin or narrow and thick (Thacker 1981).
+
+    On H = h0 r^2 / a^2 the thickness h = h0 (q - q^2 r^2 / a^2) with u = -r q' / (2 q) fulfils
+    continuity for any q(t). With R = q^(-1/2) it is u = r R' / R, and Du/Dt = r R'' / R =
+    -2 g h0 r / a^2 (1 - q^2) asks for R'' = w^2 / 4 (R^-3 - R), w^2 = 8 g h0 / a^2. With y = R^2
+    that is y'' + w^2 y = const, so y swings at w: from rest q = sqrt(1 - A^2) / (1 - A cos(w t)).
+
+    Attributes:
+        depth: h0, thickness in the middle at rest [m].
+        radius: a, radius at rest [m].
+        swing: A, between 0 and 1.
+        gravity: g [m/s2].
+    """
+
+    depth: float
+    radius: float
+    swing: float
+    gravity: float
+
+    @property
+    def period(self) -> float:
+        """2 pi / w [s]."""
+        return 2.0 * math.pi * self.radius / math.sqrt(8.0 * self.gravity * self.depth)
+
+    def narrowness(self, time: float) -> float:
+        """The middle's thickness over that at rest, q = (a / radius)^2."""
+        phase = 2.0 * math.pi * time / self.period
+        return math.sqrt(1.0 - self.swing**2) / (1.0 - self.swing * math.cos(phase))
+
+    def thickness(self, distance: np.ndarray, time: float) -> np.ndarray:
+        """Thickness [m] at distances from the middle [m]."""
+        q = self.narrowness(time)
+        return np.maximum(0.0, self.depth * (q - (q * distance / self.radius) ** 2))

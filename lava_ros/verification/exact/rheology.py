@@ -1,0 +1,175 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Exact solutions of lava with a yield strength, or whose stress follows a power of the strain.
+
+The stress at the base of a layer is rho g d sin b on a slope and rho g h |grad h| on a plane, and
+falls linearly to 0 at the surface; where it is below the strength tau_y nothing is sheared.
+"""
+
+import math
+
+import numpy as np
+
+
+def herschel_bulkley_velocity(
+    thickness: float,
+    slope: float,
+    *,
+    density: float,
+    consistency: float,
+    strength: float,
+    index: float,
+    gravity: float,
+) -> float:
+    """Depth-averaged speed along the slope of a uniform sheet [m/s].
+
+    K (du/dz)^n = rho g s (Y - z) below Y = h - tau_y / (rho g s), s = sin b, and 0 above. Twice
+    integrated from no slip, the flux is
+    q = n / ((n + 1)(2 n + 1)) (rho g s / K)^(1/n) Y^(1 + 1/n) ((1 + 2 n) h - n Y), and the speed
+    q / h. With tau_y = 0 and n = 1 it is rho g s h^2 / (3 K).
+
+    Args:
+        thickness: h, normal to the slope [m].
+        slope: b [rad].
+        density: rho [kg/m3].
+        consistency: K [Pa s^n].
+        strength: tau_y [Pa].
+        index: n.
+        gravity: g [m/s2].
+    """
+    weight, n = density * gravity * math.sin(slope), index
+    sheared = thickness - strength / weight
+    if sheared <= 0.0:
+        return 0.0
+    rate = (weight / consistency) ** (1.0 / n) * sheared ** (1.0 + 1.0 / n)
+    profile = (1.0 + 2.0 * n) * thickness - n * sheared
+    return n / ((n + 1.0) * (2.0 * n + 1.0)) * rate * profile / thickness
+
+
+def critical_thickness(strength: float, slope: float, *, density: float, gravity: float) -> float:
+    """Thickness normal to the slope up to which a sheet rests, tau_y / (rho g sin b) [m].
+
+    Args:
+        strength: tau_y [Pa].
+        slope: b [rad].
+        density: rho [kg/m3].
+        gravity: g [m/s2].
+    """
+    return strength / (density * gravity * math.sin(slope))
+
+
+def vft_viscosity(temperature: float, a: float, b: float, c: float) -> float:
+    """10^(A + B / (T - C)) [Pa s] (Giordano, Russell & Dingwell 2008)."""
+    return math.pow(10.0, a + b / (temperature - c))
+
+
+def crystal_factor(fraction: float, packing: float, exponent: float) -> float:
+    """What crystals of a volume fraction multiply viscosity by, (1 - phi / phi_m)^-e."""
+    return math.pow(1.0 - fraction / packing, -exponent)
+
+
+class BinghamDome:
+    """What a volume that spread on a plane leaves behind.
+
+    It rests where rho g h |dh/dr| = tau_y everywhere: h^2 = k^2 (R - r), k^2 = 2 tau_y / (rho g),
+    and the volume is 2 pi k times the integral of r (R - r)^(1/2), 8 pi k R^(5/2) / 15.
+
+    Attributes:
+        radius: R [m].
+    """
+
+    def __init__(self, volume: float, strength: float, density: float, gravity: float) -> None:
+        """Set volume [m3], tau_y [Pa], rho [kg/m3] and g [m/s2]."""
+        self.volume = volume
+        self._k = math.sqrt(2.0 * strength / (density * gravity))
+        self.radius = (15.0 * volume / (8.0 * math.pi * self._k)) ** 0.4
+
+    @property
+    def rms_radius(self) -> float:
+        """Root of the volume-weighted mean of r^2 [m], R (8 / 21)^(1/2) by Beta functions."""
+        return self.radius * math.sqrt(8.0 / 21.0)
+
+    def thickness(self, distance: np.ndarray) -> np.ndarray:
+        """Thickness [m] at distances from the middle [m]."""
+        return self._k * np.sqrt(np.maximum(self.radius - distance, 0.0))
+
+    def radius_of_thickness(self, thickness: float) -> float:
+        """Distance from the middle [m] at which the thickness is this [m]."""
+        return self.radius - (thickness / self._k) ** 2
+
+    def particles(self, count: int, radius: float) -> np.ndarray:
+        """Places of particles of equal volume in a dome of this shape, shape [count, 2].
+
+        The share of the volume beyond r is u^(3/2) (5 - 3 u) / 2 with u = 1 - r / R. Azimuths
+        follow the golden angle.
+
+        Args:
+            count: Number of particles.
+            radius: Radius of the dome [m].
+        """
+        index = np.arange(count)
+        u = np.linspace(0.0, 1.0, 20001)
+        beyond = 0.5 * u**1.5 * (5.0 - 3.0 * u)
+        r = radius * (1.0 - np.interp(1.0 - (index + 0.5) / count, beyond, u))
+        angle = index * math.pi * (3.0 - math.sqrt(5.0))
+        return np.column_stack([r * np.cos(angle), r * np.sin(angle)])
+
+
+class Ridge:
+    """What is left of a strip of lava that runs straight down a slope: a levee on each side.
+
+    Uniform down the slope, the stress has the parts rho g d sin b down it and rho g d cos b d'
+    across it. It equals tau_y where d d' = tan b (dc^2 - d^2)^(1/2), dc = tau_y / (rho g sin b).
+    From d = 0 at the edge, y = 0, that gives d^2 = dc^2 - (dc - y tan b)^2: a quarter of an
+    ellipse up to d = dc, where lava runs off. With d = dc sin c in the middle of a ridge, its
+    half-width is dc (1 - cos c) / tan b and its section dc^2 (c - sin c cos c) / tan b.
+
+    Hulme (1974, Geophys. J. R. Astron. Soc. 39) leaves the stress down the slope out of the edge:
+    d^2 = 2 dc y tan b / cos^2 b, which takes tau_y / (2 rho g sin^2 b) to reach dc, about half.
+    """
+
+    def __init__(self, fullness: float, strength: float, slope: float, weight: float) -> None:
+        """Set the case.
+
+        Args:
+            fullness: Thickness in the middle over dc, at most 1.
+            strength: tau_y [Pa].
+            slope: b [rad].
+            weight: rho g [N/m3].
+        """
+        self._tan = math.tan(slope)
+        self._angle = math.asin(fullness)
+        self.critical = strength / (weight * math.sin(slope))
+
+    @property
+    def half_width(self) -> float:
+        """Distance of the edge from the middle [m]."""
+        return self.critical * (1.0 - math.cos(self._angle)) / self._tan
+
+    @property
+    def section(self) -> float:
+        """Area of the cross-section normal to the slope [m2]."""
+        share = self._angle - math.sin(self._angle) * math.cos(self._angle)
+        return self.critical**2 * share / self._tan
+
+    def thickness(self, distance: np.ndarray) -> np.ndarray:
+        """Thickness normal to the slope [m] at distances from the middle [m]."""
+        rest = self.critical - np.maximum(self.half_width - distance, 0.0) * self._tan
+        return np.sqrt(np.maximum(self.critical**2 - rest**2, 0.0))
+
+    def distance_of_thickness(self, thickness: float) -> float:
+        """Distance from the middle [m] at which the thickness normal to the slope is this [m]."""
+        rest = math.sqrt(self.critical**2 - thickness**2)
+        return self.half_width - (self.critical - rest) / self._tan

@@ -1,0 +1,153 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is not in a scene is not in the step: no kernel, no array, no file."""
+
+from dataclasses import fields
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+import pytest
+import warp as wp
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene, Vent
+from lava_ros.simulation import effects as modules
+from lava_ros.simulation import Simulation
+from lava_ros.verification.cases.case import plane
+
+ROOT = Path(__file__).parents[3]
+
+NONE = {item.name: False for item in fields(Effects)}
+
+#: The arrays of a step without effects.
+BARE_ARRAYS = {
+    'particle', 'ordered', 'flow', 'cell', 'rank', 'remainder', 'ordered_remainder', 'clock',
+    'counts', 'rates', 'stage', 'left', 'base', 'drift', 'ordered_base', 'ordered_drift',
+}
+
+#: The kernels it launches, in their order.
+BARE_KERNELS = [
+    'bin_particles', 'order_particles', 'count_inside', 'thickness_and_velocity', 'choose_stage',
+    'move', 'emit', 'finish_stage',
+]
+
+#: What each effect adds: arrays, and kernels of its own.
+ADDED = {
+    'green': ({'drive'}, {'green_velocity'}),
+    'helmholtz': ({'solution', 'next_solution', 'correction'}, {'start', 'sweep', 'finish'}),
+    'yielding': (set(), set()),
+    'power_law': (set(), set()),
+    'arrhenius': (set(), set()),
+    'vft': (set(), set()),
+    'crystals': (set(), set()),
+    'steep': (set(), set()),
+    'cooling': (set(), set()),
+    'latent_heat': (set(), set()),
+}
+
+#: Writes a digest of a simulation of the effects that are named.
+DIGEST = """
+import hashlib, sys
+sys.path.insert(0, sys.argv[1])
+from lava_ros.accuracy import Accuracy
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.verification.cases.case import plane
+import dataclasses, lava_ros
+assert lava_ros.__file__.startswith(sys.argv[1]), lava_ros.__file__
+on = dict.fromkeys((item.name for item in dataclasses.fields(Effects)), False)
+on.update(dict.fromkeys(sys.argv[2:], True))
+scene = Scene(plane((-50.0, -50.0, 50.0, 50.0), 5.0, 0.2), (Vent((0.0, 0.0), 2.0),), Lava())
+simulation = Simulation(
+    scene, effects=Effects(**on), accuracy=Accuracy(spacing=3.0), device='cpu'
+)
+simulation.advance(120.0)
+snapshot = simulation.snapshot()
+print(hashlib.sha256(snapshot.thickness.tobytes() + snapshot.temperature.tobytes()).hexdigest())
+"""
+
+
+def simulation_of(device, **on):
+    """A vent on a slope with the effects that are named."""
+    lava = Lava(solidus=1000.0, yield_strength=100.0, conductivity=2.0)
+    scene = Scene(plane((-50.0, -50.0, 50.0, 50.0), 5.0, 0.2), (Vent((0.0, 0.0), 2.0),), lava)
+    return Simulation(
+        scene, effects=Effects(**{**NONE, **on}), accuracy=Accuracy(spacing=4.0), device=device
+    )
+
+
+def arrays_of(simulation):
+    """Names of the arrays that are allocated."""
+    state = vars(simulation._state)
+    return {name for name, value in state.items() if isinstance(value, wp.array)}
+
+
+@pytest.fixture
+def launched(monkeypatch):
+    """Names of the kernels that are launched, in their order."""
+    names = []
+    launch = wp.launch
+
+    def record(kernel, *args, **kwargs):
+        names.append(kernel.key.rpartition('__')[2])
+        return launch(kernel, *args, **kwargs)
+
+    monkeypatch.setattr(wp, 'launch', record)
+    return names
+
+
+def test_a_bare_step_has_the_bare_arrays_and_kernels(launched):
+    """Nothing is allocated or launched but what lava that flows needs."""
+    simulation = simulation_of('cpu')
+    assert arrays_of(simulation) == BARE_ARRAYS
+    launched.clear()
+    simulation._stage()
+    assert launched == BARE_KERNELS
+
+
+@pytest.mark.parametrize('name', ADDED)
+def test_an_effect_adds_what_is_its_own(launched, name):
+    """An effect brings its own arrays and kernels and no one else's."""
+    arrays, kernels = ADDED[name]
+    simulation = simulation_of('cpu', **{name: True})
+    assert arrays_of(simulation) == BARE_ARRAYS | arrays
+    launched.clear()
+    simulation._stage()
+    assert set(launched) == set(BARE_KERNELS) | kernels
+
+
+@pytest.mark.parametrize('names', [(), ('cooling', 'arrhenius', 'steep')])
+def test_deleted_effects_are_not_missed(tmp_path, names):
+    """With the files of all other effects deleted the flow is the same to the bit."""
+
+    def digest(root):
+        words = [sys.executable, '-c', DIGEST, str(root), *names]
+        run = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, timeout=120)
+        assert run.returncode == 0, run.stderr
+        return run.stdout.split()[-1]
+
+    shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
+    folder = tmp_path / 'lava_ros' / Path(modules.__file__).parent.relative_to(ROOT / 'lava_ros')
+    deleted = [
+        path for path in folder.glob('*.py') if path.stem not in ('__init__', *names)
+    ]
+    assert len(deleted) > 10
+    for path in deleted:
+        path.unlink()
+    assert digest(tmp_path) == digest(ROOT)

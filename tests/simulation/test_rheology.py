@@ -1,0 +1,114 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Speed as a function of the slope: every law against the exact flux and its derivative."""
+
+import math
+
+import numpy as np
+import pytest
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.lava import Lava
+from lava_ros.simulation.rheology import Rheology, rheology_of, speed_function
+from lava_ros.verification import exact
+
+WEIGHT = 2500.0 * 9.81
+
+
+def responses(effects, lava, slopes, thickness, device):
+    """Mobility and its bound [m/s] from the device function, shape [slopes, 2]."""
+    speed = speed_function(wp.float64, effects)
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def evaluate(
+        law: Rheology, depth: wp.float64, slope: wp.array(dtype=wp.float64),
+        found: wp.array(dtype=wp.vec2d),
+    ):
+        i = wp.tid()
+        found[i] = speed(law, wp.float64(WEIGHT), depth, slope[i], wp.float64(1400.0))
+
+    found = wp.zeros(len(slopes), dtype=wp.vec2d, device=device)
+    wp.launch(
+        evaluate,
+        dim=len(slopes),
+        inputs=[
+            rheology_of(lava), thickness, wp.array(slopes, dtype=wp.float64, device=device)
+        ],
+        outputs=[found],
+        device=device,
+    )
+    return found.numpy()
+
+
+@pytest.mark.parametrize(
+    ('index', 'strength'),
+    [(1.0, 800.0), (0.4, 0.0), (0.4, 800.0), (2.5, 0.0), (2.5, 800.0)],
+)
+def test_mobility_and_step_are_those_of_the_exact_flux(device, index, strength):
+    """The mobility is exact; what sets the step is the larger of dq/ds and q/s, over h.
+
+    With n > 1 and a strength it may be up to their sum.
+    """
+    thickness = 0.8
+    lava = Lava(viscosity=2e3, yield_strength=strength, flow_index=index)
+    effects = Effects(
+        arrhenius=False, yielding=strength > 0.0, power_law=index != 1.0, cooling=False
+    )
+    slopes = np.geomspace(0.002, 0.9, 60)
+
+    def speeds(at):
+        return np.array(
+            [
+                exact.herschel_bulkley_velocity(
+                    thickness,
+                    math.asin(slope),
+                    density=2500.0,
+                    consistency=2e3,
+                    strength=strength,
+                    index=index,
+                    gravity=9.81,
+                )
+                for slope in at
+            ]
+        )
+
+    mobility, bound = responses(effects, lava, slopes, thickness, device).T
+    across = speeds(slopes) / slopes
+    along = (speeds(slopes * (1 + 1e-6)) - speeds(slopes * (1 - 1e-6))) / (2e-6 * slopes)
+    larger = np.maximum(across, along)
+    assert strength == 0.0 or (mobility == 0.0).sum() > 5
+    assert mobility == pytest.approx(across, rel=1e-9, abs=1e-12)
+    assert (bound >= larger * (1.0 - 1e-5) - 1e-9).all()
+    if index <= 1.0 or strength == 0.0:
+        assert bound == pytest.approx(larger, rel=1e-5, abs=1e-9)
+    else:
+        assert (bound <= (across + along) * (1.0 + 1e-5) + 1e-9).all()
+
+
+def test_strength_makes_no_step_shorter(device):
+    """The bound of Bingham lava, (rho g h^2 / 3 mu)(1 - B^3), is below that of Newtonian lava."""
+    lava = Lava(viscosity=2e3, yield_strength=800.0)
+    effects = Effects(arrhenius=False, yielding=True, cooling=False)
+    slopes = np.geomspace(0.002, 0.9, 60)
+    b = 800.0 / (WEIGHT * 0.8 * slopes)
+    bound = responses(effects, lava, slopes, 0.8, device)[:, 1]
+    newtonian = WEIGHT * 0.8**2 / 6e3
+    assert bound == pytest.approx(newtonian * np.maximum(1.0 - b**3, 0.0), rel=1e-9, abs=1e-12)
+
+
+def test_newtonian_lava_has_no_law_of_speed():
+    """Without strength or exponent nothing is compiled but the Newtonian balance."""
+    assert speed_function(wp.float32, Effects(crystals=True)) is None

@@ -1,0 +1,147 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Exact solutions of heat: each against its equation, integrated numerically, and its limits."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+from scipy.special import erf, erfcx
+
+from lava_ros.verification import exact
+
+CAPACITY = 2500.0 * 1150.0
+
+
+def test_column_on_ground_obeys_duhamels_integral():
+    """The column's rho c h T' is minus the flux that the ground takes for the history of T."""
+    column = exact.ColumnOnGround(
+        initial=1400.0,
+        ground=300.0,
+        conductivity=2.0,
+        diffusivity=7e-7,
+        capacity=CAPACITY,
+        thickness=1.0,
+    )
+    time, step = 1e6, 10.0
+    assert column.temperature(0.0) == 1400.0
+    assert column.temperature(time) == pytest.approx(
+        300.0 + 1100.0 * erfcx(column.rate * math.sqrt(time))
+    )
+    # flux = kg / sqrt(pi a) [(T0 - Tg) / sqrt(t) + int T'(s) / sqrt(t - s) ds], s = t sin^2 v
+
+    def change(v):
+        s = time * math.sin(v) ** 2
+        near = max(1e-3 * s, 1e-9)
+        slope = (column.temperature(s + near) - column.temperature(max(s - near, 0.0))) / (
+            near + min(near, s)
+        )
+        return slope * 2.0 * math.sqrt(time) * math.sin(v)
+
+    memory = quad(change, 1e-9, 0.5 * math.pi, limit=400)[0]
+    flux = 2.0 / math.sqrt(math.pi * 7e-7) * (1100.0 / math.sqrt(time) + memory)
+    fall = (column.temperature(time - step) - column.temperature(time + step)) / (2.0 * step)
+    assert CAPACITY * fall == pytest.approx(flux, rel=1e-4)
+
+
+def test_heat_into_ground_is_what_a_thick_column_loses():
+    """Early, the mixed column loses what a constant temperature would."""
+    column = exact.ColumnOnGround(
+        initial=1400.0,
+        ground=300.0,
+        conductivity=2.0,
+        diffusivity=7e-7,
+        capacity=CAPACITY,
+        thickness=1000.0,
+    )
+    lost = CAPACITY * 1000.0 * (1400.0 - column.temperature(3600.0))
+    taken = exact.heat_into_ground(1100.0, 3600.0, conductivity=2.0, diffusivity=7e-7)
+    assert lost == pytest.approx(taken, rel=1e-3)
+
+
+def test_convecting_slab_has_its_limits():
+    """The modes sum to the start; a slab that conducts well is mixed; a stiff film is cold."""
+    options = {'initial': 1400.0, 'ambient': 300.0, 'capacity': CAPACITY, 'thickness': 2.0}
+    slab = exact.ConvectingSlab(conductivity=2.0, convection=50.0, **options)
+    assert slab.temperature(0.0) == pytest.approx(1400.0, abs=0.5)
+    mixed = exact.ConvectingSlab(conductivity=1e6, convection=50.0, **options)
+    assert mixed.temperature(1e5) == pytest.approx(
+        300.0 + 1100.0 * math.exp(-50.0 * 1e5 / (CAPACITY * 2.0)), rel=1e-4
+    )
+    cold = exact.ConvectingSlab(conductivity=2.0, convection=1e7, **options)
+    early = 1.0 - 2.0 * math.sqrt(2.0 / CAPACITY * 1e4 / math.pi) / 2.0
+    assert cold.temperature(1e4) == pytest.approx(300.0 + 1100.0 * early, rel=1e-4)
+
+
+def test_crystallising_sheet_conserves_heat():
+    """The flux integrated over time is the fall of the heat content."""
+    sheet = exact.CrystallisingSheet(
+        initial=1423.0,
+        ambient=300.0,
+        convection=50.0,
+        density=2500.0,
+        specific_heat=1150.0,
+        latent_heat=3.5e5,
+        liquidus=1400.0,
+        solidus=1250.0,
+        thickness=2.0,
+    )
+    for time in (1e3, 3e4, 1e5):
+        flux = quad(lambda t: 50.0 * (sheet.temperature(t) - 300.0), 0.0, time, limit=500)[0]
+        end = sheet.temperature(time)
+        melt = np.clip((end - 1250.0) / 150.0, 0.0, 1.0)
+        content = CAPACITY * 2.0 * (1423.0 - end) + 2500.0 * 2.0 * 3.5e5 * (1.0 - melt)
+        assert content == pytest.approx(flux, rel=1e-6)
+
+
+def test_temperature_step_is_the_error_function():
+    """And half way between at the step."""
+    x = np.array([-3.0, 0.0, 1.0])
+    found = exact.temperature_step(x, 100.0, low=1000.0, high=1400.0, diffusivity=0.01)
+    assert found == pytest.approx(1200.0 + 200.0 * erf(x / 2.0))
+
+
+def test_descent_warms_by_gravity_over_heat_capacity():
+    """A kilometre is worth 8.5 K."""
+    warming = exact.warming_by_descent(1000.0, gravity=9.81, specific_heat=1150.0)
+    assert warming == pytest.approx(8.53, abs=0.01)
+
+
+def test_cooling_current_obeys_its_balance():
+    """T falls by rho c Q dT/dr = -2 pi r F(T), and all of the heat leaves through the surface."""
+    options = {'initial': 1423.0, 'ambient': 300.0, 'capacity': CAPACITY, 'discharge': 2.0}
+    current = exact.CoolingCurrent(emissivity=0.9, convection=50.0, **options)
+    distances = np.linspace(0.0, 150.0, 7)
+    solved = solve_ivp(
+        lambda r, t: -2.0 * math.pi * r * current.flux(t) / (CAPACITY * 2.0),
+        (0.0, 150.0),
+        [1423.0],
+        t_eval=distances,
+        rtol=1e-9,
+    )
+    assert current.temperature(distances) == pytest.approx(solved.y[0], abs=0.02)
+    power = quad(
+        lambda r: 2.0 * math.pi * r * float(current.flux(current.temperature(r))), 0.0, 1000.0,
+        limit=500,
+    )[0]
+    assert power == pytest.approx(current.power, rel=1e-3)
+    convecting = exact.CoolingCurrent(emissivity=0.0, convection=50.0, **options)
+    radius = math.sqrt(CAPACITY * 2.0 / (math.pi * 50.0))
+    assert convecting.thermal_radius == pytest.approx(radius, rel=1e-4)
+    assert float(convecting.temperature(0.7 * radius)) == pytest.approx(
+        300.0 + 1123.0 * math.exp(-0.49), rel=1e-4
+    )
