@@ -19,11 +19,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-import sys
-import time
 from typing import TYPE_CHECKING
 
 from lava_ros import validation
+from lava_ros.cli.progress import Progress
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
@@ -104,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
         others = set(order) - set(args.case)
         kept = [row for row in read_csv(folder / f'{stem}.csv') if row.case in others]
     rows = kept
-    with _Progress() as progress:
+    with Progress() as progress:
         for found in measure.measure(
             pairs,
             device=device,
@@ -179,47 +178,3 @@ def _print_presets(rows: Sequence[Row], titles: dict[str, str]) -> None:
         places = [found.get((name, preset)) for preset in presets]
         texts = [f'{percent(at.error)} in {seconds(at.cost)}' if at else '-' for at in places]
         print(f'{titles[name]:{width}}' + ''.join(f'  {text:>18}' for text in texts))
-
-
-class _Progress:
-    """A bar with the time that is left in a terminal, a line for every tenth elsewhere."""
-
-    def __init__(self) -> None:
-        self._tenths = -1
-        self._started = time.monotonic()
-        self._bar = None
-        if sys.stdout.isatty():
-            try:
-                from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-            except ImportError:
-                # a bare machine: the lines do
-                return
-            self._bar = Progress(
-                TextColumn('{task.description}'),
-                BarColumn(bar_width=None),
-                TextColumn('{task.percentage:3.0f} %'),
-                TimeRemainingColumn(compact=True),
-                transient=True,
-            )
-            self._task = self._bar.add_task('compiling', total=1.0)
-
-    def __enter__(self) -> _Progress:
-        if self._bar is not None:
-            self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-
-    def show(self, what: str, share: float) -> None:
-        """Show what begins, and the share of the work that is done."""
-        if self._bar is not None:
-            self._bar.update(self._task, completed=share, description=what)
-            return
-        tenths = int(10.0 * share)
-        if tenths > self._tenths:
-            self._tenths = tenths
-            elapsed = time.monotonic() - self._started
-            left = f', {elapsed / share - elapsed:.0f} s left' if 0.05 < share < 1.0 else ''
-            print(f'{10 * tenths:3d} %  {what}{left}', flush=True)

@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 # Custom data of this name describes the scene, as scene_to_dict gives it, in YAML or JSON.
 _SCENE = 'scene'
 
+# Which effects were on from when on, a list in JSON; see ros/scene_recording.py.
+_EFFECTS = 'effects'
+
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command to the `lava` parser."""
@@ -91,6 +94,7 @@ def _as_dict(bag: BagReader) -> dict[str, Any]:
             for topic in bag.topics.values()
         ],
         'scene': _scene(bag.custom_data),
+        'effects': _effects(bag.custom_data),
         'custom_data': bag.custom_data,
     }
 
@@ -109,10 +113,14 @@ def _lines(bag: BagReader) -> list[str]:
     scene = _scene(bag.custom_data)
     if scene is not None:
         lines += ['', 'scene', *_scene_lines(scene)]
+    effects = _effects(bag.custom_data)
+    if effects is not None:
+        lines += ['', 'effects', *_effect_lines(effects)]
+    shown = {_SCENE: scene, _EFFECTS: effects}
     rest = {
         key: value
         for key, value in sorted(bag.custom_data.items())
-        if key != _SCENE or scene is None
+        if shown.get(key) is None
     }
     if rest:
         lines += ['', 'custom data', *(f'  {key}: {_short(item)}' for key, item in rest.items())]
@@ -154,6 +162,35 @@ def _scene_lines(scene: Mapping[str, Any]) -> list[str]:
             lines += [f'    {_inline(item)}' for item in value]
         else:
             lines.append(f'  {name}: {_inline(value)}')
+    return lines
+
+
+def _effects(custom_data: Mapping[str, str]) -> list[dict[str, Any]] | None:
+    """The changes of effects, None when the bag has no list that can be read."""
+    try:
+        entries = json.loads(custom_data.get(_EFFECTS, ''))
+    except ValueError:
+        return None
+    if not isinstance(entries, list) or not all(_is_change(item) for item in entries):
+        return None
+    return entries
+
+
+def _is_change(entry: object) -> bool:
+    return (
+        isinstance(entry, Mapping)
+        and isinstance(entry.get('time'), int | float)
+        and isinstance(entry.get('effects'), Mapping)
+    )
+
+
+def _effect_lines(entries: list[dict[str, Any]]) -> list[str]:
+    """All effects at the start, then what went on or off."""
+    lines = []
+    for index, entry in enumerate(entries):
+        if index:
+            lines.append(f'  changed at {entry["time"]:.1f} s')
+        lines += [f'  {name:16} {text}' for name, text in entry['effects'].items()]
     return lines
 
 

@@ -22,13 +22,25 @@ import os
 import sys
 
 import lava_ros
-from lava_ros.cli import accuracy, demo, effects, feed, info, node, plot, recover, replay, verify
+from lava_ros.cli import (
+    accuracy,
+    bench,
+    demo,
+    effects,
+    feed,
+    info,
+    node,
+    plot,
+    recover,
+    replay,
+    verify,
+)
 from lava_ros.errors import LavaError
 
 #: Exit status for input that cannot be used, as argparse has it.
 USAGE_ERROR = 2
 
-COMMANDS = (demo, node, feed, replay, info, recover, plot, effects, accuracy, verify)
+COMMANDS = (demo, node, feed, replay, info, recover, plot, effects, accuracy, verify, bench)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -125,7 +125,10 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
 
 
 class Bessel(NamedTuple):
-    """Modified Bessel functions of the second kind as device functions of x > 0."""
+    """Modified Bessel functions of the second kind as device functions.
+
+    ``k0`` takes s = (x / 2)^2, which squared distances give without a root, ``x_k1`` takes x > 0.
+    """
 
     k0: Any
     x_k1: Any
@@ -133,15 +136,15 @@ class Bessel(NamedTuple):
 
 @lru_cache
 def bessel(real: Any) -> Bessel:
-    """Return K0(x) and x K1(x), to 2e-7 absolute.
+    """Return K0(2 sqrt(s)) and x K1(x), to 2e-7 absolute.
 
     Polynomials 9.8.1, 9.8.3 and 9.8.5 to 9.8.8 of Abramowitz & Stegun, Handbook of Mathematical
     Functions.
     """
 
     @wp.func
-    def i0_small(x: real) -> real:
-        t = x * x / real(14.0625)
+    def i0_small(s: real) -> real:
+        t = s / real(3.515625)
         return real(1.0) + t * (real(3.5156229) + t * (real(3.0899424) + t * (real(1.2067492)
                + t * (real(0.2659732) + t * (real(0.0360768) + t * real(0.0045813))))))
 
@@ -152,16 +155,16 @@ def bessel(real: Any) -> Bessel:
                + t * (real(0.02658733) + t * (real(0.00301532) + t * real(0.00032411))))))
 
     @wp.func
-    def k0(x: real) -> real:
-        if x <= real(2.0):
-            t = real(0.25) * x * x
-            return -wp.log(real(0.5) * x) * i0_small(x) + (real(-0.57721566) + t * (
-                real(0.42278420) + t * (real(0.23069756) + t * (real(0.03488590) + t * (
-                    real(0.00262698) + t * (real(0.00010750) + t * real(0.00000740)))))))
-        t = real(2.0) / x
-        return wp.exp(-x) / wp.sqrt(x) * (real(1.25331414) + t * (real(-0.07832358) + t * (
-            real(0.02189568) + t * (real(-0.01062446) + t * (real(0.00587872) + t * (
-                real(-0.00251540) + t * real(0.00053208)))))))
+    def k0(s: real) -> real:
+        if s <= real(1.0):
+            return real(-0.5) * wp.log(s) * i0_small(s) + (real(-0.57721566) + s * (
+                real(0.42278420) + s * (real(0.23069756) + s * (real(0.03488590) + s * (
+                    real(0.00262698) + s * (real(0.00010750) + s * real(0.00000740)))))))
+        half = wp.sqrt(s)
+        t = real(1.0) / half
+        return wp.exp(real(-2.0) * half) * wp.sqrt(real(0.5) * t) * (real(1.25331414) + t * (
+            real(-0.07832358) + t * (real(0.02189568) + t * (real(-0.01062446) + t * (
+                real(0.00587872) + t * (real(-0.00251540) + t * real(0.00053208)))))))
 
     @wp.func
     def x_k1(x: real) -> real:

@@ -15,7 +15,7 @@
 """The simulation of a scene: algorithm 1 of the paper with a step that follows the limits."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 import math
 import time as wall_clock
 from typing import Any
@@ -24,11 +24,12 @@ import numpy as np
 import warp as wp
 
 from lava_ros import validation
-from lava_ros.accuracy import Accuracy, expected_thickness
-from lava_ros.choice import effects_for, HORIZON
+from lava_ros.accuracy import Accuracy
+from lava_ros.choice import decide, Decision, effects_for, HORIZON
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
+from lava_ros.simulation.automatic import device_of, resolved_accuracy
 from lava_ros.simulation.effects import after_step, load
 from lava_ros.simulation.flow import compute_flow, flow_kernels, FlowConstants
 from lava_ros.simulation.heat import heat_constants
@@ -104,9 +105,9 @@ class Simulation:
             LavaError: The device does not exist, a particle is not on the terrain, or an effect is
                 unknown.
         """
-        self._device = _device(device)
+        self._device = device_of(device)
         self.scene = scene
-        self.accuracy = _resolved(accuracy or Accuracy(), scene)
+        self.accuracy = resolved_accuracy(accuracy or Accuracy(), scene)
         self._horizon = horizon
         self._forced = None if isinstance(effects, Effects) else dict(effects or {})
         self.effects = effects if isinstance(effects, Effects) else self._chosen(scene)
@@ -143,6 +144,11 @@ class Simulation:
     def particle_count(self) -> int:
         """Particles there are."""
         return self._state.count
+
+    @property
+    def steps(self) -> int:
+        """Time steps taken so far."""
+        return int(self._state.counts.numpy()[STEPS])
 
     def advance(self, until: float, *, wall_limit: float | None = None) -> float:
         """Simulate up to a time.
@@ -287,11 +293,33 @@ class Simulation:
         self._decide()
         self._sort()
 
+    def set_effects(self, forced: Mapping[str, bool], *, horizon: float = HORIZON) -> None:
+        """Choose the effects anew from now on; what has frozen stays ground.
+
+        Args:
+            forced: Effects switched on or off whatever the scene says, by name.
+            horizon: How far ahead is looked [s].
+
+        Raises:
+            LavaError: An effect is unknown, or two do not go together; the old ones stay.
+        """
+        former = self._forced, self._horizon
+        self._horizon = validation.number('horizon', horizon, above=0.0, unit='s')
+        self._forced = dict(forced)
+        try:
+            self._decide()
+        except LavaError:
+            self._forced, self._horizon = former
+            raise
+
+    def decisions(self) -> tuple[Decision, ...]:
+        """Say what decides about each effect now; of those that exclude each other one is on."""
+        forced = asdict(self.effects) if self._forced is None else self._forced
+        return decide(self.scene, forced, accuracy=self.accuracy, horizon=self._horizon)
+
     def _chosen(self, scene: Scene) -> Effects:
         """The effects that a scene calls for, with what the user forces."""
-        return effects_for(
-            scene, self._forced, accuracy=self.accuracy, horizon=self._horizon
-        )
+        return effects_for(scene, self._forced, accuracy=self.accuracy, horizon=self._horizon)
 
     def _decide(self) -> None:
         """Choose the effects anew where they follow the scene."""
@@ -469,20 +497,3 @@ class Simulation:
         clock = self._state.clock.numpy()
         clock[place] = value
         self._state.clock.assign(clock)
-
-
-def _device(name: str | None) -> Any:
-    try:
-        if name is None:
-            return wp.get_preferred_device()
-        return wp.get_device(name)
-    except (ValueError, RuntimeError):
-        known = ', '.join(str(device) for device in wp.get_devices())
-        raise LavaError('device', name, f'one of {known}') from None
-
-
-def _resolved(accuracy: Accuracy, scene: Scene) -> Accuracy:
-    """Fill in the automatic values."""
-    spacing = accuracy.spacing or scene.terrain.resolution / accuracy.refinement
-    thickness = accuracy.thickness or expected_thickness(scene)
-    return replace(accuracy, spacing=spacing, thickness=thickness)

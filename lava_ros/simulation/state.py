@@ -156,10 +156,14 @@ class State:
             [capacity].
         exchange, warmth: Only with lateral conduction: rate at which each ordered particle
             exchanges heat [1/s], and its temperature before an exchange [K], shape [capacity].
+        waited: Only with lateral conduction: time since the last exchange, and that of the one at
+            hand, 0 for none [s], float64.
         solution, next_solution, correction: Only with the Helmholtz solve: velocities of two
             sweeps and their difference [m/s], of each ordered particle, shape [capacity].
         partner, births, slots: Only with merging: who each particle merges with, whether it
             splits, and how many before it do, shape [capacity].
+        moved: Only with merging: displacement since the last pass, and whether one is due,
+            float64.
         clock: Simulated time, step, target time, latest full step and, with inertia, the step
             before [s], float64.
         counts: Particles, steps, what limited the step, whether the capacity was reached; then the
@@ -198,6 +202,10 @@ class State:
         self.counts = wp.zeros(8, dtype=wp.int32, device=device)
         self.rates = wp.zeros(2, dtype=self.real, device=device)
         self.stage = wp.zeros(4, dtype=self.real, device=device)
+        if effects.merging:
+            self.moved = wp.zeros(2, dtype=wp.float64, device=device)
+        if effects.conduction:
+            self.waited = wp.zeros(2, dtype=wp.float64, device=device)
         self.left = wp.zeros(1, dtype=wp.float64, device=device)
         if effects.solidification:
             self.frozen = wp.zeros(1, dtype=wp.float64, device=device)

@@ -76,8 +76,8 @@ class Row:
     high: float
 
 
-def write_csv(rows: Sequence[Row], path: Path) -> None:
-    """Write rows as CSV, numbers to six digits.
+def write_csv(rows: Sequence[Any], path: Path) -> None:
+    """Write rows, dataclasses of one kind and at least one, as CSV with numbers to six digits.
 
     Raises:
         LavaError: The file cannot be written.
@@ -85,7 +85,7 @@ def write_csv(rows: Sequence[Row], path: Path) -> None:
     try:
         with path.open('w', newline='', encoding='utf-8') as file:
             writer = csv.DictWriter(
-                file, [item.name for item in fields(Row)], lineterminator='\n'
+                file, [item.name for item in fields(rows[0])], lineterminator='\n'
             )
             writer.writeheader()
             for row in rows:
@@ -124,8 +124,8 @@ def read_csv(path: Path) -> list[Row]:
 _TYPES: dict[str, Callable[[str], Any]] = {'str': str, 'float': float, 'int': int}
 
 
-def write_json(rows: Sequence[Row], path: Path) -> None:
-    """Write rows as JSON: the columns of the CSV, as a list of objects, null for NaN.
+def write_json(rows: Sequence[Any], path: Path) -> None:
+    """Write rows, dataclasses, as JSON: the columns of the CSV, as a list of objects, null for NaN.
 
     Raises:
         LavaError: The file cannot be written.

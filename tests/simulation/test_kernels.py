@@ -90,7 +90,7 @@ def test_bessel_functions_match_scipy():
     """K0(x) and x K1(x) are right to 2e-7 over their whole range, and finite at tiny x."""
     x = np.concatenate([np.geomspace(1e-6, 2.0, 200), np.linspace(2.0, 60.0, 200)])
     k0, x_k1 = bessel(wp.float64)
-    assert np.abs(evaluate(k0, x) - special.k0(x)).max() < 2e-7
+    assert np.abs(evaluate(k0, 0.25 * x**2) - special.k0(x)).max() < 2e-7
     assert np.abs(evaluate(x_k1, x) - x * special.k1(x)).max() < 2e-7
 
 
@@ -100,4 +100,4 @@ def test_bessel_is_positive_where_the_papers_series_is_not():
     log = np.log(2 / x) - 0.577216
     series = log + 0.25 * x**2 * (log + 1)
     assert (series < 0).all()
-    assert (evaluate(bessel(wp.float64).k0, x) > 0).all()
+    assert (evaluate(bessel(wp.float64).k0, 0.25 * x**2) > 0).all()

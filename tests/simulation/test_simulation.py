@@ -289,3 +289,37 @@ def test_nothing_to_do_is_no_error(device):
     assert snapshot.time == 1e5
     assert (snapshot.thickness == 0.0).all()
     assert snapshot.budget.error == 0.0
+
+
+def test_effects_change_while_lava_flows(device):
+    """Forced effects and the horizon choose anew; the flow, its volume and time go on."""
+    simulation = eruption(device)
+    simulation.advance(300.0)
+    held = simulation.budget().held
+    assert simulation.effects.cooling
+    simulation.set_effects({'helmholtz': True, 'steep': False}, horizon=1.0)
+    assert simulation.effects.helmholtz
+    assert not (simulation.effects.steep or simulation.effects.cooling)
+    decided = {item.criterion.effect: item.reason for item in simulation.decisions()}
+    assert decided['helmholtz'] == decided['steep'] == 'forced'
+    assert decided['cooling'].endswith('<= 0.01')
+    assert simulation.time == 300.0
+    assert simulation.budget().held == pytest.approx(held, rel=1e-6)
+    simulation.advance(600.0)
+    assert simulation.budget().error < 1e-5
+    assert simulation.snapshot().thickness.max() > 0.1
+
+
+def test_refused_effects_leave_those_that_are_on():
+    """Neither the effects nor what they are chosen by changes."""
+    simulation = eruption(effects={'steep': False})
+    before = simulation.effects
+    for forced, options in (
+        ({'slope': True}, {}),
+        ({'green': True, 'inertia': True}, {}),
+        ({'steep': True}, {'horizon': 0.0}),
+    ):
+        with pytest.raises(LavaError):
+            simulation.set_effects(forced, **options)
+        simulation.set_vents([Vent((150.0, 300.0), 21.0)])
+        assert simulation.effects == before

@@ -29,6 +29,9 @@ h_ij the harmonic mean. It is the same for j and i, so what one gains the other 
 cut into as many sweeps as the longest one calls for; where the sum of a particle's rates r_i is
 larger still, each pair's part is divided by the largest of 1, dt r_i and dt r_j. So a particle's
 new temperature is a mean of its own and its neighbours', for any step.
+
+In most scenes nothing is exchanged in a step that a float would keep: steps are put together until
+a particle would exchange ``LEAST_SHARE`` of its heat, and only then are the neighbours visited.
 """
 
 from functools import lru_cache
@@ -51,6 +54,9 @@ from lava_ros.simulation.terrain import StaggeredTerrain
 #: 28 with Wendland C2, the integral of F.
 LARGEST_RATE = 60.0
 
+#: Share of its heat that a particle would exchange from which it does.
+LEAST_SHARE = 0.01
+
 #: Most sweeps in a step; beyond, the exchange is less than the step asks for.
 MOST_SWEEPS = 64
 
@@ -72,6 +78,21 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         return -real(wp.float64(wp.static(4.0 * norm)) * diffusivity / (square * square))
 
     @wp.kernel(module='unique', enable_backward=False)
+    def wait(
+        counts: wp.array(dtype=wp.int32),
+        clock: wp.array(dtype=wp.float64),
+        rate: wp.float64,
+        waited: wp.array(dtype=wp.float64),
+    ):
+        """Add a step to what has been waited; when that is enough it is the time to exchange."""
+        waited[1] = wp.float64(0.0)
+        if counts[IS_LAST] == 1:
+            waited[0] = waited[0] + clock[STEP]
+            if waited[0] * rate >= wp.float64(wp.static(LEAST_SHARE)):
+                waited[1] = waited[0]
+                waited[0] = wp.float64(0.0)
+
+    @wp.kernel(module='unique', enable_backward=False)
     def add_rates(
         ordered: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
@@ -81,12 +102,13 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         cells: CellFrame,
         radius: wp.float64,
         diffusivity: wp.float64,
+        waited: wp.array(dtype=wp.float64),
         exchange: wp.array(dtype=real),
         warmth: wp.array(dtype=real),
     ):
         """Sum a particle's exchange rates with its neighbours [1/s]."""
         i = wp.tid()
-        if i >= counts[PARTICLES] or counts[IS_LAST] == 0:
+        if i >= counts[PARTICLES] or waited[1] == wp.float64(0.0):
             return
         p = ordered[i]
         height = flow[i][0]
@@ -111,11 +133,11 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         ordered: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
-        clock: wp.array(dtype=wp.float64),
         starts: wp.array(dtype=wp.int32),
         cells: CellFrame,
         radius: wp.float64,
         diffusivity: wp.float64,
+        waited: wp.array(dtype=wp.float64),
         share: wp.float64,
         constants: HeatConstants,
         exchange: wp.array(dtype=real),
@@ -124,13 +146,13 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
     ):
         """Exchange heat over a share of the step."""
         i = wp.tid()
-        if i >= counts[PARTICLES] or counts[IS_LAST] == 0:
+        if i >= counts[PARTICLES] or waited[1] == wp.float64(0.0):
             return
         p = ordered[i]
         height = flow[i][0]
         own = warmth[i]
         inverse = real(1.0) / real(radius)
-        step = real(clock[STEP] * share)
+        step = real(waited[1] * share)
         most = wp.max(real(1.0), step * exchange[i])
         rise = real(0.0)
         block = block_around(cells, p[0], p[1])
@@ -156,13 +178,14 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
     def keep(
         counts: wp.array(dtype=wp.int32),
         particle: wp.array(dtype=vec4),
+        waited: wp.array(dtype=wp.float64),
         warmth: wp.array(dtype=real),
     ):
         i = wp.tid()
-        if i < counts[PARTICLES] and counts[IS_LAST] == 1:
+        if i < counts[PARTICLES] and waited[1] > wp.float64(0.0):
             warmth[i] = particle[i][3]
 
-    return add_rates, exchange_heat, keep
+    return wait, add_rates, exchange_heat, keep
 
 
 class AfterStep:
@@ -183,13 +206,20 @@ class AfterStep:
         self._constants = heat_constants(scene)
         self._kernels = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)
         longest = accuracy.fixed_step or accuracy.longest_step
-        rate = LARGEST_RATE * self._diffusivity / self._radius**2
-        self.sweeps = min(MOST_SWEEPS, max(1, math.ceil(longest * rate)))
+        self._rate = LARGEST_RATE * self._diffusivity / self._radius**2
+        self.sweeps = min(MOST_SWEEPS, max(1, math.ceil(longest * self._rate)))
 
     def apply(self, state: State, neighbors: NeighborGrid) -> None:
-        """Let neighbours exchange heat, if the stage at hand is the last of a step."""
-        add_rates, exchange_heat, keep = self._kernels
-        grid = [neighbors.starts, neighbors.frame, self._radius, self._diffusivity]
+        """Let neighbours exchange heat at the end of a step, if enough time has passed."""
+        wait, add_rates, exchange_heat, keep = self._kernels
+        wp.launch(
+            wait,
+            dim=1,
+            inputs=[state.counts, state.clock, self._rate],
+            outputs=[state.waited],
+            device=state.device,
+        )
+        grid = [neighbors.starts, neighbors.frame, self._radius, self._diffusivity, state.waited]
         wp.launch(
             add_rates,
             dim=state.capacity,
@@ -202,7 +232,7 @@ class AfterStep:
                 wp.launch(
                     keep,
                     dim=state.capacity,
-                    inputs=[state.counts, state.particle],
+                    inputs=[state.counts, state.particle, state.waited],
                     outputs=[state.warmth],
                     device=state.device,
                 )
@@ -213,7 +243,6 @@ class AfterStep:
                     state.ordered,
                     state.flow,
                     state.counts,
-                    state.clock,
                     *grid,
                     1.0 / self.sweeps,
                     self._constants,

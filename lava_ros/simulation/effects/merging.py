@@ -34,11 +34,11 @@ import warp as wp
 from lava_ros.accuracy import Accuracy
 from lava_ros.scene import Scene
 from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
-from lava_ros.simulation.state import FULL, IS_LAST, PARTICLES, State, STEP, STEPS
+from lava_ros.simulation.state import ADVECTION, FULL, IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
 
-#: Steps from one pass to the next.
-EVERY = 2
+#: Displacement of the fastest particle, over the longest in a step, from one pass to the next.
+EVERY = 1.5
 
 #: Distance over the spacing around two particles below which they merge.
 CLOSE = 1.1
@@ -58,13 +58,21 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
     vec2d = wp.types.vector(2, wp.float64)
     block_around = cell_functions(real).block_around
 
-    @wp.func
-    def is_due(counts: wp.array(dtype=wp.int32), clock: wp.array(dtype=wp.float64)) -> bool:
-        return (
-            counts[IS_LAST] == 1
-            and clock[STEP] > wp.float64(0.0)
-            and counts[STEPS] % wp.static(EVERY) == 0
-        )
+    @wp.kernel(module='unique', enable_backward=False)
+    def wait(
+        counts: wp.array(dtype=wp.int32),
+        clock: wp.array(dtype=wp.float64),
+        rates: wp.array(dtype=real),
+        every: wp.float64,
+        moved: wp.array(dtype=wp.float64),
+    ):
+        """Add up how far the fastest particle goes; ``moved[1]`` is 1 when it is far enough."""
+        moved[1] = wp.float64(0.0)
+        if counts[IS_LAST] == 1 and clock[STEP] > wp.float64(0.0):
+            moved[0] = moved[0] + wp.float64(rates[ADVECTION]) * clock[STEP]
+            if moved[0] >= every:
+                moved[0] = wp.float64(0.0)
+                moved[1] = wp.float64(1.0)
 
     @wp.kernel(module='unique', enable_backward=False)
     def choose(
@@ -72,7 +80,7 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
         particle: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
-        clock: wp.array(dtype=wp.float64),
+        moved: wp.array(dtype=wp.float64),
         starts: wp.array(dtype=wp.int32),
         cells: CellFrame,
         area: wp.float64,
@@ -83,7 +91,7 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
         """Find who each particle would merge with, or, to split, its nearest neighbour."""
         i = wp.tid()
         births[i] = 0
-        if not is_due(counts, clock):
+        if moved[1] == wp.float64(0.0):
             return
         partner[i] = -1
         if i >= counts[PARTICLES]:
@@ -130,7 +138,7 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
     @wp.kernel(module='unique', enable_backward=False)
     def merge(
         counts: wp.array(dtype=wp.int32),
-        clock: wp.array(dtype=wp.float64),
+        moved: wp.array(dtype=wp.float64),
         partner: wp.array(dtype=wp.int32),
         particle: wp.array(dtype=vec4),
         remainder: wp.array(dtype=vec2),
@@ -139,7 +147,7 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
     ):
         """Make one of two that chose each other; the other is left without volume."""
         i = wp.tid()
-        if i >= counts[PARTICLES] or not is_due(counts, clock):
+        if i >= counts[PARTICLES] or moved[1] == wp.float64(0.0):
             return
         j = partner[i]
         if j <= i:
@@ -219,7 +227,7 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
         last = births.shape[0] - 1
         counts[PARTICLES] = wp.min(counts[PARTICLES] + slots[last] + births[last], last + 1)
 
-    return choose, merge, split, count
+    return wait, choose, merge, split, count
 
 
 class AfterStep:
@@ -235,8 +243,17 @@ class AfterStep:
 
     def apply(self, state: State, neighbors: NeighborGrid) -> None:
         """Merge what has come together and split what has been stretched."""
-        choose, merge, split, count = _kernels(state.real, state.has_velocity, state.has_age)
+        wait, choose, merge, split, count = _kernels(
+            state.real, state.has_velocity, state.has_age
+        )
         carried = state.optional('remainder', 'velocity', 'age')
+        wp.launch(
+            wait,
+            dim=1,
+            inputs=[state.counts, state.clock, state.rates, EVERY],
+            outputs=[state.moved],
+            device=state.device,
+        )
         wp.launch(
             choose,
             dim=state.capacity,
@@ -245,7 +262,7 @@ class AfterStep:
                 state.particle,
                 state.flow,
                 state.counts,
-                state.clock,
+                state.moved,
                 neighbors.starts,
                 neighbors.frame,
                 self._area,
@@ -257,7 +274,7 @@ class AfterStep:
         wp.launch(
             merge,
             dim=state.capacity,
-            inputs=[state.counts, state.clock, state.partner],
+            inputs=[state.counts, state.moved, state.partner],
             outputs=[state.particle, *carried],
             device=state.device,
         )

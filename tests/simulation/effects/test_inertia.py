@@ -258,7 +258,13 @@ def test_vents_give_lava_their_velocity(device):
             seen = Simulation(
                 Scene(terrain, (vent,), lava),
                 effects=effects,
-                accuracy=Accuracy(spacing=0.5, thickness=0.1, symmetric=True, longest_step=0.05),
+                accuracy=Accuracy(
+                    spacing=0.5,
+                    thickness=0.1,
+                    symmetric=True,
+                    deterministic=True,
+                    longest_step=0.05,
+                ),
                 device=device,
             )
             seen.advance(3.0)

@@ -37,7 +37,9 @@ def scattered(effects, *, precision='float64', device='cpu', slope=0.1, **consta
     return Simulation(
         Scene(terrain, lava=Lava(arrhenius=0.0, **constants)),
         effects=effects,
-        accuracy=Accuracy(spacing=9.0, thickness=1.0, precision=precision),
+        accuracy=Accuracy(
+            spacing=9.0, thickness=1.0, precision=precision, deterministic=True
+        ),
         particles=Particles(rng.uniform(0, 150, (300, 2)), rng.uniform(50, 150, 300), 1400.0),
         device=device,
     )

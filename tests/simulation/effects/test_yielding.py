@@ -40,7 +40,11 @@ def scattered(effects, *, lava, slope=0.1, precision='float64', device='cpu', lo
         Scene(terrain, lava=lava),
         effects=effects,
         accuracy=Accuracy(
-            spacing=9.0, thickness=1.0, precision=precision, longest_step=longest
+            spacing=9.0,
+            thickness=1.0,
+            precision=precision,
+            longest_step=longest,
+            deterministic=True,
         ),
         particles=Particles(
             rng.uniform(0, 200, (500, 2)),

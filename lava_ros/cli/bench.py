@@ -1,0 +1,121 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`lava bench`: what effects cost, and whether the choice of them is right."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from lava_ros import validation
+from lava_ros.cli.progress import Progress
+from lava_ros.errors import LavaError
+
+#: The benchmarks, and what each measures.
+BENCHMARKS = {
+    'effects': 'the time of a step with each effect, and with all, over that of the bare step',
+    'choice': 'twelve scenes with the effects they call for, and with all there are',
+}
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the `lava` parser."""
+    parser = subparsers.add_parser(
+        'bench',
+        help='measure what effects cost',
+        description='Measure on this machine. '
+        + ' '.join(f'{name}: {text}.' for name, text in BENCHMARKS.items()),
+    )
+    parser.add_argument('benchmark', choices=BENCHMARKS, metavar='|'.join(BENCHMARKS))
+    parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
+    parser.add_argument(
+        '--particles', type=int, metavar='N', help='effects: particles (default: by the device)'
+    )
+    parser.add_argument(
+        '--repetitions', type=int, default=5, metavar='N', help='effects (default: 5)'
+    )
+    parser.add_argument('--output', metavar='FILE', help='write the table as CSV')
+    parser.add_argument('--json', metavar='FILE', help='write the table as JSON')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run a benchmark.
+
+    Raises:
+        LavaError: An argument cannot be used.
+    """
+    import warp as wp
+
+    from lava_ros.verification.rows import write_csv, write_json
+
+    device = args.device or str(wp.get_preferred_device())
+    validation.choice('--device', device, [str(known) for known in wp.get_devices()])
+    repetitions = int(validation.number('--repetitions', args.repetitions, at_least=1))
+    if args.particles is not None:
+        validation.number('--particles', args.particles, at_least=100, at_most=1e8)
+    for name in ('output', 'json'):
+        place = getattr(args, name)
+        if place and not Path(place).absolute().parent.is_dir():
+            raise LavaError(f'--{name}', place, 'a file in a folder that exists')
+    with Progress() as progress:
+        if args.benchmark == 'effects':
+            rows = _effects(args, device, repetitions, progress)
+        else:
+            rows = _choice(device, progress)
+    if args.output:
+        write_csv(rows, Path(args.output))
+    if args.json:
+        write_json(rows, Path(args.json))
+    return 0
+
+
+def _effects(
+    args: argparse.Namespace, device: str, repetitions: int, progress: Progress
+) -> Sequence[Any]:
+    from lava_ros.bench.effects import measure
+
+    command = f'lava bench effects --device {device} --repetitions {repetitions}'
+    if args.particles is not None:
+        command += f' --particles {args.particles}'
+    rows = list(
+        measure(
+            device,
+            command=command,
+            particles=args.particles,
+            repetitions=repetitions,
+            on_progress=progress.show,
+        )
+    )
+    print(f'{"effects":24}  {rows[0].unit:>24}  over bare')
+    for row in rows:
+        print(f'{row.benchmark:24}  {row.value:24.3g}  {row.ratio:9.2f}')
+    return rows
+
+
+def _choice(device: str, progress: Progress) -> Sequence[Any]:
+    from lava_ros.bench import choice
+
+    rows = choice.run(device, progress.show)
+    width = max(len(row.scene) for row in rows)
+    print(f'{"scene":{width}}  Jaccard   noise  chosen [s]  all [s]  chosen')
+    for row in rows:
+        print(
+            f'{row.scene:{width}}  {row.jaccard:7.3f}  {row.noise:6.3f}  {row.seconds_auto:10.2f}'
+            f'  {row.seconds_all:7.2f}  {row.effects_auto}'
+        )
+    return rows

@@ -1,0 +1,49 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a user leaves out: the device and the resolution."""
+
+from dataclasses import replace
+from typing import Any
+
+import warp as wp
+
+from lava_ros.accuracy import Accuracy, expected_thickness
+from lava_ros.errors import LavaError
+from lava_ros.scene import Scene
+
+
+def device_of(name: str | None) -> Any:
+    """Find a Warp device by its name.
+
+    Args:
+        name: Such as ``cpu`` or ``cuda:0``; the first CUDA device, else the CPU, when left out.
+
+    Raises:
+        LavaError: There is no such device.
+    """
+    try:
+        if name is None:
+            return wp.get_preferred_device()
+        return wp.get_device(name)
+    except (ValueError, RuntimeError):
+        known = ', '.join(str(device) for device in wp.get_devices())
+        raise LavaError('device', name, f'one of {known}') from None
+
+
+def resolved_accuracy(accuracy: Accuracy, scene: Scene) -> Accuracy:
+    """Fill in the automatic values: a spacing and a thickness of the scene's own scales."""
+    spacing = accuracy.spacing or scene.terrain.resolution / accuracy.refinement
+    thickness = accuracy.thickness or expected_thickness(scene)
+    return replace(accuracy, spacing=spacing, thickness=thickness)
