@@ -21,7 +21,7 @@ and a threshold below which leaving it out costs less than the stated error.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 import math
 
 import numpy as np
@@ -35,6 +35,10 @@ from lava_ros.scene import Scene, Terrain
 #: How far ahead a scene is looked at when nothing is said [s].
 HORIZON = 86400.0
 
+
+#: Thickness over kernel radius above which the lateral stress is solved for: the Green's function,
+#: cut off at the kernel radius, is the better up to there (docs/accuracy, lateral stress).
+RESOLVED = 0.4
 
 _NAMES = tuple(item.name for item in fields(Effects))
 
@@ -111,12 +115,14 @@ class Decision:
         value: The number; NaN when the material has no such effect.
         is_on: Whether the effect is on.
         is_forced: Whether a user said so.
+        rival: The effect beside which it cannot be on, though its number calls for it; or empty.
     """
 
     criterion: Criterion
     value: float
     is_on: bool
     is_forced: bool = False
+    rival: str = ''
 
     @property
     def reason(self) -> str:
@@ -126,7 +132,8 @@ class Decision:
         if math.isnan(self.value):
             return 'the material has none'
         sign = '>' if self.value > self.criterion.threshold else '<='
-        return f'{self.criterion.symbol} = {self.value:.2g} {sign} {self.criterion.threshold:g}'
+        text = f'{self.criterion.symbol} = {self.value:.2g} {sign} {self.criterion.threshold:.2g}'
+        return f'{text}, but not beside {self.rival}' if self.rival else text
 
 
 def scales_of(
@@ -192,9 +199,32 @@ def _cooled(scene: Scene, temperature: float, thickness: float, horizon: float) 
     return temperature
 
 
+def _warmth(scales: Scales, share: float) -> float:
+    """What a share of a column's heat matters: itself, or a third of what it does to viscosity.
+
+    1 % of the number is 1 % of the temperature, or 3 % of the viscosity and of the speed.
+    """
+    lava = scales.lava
+    change = share * (scales.temperature - scales.ambient)
+    colder = max(scales.temperature - change, scales.ambient)
+    ratio = lava.viscosity_at(colder) / scales.viscosity
+    return max(share, abs(math.log(ratio)) / 3.0)
+
+
 def _drop(scales: Scales) -> float:
     """Share of its heat that a column loses up to the horizon."""
-    return (scales.temperature - scales.end_temperature) / (scales.temperature - scales.ambient)
+    change = scales.temperature - scales.end_temperature
+    return _warmth(scales, change / (scales.temperature - scales.ambient))
+
+
+def _lateral(scales: Scales) -> float:
+    """Thickness over the kernel's radius, at the viscosity between that of vent and horizon."""
+    lava = scales.lava
+    end = lava.viscosity_at(max(scales.end_temperature, lava.solidus))
+    # lava a thousand times as stiff has all but stopped
+    ratio = min(end / scales.viscosity, 1e3)
+    # the expected thickness is as mu^(1/4), and the geometric mean is the square root of a product
+    return scales.thickness * ratio**0.125 / scales.kernel_radius
 
 
 def _stiffening(scales: Scales) -> float:
@@ -225,7 +255,8 @@ def _ground(scales: Scales) -> float:
     taken = 2.0 * lava.ground_conductivity * math.sqrt(
         scales.horizon / (math.pi * lava.ground_diffusivity)
     )
-    return taken / (lava.density * lava.specific_heat * scales.thickness)
+    share = taken / (lava.density * lava.specific_heat * scales.thickness)
+    return _warmth(scales, min(share, 1.0))
 
 
 def _conduction(scales: Scales) -> float:
@@ -238,7 +269,7 @@ def _conduction(scales: Scales) -> float:
 def _viscous_heating(scales: Scales) -> float:
     """Warming by a fall through the whole relief over the heat of the lava."""
     warming = scales.gravity * scales.relief / scales.lava.specific_heat
-    return warming / (scales.temperature - scales.ambient)
+    return _warmth(scales, warming / (scales.temperature - scales.ambient))
 
 
 def _latent(scales: Scales) -> float:
@@ -258,7 +289,7 @@ def _freezing(scales: Scales) -> float:
 CRITERIA: tuple[Criterion, ...] = (
     Criterion(
         'steep', 'thickness along steep slopes', 'slope', lambda scales: scales.steepest,
-        math.tan(math.radians(7.0)), 'up to 3 % of the speed: 1 - cos^4',
+        math.tan(math.radians(5.0)), 'up to 1.5 % of the speed: 1 - cos^4',
         'docs/MODEL.md, steep slopes',
     ),
     Criterion(
@@ -292,28 +323,33 @@ CRITERIA: tuple[Criterion, ...] = (
         '2 % of the front: a fifth of the number', 'point source on a slope with and without',
     ),
     Criterion(
-        'helmholtz', 'lateral viscous stress', 'h / l',
-        lambda scales: scales.thickness / scales.kernel_radius, 0.2,
-        '3 % of the speed of the shortest waves: (pi h / 2 l)^2 / 3', 'response 1 + q^2 h^2 / 3',
+        'green', 'lateral viscous stress, as a sum', 'h / l',
+        lambda scales: _lateral(scales) if _lateral(scales) <= RESOLVED else 0.0, 0.25,
+        '5 % of the speed of the shortest waves: (pi h / 2 l)^2 / 3',
+        'docs/accuracy, lateral stress',
     ),
     Criterion(
-        'cooling', 'radiation and convection', 'share of heat lost', _drop, 0.01,
-        '1 % of the temperature', 'column at rest',
+        'helmholtz', 'lateral viscous stress, solved', 'h / l', _lateral, RESOLVED,
+        'as much as the sum leaves out', 'docs/accuracy, lateral stress',
+    ),
+    Criterion(
+        'cooling', 'radiation and convection', 'heat lost', _drop, 0.01,
+        '1 % of the temperature or 3 % of the speed', 'column at rest',
         lambda lava: (lava.emissivity > 0.0 or lava.convection > 0.0) and not lava.crust,
     ),
     Criterion(
-        'crust', 'radiation from a crust', 'share of heat lost by a bare surface', _drop, 0.01,
-        '1 % of the temperature', 'column at rest',
+        'crust', 'radiation from a crust', 'heat lost by a bare surface', _drop, 0.01,
+        '1 % of the temperature or 3 % of the speed', 'column at rest',
         lambda lava: lava.crust and (lava.emissivity > 0.0 or lava.convection > 0.0),
     ),
     Criterion(
-        'ground', 'heat into the ground', 'share of heat taken', _ground, 0.01,
-        '1 % of the temperature', 'half-space, verification/exact/heat.py',
+        'ground', 'heat into the ground', 'heat taken', _ground, 0.01,
+        '1 % of the temperature or 3 % of the speed', 'half-space, verification/exact/heat.py',
         lambda lava: lava.ground_conductivity > 0.0,
     ),
     Criterion(
-        'viscous_heating', 'viscous heating', 'g relief / c over the heat', _viscous_heating, 0.01,
-        '1 % of the temperature', 'energy of the fall',
+        'viscous_heating', 'viscous heating', 'heat of the fall', _viscous_heating, 0.01,
+        '1 % of the temperature or 3 % of the speed', 'energy of the fall',
     ),
     Criterion(
         'latent_heat', 'latent heat', 'L / c over the heat', _latent, 0.01,
@@ -353,14 +389,30 @@ def decide(
     """
     forced = validation.keys('effects', dict(overrides or {}), allowed=_NAMES)
     scales = scales_of(scene, accuracy=accuracy, horizon=horizon)
-    decisions = []
+    decisions: dict[str, Decision] = {}
     for criterion in CRITERIA:
+        name = criterion.effect
         value = criterion.number(scales) if criterion.exists(scene.lava) else math.nan
-        is_on = value > criterion.threshold
-        if criterion.effect in forced:
-            is_on = bool(forced[criterion.effect])
-        decisions.append(Decision(criterion, value, is_on, criterion.effect in forced))
-    return tuple(decisions)
+        is_on = bool(forced.get(name, value > criterion.threshold))
+        decisions[name] = Decision(criterion, value, is_on, name in forced)
+    _settle(decisions)
+    return tuple(decisions.values())
+
+
+def _settle(decisions: dict[str, Decision]) -> None:
+    """Leave one on of those that exclude each other: a forced one, else the first of them.
+
+    The lateral stress is part of the local balance, which inertia replaces; the Green's function
+    and the solve are two forms of it.
+    """
+    rivals = [decisions[name] for name in ('inertia', 'green', 'helmholtz')]
+    on = [item for item in rivals if item.is_on]
+    first = next((item for item in on if item.is_forced), on[0] if on else None)
+    for item in on:
+        name = item.criterion.effect
+        if item is not first and not item.is_forced and first is not None:
+            rival = first.criterion.effect
+            decisions[name] = replace(item, is_on=False, rival=rival)
 
 
 def effects_for(
@@ -373,10 +425,4 @@ def effects_for(
     """Choose the effects a scene calls for; arguments and errors as of ``decide``."""
     decisions = decide(scene, overrides, accuracy=accuracy, horizon=horizon)
     chosen = {item.criterion.effect: item.is_on for item in decisions}
-    forced = {name for name, is_on in (overrides or {}).items() if is_on is True}
-    # two ways to one effect; and what moves that fast is thin
-    if chosen['inertia'] or 'green' in forced:
-        chosen['helmholtz'] = 'helmholtz' in forced
-    if forced & {'green', 'helmholtz'}:
-        chosen['inertia'] = 'inertia' in forced
     return Effects(**{**dict.fromkeys(_NAMES, False), **chosen, **(overrides or {})})

@@ -71,12 +71,15 @@ def test_each_effect_follows_its_number(angle, changes, expected):
 def test_lateral_stress_is_on_where_the_kernel_resolves_the_thickness():
     """Particles closer than the lava is thick feel the stress between them."""
     scene = Scene(slope(3.0), lava=PLAIN)
-    assert switched_on(scene, accuracy=Accuracy(spacing=0.5)) == {'helmholtz'}
+    thickness = scales_of(scene).thickness
+    for share, expected in ((0.2, set()), (0.3, {'green'}), (0.5, {'helmholtz'})):
+        accuracy = Accuracy(spacing=thickness / share / 3.0, ratio=3.0)
+        assert switched_on(scene, accuracy=accuracy) == expected
 
 
 def test_a_relief_of_kilometres_warms_lava():
     """A fall of 2 km warms lava by 17 K: more than 1 % of its heat."""
-    assert switched_on(Scene(slope(6.0, 40, 500.0), lava=PLAIN)) == {'viscous_heating'}
+    assert switched_on(Scene(slope(4.0, 40, 800.0), lava=PLAIN)) == {'viscous_heating'}
 
 
 def test_the_horizon_decides_what_matters():
@@ -96,13 +99,26 @@ def test_overrides_win_and_are_checked():
         effects_for(scene, {'green': 'yes'})
 
 
+def test_of_those_that_exclude_each_other_one_is_on():
+    """A forced effect wins; what yields says to whom."""
+    fluid = Scene(slope(3.0), lava=replace(PLAIN, viscosity=30.0))
+    close = Accuracy(spacing=0.1)
+    assert switched_on(fluid, accuracy=close) == {'inertia'}
+    assert switched_on(fluid, accuracy=close, overrides={'green': True}) == {'green'}
+    assert switched_on(fluid, accuracy=close, overrides={'inertia': False}) == {'helmholtz'}
+    reasons = {
+        item.criterion.effect: item.reason for item in decide(fluid, accuracy=close)
+    }
+    assert reasons['helmholtz'].endswith('but not beside inertia')
+
+
 def test_every_decision_says_why():
     """Each effect of the physics has a number, a threshold, a cost and a source."""
     decisions = decide(Scene(slope(20.0), lava=Lava()), {'inertia': False})
     named = [item.criterion.effect for item in decisions]
     assert len(set(named)) == len(named) == len(CRITERIA)
-    # green is the cheaper form of helmholtz, merging changes no physics: both are asked for
-    assert {item.name for item in fields(Effects)} - set(named) == {'green', 'merging'}
+    # merging changes no physics: it is on when asked for
+    assert {item.name for item in fields(Effects)} - set(named) == {'merging'}
     for item in decisions:
         assert item.criterion.admits
         assert item.criterion.source

@@ -121,13 +121,14 @@ def everything(scene: Scene, *, accuracy: Accuracy, horizon: float) -> Effects:
     forced = {name: not math.isnan(item.value) for name, item in decisions.items()}
     chosen = effects_for(scene, accuracy=accuracy, horizon=horizon)
     forced['inertia'] = chosen.inertia
-    if not chosen.inertia and not chosen.helmholtz:
+    if not (chosen.inertia or chosen.green or chosen.helmholtz):
         weight = {
             name: decisions[name].value / decisions[name].criterion.threshold
             for name in ('inertia', 'helmholtz')
         }
         forced['inertia'] = weight['inertia'] > weight['helmholtz']
-    forced['helmholtz'] = not forced['inertia']
+    # the solve is the better form of the two
+    forced['green'], forced['helmholtz'] = False, not forced['inertia']
     return effects_for(scene, forced, accuracy=accuracy, horizon=horizon)
 
 

@@ -24,6 +24,7 @@ class Progress:
     """A bar with the time that is left in a terminal, a line for every tenth elsewhere."""
 
     def __init__(self) -> None:
+        """Begin."""
         self._tenths = -1
         self._started = time.monotonic()
         self._bar = None
@@ -44,11 +45,13 @@ class Progress:
             self._task = self._bar.add_task('compiling', total=1.0)
 
     def __enter__(self) -> Progress:
+        """Show the bar."""
         if self._bar is not None:
             self._bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
+        """Take it away."""
         if self._bar is not None:
             self._bar.stop()
 

@@ -22,8 +22,9 @@ import time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from lava_ros.errors import LavaError
+from lava_ros.ros.effect_table import is_on
 from lava_ros.ros.recorder import RecorderStatus
-from lava_ros.ros.worker import WorkerState, WorkerStatus
+from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.simulation.snapshot import Snapshot
 
 #: Share of the emitted volume that may be unaccounted for: the promise of the simulation.
@@ -132,6 +133,7 @@ def simulation_status(
             'volume_held_m3': repr(budget.held),
             'volume_pending_m3': repr(budget.pending),
             'volume_left_m3': repr(budget.left),
+            'volume_frozen_m3': repr(budget.frozen),
             'volume_error': f'{budget.error:.3e}',
             'steps': steps.count,
             'step_s': f'{steps.length:.6g}',
@@ -139,6 +141,17 @@ def simulation_status(
             'step_stages': steps.stages,
         }
     return _status('simulation', level, message, values)
+
+
+def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
+    """Say which effects are on, and why each is on or off.
+
+    Args:
+        effects: The worker's table.
+    """
+    names = ', '.join(name for name, text in effects.items() if is_on(text)) or 'none'
+    message = f'on: {names}' if effects else 'not chosen yet'
+    return _status('effects', DiagnosticStatus.OK, message, effects)
 
 
 def recorder_status(recorder: RecorderStatus) -> DiagnosticStatus:

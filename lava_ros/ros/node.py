@@ -37,7 +37,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, PointCloud2
-from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.errors import LavaError
 from lava_ros.layers import Layer, load_layers
@@ -46,7 +45,9 @@ from lava_ros.ros import codec, diagnostics, inputs, parameters, qos
 from lava_ros.ros.layer_publishers import LayerPublishers
 from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.scene_recording import SceneRecording
-from lava_ros.ros.worker import SimulationLike, SimulationWorker, WorkerState
+from lava_ros.ros.services import Services
+from lava_ros.ros.worker import SimulationLike, SimulationWorker
+from lava_ros.ros.worker_status import WorkerState
 from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain
 from lava_ros.share import share_path
 from lava_ros.terrain_files import load_terrain
@@ -106,7 +107,14 @@ class LavaNode(Node):
         )
         self._create_outputs(layers)
         self._create_inputs()
-        self._create_services()
+        self._answers = Services(
+            self,
+            self._worker,
+            command=self._command,
+            step_length=lambda: self._settings.time_scale,
+            start_recording=self._start_recording,
+            stop_recording=self._stop_recording,
+        )
         if self._settings.record:
             self._recorder.arm(self._bag_directory())
         self._worker.start()
@@ -186,12 +194,6 @@ class LavaNode(Node):
         )
         self.create_timer(0.1, self._poll_pairing, clock=self._steady)
 
-    def _create_services(self) -> None:
-        self.create_service(Trigger, '~/reset', self._on_reset)
-        self.create_service(Trigger, '~/step', self._on_step)
-        self.create_service(SetBool, '~/pause', self._on_pause)
-        self.create_service(SetBool, '~/record', self._on_record)
-
     def _make_simulation(self, scene: Scene) -> SimulationLike:
         from lava_ros.simulation import Simulation
 
@@ -200,6 +202,8 @@ class LavaNode(Node):
             scene,
             accuracy=preset_accuracy(settings.preset, spacing=settings.spacing),
             device=settings.device,
+            effects=settings.forced,
+            horizon=settings.horizon,
         )
 
     # parameters
@@ -219,13 +223,19 @@ class LavaNode(Node):
             self._command('time_scale', self._worker.set_time_scale(new.time_scale))
         if new.end_time != old.end_time:
             self._command('end_time', self._worker.set_end_time(new.end_time))
+        if (new.forced, new.horizon) != (old.forced, old.horizon):
+            self._command('effects', self._worker.set_effects(new.forced, horizon=new.horizon))
         if new.lava != old.lava:
             self._command('lava', self._worker.set_lava(new.lava))
         if (new.lava, new.preset, new.spacing) != (old.lava, old.preset, old.spacing):
             self.get_logger().info('the new value is used from the next start or reset on')
 
     def _with(self, changed: list[Parameter]) -> dict[str, Any]:
-        known = {item.name: item.value for item in changed if item.name in self._values}
+        known = {
+            item.name: parameters.plain(item.value)
+            for item in changed
+            if item.name in self._values
+        }
         return {**self._values, **known}
 
     # inputs
@@ -306,64 +316,6 @@ class LavaNode(Node):
         )
         self._command('clicked_point', self._worker.add_vent(vent))
 
-    # services
-
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._answer(response, self._reset, 'starting again at time 0')
-
-    def _reset(self) -> None:
-        if self._worker.scene is None:
-            raise LavaError('reset', WorkerState.WAITING.value, 'a simulation that has started')
-        self._command('reset', self._worker.reset())
-
-    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        duration = self._settings.time_scale
-        return self._answer(response, self._step, f'advancing {duration:g} s')
-
-    def _step(self) -> None:
-        state = self._worker.status.state
-        if state is not WorkerState.PAUSED:
-            raise LavaError('step', state.value, 'a paused simulation')
-        self._command('step', self._worker.step(self._settings.time_scale))
-
-    def _on_pause(
-        self, request: SetBool.Request, response: SetBool.Response
-    ) -> SetBool.Response:
-        text = 'pausing' if request.data else 'going on'
-        return self._answer(
-            response, lambda: self._command('pause', self._worker.pause(request.data)), text
-        )
-
-    def _on_record(
-        self, request: SetBool.Request, response: SetBool.Response
-    ) -> SetBool.Response:
-        if not request.data:
-            self._recorder.stop()
-            recorded = self._recorder.status.directory or 'nothing'
-            self._report_recorder()
-            return self._answer(response, lambda: None, f'recorded {recorded}')
-        directory = self._bag_directory()
-        return self._answer(
-            response, lambda: self._start_recording(directory), f'recording to {directory}'
-        )
-
-    def _start_recording(self, directory: Path) -> None:
-        self._recorder.arm(directory)
-        self._publish_layers(repeat=True)
-        self._report_recorder()
-        if self._recorder.status.error:
-            raise LavaError('bag_directory', str(directory), self._recorder.status.error)
-
-    @staticmethod
-    def _answer(response: Any, action: Callable[[], None], text: str) -> Any:
-        try:
-            action()
-        except LavaError as error:
-            response.success, response.message = False, str(error)
-        else:
-            response.success, response.message = True, text
-        return response
-
     # outputs
 
     def _make_due(self, rate: float) -> None:
@@ -380,7 +332,11 @@ class LavaNode(Node):
         stamp_ns = self._stamp_ns()
         if self._worker.scene is not None:
             self._recording.write(
-                self._worker.scene, snapshot, stamp_ns, device=self._worker.status.device
+                self._worker.scene,
+                snapshot,
+                stamp_ns,
+                effects=self._worker.effects,
+                device=self._worker.status.device,
             )
         self._layers.publish(
             snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat
@@ -405,6 +361,7 @@ class LavaNode(Node):
                 diagnostics.simulation_status(
                     worker, snapshot, wet_cells=wet, frame_stamp_ns=self._layers.shown_stamp_ns
                 ),
+                diagnostics.effects_status(self._worker.effects),
                 self._inputs.status(),
                 diagnostics.recorder_status(self._recorder.status),
             ],
@@ -435,6 +392,20 @@ class LavaNode(Node):
         return self.get_clock().now().nanoseconds
 
     # recording
+
+    def _start_recording(self) -> str:
+        directory = self._bag_directory()
+        self._recorder.arm(directory)
+        self._publish_layers(repeat=True)
+        self._report_recorder()
+        if self._recorder.status.error:
+            raise LavaError('bag_directory', str(directory), self._recorder.status.error)
+        return str(directory)
+
+    def _stop_recording(self) -> str:
+        self._recorder.stop()
+        self._report_recorder()
+        return self._recorder.status.directory
 
     def _bag_directory(self) -> Path:
         chosen = self._settings.bag_directory

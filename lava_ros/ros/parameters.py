@@ -22,6 +22,8 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 
 from lava_ros import validation
+from lava_ros.choice import CRITERIA, HORIZON
+from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.layers import ZERO_CELSIUS
 from lava_ros.presets import DEFAULT as DEFAULT_PRESET
@@ -31,6 +33,9 @@ from lava_ros.scene import Lava, VENT_TEMPERATURE_RANGE
 
 #: Prefix of the parameters that are fields of ``Lava``.
 LAVA = 'lava.'
+
+#: Names of the effects.
+EFFECTS = tuple(item.name for item in fields(Effects))
 
 _RULES = InputRules()
 
@@ -45,6 +50,7 @@ class ParameterSpec:
         description: What it means and in which unit.
         limits: Smallest and largest value, for numbers.
         read_only: Whether it is fixed once the node runs.
+        is_list: Whether it is a list of texts.
     """
 
     name: str
@@ -52,10 +58,13 @@ class ParameterSpec:
     description: str
     limits: tuple[float, float] | None = None
     read_only: bool = False
+    is_list: bool = False
 
     def descriptor(self) -> ParameterDescriptor:
         """The descriptor that tools show and rclpy checks."""
         result = ParameterDescriptor(description=self.description, read_only=self.read_only)
+        # An empty list has no type of its own: tools send it as one of anything.
+        result.dynamic_typing = self.is_list
         if self.limits is not None and isinstance(self.default, float):
             low, high = self.limits
             result.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
@@ -100,6 +109,21 @@ PARAMETERS = (
         0.0,
         'Distance between particles [m], from the next start or reset on; 0: as the preset has it',
         (0.0, 1e4),
+    ),
+    ParameterSpec(
+        'effects_on',
+        [''],
+        f'Effects that are on whatever the scene says; known: {", ".join(EFFECTS)}',
+        is_list=True,
+    ),
+    ParameterSpec(
+        'effects_off', [''], 'Effects that are off whatever the scene says', is_list=True
+    ),
+    ParameterSpec(
+        'horizon',
+        HORIZON / 3600.0,
+        'How far ahead the choice of effects looks [h]',
+        (1e-3, 1e5),
     ),
     ParameterSpec(
         'default_discharge', 10.0, 'Discharge of a vent opened by a click [m3/s]', (0.0, 1e6)
@@ -178,9 +202,14 @@ def _labelled(metadata: Mapping[str, Any]) -> str:
 def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
     """Declare parameters on a node and return their values by name."""
     return {
-        spec.name: node.declare_parameter(spec.name, spec.default, spec.descriptor()).value
+        spec.name: plain(node.declare_parameter(spec.name, spec.default, spec.descriptor()).value)
         for spec in specs
     }
+
+
+def plain(value: Any) -> Any:
+    """A parameter's value, with a list in place of any array."""
+    return value if value is None or isinstance(value, str | bool | int | float) else list(value)
 
 
 @dataclass(frozen=True)
@@ -194,6 +223,8 @@ class Settings:
         end_time: Simulated time at which to stop [s], None for never.
         preset: Name of the accuracy's preset.
         spacing: Distance between particles [m] in place of the preset's, None for that.
+        forced: Effects forced on or off by name.
+        horizon: How far ahead the choice of effects looks [s].
         default_discharge: Discharge of a vent opened by a click [m3/s].
         default_temperature: Its temperature [Celsius].
         default_radius: Its radius [m].
@@ -210,6 +241,8 @@ class Settings:
     end_time: float | None = None
     preset: str = DEFAULT_PRESET
     spacing: float | None = None
+    forced: Mapping[str, bool] = field(default_factory=dict)
+    horizon: float = HORIZON
     default_discharge: float = 10.0
     default_temperature: float = 1150.0
     default_radius: float = 10.0
@@ -230,16 +263,53 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         raise LavaError('frame_id', '', 'the name of a frame, such as map')
     validation.choice('preset', values['preset'], PRESETS)
     rules = {item.name for item in fields(InputRules)} - {'epsg', 'offset'}
-    plain = {item.name for item in fields(Settings)} - {'device', 'end_time', 'spacing'}
+    lava = Lava(**{item.name: values[LAVA + item.name] for item in fields(Lava)})
+    made = {'device', 'end_time', 'spacing', 'forced', 'horizon', 'rules', 'lava'}
     return Settings(
-        **{name: values[name] for name in plain - {'rules', 'lava'}},
+        **{item.name: values[item.name] for item in fields(Settings) if item.name not in made},
         device=values['device'] or None,
         end_time=values['end_time'] or None,
         spacing=values['spacing'] or None,
+        forced=_forced(values['effects_on'], values['effects_off'], lava),
+        horizon=3600.0 * values['horizon'],
         rules=InputRules(
             **{name: values[name] for name in rules},
             epsg=values['epsg'] or None,
             offset=(values['offset_easting'], values['offset_northing']),
         ),
-        lava=Lava(**{item.name: values[LAVA + item.name] for item in fields(Lava)}),
+        lava=lava,
     )
+
+
+def _forced(on: object, off: object, lava: Lava) -> dict[str, bool]:
+    """The effects forced on or off, by name.
+
+    Raises:
+        LavaError: One is unknown, on and off, beside one that excludes it, or of no such material.
+    """
+    names_on, names_off = _names('effects_on', on), _names('effects_off', off)
+    for name in names_off:
+        if name in names_on:
+            raise LavaError('effects_off', name, 'an effect that is not in effects_on as well')
+    missing = {item.effect for item in CRITERIA if not item.exists(lava)}
+    for name in names_on:
+        if name in missing:
+            raise LavaError(
+                'effects_on', name, 'an effect that the material has by its constants, lava.*'
+            )
+    try:
+        Effects(**{name: name in names_on for name in EFFECTS})
+    except LavaError as error:
+        expected = f'{error.field.removeprefix("effects.")} {error.expected}'
+        raise LavaError('effects_on', names_on, expected) from None
+    return {**dict.fromkeys(names_on, True), **dict.fromkeys(names_off, False)}
+
+
+def _names(field: str, value: object) -> list[str]:
+    # ROS leaves a parameter unset that is an empty list at the start.
+    if value is None:
+        return []
+    if not isinstance(value, list):
+        raise LavaError(field, value, "a list of effects, such as ['inertia']")
+    # A list with one empty text is how ROS writes an empty list of texts.
+    return [validation.choice(field, name, EFFECTS) for name in value if name != '']

@@ -15,6 +15,7 @@
 """What a bag tells of the scene: terrain, vents and a description, ahead of the layers."""
 
 from collections.abc import Callable, Mapping
+import json
 from typing import Any
 
 from rclpy.node import Node
@@ -22,13 +23,18 @@ import yaml
 
 import lava_ros
 from lava_ros.ros import codec, outputs, qos
+from lava_ros.ros.effect_table import is_on
 from lava_ros.ros.recorder import Recorder
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.simulation.snapshot import Snapshot
 
 
 class SceneRecording:
-    """Opens an armed bag, and writes terrain and vents into it whenever they have changed."""
+    """Opens an armed bag, and writes terrain and vents into it whenever they have changed.
+
+    What describes the bag is replaced when the scene changes, all but the effects: their list has
+    one entry for the start and one for each time that some went on or off, in JSON.
+    """
 
     def __init__(
         self,
@@ -56,23 +62,36 @@ class SceneRecording:
         self._scene: Scene | None = None
         self._terrain: Terrain | None = None
         self._vents: list[tuple[float, ...]] | None = None
+        self._effects: dict[str, str] = {}
+        self._history: list[dict[str, Any]] = []
 
-    def write(self, scene: Scene, snapshot: Snapshot, stamp_ns: int, *, device: str) -> None:
+    def write(
+        self,
+        scene: Scene,
+        snapshot: Snapshot,
+        stamp_ns: int,
+        *,
+        effects: Mapping[str, str],
+        device: str,
+    ) -> None:
         """Write what has changed since the last time.
 
         Args:
             scene: The scene in use.
             snapshot: The snapshot about to be published.
             stamp_ns: Its ROS time [ns].
+            effects: The table of effects (``effect_table``).
             device: Name of the simulation's device.
         """
         if not (self._recorder.is_armed or self._recorder.is_recording):
             return
         if self._recorder.is_armed:
+            self._effects, self._history = {}, []
+            self._note_effects(effects, snapshot, stamp_ns)
             self._recorder.begin(self._description(scene, device))
             self._scene = scene
             self._terrain = self._vents = None
-        if scene is not self._scene:
+        if self._note_effects(effects, snapshot, stamp_ns) or scene is not self._scene:
             self._recorder.describe(self._description(scene, device))
             self._scene = scene
         if snapshot.terrain is not self._terrain:
@@ -90,6 +109,25 @@ class SceneRecording:
             self._write('vents', 'sensor_msgs/msg/PointCloud2', cloud, stamp_ns)
             self._vents = rows
 
+    def _note_effects(
+        self, effects: Mapping[str, str], snapshot: Snapshot, stamp_ns: int
+    ) -> bool:
+        """Add what has gone on or off to the list; the first entry has all of the table.
+
+        Returns:
+            Whether there was anything.
+        """
+        changed = {
+            name: text
+            for name, text in effects.items()
+            if name not in self._effects or is_on(text) != is_on(self._effects[name])
+        }
+        self._effects.update(changed)
+        if changed:
+            entry = {'stamp_ns': stamp_ns, 'time': snapshot.time, 'effects': changed}
+            self._history.append(entry)
+        return bool(changed)
+
     def _write(self, topic: str, message_type: str, message: Any, stamp_ns: int) -> None:
         self._recorder.write(
             self._node.resolve_topic_name(topic),
@@ -103,6 +141,7 @@ class SceneRecording:
         return {
             'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False),
             'parameters': yaml.safe_dump(dict(self._parameters()), sort_keys=False),
+            'effects': json.dumps(self._history),
             'msg_config': self._msg_config,
             'version': lava_ros.__version__,
             'device': device,

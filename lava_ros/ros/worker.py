@@ -14,19 +14,21 @@
 
 """The thread that owns the simulation: commands go in, snapshots come out. No rclpy in here."""
 
-from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import replace
 import queue
 import threading
-import time
 from typing import Any, Protocol, TYPE_CHECKING
 
 import numpy as np
 
+from lava_ros.choice import Decision
+from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
+from lava_ros.ros.effect_table import effect_table
+from lava_ros.ros.speed import SpeedMeter
+from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import check_vents, Lava, Scene, Terrain, Vent
 
 if TYPE_CHECKING:
@@ -42,9 +44,6 @@ IDLE_WALL_TIME = 0.1
 #: Clock time the simulation may be behind before it gives the rest up [s].
 MAX_LAG = 1.0
 
-#: Wall time over which the achieved speed is averaged [s].
-SPEED_WINDOW = 5.0
-
 
 class SimulationLike(Protocol):
     """What the worker needs of a simulation."""
@@ -56,6 +55,13 @@ class SimulationLike(Protocol):
     @property
     def device(self) -> str:
         """Name of the device."""
+
+    @property
+    def effects(self) -> Effects:
+        """The physics that is switched on."""
+
+    def decisions(self) -> tuple[Decision, ...]:
+        """Why each effect is on or off."""
 
     def advance(self, until: float, *, wall_limit: float | None = None) -> float:
         """Simulate up to a time and return the time reached."""
@@ -69,36 +75,8 @@ class SimulationLike(Protocol):
     def set_terrain(self, terrain: Terrain) -> None:
         """Replace the ground."""
 
-
-class WorkerState(Enum):
-    """What the worker is doing."""
-
-    WAITING = 'waiting for terrain'
-    STARTING = 'starting'
-    RUNNING = 'running'
-    PAUSED = 'paused'
-    FINISHED = 'finished'
-    FAILED = 'failed'
-    STOPPED = 'stopped'
-
-
-@dataclass(frozen=True)
-class WorkerStatus:
-    """How the worker is doing.
-
-    Attributes:
-        state: What it is doing.
-        error: What made it fail, empty unless the state is FAILED.
-        speed: Simulated time per wall time, over the last seconds.
-        is_behind: Whether simulated time falls behind the clock.
-        device: Name of the simulation's device, empty before there is one.
-    """
-
-    state: WorkerState
-    error: str
-    speed: float
-    is_behind: bool
-    device: str
+    def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
+        """Choose the effects anew, with some forced on or off."""
 
 
 class SimulationWorker:
@@ -145,12 +123,13 @@ class SimulationWorker:
         self._waiting_vents: tuple[tuple[Vent, ...], Future[None]] | None = None
         self._simulation: SimulationLike | None = None
         self._latest: Snapshot | None = None
+        self._effects: Mapping[str, str] = {}
         self._snapshot_is_old = False
         self._snapshot_asked = False
         self._last_clock = 0.0
         self._target = 0.0
         self._step_target: float | None = None
-        self._history: deque[tuple[float, float]] = deque()
+        self._speed = SpeedMeter()
         self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, False, '')
         self._error = ''
         self._is_stopping = False
@@ -172,6 +151,11 @@ class SimulationWorker:
     def scene(self) -> Scene | None:
         """The scene in use, None before there is a terrain."""
         return self._scene
+
+    @property
+    def effects(self) -> Mapping[str, str]:
+        """The table of effects (``effect_table``), empty before there is a simulation."""
+        return self._effects
 
     def start(self) -> None:
         """Start the thread."""
@@ -218,6 +202,13 @@ class SimulationWorker:
     def set_lava(self, lava: Lava) -> 'Future[None]':
         """Replace the material from the next start or reset on."""
         return self._put(lambda: self._set_lava(lava))
+
+    def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> 'Future[None]':
+        """Choose the effects anew, with some forced on or off, looking ahead by a time [s].
+
+        The thread then compiles what is new; the last snapshot stays until that is done.
+        """
+        return self._put(lambda: self._set_effects(forced, horizon))
 
     def set_time_scale(self, time_scale: float) -> 'Future[None]':
         """Change how fast simulated time follows the clock."""
@@ -331,7 +322,7 @@ class SimulationWorker:
         if self._target > before:
             reached = simulation.advance(self._target, wall_limit=SLICE_WALL_TIME)
             self._snapshot_is_old |= reached > before
-            self._note_speed(reached)
+            self._speed.note(reached)
         if self._step_target is not None and simulation.time >= self._target:
             self._step_target = None
 
@@ -345,18 +336,6 @@ class SimulationWorker:
 
     def _simulation_time(self) -> float:
         return self._simulation.time if self._simulation is not None else 0.0
-
-    def _note_speed(self, reached: float) -> None:
-        now = time.monotonic()
-        self._history.append((now, reached))
-        while now - self._history[0][0] > SPEED_WINDOW:
-            self._history.popleft()
-
-    def _speed(self) -> float:
-        if len(self._history) < 2:
-            return 0.0
-        (start, first), (end, last) = self._history[0], self._history[-1]
-        return (last - first) / (end - start) if end > start else 0.0
 
     def _update_status(self) -> None:
         old = self._status.state
@@ -373,13 +352,13 @@ class SimulationWorker:
         if state is WorkerState.RUNNING and old is not WorkerState.RUNNING:
             self._follow_from_here()
         if state is not WorkerState.RUNNING and self._step_target is None:
-            self._history.clear()
+            self._speed.clear()
         # What is at rest is shown as it is by the time its state says so.
         is_new = not self._is_moving() and self._take_snapshot()
         self._status = WorkerStatus(
             state=state,
             error=self._error,
-            speed=self._speed(),
+            speed=self._speed.value,
             is_behind=state is WorkerState.RUNNING and self._target > self._simulation_time(),
             device=self._simulation.device if self._simulation is not None else '',
         )
@@ -389,7 +368,7 @@ class SimulationWorker:
     def _follow_from_here(self) -> None:
         self._last_clock = self._clock()
         self._target = self._simulation_time()
-        self._history.clear()
+        self._speed.clear()
 
     def _renew_snapshot(self) -> None:
         self._snapshot_asked = False
@@ -408,6 +387,7 @@ class SimulationWorker:
         # A scene that is refused here leaves the old simulation in place.
         simulation = self._make_simulation(scene)
         self._simulation, self._scene, self._lava = simulation, scene, scene.lava
+        self._note_effects()
         self._error = ''
         self._step_target = None
         self._snapshot_is_old = True
@@ -424,6 +404,7 @@ class SimulationWorker:
         scene = replace(self._scene, terrain=terrain)
         if self._simulation is not None:
             self._simulation.set_terrain(terrain)
+            self._note_effects()
         self._scene = scene
         self._snapshot_is_old = True
         self._renew_snapshot()
@@ -465,6 +446,7 @@ class SimulationWorker:
             self._start_simulation(scene)
             return
         self._simulation.set_vents(vents)
+        self._note_effects()
         self._scene = scene
         self._snapshot_is_old = True
 
@@ -476,6 +458,18 @@ class SimulationWorker:
         self._lava = lava
         if self._scene is not None:
             self._scene = replace(self._scene, lava=lava)
+
+    def _set_effects(self, forced: Mapping[str, bool], horizon: float) -> None:
+        if self._simulation is None:
+            return
+        self._simulation.set_effects(forced, horizon=horizon)
+        self._note_effects()
+        self._snapshot_is_old = True
+        self._renew_snapshot()
+
+    def _note_effects(self) -> None:
+        assert self._simulation is not None
+        self._effects = effect_table(self._simulation.effects, self._simulation.decisions())
 
     def _reset(self) -> None:
         if self._scene is None:

@@ -110,12 +110,9 @@ class Simulation:
         self.accuracy = resolved_accuracy(accuracy or Accuracy(), scene)
         self._horizon = horizon
         self._forced = None if isinstance(effects, Effects) else dict(effects or {})
-        self.effects = effects if isinstance(effects, Effects) else self._chosen(scene)
-        if self.accuracy.formulation == 'as-published':
-            if self.effects.inertia:
-                right = 'false beside accuracy.formulation as-published, which has none'
-                raise LavaError('effects.inertia', True, right)
-            self.effects = replace(self.effects, green=True, steep=False)
+        self.effects = self._formulated(
+            effects if isinstance(effects, Effects) else self._chosen(scene)
+        )
         spacing, thickness = self.accuracy.spacing, self.accuracy.thickness
         assert spacing is not None and thickness is not None
         self._thickness = thickness
@@ -321,11 +318,20 @@ class Simulation:
         """The effects that a scene calls for, with what the user forces."""
         return effects_for(scene, self._forced, accuracy=self.accuracy, horizon=self._horizon)
 
+    def _formulated(self, effects: Effects) -> Effects:
+        """The effects as the formulation has them: the printed one is a Green's function."""
+        if self.accuracy.formulation != 'as-published':
+            return effects
+        if effects.inertia:
+            right = 'false beside accuracy.formulation as-published, which has none'
+            raise LavaError('effects.inertia', True, right)
+        return replace(effects, green=True, steep=False)
+
     def _decide(self) -> None:
         """Choose the effects anew where they follow the scene."""
         if self._forced is None:
             return
-        effects = self._chosen(self.scene)
+        effects = self._formulated(self._chosen(self.scene))
         if self.effects.solidification:
             # what has frozen stays ground
             effects = replace(effects, solidification=True)

@@ -125,7 +125,7 @@ _TYPES: dict[str, Callable[[str], Any]] = {'str': str, 'float': float, 'int': in
 
 
 def write_json(rows: Sequence[Any], path: Path) -> None:
-    """Write rows, dataclasses, as JSON: the columns of the CSV, as a list of objects, null for NaN.
+    """Write rows, dataclasses, as a JSON list of objects with the CSV's columns, null for NaN.
 
     Raises:
         LavaError: The file cannot be written.

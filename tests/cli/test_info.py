@@ -79,6 +79,39 @@ def test_info_as_json(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
         call('info', str(bag), '--json', str(tmp_path / 'gone' / 'info.json'))
 
 
+def test_info_says_which_effects_were_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The table at the start and what changed later, as text and as JSON."""
+    changes = [
+        {'stamp_ns': 1, 'time': 0.0, 'effects': {'steep': 'on: slope = 0.8 > 0.12'}},
+        {'stamp_ns': 9, 'time': 60.0, 'effects': {'steep': 'off: forced'}},
+    ]
+    data = {'effects': json.dumps(changes)}
+    BagWriter(tmp_path / 'bag', custom_data=data).close()
+    assert call('info', str(tmp_path / 'bag')) == 0
+    lines = [' '.join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    place = lines.index('effects')
+    assert lines[place + 1 : place + 4] == [
+        'steep on: slope = 0.8 > 0.12',
+        'changed at 60.0 s',
+        'steep off: forced',
+    ]
+    assert 'custom data' not in lines
+    assert call('info', str(tmp_path / 'bag'), '--json', '-') == 0
+    assert json.loads(capsys.readouterr().out)['effects'] == changes
+
+
+@pytest.mark.parametrize('text', ['[1', '[1]', '{}', '[{"time": 0}]'])
+def test_effects_that_cannot_be_read_are_shown_as_text(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A bag of someone else's may have anything by that name."""
+    BagWriter(tmp_path / 'bag', custom_data={'effects': text}).close()
+    assert call('info', str(tmp_path / 'bag')) == 0
+    assert f'  effects: {text}' in capsys.readouterr().out
+
+
 def test_info_and_recover_of_a_bag_that_was_cut_off(
     bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -21,7 +21,7 @@ import pytest
 from lava_ros.errors import LavaError
 from lava_ros.ros import diagnostics
 from lava_ros.ros.recorder import RecorderStatus
-from lava_ros.ros.worker import WorkerState, WorkerStatus
+from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import Terrain
 from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
 
@@ -126,6 +126,16 @@ def test_lost_volume_is_an_error():
     assert _simulation(WorkerState.RUNNING, _snapshot(held=8.99995)).level == OK
     status = _simulation(WorkerState.RUNNING, _snapshot(held=8.999))
     assert (status.level, status.message) == (ERROR, 'volume is not conserved')
+
+
+def test_effects_status():
+    """The message names what is on; each effect is a value with its reason."""
+    table = {'steep': 'on: slope = 0.8 > 0.12', 'green': 'off: never chosen', 'vft': 'on: forced'}
+    status = diagnostics.effects_status(table)
+    assert (status.name, status.level, status.message) == ('lava: effects', OK, 'on: steep, vft')
+    assert _values(status) == table
+    assert diagnostics.effects_status({}).message == 'not chosen yet'
+    assert diagnostics.effects_status({'vft': 'off: forced'}).message == 'on: none'
 
 
 def test_recorder_status():

@@ -15,6 +15,7 @@
 """The node in a real graph: itself, a publisher and subscribers, each a process of its own."""
 
 import hashlib
+import json
 from pathlib import Path
 import signal
 import time
@@ -222,6 +223,59 @@ def test_parameters(running):
     assert running.publisher.set(time_scale=60.0)['success']
 
 
+def test_effects_are_told_with_their_reasons(running):
+    """Each effect is on or off in the diagnostics, with the number that says so."""
+    status = running.listener.wait_for_status('effects', lambda _: True)
+    assert status['level'] == 0
+    assert status['cooling'].startswith('on: share of heat lost = ')
+    assert status['yielding'] == 'off: the material has none'
+    assert 'cooling' in status['message']
+
+
+def test_wrong_effects_are_refused(running):
+    """The answer names the parameter, the value and what is known; nothing changes."""
+    before = running.listener.wait_for_status('effects', lambda _: True)
+    for values, words in (
+        ({'effects_on': ['lava']}, ("effects_on is 'lava'", 'yielding', 'merging')),
+        ({'effects_off': [1]}, ('effects_off is 1', 'expected one of yielding')),
+        ({'effects_on': ['steep'], 'effects_off': ['steep']}, ("effects_off is 'steep'",)),
+        ({'effects_on': ['helmholtz', 'green']}, ('effects_on is', 'beside green')),
+        ({'horizon': 0.0}, ('horizon', 'out of range')),
+    ):
+        answer = running.publisher.set(**values)
+        assert not answer['success']
+        assert all(word in answer['message'] for word in words), answer
+    running.listener.wait_for_topic('diagnostics')
+    assert running.listener.wait_for_status('effects', lambda _: True) == before
+
+
+def test_changing_effects_does_not_stop_publishing(running):
+    """Effects go on and off in a flow that goes on; grids and heartbeats keep coming."""
+    first = running.listener.wait_for_topic('height', lambda grid: grid['wet'] > 0)
+    time_of = lambda: float(running.wait_for_state('running')['simulated_time_s'])  # noqa: E731
+    before = time_of()
+    for values, effect, text in (
+        ({'effects_on': ['helmholtz']}, 'helmholtz', 'on: forced'),
+        ({'effects_on': [], 'effects_off': ['cooling']}, 'cooling', 'off: forced'),
+        ({'effects_off': [''], 'horizon': 1e-3}, 'cooling', 'off: share of heat lost = '),
+        ({'horizon': 24.0}, 'cooling', 'on: share of heat lost = '),
+    ):
+        assert running.publisher.set(**values)['success']
+        running.listener.wait_for_status(
+            'effects', lambda status: status[effect].startswith(text)  # noqa: B023
+        )
+        running.listener.wait_for_topic('height')
+    assert time_of() > before
+    for topic, period, longest in (('height', 0.25, 8.0), ('diagnostics', 1.0, 3.0)):
+        seen = [item for item in running.listener.seen if item['topic'] == topic]
+        stamps = [item['stamp_ns'] for item in seen if item['stamp_ns'] >= first['stamp_ns']]
+        gaps = np.diff(stamps) / 1e9
+        assert np.median(gaps) == pytest.approx(period, rel=0.4), topic
+        assert gaps.max() < longest, topic
+    grids = [item for item in running.listener.seen if item['topic'] == 'height']
+    assert all(item['wet'] > 0 for item in grids if item['stamp_ns'] >= first['stamp_ns'])
+
+
 def test_reset(running):
     """A reset starts again at time 0 with the same terrain and vents."""
     status = running.listener.wait_for_status(
@@ -259,6 +313,10 @@ def test_recording_ends_and_matches_the_wire(running):
     assert scene['terrain']['shape'] == [30, 40]
     assert scene['vents'][0]['discharge'] == 20.0
     assert yaml.safe_load(bag.custom_data['parameters'])['frame_id'] == 'map'
+    effects = json.loads(bag.custom_data['effects'])
+    assert effects[0]['effects']['cooling'].startswith('on: ')
+    assert len(effects[0]['effects']) > 10
+    assert any(entry['effects'].get('helmholtz') == 'on: forced' for entry in effects[1:])
     assert bag.custom_data['device'] == 'cpu'
     assert bag.custom_data['version']
     refused = running.publisher.call('record', True)
@@ -295,7 +353,7 @@ def test_a_signal_ends_the_node(graph, tmp_path, terrain_file, number):
 
 
 def test_a_changed_msg_config_changes_the_messages(graph, terrain_file, tmp_path):
-    """Another file publishes other layers; simulated time follows /clock when asked to."""
+    """Another file publishes other layers; time follows /clock and effects are forced if asked."""
     config = tmp_path / 'mine.yaml'
     config.write_text(
         'layers:\n'
@@ -309,6 +367,8 @@ def test_a_changed_msg_config_changes_the_messages(graph, terrain_file, tmp_path
         msg_config=str(config),
         use_sim_time=True,
         time_scale=10.0,
+        effects_on=[],
+        effects_off=['cooling'],
     )
     listener = graph.listener('depth:image', 'danger', 'height', aside=True)
     publisher = graph.publisher(aside=True)
@@ -325,6 +385,8 @@ def test_a_changed_msg_config_changes_the_messages(graph, terrain_file, tmp_path
     assert 'height' not in {item['topic'] for item in listener.seen}
     status = listener.wait_for_status('simulation', lambda status: 'particles' in status)
     assert 0.0 < float(status['simulated_time_s']) <= 100.0
+    effects = listener.wait_for_status('effects', lambda _: True)
+    assert effects['cooling'] == 'off: forced'
     assert node.end() == 0
 
 
@@ -334,6 +396,7 @@ def test_a_changed_msg_config_changes_the_messages(graph, terrain_file, tmp_path
         ({'time_scale': 60}, 'written 5.0'),
         ({'time_scale': -1.0}, 'time_scale'),
         ({'msg_config': 'nothing.yaml'}, 'nothing.yaml'),
+        ({'effects_on': ['lava']}, "effects_on is 'lava'"),
         ({'terrain_file': 'nothing.npz'}, 'nothing.npz'),
     ],
 )

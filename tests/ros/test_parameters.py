@@ -70,6 +70,43 @@ def test_zero_and_empty_mean_automatic():
     assert settings.rules.epsg is None
 
 
+def test_effects_are_forced_by_name():
+    """Both lists make one mapping; an empty list is empty however ROS writes it."""
+    settings = parameters.settings_from(
+        _values(effects_on=['inertia', 'merging'], effects_off=['', 'steep'], horizon=2.0)
+    )
+    assert settings.forced == {'inertia': True, 'merging': True, 'steep': False}
+    assert settings.horizon == 7200.0
+    for empty in ([], [''], None):
+        assert parameters.settings_from(_values(effects_on=empty)).forced == {}
+
+
+@pytest.mark.parametrize(
+    ('changes', 'sentence'),
+    [
+        ({'effects_on': ['slope']}, "effects_on is 'slope', expected one of yielding, power_law"),
+        ({'effects_off': ['Steep']}, "effects_off is 'Steep', expected one of yielding"),
+        ({'effects_on': 'steep'}, "effects_on is 'steep', expected a list of effects"),
+        ({'effects_on': [1]}, 'effects_on is 1, expected one of'),
+        (
+            {'effects_on': ['steep'], 'effects_off': ['steep']},
+            "effects_off is 'steep', expected an effect that is not in effects_on",
+        ),
+        (
+            {'effects_on': ['green', 'inertia']},
+            "effects_on is ['green', 'inertia'], expected green false beside inertia",
+        ),
+        ({'effects_on': ['vft']}, "effects_on is 'vft', expected an effect that the material has"),
+        ({'effects_on': ['arrhenius'], 'lava.vft_b': 5000.0}, "effects_on is 'arrhenius'"),
+    ],
+)
+def test_wrong_effects_are_refused(changes, sentence):
+    """One that is unknown, contradictory or not of the material is named with what is known."""
+    with pytest.raises(LavaError) as caught:
+        parameters.settings_from(_values(**changes))
+    assert str(caught.value).startswith(sentence)
+
+
 @pytest.mark.parametrize(
     ('changes', 'field'),
     [

@@ -20,8 +20,10 @@ import time
 import numpy as np
 import pytest
 
+from lava_ros.choice import decide, effects_for, HORIZON
 from lava_ros.errors import LavaError
-from lava_ros.ros.worker import MAX_LAG, SimulationWorker, WorkerState
+from lava_ros.ros.worker import MAX_LAG, SimulationWorker
+from lava_ros.ros.worker_status import WorkerState
 from lava_ros.scene import check_vents, Lava, Scene, Terrain, Vent
 from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
 
@@ -43,6 +45,20 @@ class KeepsTime:
         self.advanced_to = []
         self.emitted_before = 0.0
         self.changed_at = 0.0
+        self.forced, self.horizon = {}, HORIZON
+        self.compile_time = 0.0
+
+    @property
+    def effects(self):
+        return effects_for(self.scene, self.forced, horizon=self.horizon)
+
+    def decisions(self):
+        return decide(self.scene, self.forced, horizon=self.horizon)
+
+    def set_effects(self, forced, *, horizon):
+        effects_for(self.scene, forced, horizon=horizon)
+        time.sleep(self.compile_time)
+        self.forced, self.horizon = dict(forced), horizon
 
     def emitted(self):
         flux = sum(vent.discharge for vent in self.scene.vents)
@@ -399,3 +415,52 @@ def test_stop_reports_a_thread_that_is_stuck():
     time.sleep(0.2)
     assert not bench.worker.stop(0.1)
     assert bench.worker.stop(5.0)
+
+
+def _is_on(bench, effect):
+    return bench.worker.effects[effect].startswith('on:')
+
+
+def test_effects_follow_the_scene(bench):
+    """The table is that of the simulation, and anew with every terrain and vent."""
+    assert bench.worker.effects == {}
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    assert not _is_on(bench, 'steep')
+    before = bench.worker.effects['arrhenius']
+    bench.run(bench.worker.set_vents([Vent((25.0, 15.0), 2.0, temperature=1300.0)]))
+    assert bench.worker.effects['arrhenius'] != before
+    hill = np.tile(np.arange(5) * 8.0, (4, 1))
+    bench.run(bench.worker.set_terrain(Terrain(hill, 10.0)))
+    assert bench.worker.effects['steep'].startswith('on: slope = 0.8 > ')
+
+
+def test_effects_are_forced_while_it_runs(bench):
+    """Forced effects are taken at once; those that do not go together change nothing."""
+    bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
+    assert bench.worker.effects['steep'] == 'on: forced'
+    with pytest.raises(LavaError, match='vft'):
+        bench.run(bench.worker.set_effects({'vft': True}, horizon=HORIZON))
+    assert bench.worker.effects['steep'] == 'on: forced'
+    assert bench.simulation.horizon == 60.0
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    assert len(bench.made) == 1
+
+
+def test_the_last_snapshot_stays_while_effects_are_compiled(bench):
+    """Whoever asks for a frame meanwhile is not held up, and has the last one."""
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    last = bench.worker.latest
+    bench.simulation.compile_time = 1.0
+    start = time.monotonic()
+    change = bench.worker.set_effects({'steep': True}, horizon=HORIZON)
+    while time.monotonic() - start < 0.5:
+        bench.worker.request_snapshot()
+        assert bench.worker.latest is last
+        time.sleep(0.05)
+    assert time.monotonic() - start < 0.7
+    assert not change.done()
+    bench.run(change)
+    assert bench.worker.latest is not last

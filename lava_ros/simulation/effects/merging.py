@@ -90,9 +90,9 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
     ):
         """Find who each particle would merge with, or, to split, its nearest neighbour."""
         i = wp.tid()
-        births[i] = 0
         if moved[1] == wp.float64(0.0):
             return
+        births[i] = 0
         partner[i] = -1
         if i >= counts[PARTICLES]:
             return

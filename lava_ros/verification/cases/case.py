@@ -63,7 +63,7 @@ class Measurement:
     @property
     def error(self) -> float:
         """Relative difference; NaN, which is within no bound, when nothing was measured."""
-        return abs(self.measured - self.exact) / abs(self.scale or self.exact)
+        return float(abs(self.measured - self.exact) / abs(self.scale or self.exact))
 
 
 @dataclass(frozen=True)

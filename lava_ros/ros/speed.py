@@ -1,0 +1,48 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How fast simulated time passes."""
+
+from collections import deque
+import time
+
+#: Wall time over which the speed is averaged [s].
+SPEED_WINDOW = 5.0
+
+
+class SpeedMeter:
+    """Averages simulated time per wall time over the last seconds."""
+
+    def __init__(self) -> None:
+        """Start with nothing."""
+        self._history: deque[tuple[float, float]] = deque()
+
+    @property
+    def value(self) -> float:
+        """Simulated seconds per second, 0 before there are two notes."""
+        if len(self._history) < 2:
+            return 0.0
+        (start, first), (end, last) = self._history[0], self._history[-1]
+        return (last - first) / (end - start) if end > start else 0.0
+
+    def note(self, reached: float) -> None:
+        """Note a simulated time [s] that has just been reached."""
+        now = time.monotonic()
+        self._history.append((now, reached))
+        while now - self._history[0][0] > SPEED_WINDOW:
+            self._history.popleft()
+
+    def clear(self) -> None:
+        """Forget what was."""
+        self._history.clear()

@@ -1,0 +1,84 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The benchmark of the choice of effects."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.bench import choice
+from lava_ros.bench.scenes import scenes
+from lava_ros.choice import CRITERIA, decide, effects_for
+from lava_ros.presets import DEFAULT, preset_accuracy
+
+ACCURACY = preset_accuracy(DEFAULT)
+
+
+def test_scenes_differ_in_what_they_call_for():
+    """Every effect is on in a scene and off in another, and no two names are the same."""
+    items = scenes()
+    assert len({item.name for item in items}) == len(items) == 12
+    chosen = [effects_for(item.scene, accuracy=ACCURACY, horizon=item.horizon) for item in items]
+    for criterion in CRITERIA:
+        switches = {getattr(effects, criterion.effect) for effects in chosen}
+        assert switches == {True, False}, criterion.effect
+
+
+@pytest.mark.parametrize('item', scenes(), ids=lambda item: item.name)
+def test_everything_is_what_the_material_has(item):
+    """Nothing chosen is left out of all effects, and nothing the material lacks is in them."""
+    arguments = {'accuracy': ACCURACY, 'horizon': item.horizon}
+    auto = effects_for(item.scene, **arguments)
+    full = choice.everything(item.scene, **arguments)
+    for decision in decide(item.scene, **arguments):
+        name = decision.criterion.effect
+        if name in ('inertia', 'green', 'helmholtz'):
+            continue
+        assert getattr(full, name) >= getattr(auto, name)
+        assert getattr(full, name) == (not math.isnan(decision.value))
+    assert full.inertia != full.helmholtz
+    assert full.inertia or not auto.inertia
+    assert not full.green
+    assert full != auto
+
+
+@pytest.mark.parametrize('name', ['plain', 'fast'])
+def test_chosen_effects_cover_what_all_effects_cover(name):
+    """A short run reaches the same cells with the chosen effects as with all."""
+    item = next(item for item in scenes() if item.name == name)
+    row = choice.measure(replace(item, horizon=0.3 * item.horizon), device='cpu', command='')
+    assert row.jaccard >= 0.98
+    assert row.noise >= 0.98
+    assert row.cells > 200
+
+
+def test_disturbed_vents_are_hardly_elsewhere():
+    """Ends move with the vents, series keep their times."""
+    scene = next(item.scene for item in scenes() if item.name == 'fissure')
+    scene = replace(scene, vents=(replace(scene.vents[0], discharge=((0.0, 2.0), (9.0, 0.0))),))
+    (vent,) = choice.disturbed(scene, 0.5).vents
+    assert vent.position == pytest.approx((0.8, -79.7))
+    assert vent.end == pytest.approx((20.8, 80.7))
+    assert [time for time, _ in vent.series] == [0.0, 9.0]
+    assert vent.series[0][1] == pytest.approx(2.0 * (1.0 + choice.GAIN))
+
+
+def test_jaccard_of_cells():
+    """Cells in both over cells in either; nothing compared to nothing is not a match."""
+    one, other = np.array([[True, True, False]]), np.array([[False, True, True]])
+    assert choice.jaccard(one, other) == pytest.approx(1.0 / 3.0)
+    assert math.isnan(choice.jaccard(one & ~one, one & ~one))
