@@ -52,6 +52,9 @@ EVALUATIONS = wp.constant(7)
 DIFFUSION = wp.constant(0)
 ADVECTION = wp.constant(1)
 
+#: Most blocks of a kernel that rarely has anything to do: it costs little when it has not.
+RARE_BLOCKS = 1024
+
 REAL = {'float32': wp.float32, 'float64': wp.float64}
 
 

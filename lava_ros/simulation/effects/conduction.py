@@ -47,7 +47,7 @@ from lava_ros.simulation.effects import load
 from lava_ros.simulation.heat import heat_constants, HeatConstants
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
-from lava_ros.simulation.state import IS_LAST, PARTICLES, State, STEP
+from lava_ros.simulation.state import IS_LAST, PARTICLES, RARE_BLOCKS, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
 
 #: Exchange rate of a particle over kappa / l^2 up to which sweeps are counted: an even layer has
@@ -223,6 +223,7 @@ class AfterStep:
         wp.launch(
             add_rates,
             dim=state.capacity,
+            max_blocks=RARE_BLOCKS,
             inputs=[state.ordered, state.flow, state.particle, state.counts, *grid],
             outputs=[state.exchange, state.warmth],
             device=state.device,
@@ -232,6 +233,7 @@ class AfterStep:
                 wp.launch(
                     keep,
                     dim=state.capacity,
+                    max_blocks=RARE_BLOCKS,
                     inputs=[state.counts, state.particle, state.waited],
                     outputs=[state.warmth],
                     device=state.device,
@@ -239,6 +241,7 @@ class AfterStep:
             wp.launch(
                 exchange_heat,
                 dim=state.capacity,
+                max_blocks=RARE_BLOCKS,
                 inputs=[
                     state.ordered,
                     state.flow,

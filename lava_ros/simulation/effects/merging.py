@@ -34,7 +34,7 @@ import warp as wp
 from lava_ros.accuracy import Accuracy
 from lava_ros.scene import Scene
 from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
-from lava_ros.simulation.state import ADVECTION, FULL, IS_LAST, PARTICLES, State, STEP
+from lava_ros.simulation.state import ADVECTION, FULL, IS_LAST, PARTICLES, RARE_BLOCKS, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
 
 #: Displacement of the fastest particle, over the longest in a step, from one pass to the next.
@@ -181,6 +181,7 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
     @wp.kernel(module='unique', enable_backward=False)
     def split(
         counts: wp.array(dtype=wp.int32),
+        moved: wp.array(dtype=wp.float64),
         flow: wp.array(dtype=vec3),
         births: wp.array(dtype=wp.int32),
         slots: wp.array(dtype=wp.int32),
@@ -192,7 +193,7 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
     ):
         """Halve a particle; the second half goes behind the particles there are."""
         i = wp.tid()
-        if births[i] == 0:
+        if moved[1] == wp.float64(0.0) or births[i] == 0:
             return
         slot = counts[PARTICLES] + slots[i]
         if slot >= particle.shape[0]:
@@ -220,10 +221,13 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
 
     @wp.kernel(module='unique', enable_backward=False)
     def count(
+        moved: wp.array(dtype=wp.float64),
         births: wp.array(dtype=wp.int32),
         slots: wp.array(dtype=wp.int32),
         counts: wp.array(dtype=wp.int32),
     ):
+        if moved[1] == wp.float64(0.0):
+            return
         last = births.shape[0] - 1
         counts[PARTICLES] = wp.min(counts[PARTICLES] + slots[last] + births[last], last + 1)
 
@@ -257,6 +261,7 @@ class AfterStep:
         wp.launch(
             choose,
             dim=state.capacity,
+            max_blocks=RARE_BLOCKS,
             inputs=[
                 state.ordered,
                 state.particle,
@@ -274,6 +279,7 @@ class AfterStep:
         wp.launch(
             merge,
             dim=state.capacity,
+            max_blocks=RARE_BLOCKS,
             inputs=[state.counts, state.moved, state.partner],
             outputs=[state.particle, *carried],
             device=state.device,
@@ -282,14 +288,22 @@ class AfterStep:
         wp.launch(
             split,
             dim=state.capacity,
-            inputs=[state.counts, state.flow, state.births, state.slots, state.partner],
+            max_blocks=RARE_BLOCKS,
+            inputs=[
+                state.counts,
+                state.moved,
+                state.flow,
+                state.births,
+                state.slots,
+                state.partner,
+            ],
             outputs=[state.particle, *carried],
             device=state.device,
         )
         wp.launch(
             count,
             dim=1,
-            inputs=[state.births, state.slots],
+            inputs=[state.moved, state.births, state.slots],
             outputs=[state.counts],
             device=state.device,
         )
