@@ -61,6 +61,7 @@ setup(
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/launch', files_in('launch')),
         (f'share/{NAME}/msg_configs', files_in('msg_configs')),
+        (f'share/{NAME}/docs/benchmarks', files_in('docs/benchmarks')),
     ],
     zip_safe=False,
     python_requires='>=3.10',

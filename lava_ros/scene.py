@@ -243,13 +243,18 @@ class Scene:
         """Validate the parts together.
 
         Raises:
-            LavaError: A part is of the wrong kind, or a vent is not on the terrain.
+            LavaError: A part is of the wrong kind, a vent is not on the terrain, or its lava is
+                solid.
         """
         put = object.__setattr__
         for name, kind in (('terrain', Terrain), ('lava', Lava)):
             if not isinstance(getattr(self, name), kind):
                 raise LavaError(f'scene.{name}', getattr(self, name), f'a {kind.__name__}')
         put(self, 'vents', check_vents(self.vents, self.terrain))
+        for index, vent in enumerate(self.vents):
+            if vent.temperature <= self.lava.solidus:
+                right = f'above lava.solidus, {self.lava.solidus:g} K: colder lava is solid'
+                raise LavaError(f'vents[{index}].temperature', vent.temperature, right)
         put(
             self,
             'ambient_temperature',

@@ -175,3 +175,12 @@ def test_projected_and_map_position_exclude_each_other():
     data = [{'position': [5, 5], 'projected': [5, 5], 'discharge': 1}]
     with pytest.raises(LavaError, match='absent beside position'):
         vents_from_list(data, flat())
+
+
+def test_a_vent_of_solid_lava_is_refused():
+    """Lava colder than the solidus would be ground before it flows."""
+    terrain = Terrain(np.zeros((4, 4)), 10.0)
+    vents = (Vent((20.0, 20.0), 1.0, temperature=1100.0),)
+    with pytest.raises(LavaError, match=r'vents\[0\].temperature is 1100'):
+        Scene(terrain, vents, Lava(solidus=1200.0))
+    assert Scene(terrain, vents, Lava(solidus=1000.0)).vents

@@ -17,6 +17,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
+import csv
 import json
 import math
 from pathlib import Path
@@ -26,6 +28,10 @@ from lava_ros import presets, validation
 from lava_ros.choice import decide, Decision, HORIZON
 from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
 from lava_ros.errors import LavaError
+from lava_ros.share import share_path
+
+#: What effects cost, measured by `lava bench effects`.
+COSTS = 'docs/benchmarks/effects_h200.csv'
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -69,9 +75,11 @@ def run(args: argparse.Namespace) -> int:
         accuracy=presets.preset_accuracy(args.preset),
         horizon=horizon,
     )
-    _print(decisions)
+    costs = step_costs()
+    _print(decisions, costs)
     if args.json:
-        text = json.dumps([as_dict(item) for item in decisions], indent=1, allow_nan=False)
+        table = [as_dict(item, costs) for item in decisions]
+        text = json.dumps(table, indent=1, allow_nan=False)
         try:
             Path(args.json).write_text(text + '\n', encoding='utf-8')
         except OSError as error:
@@ -79,8 +87,18 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def as_dict(decision: Decision) -> dict[str, Any]:
-    """A decision as plain data."""
+def step_costs() -> dict[str, float]:
+    """Time of a step with each effect alone over that of the bare step, as measured.
+
+    Raises:
+        LavaError: The measurements are not where the package's data are.
+    """
+    with share_path(COSTS).open(newline='', encoding='utf-8') as file:
+        return {row['benchmark']: float(row['ratio']) for row in csv.DictReader(file)}
+
+
+def as_dict(decision: Decision, costs: Mapping[str, float]) -> dict[str, Any]:
+    """A decision as plain data, with what the effect costs."""
     criterion = decision.criterion
     return {
         'effect': criterion.effect,
@@ -91,15 +109,19 @@ def as_dict(decision: Decision) -> dict[str, Any]:
         'value': None if math.isnan(decision.value) else decision.value,
         'threshold': criterion.threshold,
         'reason': decision.reason,
+        'step_time_over_bare': costs[criterion.effect],
         'without_it': criterion.admits,
         'source': criterion.source,
     }
 
 
-def _print(decisions: tuple[Decision, ...]) -> None:
+def _print(decisions: tuple[Decision, ...], costs: Mapping[str, float]) -> None:
     reasons = [item.reason for item in decisions]
     width = max(len(reason) for reason in reasons)
-    print(f'{"effect":16} {"":3} {"because":{width}}  without it, below the threshold')
+    head = 'without it, below the threshold'
+    print(f'{"effect":16} {"":3} {"because":{width}}  {"step":>6}  {head}')
     for item, reason in zip(decisions, reasons, strict=True):
-        switch = 'on' if item.is_on else '-'
-        print(f'{item.criterion.effect:16} {switch:3} {reason:{width}}  {item.criterion.admits}')
+        switch, name = 'on' if item.is_on else '-', item.criterion.effect
+        cost = f'x {costs[name]:.2f}'
+        print(f'{name:16} {switch:3} {reason:{width}}  {cost:>6}  {item.criterion.admits}')
+    print(f'step: time of a step with this effect alone over the bare step ({COSTS})')

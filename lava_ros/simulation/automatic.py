@@ -20,6 +20,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.accuracy import Accuracy, expected_thickness
+from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene
 
@@ -47,3 +48,17 @@ def resolved_accuracy(accuracy: Accuracy, scene: Scene) -> Accuracy:
     spacing = accuracy.spacing or scene.terrain.resolution / accuracy.refinement
     thickness = accuracy.thickness or expected_thickness(scene)
     return replace(accuracy, spacing=spacing, thickness=thickness)
+
+
+def formulated(effects: Effects, accuracy: Accuracy) -> Effects:
+    """The effects as the formulation has them: the printed one is a Green's function.
+
+    Raises:
+        LavaError: The printed formulation is asked for inertia.
+    """
+    if accuracy.formulation != 'as-published':
+        return effects
+    if effects.inertia:
+        right = 'false beside accuracy.formulation as-published, which has none'
+        raise LavaError('effects.inertia', True, right)
+    return replace(effects, green=True, steep=False)

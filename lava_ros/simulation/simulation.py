@@ -29,7 +29,7 @@ from lava_ros.choice import decide, Decision, effects_for, HORIZON
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
-from lava_ros.simulation.automatic import device_of, resolved_accuracy
+from lava_ros.simulation.automatic import device_of, formulated, resolved_accuracy
 from lava_ros.simulation.effects import after_step, load
 from lava_ros.simulation.flow import compute_flow, flow_kernels, FlowConstants
 from lava_ros.simulation.heat import heat_constants
@@ -110,9 +110,8 @@ class Simulation:
         self.accuracy = resolved_accuracy(accuracy or Accuracy(), scene)
         self._horizon = horizon
         self._forced = None if isinstance(effects, Effects) else dict(effects or {})
-        self.effects = self._formulated(
-            effects if isinstance(effects, Effects) else self._chosen(scene)
-        )
+        chosen = effects if isinstance(effects, Effects) else self._chosen(scene)
+        self.effects = formulated(chosen, self.accuracy)
         spacing, thickness = self.accuracy.spacing, self.accuracy.thickness
         assert spacing is not None and thickness is not None
         self._thickness = thickness
@@ -243,11 +242,12 @@ class Simulation:
         that closes comes out as one last, smaller particle.
 
         Raises:
-            LavaError: A vent is not on the terrain; the old vents stay.
+            LavaError: A vent is not on the terrain, or its lava solid; the old vents stay.
         """
         vents = check_vents(vents, self.scene.terrain)
         if vents == self._vents.vents:
             return
+        scene = replace(self.scene, vents=vents)
         now = self.time
         conduits: dict[Any, float] = {}
         for vent, volume in zip(self._vents.vents, self._vents.pending(now), strict=True):
@@ -259,7 +259,7 @@ class Simulation:
             (vent, conduits.pop((vent.position, vent.end), 0.0)) for vent in self._vents.vents
         ]
         self._vents = self._vent_set(vents, since=now, carried=carried)
-        self.scene = replace(self.scene, vents=vents)
+        self.scene = scene
         self._decide()
         self._append(
             [
@@ -318,20 +318,11 @@ class Simulation:
         """The effects that a scene calls for, with what the user forces."""
         return effects_for(scene, self._forced, accuracy=self.accuracy, horizon=self._horizon)
 
-    def _formulated(self, effects: Effects) -> Effects:
-        """The effects as the formulation has them: the printed one is a Green's function."""
-        if self.accuracy.formulation != 'as-published':
-            return effects
-        if effects.inertia:
-            right = 'false beside accuracy.formulation as-published, which has none'
-            raise LavaError('effects.inertia', True, right)
-        return replace(effects, green=True, steep=False)
-
     def _decide(self) -> None:
         """Choose the effects anew where they follow the scene."""
         if self._forced is None:
             return
-        effects = self._formulated(self._chosen(self.scene))
+        effects = formulated(self._chosen(self.scene), self.accuracy)
         if self.effects.solidification:
             # what has frozen stays ground
             effects = replace(effects, solidification=True)
