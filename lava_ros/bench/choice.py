@@ -169,9 +169,11 @@ def jaccard(one: np.ndarray, other: np.ndarray) -> float:
     return np.count_nonzero(one & other) / either if either else math.nan
 
 
-def measure(item: BenchScene, *, device: str, command: str) -> Row:
+def measure(
+    item: BenchScene, *, device: str, command: str, preset: str = DEFAULT
+) -> Row:
     """Simulate a scene with the chosen effects, with all of them, and with disturbed vents."""
-    accuracy = preset_accuracy(DEFAULT)
+    accuracy = preset_accuracy(preset)
     auto = effects_for(item.scene, accuracy=accuracy, horizon=item.horizon)
     full = everything(item.scene, accuracy=accuracy, horizon=item.horizon)
 
@@ -213,17 +215,21 @@ def names(effects: Effects) -> str:
 
 
 def run(
-    device: str, on_progress: Callable[[str, float], None] = lambda what, share: None
+    device: str,
+    on_progress: Callable[[str, float], None] = lambda what, share: None,
+    preset: str = DEFAULT,
 ) -> list[Row]:
     """Measure every scene.
 
     Args:
         device: Warp device.
+        preset: Accuracy of the runs.
         on_progress: Told what begins, and the share of the work that is done, from 0 to 1.
     """
     rows, items = [], scenes()
+    command = f'lava bench choice --device {device} --preset {preset}'
     for index, item in enumerate(items):
         on_progress(item.name, index / len(items))
-        rows.append(measure(item, device=device, command=f'lava bench choice --device {device}'))
+        rows.append(measure(item, device=device, command=command, preset=preset))
     on_progress('done', 1.0)
     return rows

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lava_ros import validation
+from lava_ros import presets, validation
 from lava_ros.cli.progress import Progress
 from lava_ros.errors import LavaError
 
@@ -48,6 +48,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         '--repetitions', type=int, default=5, metavar='N', help='effects (default: 5)'
     )
+    parser.add_argument(
+        '--preset', default=presets.DEFAULT, metavar='NAME', help='choice (default: %(default)s)'
+    )
     parser.add_argument('--output', metavar='FILE', help='write the table as CSV')
     parser.add_argument('--json', metavar='FILE', help='write the table as JSON')
     parser.set_defaults(run=run)
@@ -66,6 +69,7 @@ def run(args: argparse.Namespace) -> int:
     device = args.device or str(wp.get_preferred_device())
     validation.choice('--device', device, [str(known) for known in wp.get_devices()])
     repetitions = int(validation.number('--repetitions', args.repetitions, at_least=1))
+    validation.choice('--preset', args.preset, presets.PRESETS)
     if args.particles is not None:
         validation.number('--particles', args.particles, at_least=100, at_most=1e8)
     for name in ('output', 'json'):
@@ -76,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
         if args.benchmark == 'effects':
             rows = _effects(args, device, repetitions, progress)
         else:
-            rows = _choice(device, progress)
+            rows = _choice(device, args.preset, progress)
     if args.output:
         write_csv(rows, Path(args.output))
     if args.json:
@@ -107,10 +111,10 @@ def _effects(
     return rows
 
 
-def _choice(device: str, progress: Progress) -> Sequence[Any]:
+def _choice(device: str, preset: str, progress: Progress) -> Sequence[Any]:
     from lava_ros.bench import choice
 
-    rows = choice.run(device, progress.show)
+    rows = choice.run(device, progress.show, preset)
     width = max(len(row.scene) for row in rows)
     print(f'{"scene":{width}}  Jaccard   noise  chosen [s]  all [s]  chosen')
     for row in rows:

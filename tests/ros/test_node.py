@@ -227,7 +227,7 @@ def test_effects_are_told_with_their_reasons(running):
     """Each effect is on or off in the diagnostics, with the number that says so."""
     status = running.listener.wait_for_status('effects', lambda _: True)
     assert status['level'] == 0
-    assert status['cooling'].startswith('on: share of heat lost = ')
+    assert status['cooling'].startswith('on: heat lost = ')
     assert status['yielding'] == 'off: the material has none'
     assert 'cooling' in status['message']
 
@@ -257,8 +257,8 @@ def test_changing_effects_does_not_stop_publishing(running):
     for values, effect, text in (
         ({'effects_on': ['helmholtz']}, 'helmholtz', 'on: forced'),
         ({'effects_on': [], 'effects_off': ['cooling']}, 'cooling', 'off: forced'),
-        ({'effects_off': [''], 'horizon': 1e-3}, 'cooling', 'off: share of heat lost = '),
-        ({'horizon': 24.0}, 'cooling', 'on: share of heat lost = '),
+        ({'effects_off': [''], 'horizon': 1e-3}, 'cooling', 'off: heat lost = '),
+        ({'horizon': 24.0}, 'cooling', 'on: heat lost = '),
     ):
         assert running.publisher.set(**values)['success']
         running.listener.wait_for_status(

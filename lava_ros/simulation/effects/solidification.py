@@ -38,7 +38,7 @@ import warp as wp
 from lava_ros.accuracy import Accuracy
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.neighbors import NeighborGrid
-from lava_ros.simulation.state import IS_LAST, PARTICLES, State, STEP
+from lava_ros.simulation.state import IS_LAST, PARTICLES, RARE_BLOCKS, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
 
 #: What the frozen lava's thickness is counted in [m]; its largest thickness is 2^63 of them.
@@ -177,6 +177,7 @@ class AfterStep:
         wp.launch(
             freeze,
             dim=state.capacity,
+            max_blocks=RARE_BLOCKS,
             inputs=[
                 state.flow,
                 state.counts,
@@ -192,6 +193,7 @@ class AfterStep:
         wp.launch(
             raise_ground,
             dim=state.capacity,
+            max_blocks=RARE_BLOCKS,
             inputs=[
                 state.flow,
                 state.counts,
