@@ -58,7 +58,8 @@ class Accuracy:
         gradient: Form of the surface's gradient: ``energy``, that of the particles' potential
             energy; ``difference``, of differences between particles, zero on a level surface; or
             ``balanced``, the first as far as the second allows: as accurate, at rest when level,
-            at the cost of one more pass over the neighbours (``simulation/flow.py``).
+            at the cost of one more pass over the neighbours (``simulation/flow.py``). With
+            inertia it is ``energy``, which keeps the momentum.
         formulation: ``corrected``, or ``as-published``: the velocity by equations 3.36 to 3.44 as
             they are printed, for comparison only.
         deterministic: Whether runs on a GPU are identical to the bit; on the CPU they always are.

@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
         LavaError: An argument cannot be used.
     """
     from lava_ros.verification import measure, settings
-    from lava_ros.verification.cases import CASES
+    from lava_ros.verification.cases import CASES, EFFECT_CASES
     from lava_ros.verification.chart import draw
     from lava_ros.verification.lateral import NAME
     from lava_ros.verification.report import markdown
@@ -117,7 +117,12 @@ def run(args: argparse.Namespace) -> int:
             rows = sorted([*kept, *measured], key=lambda row: order.index(row.case))
             write_csv(rows, folder / f'{stem}.csv')
             _write('--output', folder / f'{stem}.md', markdown(rows, titles, stem=stem))
-    draw(rows, titles, folder / f'{stem}.png')
+    for name, shown in (
+        (f'{stem}.png', [row for row in rows if row.case not in EFFECT_CASES]),
+        (f'{stem}_effects.png', [row for row in rows if row.case in EFFECT_CASES]),
+    ):
+        if shown:
+            draw(shown, titles, folder / name)
     if args.json:
         write_json(measured, Path(args.json))
     _print_presets(measured, titles)

@@ -358,8 +358,9 @@ class Simulation:
         self._flow.reach = accuracy.courant_number * min(self.radius, terrain.resolution)
         kernel = smoothing_kernel(accuracy.kernel, self._state.real, accuracy.ratio)
         self._flow.stiffness = kernel.stiffness / (accuracy.diffusion_number * self.radius**2)
+        gradient = accuracy.gradient if self._state.has_surface else 'energy'
         self._flow_kernels = flow_kernels(
-            self._state.real, accuracy.kernel, accuracy.ratio, accuracy.gradient, self.effects
+            self._state.real, accuracy.kernel, accuracy.ratio, gradient, self.effects
         )
         if self.effects.inertia:
             self._momentum = load('inertia').Momentum(

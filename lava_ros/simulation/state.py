@@ -199,7 +199,8 @@ class State:
         self.has_age = effects.crust or effects.ground
         # what froze or was merged into another has no volume and is dropped
         self.has_empty = effects.solidification or effects.merging
-        self.has_surface = accuracy.gradient != 'energy'
+        # with inertia the pairs of the energy's gradient keep the momentum: a bore needs that
+        self.has_surface = accuracy.gradient != 'energy' and not effects.inertia
         self.device = device
         self.clock = wp.zeros(5, dtype=wp.float64, device=device)
         self.counts = wp.zeros(8, dtype=wp.int32, device=device)

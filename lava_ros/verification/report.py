@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from lava_ros.verification.cases import EFFECT_CASES
 from lava_ros.verification.front import pareto_front, Point, points, presets_of
 from lava_ros.verification.lateral import NAME as LATERAL
 from lava_ros.verification.rows import Row
@@ -44,8 +45,7 @@ def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
         'long was left out. Settings on the front are bold: nothing is both faster and better. '
         'What has no result is `none`, and in the chart a triangle at the errors it does have.',
         '',
-        f'![Error against cost]({stem}.png)',
-        '',
+        *_charts(rows, stem),
         *_preset_table(points(rows), titles),
         *studies(rows, titles),
     ]
@@ -53,6 +53,15 @@ def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
         lines += [f'## {titles.get(name, name)}', '']
         lines += [*_case_table([row for row in rows if row.case == name]), '']
     return '\n'.join(lines)
+
+
+def _charts(rows: Sequence[Row], stem: str) -> list[str]:
+    """The pictures: of the flows, and of the effects where there are any."""
+    names = {row.case for row in rows}
+    lines = [f'![Error against cost]({stem}.png)', ''] if names - EFFECT_CASES else []
+    if names & EFFECT_CASES:
+        lines += [f'![Error against cost, effects]({stem}_effects.png)', '']
+    return lines
 
 
 def _preset_table(found: Sequence[Point], titles: dict[str, str]) -> list[str]:

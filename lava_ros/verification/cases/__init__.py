@@ -31,6 +31,7 @@ from lava_ros.verification.cases.spreading import Spread, spread_of_fixed_volume
 
 __all__ = [
     'CASES',
+    'EFFECT_CASES',
     'Case',
     'Measurement',
     'Run',
@@ -46,3 +47,8 @@ CASES: dict[str, Case] = {
     for module in (sheets, heat, rheology, channel, pond, spreading, slopes, solid, inertia)
     for case in module.CASES
 }
+
+#: Cases of what lava does beside flowing and spreading: they have a chart of their own.
+EFFECT_CASES = frozenset(
+    case.name for module in (heat, rheology, solid, inertia) for case in module.CASES
+)
