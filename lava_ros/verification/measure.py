@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 REPEATED_BELOW = 3.0
 
 #: Longest run that is tried [s], and the same in a quick report.
-LONGEST, QUICK_LONGEST = 30.0, 4.0
+LONGEST, QUICK_LONGEST = 30.0, 2.0
 
 #: How much longer a preset may take.
 PRESET_PATIENCE = 4.0
