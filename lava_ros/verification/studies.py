@@ -118,7 +118,8 @@ def _convergence(rows: Sequence[Row]) -> list[str]:
         last += ['', _order(spacing, errors[name])]
     head = ['particles', *(word for name in quantities for word in (name, 'order')), 'a run took']
     return [
-        f'The fixed volume at `{DEFAULT}`, the particles doubled again and again. The order is '
+        f'The fixed volume at `{DEFAULT}` with steps half as long, whose error then says little, '
+        'the particles doubled again and again. The order is '
         'the slope of log error against log distance between particles, from one line to the next '
         'and through all of them.',
         '',
