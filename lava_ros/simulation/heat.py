@@ -31,11 +31,9 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
+from lava_ros.lava import STEFAN_BOLTZMANN
 from lava_ros.scene import Scene
 from lava_ros.simulation.effects import load
-
-#: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018).
-STEFAN_BOLTZMANN = 5.670374419e-8
 
 #: Effects that are part of the balance; a crust loses what ``cooling`` would, from its surface.
 HEAT_EFFECTS = ('cooling', 'crust', 'ground', 'viscous_heating')
