@@ -29,6 +29,7 @@ EXTRAS = {
     'terrain': ['rasterio>=1.3.10,<2'],
     'plot': ['matplotlib>=3.8,<4', 'mcap-ros2-support>=0.5.5,<1'],
     'test': [
+        'hypothesis>=6.100,<7',
         'mcap-ros2-support>=0.5.5,<1',
         'pytest>=8,<10',
         'rosbags>=0.10.4,<0.12',

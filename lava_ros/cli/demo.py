@@ -341,7 +341,8 @@ class _Progress:
 
 
 def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
-    values, speed = seen.values, seen.speed
+    values = seen.values
+    speed = float(values['mean_speed'])
     return {
         'simulated_time': seen.time,
         'particles': int(values['particles']),

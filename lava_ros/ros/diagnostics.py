@@ -119,6 +119,7 @@ def simulation_status(
         'state': worker.state.value,
         'device': worker.device,
         'speed': f'{worker.speed:.4g}',
+        'mean_speed': f'{worker.mean_speed:.4g}',
     }
     if snapshot is not None:
         budget, steps = snapshot.budget, snapshot.steps

@@ -39,8 +39,6 @@ class Observation:
         recorder_error: What is wrong with the recording, empty when nothing is.
         frames: Height maps heard.
         frame_stamp_ns: Stamp of the newest of them [ns].
-        speed: Simulated time per time of the node's clock, from the first frame the diagnostics
-            told of to the newest; 0 when there is only one.
     """
 
     state: str = ''
@@ -50,7 +48,6 @@ class Observation:
     recorder_error: str = ''
     frames: int = 0
     frame_stamp_ns: int = 0
-    speed: float = 0.0
 
     @property
     def time(self) -> float:
@@ -86,7 +83,6 @@ class Monitor:
         self._statuses: dict[str, DiagnosticStatus] = {}
         self._frames = 0
         self._frame_stamp_ns = 0
-        self._first: tuple[int, float] | None = None
         self._node.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
         )
@@ -107,7 +103,6 @@ class Monitor:
             recorder_error=self._complaint('lava: recorder'),
             frames=self._frames,
             frame_stamp_ns=self._frame_stamp_ns,
-            speed=self._speed(values),
         )
 
     def close(self) -> None:
@@ -115,14 +110,6 @@ class Monitor:
         self._executor.shutdown()
         self._node.destroy_node()
         rclpy.shutdown(context=self._context)
-
-    def _speed(self, values: Mapping[str, str]) -> float:
-        if 'simulated_time_s' not in values:
-            return 0.0
-        stamp_ns, time = int(values['frame_stamp_ns']), float(values['simulated_time_s'])
-        self._first = self._first or (stamp_ns, time)
-        elapsed = 1e-9 * (stamp_ns - self._first[0])
-        return (time - self._first[1]) / elapsed if elapsed > 0.0 else 0.0
 
     def _complaint(self, name: str) -> str:
         status = self._statuses.get(name)

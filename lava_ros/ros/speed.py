@@ -22,11 +22,13 @@ SPEED_WINDOW = 5.0
 
 
 class SpeedMeter:
-    """Averages simulated time per wall time over the last seconds."""
+    """Averages simulated time per wall time, over the last seconds and over all it ran."""
 
     def __init__(self) -> None:
         """Start with nothing."""
         self._history: deque[tuple[float, float]] = deque()
+        self._wall_time = 0.0
+        self._simulated_time = 0.0
 
     @property
     def value(self) -> float:
@@ -36,13 +38,21 @@ class SpeedMeter:
         (start, first), (end, last) = self._history[0], self._history[-1]
         return (last - first) / (end - start) if end > start else 0.0
 
+    @property
+    def mean(self) -> float:
+        """Simulated seconds per second between all notes, the pauses left out."""
+        return self._simulated_time / self._wall_time if self._wall_time > 0.0 else 0.0
+
     def note(self, reached: float) -> None:
         """Note a simulated time [s] that has just been reached."""
         now = time.monotonic()
+        if self._history:
+            self._wall_time += now - self._history[-1][0]
+            self._simulated_time += reached - self._history[-1][1]
         self._history.append((now, reached))
         while now - self._history[0][0] > SPEED_WINDOW:
             self._history.popleft()
 
     def clear(self) -> None:
-        """Forget what was."""
+        """End a run: the next note begins another."""
         self._history.clear()

@@ -19,14 +19,10 @@ from concurrent.futures import Future
 from dataclasses import replace
 import queue
 import threading
-from typing import Any, Protocol, TYPE_CHECKING
+from typing import Any, TYPE_CHECKING
 
-import numpy as np
-
-from lava_ros.choice import Decision
-from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.ros.effect_table import effect_table
+from lava_ros.ros.eruption import Eruption, SimulationLike
 from lava_ros.ros.speed import SpeedMeter
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import check_vents, Lava, Scene, Terrain, Vent
@@ -43,40 +39,6 @@ IDLE_WALL_TIME = 0.1
 
 #: Clock time the simulation may be behind before it gives the rest up [s].
 MAX_LAG = 1.0
-
-
-class SimulationLike(Protocol):
-    """What the worker needs of a simulation."""
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-
-    @property
-    def device(self) -> str:
-        """Name of the device."""
-
-    @property
-    def effects(self) -> Effects:
-        """The physics that is switched on."""
-
-    def decisions(self) -> tuple[Decision, ...]:
-        """Why each effect is on or off."""
-
-    def advance(self, until: float, *, wall_limit: float | None = None) -> float:
-        """Simulate up to a time and return the time reached."""
-
-    def snapshot(self) -> 'Snapshot':
-        """Show the state of the flow."""
-
-    def set_vents(self, vents: Iterable[Vent]) -> None:
-        """Replace the vents."""
-
-    def set_terrain(self, terrain: Terrain) -> None:
-        """Replace the ground."""
-
-    def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
-        """Choose the effects anew, with some forced on or off."""
 
 
 class SimulationWorker:
@@ -113,24 +75,19 @@ class SimulationWorker:
             on_snapshot: Called in the thread when ``latest`` has changed.
         """
         self._make_simulation = make_simulation
+        self._eruption = Eruption(self._make, lava=lava)
         self._clock = clock
-        self._lava = lava or Lava()
         self._time_scale = time_scale
         self._end_time = end_time
         self._paused = paused
         self._on_snapshot = on_snapshot
-        self._scene: Scene | None = None
         self._waiting_vents: tuple[tuple[Vent, ...], Future[None]] | None = None
-        self._simulation: SimulationLike | None = None
-        self._latest: Snapshot | None = None
-        self._effects: Mapping[str, str] = {}
-        self._snapshot_is_old = False
         self._snapshot_asked = False
         self._last_clock = 0.0
         self._target = 0.0
         self._step_target: float | None = None
         self._speed = SpeedMeter()
-        self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, False, '')
+        self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, 0.0, False, '')
         self._error = ''
         self._is_stopping = False
         self._commands: queue.SimpleQueue[tuple[Callable[[], None], Future[None]]]
@@ -140,7 +97,7 @@ class SimulationWorker:
     @property
     def latest(self) -> 'Snapshot | None':
         """The newest snapshot, None before the first."""
-        return self._latest
+        return self._eruption.latest
 
     @property
     def status(self) -> WorkerStatus:
@@ -150,12 +107,12 @@ class SimulationWorker:
     @property
     def scene(self) -> Scene | None:
         """The scene in use, None before there is a terrain."""
-        return self._scene
+        return self._eruption.scene
 
     @property
     def effects(self) -> Mapping[str, str]:
         """The table of effects (``effect_table``), empty before there is a simulation."""
-        return self._effects
+        return self._eruption.effects
 
     def start(self) -> None:
         """Start the thread."""
@@ -178,7 +135,7 @@ class SimulationWorker:
 
     def set_scene(self, scene: Scene) -> 'Future[None]':
         """Start a simulation of the scene at time 0, in place of what there was."""
-        return self._put(lambda: self._start_simulation(scene))
+        return self._put(lambda: self._start(lambda: self._eruption.start(scene)))
 
     def set_terrain(self, terrain: Terrain) -> 'Future[None]':
         """Replace the ground under the flow; the first terrain starts the simulation."""
@@ -201,7 +158,7 @@ class SimulationWorker:
 
     def set_lava(self, lava: Lava) -> 'Future[None]':
         """Replace the material from the next start or reset on."""
-        return self._put(lambda: self._set_lava(lava))
+        return self._put(lambda: self._eruption.set_lava(lava))
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> 'Future[None]':
         """Choose the effects anew, with some forced on or off, looking ahead by a time [s].
@@ -224,7 +181,7 @@ class SimulationWorker:
 
     def reset(self) -> 'Future[None]':
         """Start the scene again at time 0, also after a failure; a pause stays."""
-        return self._put(self._reset)
+        return self._put(lambda: self._start(self._eruption.reset))
 
     def step(self, duration: float) -> 'Future[None]':
         """Advance a paused simulation by a duration [s]."""
@@ -257,7 +214,7 @@ class SimulationWorker:
         """Run what is queued; wait for it as long as there is nothing else to do."""
         try:
             if self._is_moving():
-                wait = 0.0 if self._target > self._simulation_time() else IDLE_WALL_TIME
+                wait = 0.0 if self._target > self._eruption.time else IDLE_WALL_TIME
                 command = self._commands.get(timeout=wait) if wait else self._commands.get_nowait()
             else:
                 command = self._commands.get()
@@ -289,7 +246,7 @@ class SimulationWorker:
 
     def _fail(self, error: Exception) -> None:
         self._error = f'{type(error).__name__}: {error}'
-        self._simulation = None
+        self._eruption.fail()
         self._step_target = None
         self._status = replace(self._status, state=WorkerState.FAILED, error=self._error)
 
@@ -308,10 +265,9 @@ class SimulationWorker:
         # A clock that jumps back, as at the start of a replay, moves nothing.
         elapsed = max(0.0, now - self._last_clock)
         self._last_clock = now
-        simulation = self._simulation
-        if simulation is None or not self._is_moving():
+        if not self._is_moving():
             return
-        before = simulation.time
+        before = self._eruption.time
         if self._step_target is not None:
             self._target = self._step_target
         else:
@@ -320,28 +276,23 @@ class SimulationWorker:
         if self._end_time is not None:
             self._target = min(self._target, self._end_time)
         if self._target > before:
-            reached = simulation.advance(self._target, wall_limit=SLICE_WALL_TIME)
-            self._snapshot_is_old |= reached > before
-            self._speed.note(reached)
-        if self._step_target is not None and simulation.time >= self._target:
+            self._speed.note(self._eruption.advance(self._target, wall_limit=SLICE_WALL_TIME))
+        if self._step_target is not None and self._eruption.time >= self._target:
             self._step_target = None
 
     def _is_moving(self) -> bool:
-        if self._simulation is None or self._is_finished():
+        if self._eruption.simulation is None or self._is_finished():
             return False
         return not self._paused or self._step_target is not None
 
     def _is_finished(self) -> bool:
-        return self._end_time is not None and self._simulation_time() >= self._end_time
-
-    def _simulation_time(self) -> float:
-        return self._simulation.time if self._simulation is not None else 0.0
+        return self._end_time is not None and self._eruption.time >= self._end_time
 
     def _update_status(self) -> None:
         old = self._status.state
         if self._error:
             state = WorkerState.FAILED
-        elif self._simulation is None:
+        elif self._eruption.simulation is None:
             state = WorkerState.WAITING
         elif self._is_finished():
             state = WorkerState.FINISHED
@@ -354,60 +305,49 @@ class SimulationWorker:
         if state is not WorkerState.RUNNING and self._step_target is None:
             self._speed.clear()
         # What is at rest is shown as it is by the time its state says so.
-        is_new = not self._is_moving() and self._take_snapshot()
+        is_new = not self._is_moving() and self._eruption.renew_snapshot()
         self._status = WorkerStatus(
             state=state,
             error=self._error,
             speed=self._speed.value,
-            is_behind=state is WorkerState.RUNNING and self._target > self._simulation_time(),
-            device=self._simulation.device if self._simulation is not None else '',
+            mean_speed=self._speed.mean,
+            is_behind=state is WorkerState.RUNNING and self._target > self._eruption.time,
+            device=self._eruption.device,
         )
         if is_new:
             self._on_snapshot()
 
     def _follow_from_here(self) -> None:
         self._last_clock = self._clock()
-        self._target = self._simulation_time()
+        self._target = self._eruption.time
         self._speed.clear()
+        self._speed.note(self._target)
 
     def _renew_snapshot(self) -> None:
         self._snapshot_asked = False
-        if self._take_snapshot():
+        if self._eruption.renew_snapshot():
             self._on_snapshot()
 
-    def _take_snapshot(self) -> bool:
-        if self._simulation is None or not self._snapshot_is_old:
-            return False
-        self._latest = self._simulation.snapshot()
-        self._snapshot_is_old = False
-        return True
-
-    def _start_simulation(self, scene: Scene) -> None:
+    def _make(self, scene: Scene) -> SimulationLike:
         self._status = replace(self._status, state=WorkerState.STARTING)
-        # A scene that is refused here leaves the old simulation in place.
-        simulation = self._make_simulation(scene)
-        self._simulation, self._scene, self._lava = simulation, scene, scene.lava
-        self._note_effects()
+        return self._make_simulation(scene)
+
+    def _start(self, start: Callable[[], None]) -> None:
+        start()
+        self._note_start()
+
+    def _note_start(self) -> None:
         self._error = ''
         self._step_target = None
-        self._snapshot_is_old = True
+        self._speed = SpeedMeter()
         self._follow_from_here()
         self._renew_snapshot()
 
     def _set_terrain(self, terrain: Terrain) -> None:
-        if self._scene is None:
+        if self._eruption.scene is None:
             self._start_with_waiting_vents(terrain)
-            return
-        # Publishers often repeat their map; the same ground again changes nothing.
-        if _is_same(terrain, self._scene.terrain):
-            return
-        scene = replace(self._scene, terrain=terrain)
-        if self._simulation is not None:
-            self._simulation.set_terrain(terrain)
-            self._note_effects()
-        self._scene = scene
-        self._snapshot_is_old = True
-        self._renew_snapshot()
+        elif self._eruption.set_terrain(terrain):
+            self._renew_snapshot()
 
     def _start_with_waiting_vents(self, terrain: Terrain) -> None:
         vents: tuple[Vent, ...] = ()
@@ -417,77 +357,35 @@ class SimulationWorker:
                 vents = check_vents(self._waiting_vents[0], terrain)
             except LavaError as refused:
                 error = refused
-        self._start_simulation(Scene(terrain, vents=vents, lava=self._lava))
+        self._start(lambda: self._eruption.begin(terrain, vents))
         if self._waiting_vents is not None:
             future = self._waiting_vents[1]
             self._waiting_vents = None
             _finish(future, error)
 
     def _set_vents(self, vents: tuple[Vent, ...], future: 'Future[None]') -> None:
-        if self._scene is None:
+        if self._eruption.scene is None:
             if self._waiting_vents is not None:
                 _finish(self._waiting_vents[1])
             self._waiting_vents = (vents, future)
-            return
-        self._change_vents(vents)
+        elif self._eruption.set_vents(vents):
+            self._note_start()
 
     def _add_vent(self, vent: Vent) -> None:
-        if self._scene is None:
+        scene = self._eruption.scene
+        if scene is None:
             raise LavaError('vent', vent.position, 'a terrain before the first single vent')
-        self._change_vents((*self._scene.vents, vent))
-
-    def _change_vents(self, vents: tuple[Vent, ...]) -> None:
-        assert self._scene is not None
-        scene = replace(self._scene, vents=vents)
-        if self._simulation is None:
-            self._scene = scene
-            return
-        if vents and not self._scene.vents and self._is_without_lava():
-            self._start_simulation(scene)
-            return
-        self._simulation.set_vents(vents)
-        self._note_effects()
-        self._scene = scene
-        self._snapshot_is_old = True
-
-    def _is_without_lava(self) -> bool:
-        self._renew_snapshot()
-        return self._latest is not None and self._latest.budget.emitted == 0.0
-
-    def _set_lava(self, lava: Lava) -> None:
-        self._lava = lava
-        if self._scene is not None:
-            self._scene = replace(self._scene, lava=lava)
+        if self._eruption.set_vents((*scene.vents, vent)):
+            self._note_start()
 
     def _set_effects(self, forced: Mapping[str, bool], horizon: float) -> None:
-        if self._simulation is None:
-            return
-        self._simulation.set_effects(forced, horizon=horizon)
-        self._note_effects()
-        self._snapshot_is_old = True
+        self._eruption.set_effects(forced, horizon=horizon)
         self._renew_snapshot()
 
-    def _note_effects(self) -> None:
-        assert self._simulation is not None
-        self._effects = effect_table(self._simulation.effects, self._simulation.decisions())
-
-    def _reset(self) -> None:
-        if self._scene is None:
-            raise LavaError('reset', 'no terrain yet', 'a simulation that has started')
-        self._start_simulation(self._scene)
-
     def _begin_step(self, duration: float) -> None:
-        if self._simulation is None or not self._paused:
+        if self._eruption.simulation is None or not self._paused:
             raise LavaError('step', self._status.state.value, 'a paused simulation')
-        self._step_target = self._simulation.time + duration
-
-
-def _is_same(one: Terrain, other: Terrain) -> bool:
-    return (
-        one.resolution == other.resolution
-        and one.origin == other.origin
-        and np.array_equal(one.elevation, other.elevation, equal_nan=True)
-    )
+        self._step_target = self._eruption.time + duration
 
 
 def _finish(future: 'Future[Any]', error: Exception | None = None) -> None:

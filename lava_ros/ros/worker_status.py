@@ -38,6 +38,7 @@ class WorkerStatus:
         state: What it is doing.
         error: What made it fail, empty unless the state is FAILED.
         speed: Simulated time per wall time, over the last seconds.
+        mean_speed: The same since the simulation started, pauses left out.
         is_behind: Whether simulated time falls behind the clock.
         device: Name of the simulation's device, empty before there is one.
     """
@@ -45,5 +46,6 @@ class WorkerStatus:
     state: WorkerState
     error: str
     speed: float
+    mean_speed: float
     is_behind: bool
     device: str

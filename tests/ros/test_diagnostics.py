@@ -47,8 +47,8 @@ def _snapshot(**budget):
 
 
 def _simulation(state, snapshot=None, **changes):
-    fields = {'error': '', 'speed': 2.0, 'is_behind': False, 'device': 'cpu', **changes}
-    worker = WorkerStatus(state=state, **fields)
+    fields = {'error': '', 'speed': 2.0, 'mean_speed': 3.0, 'is_behind': False, 'device': 'cpu'}
+    worker = WorkerStatus(state=state, **fields | changes)
     return diagnostics.simulation_status(worker, snapshot, wet_cells=7, frame_stamp_ns=99)
 
 
@@ -87,6 +87,7 @@ def test_simulation_values():
         'state': 'running',
         'device': 'cpu',
         'speed': '2',
+        'mean_speed': '3',
         'simulated_time_s': '12.5',
         'frame_stamp_ns': '99',
         'particles': '3',

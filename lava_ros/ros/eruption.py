@@ -1,0 +1,204 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The scene in use and the simulation of it: what messages change. No rclpy in here."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import Protocol, TYPE_CHECKING
+
+import numpy as np
+
+from lava_ros.choice import Decision
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.ros.effect_table import effect_table
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+
+if TYPE_CHECKING:
+    # The solver's package loads Warp; the worker's thread does that, not the importer.
+    from lava_ros.simulation.snapshot import Snapshot
+
+
+class SimulationLike(Protocol):
+    """What the worker needs of a simulation."""
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+
+    @property
+    def device(self) -> str:
+        """Name of the device."""
+
+    @property
+    def effects(self) -> Effects:
+        """The physics that is switched on."""
+
+    def decisions(self) -> tuple[Decision, ...]:
+        """Why each effect is on or off."""
+
+    def advance(self, until: float, *, wall_limit: float | None = None) -> float:
+        """Simulate up to a time and return the time reached."""
+
+    def snapshot(self) -> 'Snapshot':
+        """Show the state of the flow."""
+
+    def set_vents(self, vents: Iterable[Vent]) -> None:
+        """Replace the vents."""
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Replace the ground."""
+
+    def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
+        """Choose the effects anew, with some forced on or off."""
+
+
+class Eruption:
+    """A scene that changes while it is simulated.
+
+    What is refused raises LavaError and leaves scene and simulation as they were.
+
+    Attributes:
+        simulation: The simulation, None before there is a terrain or after a failure.
+        scene: The scene in use, None before there is a terrain.
+        latest: The newest snapshot, None before the first; it stays after a failure.
+        effects: The table of effects (``effect_table``), empty before there is a simulation.
+    """
+
+    def __init__(
+        self, make_simulation: Callable[[Scene], SimulationLike], *, lava: Lava | None = None
+    ) -> None:
+        """Begin without a terrain.
+
+        Args:
+            make_simulation: Makes the simulation of a scene at time 0.
+            lava: Material until a scene brings its own.
+        """
+        self._make_simulation = make_simulation
+        self._lava = lava or Lava()
+        self._is_changed = False
+        self.simulation: SimulationLike | None = None
+        self.scene: Scene | None = None
+        self.latest: Snapshot | None = None
+        self.effects: Mapping[str, str] = {}
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s], 0 without a simulation."""
+        return self.simulation.time if self.simulation is not None else 0.0
+
+    @property
+    def device(self) -> str:
+        """Name of the device, empty without a simulation."""
+        return self.simulation.device if self.simulation is not None else ''
+
+    def start(self, scene: Scene) -> None:
+        """Start a scene at time 0 in place of what there was."""
+        # A scene that is refused here leaves the old simulation in place.
+        simulation = self._make_simulation(scene)
+        self.simulation, self.scene, self._lava = simulation, scene, scene.lava
+        self._note_change()
+
+    def begin(self, terrain: Terrain, vents: tuple[Vent, ...]) -> None:
+        """Start on the first terrain."""
+        self.start(Scene(terrain, vents=vents, lava=self._lava))
+
+    def advance(self, until: float, *, wall_limit: float) -> float:
+        """Simulate up to a time [s], at most a wall time [s], and return the time reached [s]."""
+        assert self.simulation is not None
+        before = self.simulation.time
+        reached = self.simulation.advance(until, wall_limit=wall_limit)
+        self._is_changed |= reached > before
+        return reached
+
+    def set_terrain(self, terrain: Terrain) -> bool:
+        """Replace the ground under the flow and say whether it is another."""
+        assert self.scene is not None
+        # Publishers often repeat their map; the same ground again changes nothing.
+        if _is_same(terrain, self.scene.terrain):
+            return False
+        scene = replace(self.scene, terrain=terrain)
+        if self.simulation is not None:
+            self.simulation.set_terrain(terrain)
+            self._note_change()
+        self.scene = scene
+        return True
+
+    def set_vents(self, vents: tuple[Vent, ...]) -> bool:
+        """Replace all vents and say whether that started the scene anew.
+
+        The first vents of a simulation without lava start it again at time 0: its resolution
+        follows their discharge.
+        """
+        assert self.scene is not None
+        scene = replace(self.scene, vents=vents)
+        if self.simulation is None:
+            self.scene = scene
+            return False
+        if vents and not self.scene.vents and self._is_without_lava():
+            self.start(scene)
+            return True
+        self.simulation.set_vents(vents)
+        self.scene = scene
+        self._note_change()
+        return False
+
+    def set_lava(self, lava: Lava) -> None:
+        """Replace the material from the next start on."""
+        self._lava = lava
+        if self.scene is not None:
+            self.scene = replace(self.scene, lava=lava)
+
+    def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
+        """Choose the effects anew, with some forced on or off, looking ahead by a time [s]."""
+        if self.simulation is None:
+            return
+        self.simulation.set_effects(forced, horizon=horizon)
+        self._note_change()
+
+    def reset(self) -> None:
+        """Start the scene again at time 0, also after a failure."""
+        if self.scene is None:
+            raise LavaError('reset', 'no terrain yet', 'a simulation that has started')
+        self.start(self.scene)
+
+    def fail(self) -> None:
+        """Give the simulation up; scene and last snapshot stay."""
+        self.simulation = None
+
+    def renew_snapshot(self) -> bool:
+        """Bring ``latest`` up to date and say whether it changed."""
+        if self.simulation is None or not self._is_changed:
+            return False
+        self.latest = self.simulation.snapshot()
+        self._is_changed = False
+        return True
+
+    def _note_change(self) -> None:
+        assert self.simulation is not None
+        self.effects = effect_table(self.simulation.effects, self.simulation.decisions())
+        self._is_changed = True
+
+    def _is_without_lava(self) -> bool:
+        self.renew_snapshot()
+        return self.latest is not None and self.latest.budget.emitted == 0.0
+
+
+def _is_same(one: Terrain, other: Terrain) -> bool:
+    return (
+        one.resolution == other.resolution
+        and one.origin == other.origin
+        and np.array_equal(one.elevation, other.elevation, equal_nan=True)
+    )
