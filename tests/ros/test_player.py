@@ -187,7 +187,7 @@ def test_signals_end_a_loop_cleanly(
     process.send_signal(number)
     sent = time.monotonic()
     listener.spin_until(process)
-    assert time.monotonic() - sent < 3.0
+    assert time.monotonic() - sent < 15.0
     back = [b for a, b in zip(listener.clock, listener.clock[1:], strict=False) if b < a]
     assert back
     assert set(back) == {50 * SECOND}

@@ -46,7 +46,8 @@ class KeepsTime:
         self.emitted_before = 0.0
         self.changed_at = 0.0
         self.forced, self.horizon = {}, HORIZON
-        self.compile_time = 0.0
+        self.is_compiled = threading.Event()
+        self.is_compiled.set()
 
     @property
     def effects(self):
@@ -57,7 +58,7 @@ class KeepsTime:
 
     def set_effects(self, forced, *, horizon):
         effects_for(self.scene, forced, horizon=horizon)
-        time.sleep(self.compile_time)
+        assert self.is_compiled.wait(30.0)
         self.forced, self.horizon = dict(forced), horizon
 
     def emitted(self):
@@ -186,7 +187,8 @@ def test_a_slow_simulation_does_not_chase_the_clock(bench):
         bench.now += 0.05
         time.sleep(0.05)
     bench.wait(lambda: bench.worker.status.is_behind)
-    assert bench.worker.status.speed == pytest.approx(5.0, rel=0.3)
+    # Exactly 5 on an idle machine, less on a busy one.
+    assert 1.0 < bench.worker.status.speed < 6.5
     # 100 s were asked for, and are the lag; asking goes on, the target does not move further.
     bench.now += 1000.0
     bench.wait(lambda: len(bench.simulation.advanced_to) > 12)
@@ -201,7 +203,8 @@ def test_commands_are_quick_under_load(bench):
     bench.wait(lambda: bench.worker.status.is_behind)
     start = time.monotonic()
     bench.run(bench.worker.set_vents([VENT]))
-    assert time.monotonic() - start < 0.5
+    # Catching up with the clock would take a thousand seconds.
+    assert time.monotonic() - start < 4.0
 
 
 def test_pause_and_step(bench):
@@ -453,14 +456,13 @@ def test_the_last_snapshot_stays_while_effects_are_compiled(bench):
     """Whoever asks for a frame meanwhile is not held up, and has the last one."""
     bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
     last = bench.worker.latest
-    bench.simulation.compile_time = 1.0
-    start = time.monotonic()
+    bench.simulation.is_compiled.clear()
     change = bench.worker.set_effects({'steep': True}, horizon=HORIZON)
-    while time.monotonic() - start < 0.5:
+    for _ in range(10):
         bench.worker.request_snapshot()
         assert bench.worker.latest is last
         time.sleep(0.05)
-    assert time.monotonic() - start < 0.7
     assert not change.done()
+    bench.simulation.is_compiled.set()
     bench.run(change)
     assert bench.worker.latest is not last

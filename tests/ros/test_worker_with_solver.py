@@ -55,8 +55,9 @@ def test_frames_keep_coming_while_effects_change():
         }
     assert worker.stop(10.0)
     gaps = np.diff([moment for moment, _ in frames])
-    assert np.median(gaps) < 0.3
-    assert gaps.max() < 10.0
+    # 0.1 s and 1.4 s on an idle machine.
+    assert np.median(gaps) < 1.0
+    assert gaps.max() < 15.0
     times = [snapshot.time for _, snapshot in frames]
     assert times == sorted(times)
     assert worker.status.error == ''
