@@ -51,6 +51,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         '--preset', default=presets.DEFAULT, metavar='NAME', help='choice (default: %(default)s)'
     )
+    parser.add_argument(
+        '--runs', type=int, default=9, metavar='N', help='choice: of a footprint (default: 9)'
+    )
     parser.add_argument('--output', metavar='FILE', help='write the table as CSV')
     parser.add_argument('--json', metavar='FILE', help='write the table as JSON')
     parser.set_defaults(run=run)
@@ -70,6 +73,7 @@ def run(args: argparse.Namespace) -> int:
     validation.choice('--device', device, [str(known) for known in wp.get_devices()])
     repetitions = int(validation.number('--repetitions', args.repetitions, at_least=1))
     validation.choice('--preset', args.preset, presets.PRESETS)
+    runs = int(validation.number('--runs', args.runs, at_least=1))
     if args.particles is not None:
         validation.number('--particles', args.particles, at_least=100, at_most=1e8)
     for name in ('output', 'json'):
@@ -80,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
         if args.benchmark == 'effects':
             rows = _effects(args, device, repetitions, progress)
         else:
-            rows = _choice(device, args.preset, progress)
+            rows = _choice(device, args.preset, runs, progress)
     if args.output:
         write_csv(rows, Path(args.output))
     if args.json:
@@ -111,10 +115,10 @@ def _effects(
     return rows
 
 
-def _choice(device: str, preset: str, progress: Progress) -> Sequence[Any]:
+def _choice(device: str, preset: str, runs: int, progress: Progress) -> Sequence[Any]:
     from lava_ros.bench import choice
 
-    rows = choice.run(device, progress.show, preset)
+    rows = choice.run(device, progress.show, preset, runs)
     width = max(len(row.scene) for row in rows)
     print(f'{"scene":{width}}  Jaccard   noise  chosen [s]  all [s]  chosen')
     for row in rows:

@@ -60,7 +60,8 @@ def test_everything_is_what_the_material_has(item):
 def test_chosen_effects_cover_what_all_effects_cover(name):
     """A short run reaches the same cells with the chosen effects as with all."""
     item = next(item for item in scenes() if item.name == name)
-    row = choice.measure(replace(item, horizon=0.3 * item.horizon), device='cpu', command='')
+    item = replace(item, horizon=0.3 * item.horizon)
+    row = choice.measure(item, device='cpu', command='', runs=1)
     assert row.jaccard >= 0.98
     assert row.noise >= 0.98
     assert row.cells > 200
@@ -75,6 +76,15 @@ def test_disturbed_vents_are_hardly_elsewhere():
     assert vent.end == pytest.approx((20.8, 80.7))
     assert [time for time, _ in vent.series] == [0.0, 9.0]
     assert vent.series[0][1] == pytest.approx(2.0 * (1.0 + choice.GAIN))
+
+
+def test_a_footprint_is_what_most_runs_cover():
+    """Two of three runs decide for each cell."""
+    runs = [
+        choice.Flow(np.array([[a, b, c]], dtype=bool), particles=1, evaluations=1, seconds=1.0)
+        for a, b, c in ((1, 1, 0), (1, 0, 0), (1, 1, 1))
+    ]
+    assert choice.footprint(runs).tolist() == [[True, True, False]]
 
 
 def test_jaccard_of_cells():
