@@ -5,7 +5,7 @@ STAMP := $(VENV)/.installed
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test clean
+.PHONY: help setup demo test docs clean
 
 help:  ## Say what can be made
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/'
@@ -25,6 +25,10 @@ demo: $(STAMP)  ## Let lava flow down a mountain, live in ROS 2 (ARGS='--help' l
 
 test: $(STAMP)  ## Run every test (ARGS='-k bag' selects)
 	$(VENV)/bin/python -m pytest $(ARGS)
+
+docs: $(STAMP)  ## Build the pages of docs/, API reference included, into build/docs
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --requirement docs/requirements.txt
+	$(VENV)/bin/python -m sphinx -W --keep-going --quiet --builder html docs build/docs
 
 clean:  ## Remove what make made: .venv, the demo's bag and caches
 	rm -rf $(VENV) bags/demo build install log dist *.egg-info .pytest_cache
