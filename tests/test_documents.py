@@ -1,0 +1,267 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Every block of code in the README and the documents does what it says.
+
+Blocks run in one folder, beside the files that a reader would have (`_furnish`). What cannot run
+here says so in an HTML comment before the block:
+
+    <!-- not run: REASON -->                     the whole block, for one of REASONS
+    <!-- not run: REASON: beginning; other -->   the lines of a shell block that begin like that
+    <!-- run: together -->                       its lines are programs that live side by side
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+import os
+from pathlib import Path
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import rasterio
+from rasterio.transform import from_origin
+import yaml
+
+from lava_ros.scene import scene_from_yaml
+
+ROOT = Path(__file__).parents[1]
+
+#: Why a block may stay unrun.
+REASONS = {
+    'installs': 'changes what is installed',
+    'tests': 'runs the tests, or takes as long',
+    'a full ROS installation': 'ros2, rviz2 and their like are not on PyPI',
+    'a robot': 'needs one',
+    'a display': 'opens a window',
+    'no program': 'is text: a layout, a table, output',
+}
+
+#: Lines that live side by side do so for this long [s].
+TOGETHER = 8.0
+
+DOCUMENTS = sorted(
+    path
+    for pattern in ('*.md', 'docs/*.md', 'docs/tutorials/*.md', 'bags/*.md', 'examples/*.md')
+    for path in ROOT.glob(pattern)
+)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of code in a document."""
+
+    document: str
+    line: int
+    language: str
+    text: str
+    remarks: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Where it is."""
+        return f'{self.document}:{self.line}'
+
+
+def blocks() -> Iterator[Block]:
+    """Find the blocks of all documents."""
+    for path in DOCUMENTS:
+        lines = path.read_text(encoding='utf-8').splitlines()
+        remarks: tuple[str, ...] = ()
+        start, language = None, ''
+        for number, line in enumerate(lines, 1):
+            fence = re.match(r'\s*```\s*(\{?[\w-]*\}?)', line)
+            if start is not None:
+                if fence:
+                    text = '\n'.join(lines[start : number - 1])
+                    yield Block(str(path.relative_to(ROOT)), start, language, text, remarks)
+                    start, remarks = None, ()
+            elif fence:
+                start, language = number, fence.group(1)
+            elif comment := re.fullmatch(r'\s*<!--\s*(.*?)\s*-->\s*', line):
+                remarks = (*remarks, comment.group(1))
+            elif line.strip():
+                remarks = ()
+
+
+BLOCKS = list(blocks())
+
+
+@pytest.fixture(scope='module')
+def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with what a reader of the documents has at hand."""
+    folder = tmp_path_factory.mktemp('reader')
+    _furnish(folder)
+    return folder
+
+
+def _furnish(folder: Path) -> None:
+    """Write a mountain (GeoTIFF, ESRI grid), a scene, a bag and a bag that was cut off."""
+    easting, northing, cell = 499000.0, 4180000.0, 50.0
+    y, x = np.mgrid[140:0:-1, 0:60] * cell
+    elevation = (1500.0 - 0.15 * y + 20.0 * np.sin(x / 400.0)).astype('float32')
+    with rasterio.open(
+        folder / 'etna.tif', 'w', driver='GTiff', width=60, height=140, count=1, dtype='float32',
+        crs='EPSG:32633', transform=from_origin(easting, northing, cell, cell),
+    ) as file:
+        file.write(elevation, 1)
+    header = f'ncols 60\nnrows 140\nxllcorner {easting}\nyllcorner {northing - 140 * cell}\n'
+    rows = '\n'.join(' '.join(f'{value:.2f}' for value in row) for row in elevation)
+    (folder / 'etna.asc').write_text(f'{header}cellsize {cell}\nNODATA_value -9999\n{rows}\n')
+    scene = {
+        'terrain': {'file': 'etna.tif'},
+        'vents': [{'position': [1500.0, 6200.0], 'discharge': 20.0, 'radius': 60.0}],
+        'lava': {'viscosity': 1e4},
+    }
+    (folder / 'etna.yaml').write_text(yaml.safe_dump(scene))
+    shutil.copytree(ROOT / 'bags/sample', folder / 'bags/demo')
+    whole = (ROOT / 'bags/sample/sample_0.mcap').read_bytes()
+    (folder / 'broken.mcap').write_bytes(whole[: len(whole) * 2 // 3])
+    for name in ('docs', 'examples', 'msg_configs'):
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, folder / name)
+
+
+def _environment(folder: Path) -> dict[str, str]:
+    """An environment in which `lava` and `python` are this checkout's."""
+    programs = folder / '.bin'
+    programs.mkdir(exist_ok=True)
+    for name, words in (
+        ('lava', '-m lava_ros.cli.main'), ('lava_node', '-m lava_ros.ros.node'),
+        ('python', ''), ('python3', ''),
+    ):
+        program = programs / name
+        program.write_text(f'#!/bin/sh\nexec "{sys.executable}" {words} "$@"\n')
+        program.chmod(0o755)
+    return os.environ | {
+        'PATH': f'{programs}{os.pathsep}{os.environ["PATH"]}',
+        'PYTHONPATH': os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')])),
+        'MPLBACKEND': 'Agg',
+    }
+
+
+def _left_out(block: Block) -> tuple[str, ...]:
+    """The beginnings of the lines that are not run; an empty one is that of every line."""
+    left_out: list[str] = []
+    for remark in block.remarks:
+        if match := re.fullmatch(r'not run: ([^:]+?)(?:: (.*))?', remark):
+            reason, beginnings = match.groups()
+            assert reason in REASONS, f'{block}: {reason} is none of {list(REASONS)}'
+            left_out += [words.strip() for words in (beginnings or '').split(';')]
+    return tuple(left_out)
+
+
+def _commands(block: Block) -> list[str]:
+    """The lines of a shell block, continued ones joined, without what is left out."""
+    left_out = _left_out(block)
+    joined = block.text.replace('\\\n', ' ')
+    lines = [line.strip() for line in joined.splitlines()]
+    return [
+        line
+        for line in lines
+        if line and line[0] != '#' and not (left_out and line.startswith(left_out))
+    ]
+
+
+def _is_run(block: Block) -> bool:
+    return '' not in _left_out(block)
+
+
+def test_blocks_are_found() -> None:
+    """Documents have blocks of each kind, and most of them run."""
+    assert {'sh', 'python', 'yaml'} <= {block.language for block in BLOCKS}
+    running = [block for block in BLOCKS if _is_run(block)]
+    assert len(running) >= 5
+    for block in BLOCKS:
+        is_known = block.language in ('sh', 'python', 'yaml')
+        assert is_known or not _is_run(block) or block.language.startswith('{'), (
+            f'{block} is {block.language or "of no language"}: sh, python or yaml, or say why not'
+        )
+
+
+@pytest.mark.parametrize(
+    'block', [item for item in BLOCKS if item.language == 'sh' and _is_run(item)], ids=str
+)
+def test_shell_blocks(block: Block, shop: Path) -> None:
+    """Every line ends well; those that live side by side live until they are told to end."""
+    environment = _environment(shop) | {
+        'ROS_DOMAIN_ID': str(1 + os.getpid() % 50),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+    }
+    if 'run: together' in block.remarks:
+        _run_together(_commands(block), shop, environment)
+        return
+    for command in _commands(block):
+        done = subprocess.run(
+            ['bash', '-c', command], cwd=shop, env=environment, capture_output=True, text=True,
+            timeout=200.0, check=False,
+        )
+        assert done.returncode == 0, f'{block}: {command}\n{done.stdout}\n{done.stderr}'
+
+
+def _run_together(commands: list[str], folder: Path, environment: dict[str, str]) -> None:
+    logs = [open(folder / f'{number}.log', 'w+') for number in range(len(commands))]  # noqa: SIM115
+    running = []
+    try:
+        for command, log in zip(commands, logs, strict=True):
+            running.append(
+                subprocess.Popen(
+                    ['bash', '-c', f'exec {command}'], cwd=folder, env=environment,
+                    stdout=log, stderr=subprocess.STDOUT,
+                )
+            )
+            time.sleep(1.0)
+        time.sleep(TOGETHER)
+        for process in running:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process, command, log in zip(running, commands, logs, strict=True):
+            process.wait(30.0)
+            log.seek(0)
+            assert process.returncode in (0, 130, -signal.SIGINT), f'{command}\n{log.read()}'
+    finally:
+        for process in running:
+            process.kill()
+        for log in logs:
+            log.close()
+
+
+@pytest.mark.parametrize(
+    'block', [item for item in BLOCKS if item.language == 'python' and _is_run(item)], ids=str
+)
+def test_python_blocks(block: Block, shop: Path) -> None:
+    """They run as they stand."""
+    done = subprocess.run(
+        [sys.executable, '-c', block.text], cwd=shop, env=_environment(shop),
+        capture_output=True, text=True, timeout=200.0, check=False,
+    )
+    assert done.returncode == 0, f'{block}\n{done.stdout}\n{done.stderr}'
+
+
+@pytest.mark.parametrize(
+    'block', [item for item in BLOCKS if item.language == 'yaml' and _is_run(item)], ids=str
+)
+def test_yaml_blocks(block: Block, shop: Path) -> None:
+    """They are scenes that can be used, or parameters of the node."""
+    content = yaml.safe_load(block.text)
+    if 'terrain' in content:
+        (shop / 'block.yaml').write_text(block.text)
+        scene_from_yaml(shop / 'block.yaml')
+    else:
+        parameters = content.get('/**', content.get('lava', {})).get('ros__parameters')
+        assert parameters, f'{block}: neither a scene nor parameters'
