@@ -16,6 +16,7 @@
 
 from dataclasses import dataclass, fields
 import math
+from typing import Any
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
@@ -23,6 +24,9 @@ from lava_ros.scene import Scene
 
 #: Smoothing kernels by name: equations 3.6 to 3.8 of the paper, and Wendland C2.
 KERNELS = ('wendland', 'poly6', 'spiky', 'visc')
+
+#: Least thickness that a flow is expected to have [m].
+LEAST_THICKNESS = 1e-6
 
 FORMULATIONS = ('corrected', 'as-published')
 
@@ -93,21 +97,26 @@ class Accuracy:
         Raises:
             LavaError: A field is not usable.
         """
-        for name, unit in (('spacing', 'm'), ('thickness', 'm'), ('fixed_step', 's')):
+        optional: dict[str, dict[str, Any]] = {
+            'spacing': {'at_least': 1e-6, 'at_most': 1e7, 'unit': 'm'},
+            'thickness': {'at_least': 1e-9, 'at_most': 1e5, 'unit': 'm'},
+            'fixed_step': {'at_least': 1e-9, 'at_most': 1e9, 'unit': 's'},
+        }
+        for name, limit in optional.items():
             value = getattr(self, name)
             if value is not None:
-                value = validation.number(f'accuracy.{name}', value, above=0.0, unit=unit)
+                value = validation.number(f'accuracy.{name}', value, **limit)
                 object.__setattr__(self, name, value)
-        limits = {
+        limits: dict[str, dict[str, Any]] = {
             'refinement': {'at_least': 0.05, 'at_most': 20.0},
             'ratio': {'at_least': 1.5, 'at_most': 12.0},
-            'raster_ratio': {'above': 0.0, 'at_most': 2.0},
-            'diffusion_number': {'above': 0.0, 'at_most': 2.0},
-            'courant_number': {'above': 0.0, 'at_most': 1.0},
-            'longest_step': {'above': 0.0, 'unit': 's'},
+            'raster_ratio': {'at_least': 1e-3, 'at_most': 2.0},
+            'diffusion_number': {'at_least': 1e-4, 'at_most': 2.0},
+            'courant_number': {'at_least': 1e-4, 'at_most': 1.0},
+            'longest_step': {'at_least': 1e-6, 'at_most': 1e9, 'unit': 's'},
         }
         for name, limit in limits.items():
-            value = validation.number(f'accuracy.{name}', getattr(self, name), **limit)  # type: ignore[arg-type]
+            value = validation.number(f'accuracy.{name}', getattr(self, name), **limit)
             object.__setattr__(self, name, value)
         validation.choice('accuracy.kernel', self.kernel, KERNELS)
         validation.choice('accuracy.gradient', self.gradient, GRADIENTS)
@@ -143,4 +152,4 @@ def expected_thickness(scene: Scene) -> float:
     )
     viscosity = lava.viscosity_at(temperature)
     scale = 3.0 * viscosity * (discharge or 1.0) / (lava.density * scene.gravity)
-    return math.sqrt(math.sqrt(scale))
+    return max(math.sqrt(math.sqrt(scale)), LEAST_THICKNESS)

@@ -80,6 +80,11 @@ class Scales:
     spacing: float
     horizon: float
 
+    @property
+    def warmth(self) -> float:
+        """Temperature above that of the air [K], at least 1 K: lava without vents may be cold."""
+        return max(self.temperature - self.ambient, 1.0)
+
 
 @dataclass(frozen=True)
 class Criterion:
@@ -205,7 +210,7 @@ def _warmth(scales: Scales, share: float) -> float:
     1 % of the number is 1 % of the temperature, or 3 % of the viscosity and of the speed.
     """
     lava = scales.lava
-    change = share * (scales.temperature - scales.ambient)
+    change = share * scales.warmth
     colder = max(scales.temperature - change, scales.ambient)
     ratio = lava.viscosity_at(colder) / scales.viscosity
     return max(share, abs(math.log(ratio)) / 3.0)
@@ -214,7 +219,7 @@ def _warmth(scales: Scales, share: float) -> float:
 def _drop(scales: Scales) -> float:
     """Share of its heat that a column loses up to the horizon."""
     change = scales.temperature - scales.end_temperature
-    return _warmth(scales, change / (scales.temperature - scales.ambient))
+    return _warmth(scales, change / scales.warmth)
 
 
 def _lateral(scales: Scales) -> float:
@@ -269,20 +274,21 @@ def _conduction(scales: Scales) -> float:
 def _viscous_heating(scales: Scales) -> float:
     """Warming by a fall through the whole relief over the heat of the lava."""
     warming = scales.gravity * scales.relief / scales.lava.specific_heat
-    return _warmth(scales, warming / (scales.temperature - scales.ambient))
+    return _warmth(scales, warming / scales.warmth)
 
 
 def _latent(scales: Scales) -> float:
     lava = scales.lava
     if scales.end_temperature >= lava.liquidus:
         return 0.0
-    return lava.latent_heat / (lava.specific_heat * (scales.temperature - scales.ambient))
+    return lava.latent_heat / (lava.specific_heat * scales.warmth)
 
 
 def _freezing(scales: Scales) -> float:
     """How far towards the solidus a column cools up to the horizon."""
     lava = scales.lava
-    return (scales.temperature - scales.end_temperature) / (scales.temperature - lava.solidus)
+    above = max(scales.temperature - lava.solidus, 1.0)
+    return (scales.temperature - scales.end_temperature) / above
 
 
 #: Every criterion, in the order in which they are shown.
@@ -387,7 +393,10 @@ def decide(
     Raises:
         LavaError: An override names no effect.
     """
-    forced = validation.keys('effects', dict(overrides or {}), allowed=_NAMES)
+    forced = validation.keys(
+        'effects', {} if overrides is None else overrides, allowed=_NAMES
+    )
+    horizon = validation.number('horizon', horizon, above=0.0, unit='s')
     scales = scales_of(scene, accuracy=accuracy, horizon=horizon)
     decisions: dict[str, Decision] = {}
     for criterion in CRITERIA:

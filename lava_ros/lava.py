@@ -162,9 +162,8 @@ class Lava:
             above = max(temperature - self.vft_c, 1.0)
             viscosity = 10.0 ** min(self.vft_a + self.vft_b / above, 15.0)
         else:
-            viscosity = self.viscosity * math.exp(
-                min(self.arrhenius * (self.reference_temperature - temperature), 60.0)
-            )
+            power = self.arrhenius * (self.reference_temperature - temperature)
+            viscosity = self.viscosity * math.exp(max(min(power, 60.0), -60.0))
         if self.crystal_law == 'none':
             return viscosity
         free = max(1.0 - self.crystal_fraction(temperature) / self.packing, 1e-3)

@@ -34,6 +34,30 @@ from lava_ros.lava import Lava
 #: Most cells along one side: nav_msgs/MapMetaData consumers index cells with 16-bit integers.
 MAX_SIDE_CELLS = 32767
 
+#: Sides a terrain's cells can have [m]: from a table in a laboratory to a planet.
+RESOLUTION_RANGE = (1e-4, 1e5)
+
+#: Largest height above or below zero that ground can have [m]: Mars has 22 km.
+MAX_ELEVATION = 1e5
+
+#: Largest distance of places from the origin of the map and of a projected system [m].
+MAX_COORDINATE = 1e9
+
+#: Largest flux of a vent [m3/s]: a hundred times that of the largest flood basalts.
+MAX_DISCHARGE = 1e8
+
+#: Largest radius of a vent [m].
+MAX_RADIUS = 1e5
+
+#: Largest velocity with which lava comes out of a vent [m/s].
+MAX_VENT_VELOCITY = 1e3
+
+#: Largest viscosity of lava that comes out of a vent [Pa s], crystals included.
+MAX_VENT_VISCOSITY = 1e15
+
+#: Accelerations of gravity there can be [m/s2]: from a small moon to a star.
+GRAVITY_RANGE = (1e-3, 1e3)
+
 #: Temperatures lava can have at a vent [K]: from the coldest carbonatite to the hottest komatiite.
 VENT_TEMPERATURE_RANGE = (700.0, 2000.0)
 
@@ -65,8 +89,11 @@ class Terrain:
         """
         put = object.__setattr__
         try:
-            elevation = np.array(self.elevation, dtype=np.float32, order='C')
-        except (TypeError, ValueError):
+            if np.asarray(self.elevation).dtype.kind not in 'fiubO':
+                raise TypeError
+            with np.errstate(over='ignore', invalid='ignore'):
+                elevation = np.array(self.elevation, dtype=np.float32, order='C')
+        except (TypeError, ValueError, OverflowError):
             raise LavaError(
                 'terrain.elevation', type(self.elevation).__name__, 'a 2-D array of numbers [m]'
             ) from None
@@ -84,6 +111,14 @@ class Terrain:
             )
         if np.isinf(elevation).any():
             raise LavaError('terrain.elevation', math.inf, 'finite metres, NaN where unknown')
+        # NaN compares as False.
+        beyond = np.abs(elevation) > MAX_ELEVATION
+        if beyond.any():
+            raise LavaError(
+                'terrain.elevation',
+                float(elevation[beyond][0]),
+                f'at most {MAX_ELEVATION:g} m above or below zero, NaN where unknown',
+            )
         if np.isnan(elevation).all():
             raise LavaError('terrain.elevation', math.nan, 'at least one cell with data')
         elevation.setflags(write=False)
@@ -91,12 +126,21 @@ class Terrain:
         put(
             self,
             'resolution',
-            validation.number('terrain.resolution', self.resolution, above=0.0, unit='m'),
+            validation.number(
+                'terrain.resolution',
+                self.resolution,
+                at_least=RESOLUTION_RANGE[0],
+                at_most=RESOLUTION_RANGE[1],
+                unit='m',
+            ),
         )
-        put(self, 'origin', validation.pair('terrain.origin', self.origin))
-        put(self, 'offset', validation.pair('terrain.offset', self.offset))
+        for name in ('origin', 'offset'):
+            place = validation.pair(f'terrain.{name}', getattr(self, name), most=MAX_COORDINATE)
+            put(self, name, place)
         if self.epsg is not None and (
-            isinstance(self.epsg, bool) or not isinstance(self.epsg, int) or self.epsg < 1024
+            isinstance(self.epsg, bool)
+            or not isinstance(self.epsg, int)
+            or not 1024 <= self.epsg < 2**31
         ):
             raise LavaError('terrain.epsg', self.epsg, 'an EPSG code such as 32633, or None')
 
@@ -170,12 +214,21 @@ class Vent:
             LavaError: A field is not usable.
         """
         put = object.__setattr__
+        if not isinstance(self.name, str):
+            raise LavaError('vent.name', self.name, 'text')
         label = f'vent {self.name!r}.' if self.name else 'vent.'
-        put(self, 'position', validation.pair(label + 'position', self.position))
-        if self.end is not None:
-            put(self, 'end', validation.pair(label + 'end', self.end))
-        put(self, 'velocity', validation.pair(label + 'velocity', self.velocity, unit='m/s'))
-        put(self, 'radius', validation.number(label + 'radius', self.radius, above=0.0, unit='m'))
+        for name in ('position', 'end'):
+            if name == 'position' or self.end is not None:
+                place = validation.pair(label + name, getattr(self, name), most=MAX_COORDINATE)
+                put(self, name, place)
+        velocity = validation.pair(
+            label + 'velocity', self.velocity, unit='m/s', most=MAX_VENT_VELOCITY
+        )
+        put(self, 'velocity', velocity)
+        radius = validation.number(
+            label + 'radius', self.radius, above=0.0, at_most=MAX_RADIUS, unit='m'
+        )
+        put(self, 'radius', radius)
         put(
             self,
             'temperature',
@@ -196,6 +249,10 @@ class Vent:
             return ((-math.inf, self.discharge),)
         return tuple(self.discharge)
 
+    def discharge_at(self, time: float) -> float:
+        """Volume flux at a time [s] of the simulation [m3/s]."""
+        return next((flux for start, flux in reversed(self.series) if start <= time), 0.0)
+
     def volume_between(self, start: float, end: float) -> float:
         """Volume [m3] the vent emits from ``start`` to ``end`` [s]: the exact integral."""
         total = 0.0
@@ -208,11 +265,15 @@ class Vent:
 
 def _discharge(label: str, value: object) -> float | tuple[tuple[float, float], ...]:
     if not isinstance(value, (list, tuple, np.ndarray)):
-        return validation.number(label, value, at_least=0.0, unit='m3/s')
+        return validation.number(
+            label, value, at_least=0.0, at_most=MAX_DISCHARGE, unit='m3/s'
+        )
     pairs: list[tuple[float, float]] = []
     for index, item in enumerate(value):
         time, flux = validation.pair(f'{label}[{index}]', item, unit='(s, m3/s)')
-        validation.number(f'{label}[{index}][1]', flux, at_least=0.0, unit='m3/s')
+        validation.number(
+            f'{label}[{index}][1]', flux, at_least=0.0, at_most=MAX_DISCHARGE, unit='m3/s'
+        )
         if pairs and time <= pairs[-1][0]:
             raise LavaError(f'{label}[{index}][0]', time, f'a time after {pairs[-1][0]:g} s')
         pairs.append((time, flux))
@@ -255,6 +316,11 @@ class Scene:
             if vent.temperature <= self.lava.solidus:
                 right = f'above lava.solidus, {self.lava.solidus:g} K: colder lava is solid'
                 raise LavaError(f'vents[{index}].temperature', vent.temperature, right)
+            viscosity = self.lava.viscosity_at(vent.temperature)
+            if viscosity > MAX_VENT_VISCOSITY:
+                right = f'hotter lava: at this temperature its viscosity is {viscosity:.3g} Pa s, '
+                right += f'above {MAX_VENT_VISCOSITY:g} Pa s nothing comes out'
+                raise LavaError(f'vents[{index}].temperature', vent.temperature, right)
         put(
             self,
             'ambient_temperature',
@@ -269,7 +335,13 @@ class Scene:
         put(
             self,
             'gravity',
-            validation.number('scene.gravity', self.gravity, above=0.0, unit='m/s2'),
+            validation.number(
+                'scene.gravity',
+                self.gravity,
+                at_least=GRAVITY_RANGE[0],
+                at_most=GRAVITY_RANGE[1],
+                unit='m/s2',
+            ),
         )
 
 
@@ -279,6 +351,8 @@ def check_vents(vents: Iterable[Vent], terrain: Terrain) -> tuple[Vent, ...]:
     Raises:
         LavaError: A vent's position or end is outside the terrain or on a cell without data.
     """
+    if not isinstance(vents, Iterable):
+        raise LavaError('vents', vents, 'vents, or an empty list')
     result = tuple(vents)
     x0, y0, x1, y1 = terrain.extent
     for index, vent in enumerate(result):
@@ -358,7 +432,10 @@ def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scen
             allowed=['file', 'epsg', 'resolution', 'offset', 'window'],
             required=['file'],
         )
-        terrain = load_terrain(path.parent / str(options.pop('file')), **options)  # type: ignore[arg-type]
+        name = options.pop('file')
+        if not isinstance(name, str):
+            raise LavaError('scene.terrain.file', name, 'the name of a file, text')
+        terrain = load_terrain(path.parent / name, **options)  # type: ignore[arg-type]
     lava_names = [item.name for item in fields(Lava)]
     lava = validation.keys('scene.lava', data.get('lava', {}), allowed=lava_names)
     rest: Mapping[str, Any] = {

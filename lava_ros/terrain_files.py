@@ -76,7 +76,12 @@ def load_terrain(
             to do.
     """
     path = Path(path)
-    if not path.is_file():
+    try:
+        is_file = path.is_file()
+    except (OSError, ValueError):
+        # A name that is too long, or with a null character in it.
+        is_file = False
+    if not is_file:
         raise LavaError('terrain file', str(path), 'a file that exists')
     if resolution is not None:
         resolution = validation.number('terrain.resolution', resolution, above=0.0, unit='m')

@@ -41,11 +41,11 @@ def number(
     limits += [f'at least {at_least:g}{suffix}'] if at_least is not None else []
     limits += [f'at most {at_most:g}{suffix}'] if at_most is not None else []
     expected = f'a finite number{suffix if not limits else " " + " and ".join(limits)}'
-    if isinstance(value, bool):
+    if isinstance(value, bool | bytes | bytearray):
         raise LavaError(field, value, expected)
     try:
         result = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise LavaError(field, value, expected) from None
     inside = (
         math.isfinite(result)
@@ -58,21 +58,25 @@ def number(
     return result
 
 
-def pair(field: str, value: object, *, unit: str = 'm') -> tuple[float, float]:
-    """Return ``value`` as two finite floats.
+def pair(
+    field: str, value: object, *, unit: str = 'm', most: float | None = None
+) -> tuple[float, float]:
+    """Return ``value`` as two finite floats, neither further from 0 than ``most``.
 
     Raises:
-        LavaError: The value is not a sequence of two finite numbers.
+        LavaError: The value is not a sequence of two such numbers.
     """
-    is_sequence = isinstance(value, Sequence) or hasattr(value, 'tolist')
-    if isinstance(value, str) or not is_sequence:
+    is_array = hasattr(value, 'tolist') and getattr(value, 'ndim', 0) == 1
+    is_text = isinstance(value, str | bytes | bytearray)
+    if is_text or not (isinstance(value, Sequence) or is_array):
         raise LavaError(field, value, f'two numbers [x, y] {unit}')
     items = list(value)  # type: ignore[call-overload]
     if len(items) != 2:
         raise LavaError(field, value, f'two numbers [x, y] {unit}')
+    least = None if most is None else -most
     return (
-        number(f'{field}[0]', items[0], unit=unit),
-        number(f'{field}[1]', items[1], unit=unit),
+        number(f'{field}[0]', items[0], at_least=least, at_most=most, unit=unit),
+        number(f'{field}[1]', items[1], at_least=least, at_most=most, unit=unit),
     )
 
 

@@ -34,13 +34,18 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
+from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
+from lava_ros.scene import Scene
 from lava_ros.simulation.effects import load
 from lava_ros.simulation.kernels import bessel, smoothing_kernel
 from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
 from lava_ros.simulation.rheology import Rheology, speed_function, viscosity_function
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+
+#: Thickness over the expected one up to which the Helmholtz solve converges in full.
+THICKEST = 2.0
 
 
 @wp.struct
@@ -49,13 +54,34 @@ class FlowConstants:
 
     ``radius`` is the kernel's [m], ``weight`` is rho g [N/m3], ``stiffness`` the rate at which
     thickness diffuses at the kernel's stiffest wave number, over the diffusivity and over the
-    diffusion number [1/m2], and ``reach`` the largest displacement in a step [m].
+    diffusion number [1/m2], ``share`` one over the diffusion number, ``reach`` the largest
+    displacement in a step [m], ``gravity`` g [m/s2] and ``thickest`` the thickness up to which
+    the lateral stress is solved for in full [m].
     """
 
     radius: wp.float64
     weight: wp.float64
     stiffness: wp.float64
+    share: wp.float64
     reach: wp.float64
+    gravity: wp.float64
+    thickest: wp.float64
+
+
+def flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -> FlowConstants:
+    """Collect the constants from a scene, its accuracy and the kernel's radius [m]."""
+    kernel = smoothing_kernel(accuracy.kernel, real, accuracy.ratio)
+    constants = FlowConstants()
+    constants.radius = radius
+    constants.weight = scene.lava.density * scene.gravity
+    constants.reach = accuracy.courant_number * min(radius, scene.terrain.resolution)
+    constants.stiffness = kernel.stiffness / (accuracy.diffusion_number * radius**2)
+    constants.share = 1.0 / accuracy.diffusion_number
+    constants.gravity = scene.gravity
+    constants.thickest = math.inf
+    if accuracy.thickness is not None:
+        constants.thickest = THICKEST * accuracy.thickness
+    return constants
 
 
 class FlowKernels(NamedTuple):
@@ -85,6 +111,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         height: real,
         surface: vec2,
         ground: vec2,
+        bend: real,
         law: Rheology,
         constants: FlowConstants,
         flow: wp.array(dtype=vec3),
@@ -118,7 +145,11 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         if wp.static(green or helmholtz):
             # lateral stress divides the response by 1 + q^2 h^2 / 3; with W^ <= 1 no wave then
             # decays faster than D / (l^2 / stiffness + h^2 / 3)
-            thick = real(wp.static(stiffness / 3.0)) * height * height / (radius * radius)
+            stressed = height
+            if wp.static(helmholtz):
+                # the sweeps leave what is thicker to the local balance, and to its rate
+                stressed = wp.min(height, real(constants.thickest))
+            thick = real(wp.static(stiffness / 3.0)) * stressed * stressed / (radius * radius)
             reduced = rate / (real(1.0) + thick)
             if wp.static(green):
                 drive[i] = vec3(height * velocity[0], height * velocity[1], volume / height)
@@ -126,6 +157,8 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
                 whole = real(1.0) - x_k1(real(wp.static(math.sqrt(3.0))) * radius / height)
                 reduced = wp.min(rate, reduced / whole)
             rate = reduced
+        # in a hollow lava is drawn to the bottom, and overshoots it as it does level ground
+        rate += largest * bend * real(constants.share)
         if wp.static(effects.inertia):
             # the balance of momentum (effects/inertia.py) wants the slope, and has its own limits
             flow[i] = vec3(height, surface.x, surface.y)
@@ -147,7 +180,7 @@ def flow_kernels(
     mat22 = wp.types.matrix((2, 2), real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
-    gradient_at, height_at, _ = terrain_functions(real)
+    gradient_at, bend_at, height_at, _ = terrain_functions(real)
     block_around = cell_functions(real).block_around
     balance = _balance_function(real, kernel.stiffness, effects)
 
@@ -194,8 +227,10 @@ def flow_kernels(
         height *= real(1.0) - excess(p[2] * inverse * inverse / height)
         ground = gradient_at(elevation, terrain, p[0], p[1])
         surface = vec2(rise_x, rise_y) * (scale * inverse) + ground
+        bend = bend_at(elevation, terrain, p[0], p[1])
         balance(
-            i, p[2], p[3], height, surface, ground, law, constants, flow, drive, rates, slope_of
+            i, p[2], p[3], height, surface, ground, bend, law, constants, flow, drive, rates,
+            slope_of,
         )
 
     @wp.kernel(module='unique', enable_backward=False)
@@ -288,8 +323,10 @@ def flow_kernels(
             if size > most:
                 rest *= most / size
             rise += rest
+        bend = bend_at(elevation, terrain, p[0], p[1])
         balance(
-            i, p[2], p[3], flow[i][0], rise, ground, law, constants, flow, drive, rates, slope_of
+            i, p[2], p[3], flow[i][0], rise, ground, bend, law, constants, flow, drive, rates,
+            slope_of,
         )
 
     if gradient == 'energy':

@@ -83,7 +83,10 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
             thickness[i, j] = wp.float32(height * scale / wp.min(cover, real(1.0)))
             temperature[i, j] = wp.float32(heat / height)
         else:
-            thickness[i, j] = wp.float32(0.0)
+            # a cover that is no number is not dry ground
+            thickness[i, j] = wp.where(
+                cover <= real(wp.static(LEAST_COVER)), wp.float32(0.0), wp.float32(wp.nan)
+            )
             temperature[i, j] = wp.float32(wp.nan)
 
     return raster

@@ -25,15 +25,16 @@ import warp as wp
 
 from lava_ros import validation
 from lava_ros.accuracy import Accuracy
+from lava_ros.checkpoint import Checkpoint
 from lava_ros.choice import decide, Decision, effects_for, HORIZON
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.simulation.automatic import device_of, formulated, resolved_accuracy
+from lava_ros.simulation.checkpoint import put_back, take
 from lava_ros.simulation.effects import after_step, load
-from lava_ros.simulation.flow import compute_flow, flow_kernels, FlowConstants
+from lava_ros.simulation.flow import compute_flow, flow_constants, flow_kernels, THICKEST
 from lava_ros.simulation.heat import heat_constants
-from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.published import publish_velocity
 from lava_ros.simulation.raster import Raster
@@ -42,11 +43,11 @@ from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
 from lava_ros.simulation.state import (
     centre_of,
     EVALUATIONS,
-    FULL,
     FULL_STEP,
     LIMIT,
     Particles,
     ParticleSample,
+    rows_of,
     STAGE,
     STAGES,
     State,
@@ -60,9 +61,6 @@ from lava_ros.simulation.vents import VentSet
 
 #: Particles there is room for at the start; room doubles whenever half of it is taken.
 _FIRST_CAPACITY = 4096
-
-#: Thickness over the expected one up to which the Helmholtz solve converges in full.
-_THICKEST = 2.0
 
 #: Stages between two looks at the clock: on CUDA they are one graph launch.
 _GRAPH_STAGES = 16
@@ -161,10 +159,11 @@ class Simulation:
         """
         until = validation.number('until', until, unit='s')
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
-        self._write_clock(TARGET, until)
+        self._state.write_clock(TARGET, until)
         while self.time < until and wall_clock.monotonic() < deadline:
             self._run_stages()
-            self._make_room()
+            if self._state.make_room():
+                self._graph = None
         self._finish_step()
         return self.time
 
@@ -309,6 +308,23 @@ class Simulation:
             self._forced, self._horizon = former
             raise
 
+    def checkpoint(self) -> Checkpoint:
+        """Copy all that is needed to go on from here."""
+        return take(self)
+
+    @classmethod
+    def resume(cls, checkpoint: Checkpoint, *, device: str | None = None) -> 'Simulation':
+        """Make a simulation that goes on from a checkpoint, on the same device to the bit.
+
+        Raises:
+            LavaError: The checkpoint does not fit together, or the device does not exist.
+        """
+        scene, effects, accuracy = checkpoint.scene, checkpoint.effects, checkpoint.accuracy
+        simulation = cls(
+            scene, effects=effects, accuracy=accuracy, device=device, horizon=checkpoint.horizon
+        )
+        return put_back(simulation, checkpoint)
+
     def decisions(self) -> tuple[Decision, ...]:
         """Say what decides about each effect now; of those that exclude each other one is on."""
         forced = asdict(self.effects) if self._forced is None else self._forced
@@ -352,12 +368,7 @@ class Simulation:
         }
         if 'solidification' in former:
             self._after_step['solidification'].take_over(former['solidification'], self._state)
-        self._flow = FlowConstants()
-        self._flow.radius = self.radius
-        self._flow.weight = self.scene.lava.density * self.scene.gravity
-        self._flow.reach = accuracy.courant_number * min(self.radius, terrain.resolution)
-        kernel = smoothing_kernel(accuracy.kernel, self._state.real, accuracy.ratio)
-        self._flow.stiffness = kernel.stiffness / (accuracy.diffusion_number * self.radius**2)
+        self._flow = flow_constants(self.scene, accuracy, self.radius, self._state.real)
         gradient = accuracy.gradient if self._state.has_surface else 'energy'
         self._flow_kernels = flow_kernels(
             self._state.real, accuracy.kernel, accuracy.ratio, gradient, self.effects
@@ -378,16 +389,13 @@ class Simulation:
     def _start_with(self, particles: Particles | None) -> None:
         if particles is None:
             return
-        for index, place in enumerate(particles.position):
-            if not self.scene.terrain.covers(*place):
-                raise LavaError(
-                    f'particles.position[{index}]', tuple(place), 'a place on the terrain'
-                )
-        rows = np.column_stack([particles.position, particles.volume, particles.temperature])
+        assert self.accuracy.spacing is not None
+        rows = rows_of(particles, self.scene.terrain, self.accuracy.spacing)
         self._append(rows.tolist())
         if self.effects.inertia:
             self._state.velocity[: len(rows)].assign(particles.velocity)
         self._emitted_before = float(self._state.read_particles()[:, 2].sum())
+        self._sort()
 
     def _append(self, rows: list[tuple[float, ...]]) -> None:
         """Add particles given as (map x, map y, volume, temperature)."""
@@ -421,7 +429,7 @@ class Simulation:
         choose_stage(self._state, self._longest_step(), self.accuracy.fixed_step)
         if self.effects.inertia:
             self._momentum.accelerate(self._state, self._neighbors)
-        move_particles(self._state, self._heat)
+        move_particles(self._state, self._terrain, self._flow, self._heat)
         for effect in self._after_step.values():
             effect.apply(self._state, self._neighbors)
         self._vents.emit(self._state)
@@ -447,7 +455,7 @@ class Simulation:
                 self._state,
                 self._neighbors,
                 radius=self.radius,
-                thickness=_THICKEST * self._thickness,
+                thickness=THICKEST * self._thickness,
                 kernel=self.accuracy.kernel,
                 ratio=self.accuracy.ratio,
             )
@@ -475,23 +483,12 @@ class Simulation:
 
     def _finish_step(self) -> None:
         """Take the stages that the step at hand still needs, and begin no other."""
-        self._write_clock(TARGET, self.time)
+        self._state.write_clock(TARGET, self.time)
         while self._state.counts.numpy()[STAGE]:
             self._run_stages()
-
-    def _make_room(self) -> None:
-        """Double the room for particles when it is half full or a vent found none."""
-        counts = self._state.counts.numpy()
-        if counts[FULL] or 2 * self._state.count > self._state.capacity:
-            self._state.grow(2 * self._state.capacity)
-            self._graph = None
 
     def _sort(self) -> None:
         """Bring the particles into the order of their cells and drop those that have left."""
         self._neighbors.rebuild(self._state)
+        self._neighbors.refuse_crowds()
         self._state.take_order()
-
-    def _write_clock(self, place: int, value: float) -> None:
-        clock = self._state.clock.numpy()
-        clock[place] = value
-        self._state.clock.assign(clock)

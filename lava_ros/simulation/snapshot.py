@@ -15,6 +15,7 @@
 """What a simulation shows of itself: plain numpy data, free of device arrays."""
 
 from dataclasses import dataclass
+import math
 
 import numpy as np
 
@@ -93,3 +94,19 @@ class Snapshot:
     particle_count: int
     steps: StepReport
     frozen: np.ndarray | None = None
+
+    def flaw(self) -> str:
+        """Say what makes this snapshot unfit to be shown as a map; empty when nothing does."""
+        budget = self.budget
+        numbers = (self.time, budget.emitted, budget.held, budget.left, budget.frozen)
+        if not all(math.isfinite(number) for number in numbers):
+            return f'time or volume is not a number: time {self.time} s, {budget}'
+        is_thickness = np.isfinite(self.thickness) & (self.thickness >= 0.0)
+        bad = int((self.terrain.has_data & ~is_thickness).sum())
+        if bad:
+            return f'thickness is not a number of metres in {bad} cells'
+        is_temperature = np.isfinite(self.temperature) & (self.temperature > 0.0)
+        bad = int(((self.thickness > 0.0) & ~is_temperature).sum())
+        if bad:
+            return f'temperature is not a number of kelvin in {bad} cells with lava'
+        return ''

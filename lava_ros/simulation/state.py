@@ -14,6 +14,7 @@
 
 """The arrays of a simulation on its device, and the particles a caller may start from."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -109,6 +110,45 @@ class Particles:
         object.__setattr__(self, 'velocity', velocity)
 
 
+#: Distance between particles that are given in one place, over the usual one.
+_APART = 1e-3
+
+
+def rows_of(particles: Particles, terrain: Terrain, spacing: float) -> np.ndarray:
+    """Rows of (map x, map y, volume, temperature), no two of them in one place.
+
+    Particles in one place push each other nowhere: they would stay together for ever. All but the
+    first are moved a little.
+
+    Args:
+        particles: The lava.
+        terrain: The ground it is to be on.
+        spacing: The usual distance between particles [m].
+
+    Raises:
+        LavaError: A particle is not on the terrain.
+    """
+    places = particles.position.copy()
+    for index, place in enumerate(places):
+        if not terrain.covers(*place):
+            raise LavaError(
+                f'particles.position[{index}]', tuple(place), 'a place on the terrain'
+            )
+    _, which = np.unique(places, axis=0, return_inverse=True)
+    order = np.argsort(which.ravel(), kind='stable')
+    group = which.ravel()[order]
+    begin = np.flatnonzero(np.diff(group, prepend=-1))
+    number = np.arange(len(order)) - begin[group]
+    # as evenly as the seeds of a sunflower; back towards where there is ground
+    turn = 2.399963 * number
+    way = np.stack([np.cos(turn), np.sin(turn)], axis=1) * np.sqrt(number)[:, None]
+    way *= _APART * spacing
+    for index, copy in zip(order[number > 0], way[number > 0], strict=True):
+        onto = terrain.covers(*(places[index] + copy))
+        places[index] += copy if onto else -copy
+    return np.column_stack([places, particles.volume, particles.temperature])
+
+
 @dataclass(frozen=True, eq=False)
 class ParticleSample:
     """The particles of a running simulation, as numpy arrays of float64.
@@ -195,6 +235,8 @@ class State:
         self.is_staged = accuracy.integrator == 'rkl2' and not effects.inertia
         self.has_remainder = accuracy.precision == 'float32'
         self.is_deterministic = accuracy.deterministic
+        # a step of a fixed length takes what comes
+        self.is_guarded = accuracy.fixed_step is None
         self.has_velocity = effects.inertia
         self.has_age = effects.crust or effects.ground
         # what froze or was merged into another has no volume and is dropped
@@ -260,13 +302,34 @@ class State:
         if self.effects.green:
             self.drive = wp.zeros(capacity, dtype=self.vec3, device=self.device)
 
+    def make_room(self) -> bool:
+        """Double the room for particles when it is half full or a vent found none.
+
+        Returns:
+            Whether it has: the arrays are others then.
+        """
+        counts = self.counts.numpy()
+        if counts[FULL] or 2 * counts[PARTICLES] > self.capacity:
+            self.grow(2 * self.capacity)
+            return True
+        return False
+
     def grow(self, capacity: int) -> None:
-        """Make room for ``capacity`` particles and keep those there are."""
+        """Make room for ``capacity`` particles and keep those there are.
+
+        Raises:
+            RuntimeError: There is no memory for as many; the state stays as it was.
+        """
+        former = dict(vars(self))
         names = ['particle', *self._carried]
         names += ['base', 'drift'] if self.is_staged else []
         kept = {name: getattr(self, name) for name in names}
         count = self.count
-        self._allocate(capacity)
+        try:
+            self._allocate(capacity)
+        except RuntimeError as error:
+            vars(self).update(former)
+            raise RuntimeError(f'room for {capacity} particles: {error}') from error
         for name, values in kept.items():
             if count:
                 wp.copy(getattr(self, name), values, count=count)
@@ -284,6 +347,12 @@ class State:
     def optional(self, *names: str) -> list[Any]:
         """The arrays of these names, None for those that are not allocated."""
         return [getattr(self, name, None) for name in names]
+
+    def write_clock(self, place: int, value: float) -> None:
+        """Replace one of the times in ``clock``."""
+        clock = self.clock.numpy()
+        clock[place] = value
+        self.clock.assign(clock)
 
     @property
     def count(self) -> int:
@@ -327,6 +396,46 @@ class State:
         for name in ('clock', 'counts', 'left', 'frozen'):
             if hasattr(self, name) and hasattr(former, name):
                 wp.copy(getattr(self, name), getattr(former, name))
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Copy everything that the next step starts from, between two steps, by name."""
+        count = self.count
+        arrays = {
+            name: getattr(self, name).numpy()[:count].copy()
+            for name in ('particle', *self._carried)
+        }
+        return arrays | {name: getattr(self, name).numpy().copy() for name in self._sums}
+
+    def load(self, arrays: Mapping[str, np.ndarray], capacity: int) -> None:
+        """Go on from what ``save`` has copied, with room for as many particles as there was.
+
+        Raises:
+            LavaError: An array is missing, or is not of the kind that this state needs.
+        """
+        count = len(arrays['particle'])
+        self._allocate(capacity)
+        for name in ('particle', *self._carried, *self._sums):
+            target = getattr(self, name)
+            values = arrays.get(name)
+            template = target.numpy()
+            shape = template.shape if name in self._sums else (count, *template.shape[1:])
+            if values is None or (values.shape, values.dtype) != (shape, template.dtype):
+                found = 'missing' if values is None else f'{values.dtype} of shape {values.shape}'
+                right = f'{template.dtype} of shape {shape}'
+                raise LavaError(f'checkpoint.state.{name}', found, right)
+            if len(values):
+                rows = wp.array(values, dtype=target.dtype, device=self.device)
+                wp.copy(target, rows, count=len(values))
+        counts = self.counts.numpy()
+        if (counts[PARTICLES], counts[STAGE]) != (count, 0):
+            right = f'{count} particles, between two steps'
+            raise LavaError('checkpoint.state.counts', counts.tolist(), right)
+
+    @property
+    def _sums(self) -> list[str]:
+        """Names of the arrays that do not depend on the number of particles."""
+        names = ('clock', 'counts', 'rates', 'stage', 'left', 'frozen', 'moved', 'waited')
+        return [name for name in names if hasattr(self, name)]
 
     def take_order(self) -> None:
         """Let the ordered particles be the particles."""

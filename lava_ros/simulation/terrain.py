@@ -96,13 +96,14 @@ class TerrainFunctions(NamedTuple):
     """Device functions that read a staggered terrain."""
 
     gradient_at: Any
+    bend_at: Any
     height_at: Any
     is_known: Any
 
 
 @lru_cache
 def terrain_functions(real: Any) -> TerrainFunctions:
-    """Return the sampling of gradient and height, and the test for cells with data."""
+    """Return the sampling of gradient, bend and height, and the test for cells with data."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func
@@ -139,6 +140,36 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         return rise * inverse
 
     @wp.func
+    def bend_at(height: wp.array2d(dtype=real), frame: TerrainFrame, x: real, y: real) -> real:
+        """Largest curvature of the surface whose gradient is ``gradient_at``, 0 on a dome."""
+        inverse = real(1.0) / real(frame.resolution)
+        column = (x - real(frame.x0)) * inverse
+        row = (y - real(frame.y0)) * inverse
+        i = wp.clamp(int(wp.floor(row)), 0, frame.rows - 1)
+        j = wp.clamp(int(wp.floor(column)), 0, frame.columns - 1)
+        s = wp.clamp(column - real(j) - real(0.5), real(-0.5), real(0.5))
+        t = wp.clamp(row - real(i) - real(0.5), real(-0.5), real(0.5))
+        along = real(0.0)
+        across = real(0.0)
+        twist = real(0.0)
+        for n in range(3):
+            west = height[i + n, j + 1] - height[i + n, j]
+            east = height[i + n, j + 2] - height[i + n, j + 1]
+            south = height[i + 1, j + n] - height[i, j + n]
+            north = height[i + 2, j + n] - height[i + 1, j + n]
+            along += spline(n, t) * (east - west)
+            across += spline(n, s) * (north - south)
+            # the derivative of the spline's weight
+            change = real(-2.0) * t
+            if n != 1:
+                change = t + wp.where(n == 0, real(-0.5), real(0.5))
+            twist += change * ((real(0.5) - s) * west + (real(0.5) + s) * east)
+        mean = real(0.5) * (along + across)
+        half = real(0.5) * (along - across)
+        bend = mean + wp.sqrt(half * half + twist * twist)
+        return wp.max(bend, real(0.0)) * inverse * inverse
+
+    @wp.func
     def height_at(height: wp.array2d(dtype=real), frame: TerrainFrame, x: real, y: real) -> real:
         """Height of the surface whose gradient is ``gradient_at``."""
         inverse = real(1.0) / real(frame.resolution)
@@ -162,4 +193,4 @@ def terrain_functions(real: Any) -> TerrainFunctions:
             return False
         return known[i, j] != wp.uint8(0)
 
-    return TerrainFunctions(gradient_at, height_at, is_known)
+    return TerrainFunctions(gradient_at, bend_at, height_at, is_known)

@@ -27,6 +27,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
+from lava_ros.simulation.flow import FlowConstants
 from lava_ros.simulation.heat import HeatConstants, temperature_function
 from lava_ros.simulation.state import (
     BEFORE_FORMER,
@@ -47,12 +48,19 @@ from lava_ros.simulation.state import (
     TIME,
     VELOCITY,
 )
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
 
 #: What can bound a step, by its number in ``State.counts[LIMIT]``.
 LIMITS = ('longest', 'diffusion', 'advection', 'fixed', 'waves')
 
 #: Most stages of a step: more would lose digits, not gain steps.
 MOST_STAGES = 64
+
+#: Displacements in a step over those its length was chosen for: speeds may rise this much in it.
+_MOST_REACH = 2.0
+
+#: Halvings of a displacement that would lift lava out of its reach, before it is given up.
+_HALVINGS = 8
 
 
 @wp.func
@@ -150,8 +158,47 @@ def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool) -> Any:
 
 
 @lru_cache
-def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
+def _guard_function(real: Any) -> Any:
+    """Return the device function that keeps a displacement to what a step can answer for.
+
+    A step is as long as the speeds at its start allow. Where the ground changes from one cell to
+    the next a particle may be a thousand times as fast a stage later, and would be thrown across
+    cells, or high up a wall at whose foot it has to stop. Its displacement in a step is at most
+    ``_MOST_REACH`` times the one that steps are chosen for, and lifts it by no more than it is
+    thick (and its velocity can): the slope of a sum over neighbours is 1.5 h / l at most.
+    """
     vec2 = wp.types.vector(2, real)
+    height_at = terrain_functions(real).height_at
+
+    @wp.func
+    def guarded(
+        elevation: wp.array2d(dtype=real),
+        terrain: TerrainFrame,
+        reach: real,
+        x: real,
+        y: real,
+        way: vec2,
+        rise: real,
+    ) -> vec2:
+        most = real(_MOST_REACH) * reach
+        size = wp.length(way)
+        kept = way
+        if size > most:
+            kept = way * (most / size)
+        top = height_at(elevation, terrain, x, y) + rise
+        for _ in range(_HALVINGS):
+            if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top:
+                return kept
+            kept *= real(0.5)
+        return vec2()
+
+    return guarded
+
+
+@lru_cache
+def _move_kernel(real: Any, effects: Effects, is_staged: bool, is_guarded: bool) -> Any:
+    vec2 = wp.types.vector(2, real)
+    guarded = _guard_function(real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     temperature_after = temperature_function(real, effects)
@@ -166,6 +213,9 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
         counts: wp.array(dtype=wp.int32),
         clock: wp.array(dtype=wp.float64),
         stage: wp.array(dtype=real),
+        elevation: wp.array2d(dtype=real),
+        terrain: TerrainFrame,
+        constants: FlowConstants,
         heat: HeatConstants,
         ordered_base: wp.array(dtype=vec4),
         ordered_drift: wp.array(dtype=vec4),
@@ -187,12 +237,11 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
         y = p[1]
         dx = stage[VELOCITY] * f[1]
         dy = stage[VELOCITY] * f[2]
-        if wp.static(is_staged):
+        before = vec2()
+        start = vec2(f[1], f[2])
+        if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
             # displacements, not positions, are combined: a float32 keeps their digits
-            if counts[STAGE] <= 1:
-                base[i] = vec4(x, y, real(0.0), real(0.0))
-                drift[i] = vec4(dx, dy, f[1], f[2])
-            else:
+            if counts[STAGE] > 1:
                 b = ordered_base[i]
                 d = ordered_drift[i]
                 dx += (
@@ -207,8 +256,20 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool) -> Any:
                 )
                 x = b[0]
                 y = b[1]
-                base[i] = vec4(x, y, d[0], d[1])
-                drift[i] = vec4(dx, dy, d[2], d[3])
+                before = vec2(d[0], d[1])
+                start = vec2(d[2], d[3])
+        if wp.static(is_guarded):
+            rise = f[0]
+            if wp.static(effects.inertia):
+                rise += (f[1] * f[1] + f[2] * f[2]) / real(wp.float64(2.0) * constants.gravity)
+            way = guarded(
+                elevation, terrain, real(constants.reach), x, y, vec2(dx, dy), rise
+            )
+            dx = way[0]
+            dy = way[1]
+        if wp.static(is_staged):
+            base[i] = vec4(x, y, before[0], before[1])
+            drift[i] = vec4(dx, dy, start[0], start[1])
         temperature = p[3]
         time_out = real(0.0)
         if wp.static(has_age):
@@ -265,10 +326,12 @@ def choose_stage(state: State, longest: float, fixed: float | None) -> None:
     )
 
 
-def move_particles(state: State, heat: HeatConstants) -> None:
+def move_particles(
+    state: State, terrain: StaggeredTerrain, constants: FlowConstants, heat: HeatConstants
+) -> None:
     """Move the ordered particles over the stage, heat or cool them at the end of the step."""
     wp.launch(
-        _move_kernel(state.real, state.effects, state.is_staged),
+        _move_kernel(state.real, state.effects, state.is_staged, state.is_guarded),
         dim=state.capacity,
         inputs=[
             state.ordered,
@@ -276,6 +339,9 @@ def move_particles(state: State, heat: HeatConstants) -> None:
             state.counts,
             state.clock,
             state.stage,
+            terrain.height,
+            terrain.frame,
+            constants,
             heat,
             *state.optional('ordered_base', 'ordered_drift', 'ordered_remainder'),
         ],

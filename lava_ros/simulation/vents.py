@@ -14,6 +14,7 @@
 
 """Vents: particles of constant volume, as many as the integral of the discharge asks for."""
 
+from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
 import math
@@ -52,8 +53,11 @@ def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool) -> An
         group = group_of(shape, v)
         part = n % group
         turns = wp.float64(n // group + 1)
+        # vents in one place begin elsewhere, or their particles would be in one place
         a = wp.float64(0.7548776662466927) * turns
+        a += wp.float64(0.6180339887498949) * shape[v, 9]
         b = wp.float64(0.5698402909980532) * turns
+        b += wp.float64(0.4142135623730951) * shape[v, 9]
         a = a - wp.floor(a)
         b = b - wp.floor(b)
         radius = shape[v, 4]
@@ -188,7 +192,8 @@ class VentSet:
         self._particle_volume = particle_volume
         self._symmetric = symmetric
         self._device = device
-        shape = np.zeros((len(self.vents), 9))
+        shape = np.zeros((len(self.vents), 10))
+        places: Counter[Any] = Counter()
         starts, times, fluxes, volumes = [0], [], [], []
         for row, vent, conduit in zip(shape, self.vents, carried, strict=True):
             end = vent.position if vent.end is None else vent.end
@@ -198,6 +203,8 @@ class VentSet:
             row[5] = vent.temperature
             row[6] = math.dist(vent.position, end)
             row[7:9] = vent.velocity
+            row[9] = places[vent.position, vent.end]
+            places[vent.position, vent.end] += 1
             for time, flux in vent.series:
                 times.append(max(time, since))
                 fluxes.append(flux)
@@ -239,6 +246,16 @@ class VentSet:
             ],
             device=self._device,
         )
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Copy what is not in the vents themselves: their conduits, and what has come out."""
+        released = self._released.numpy()[: len(self.vents)].copy()
+        return {'carried': self._carried.copy(), 'released': released}
+
+    def load(self, released: np.ndarray) -> None:
+        """Go on after as many particles as ``save`` has found released."""
+        if len(released):
+            self._released.assign(released)
 
     def emitted(self, time: float) -> float:
         """Volume [m3] the vents have given from ``since`` to ``time``."""

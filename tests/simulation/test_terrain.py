@@ -123,3 +123,37 @@ def test_holes_do_not_bend_their_neighbours():
     known = np.array([holed.covers(*(place + centre)) for place in places])
     gradient = sampled(holed, places[known])
     assert gradient == pytest.approx(np.broadcast_to([0.3, -0.2], gradient.shape), abs=1e-6)
+
+
+def test_bend_is_the_largest_curvature_of_the_surface(device):
+    """It is the largest eigenvalue of the gradient's own derivatives, and 0 on a dome."""
+    elevation = np.random.default_rng(3).normal(size=(6, 7))
+    terrain = Terrain(elevation, 10.0)
+    # inside of cells, whose surface is quadratic: differences are exact
+    points = (np.random.default_rng(4).integers(0, 5, (50, 2)) + 0.3) * 10.0 - [35.0, 30.0]
+    along, across = 0.01 * np.eye(2)
+    east = sampled(terrain, points + along) - sampled(terrain, points - along)
+    north = sampled(terrain, points + across) - sampled(terrain, points - across)
+    slopes = np.stack([east, north], axis=1) / 0.02
+    largest = np.linalg.eigvalsh(0.5 * (slopes + np.swapaxes(slopes, 1, 2)))[:, -1]
+    staggered = StaggeredTerrain(terrain, 'float64', device)
+    functions = terrain_functions(wp.float64)
+
+    @wp.kernel(module='unique')
+    def sample(
+        height: wp.array2d(dtype=wp.float64),
+        frame: TerrainFrame,
+        at: wp.array(dtype=wp.vec2d),
+        out: wp.array(dtype=wp.float64),
+    ):
+        i = wp.tid()
+        out[i] = functions.bend_at(height, frame, at[i][0], at[i][1])
+
+    at = wp.array(points, dtype=wp.vec2d, device=device)
+    out = wp.zeros(len(points), dtype=wp.float64, device=device)
+    wp.launch(
+        sample, dim=len(points), inputs=[staggered.height, staggered.frame, at], outputs=[out],
+        device=device,
+    )  # fmt: skip
+    assert out.numpy() == pytest.approx(np.maximum(largest, 0.0), rel=1e-6, abs=1e-9)
+    assert (out.numpy() == 0.0).any() and (out.numpy() > 0.0).any()

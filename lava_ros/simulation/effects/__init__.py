@@ -35,7 +35,8 @@ from lava_ros.effects import Effects
 #: ``AfterStep(scene, accuracy, terrain, state)`` has a method ``apply(state, neighbors)``, called
 #: after the motion in every stage: its kernels return at once unless ``counts[IS_LAST]`` is 1, and
 #: the step is ``clock[STEP]``. ``state.ordered`` holds the particles before the motion, and
-#: ``state.particle`` the same ones in the same order after it.
+#: ``state.particle`` the same ones in the same order after it. One with arrays of its own has
+#: ``save() -> arrays by name`` and ``load(arrays)`` for checkpoints.
 AFTER_STEP = ('conduction', 'solidification', 'merging')
 
 

@@ -118,7 +118,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
     power = _EXCESS_POWERS.get(kernel_name, 1.0)
-    gradient_at = terrain_functions(real).gradient_at
+    gradient_at, bend_at, *_ = terrain_functions(real)
     block_around = cell_functions(real).block_around
     viscosity = viscosity_function(real, effects)
     is_newtonian = speed_function(real, effects) is None
@@ -166,6 +166,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         flow[i] = vec3(height, u[0], u[1])
         # dt^2 w^2 <= d^2 + d gamma dt: d is 2 at the limit of stability
         square = g * height * real(constants.stiffness)
+        square += g * bend_at(elevation, terrain, p[0], p[1]) * real(constants.share)
         mobility = real(1.0)
         drag = real(0.0)
         if wp.static(is_newtonian):

@@ -28,6 +28,7 @@ What has frozen is kept apart from the ground in whole parts of 2^-44 m: sums of
 order, so runs are the same to the bit, and a float32 of the elevation does not wear off deposits.
 """
 
+from collections.abc import Mapping
 from functools import lru_cache
 import math
 from typing import Any
@@ -36,6 +37,7 @@ import numpy as np
 import warp as wp
 
 from lava_ros.accuracy import Accuracy
+from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import IS_LAST, PARTICLES, RARE_BLOCKS, State, STEP
@@ -230,7 +232,26 @@ class AfterStep:
         if abs(lost) > 1e-9 * frozen[0]:
             state.frozen.assign(frozen - lost)
             state.left.assign(left + lost)
-        parts = np.rint(np.pad(thickness, 1, mode='edge') / _PART).astype(np.int64)
+        self._lay(np.rint(np.pad(thickness, 1, mode='edge') / _PART).astype(np.int64))
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Copy what has frozen."""
+        return {'deposit': self._deposit.numpy().copy()}
+
+    def load(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Lay what ``save`` has copied onto a terrain on which nothing has frozen.
+
+        Raises:
+            LavaError: It is not of this terrain.
+        """
+        parts = arrays.get('deposit')
+        shape = self._deposit.shape
+        if parts is None or (parts.shape, parts.dtype) != (shape, np.int64):
+            found = 'missing' if parts is None else f'{parts.dtype} of shape {parts.shape}'
+            raise LavaError('checkpoint.solidification.deposit', found, f'int64 of shape {shape}')
+        self._lay(parts)
+
+    def _lay(self, parts: np.ndarray) -> None:
         self._deposit.assign(parts)
         self._terrain.height.assign(self._ground.numpy().astype(np.float64) + parts * _PART)
 

@@ -152,4 +152,3 @@ def test_latent_heat_is_exchanged_too():
     assert sample.temperature.min() >= 1000.0 - 1e-9
     assert sample.temperature.max() <= 1400.0 + 1e-9
     assert ((sample.temperature > 1101.0) & (sample.temperature < 1299.0)).any()
-

@@ -1,0 +1,91 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What checkpoints cost: bytes, and time in the simulation's thread and in the node's.
+
+It makes checkpoints.csv; each time is the median of five:
+
+    python docs/benchmarks/checkpoints.py 'machine' > docs/benchmarks/checkpoints.csv
+"""
+
+import csv
+from pathlib import Path
+import statistics
+import sys
+import tempfile
+import time
+
+from lava_ros.bag import BagWriter
+from lava_ros.bag.checkpoints import NAME
+from lava_ros.bench.effects import effect_sets, lava_field
+from lava_ros.checkpoint import from_bytes, MEDIA_TYPE
+
+REPETITIONS = 5
+
+PARTICLES = (1_000, 10_000, 100_000, 1_000_000)
+
+#: From the fewest arrays a particle has to the most.
+EFFECTS = ('bare', 'everything with inertia')
+
+
+def median(action):
+    """Median time of an action [ms]."""
+    times = []
+    for _ in range(REPETITIONS):
+        begin = time.perf_counter()
+        action()
+        times.append(1e3 * (time.perf_counter() - begin))
+    return statistics.median(times)
+
+
+def measure(effects, particles, directory):
+    """Quantities of one size, with their units."""
+    simulation = lava_field(particles, effects, 'cpu')
+    # digits of a flow, not of a lattice
+    while simulation.steps < 3:
+        simulation.advance(simulation.time + 0.1)
+    simulation.snapshot()
+    checkpoint = simulation.checkpoint()
+    data = checkpoint.to_bytes()
+    assert from_bytes(data).to_bytes() == data
+    with BagWriter(directory / f'{len(list(directory.iterdir()))}', custom_data={}) as writer:
+
+        def write():
+            writer.attach(NAME, MEDIA_TYPE, data, 0)
+            writer.flush()
+
+        yield 'size', len(data), 'bytes'
+        yield 'size per particle', len(data) / checkpoint.particle_count, 'bytes'
+        yield 'take (simulation)', median(simulation.checkpoint), 'ms'
+        yield 'serialise (simulation)', median(checkpoint.to_bytes), 'ms'
+        yield 'write (node)', median(write), 'ms'
+        yield 'read', median(lambda: from_bytes(data)), 'ms'
+
+
+def main():
+    """Print the table."""
+    table = csv.writer(sys.stdout, lineterminator='\n')
+    table.writerow(['benchmark', 'effects', 'particles', 'value', 'unit', 'machine', 'command'])
+    command = f"python docs/benchmarks/checkpoints.py '{sys.argv[1]}'"
+    with tempfile.TemporaryDirectory() as directory:
+        for name in EFFECTS:
+            for particles in PARTICLES:
+                rows = measure(effect_sets()[name], particles, Path(directory))
+                for quantity, value, unit in rows:
+                    row = [quantity, name, particles, f'{value:.6g}', unit, sys.argv[1], command]
+                    table.writerow(row)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,295 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A simulation at rest between two steps, as plain data and as bytes that survive the process.
+
+The bytes are a prefix, a header in JSON and a body: the arrays, compressed by zstd. The prefix has
+the format's version, the length of what follows and a checksum over all of it, so that what is
+damaged, cut off or of a later version is refused before any of it is used. Nothing in it is
+executed when it is read, and no path is in it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+import hashlib
+import json
+import math
+import struct
+from typing import Any, NamedTuple
+
+import numpy as np
+import zstandard
+
+import lava_ros
+from lava_ros import validation
+from lava_ros.accuracy import Accuracy, accuracy_from_dict
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.lava import Lava
+from lava_ros.scene import Scene, scene_to_dict, Terrain, Vent
+
+#: Version of the format; a reader takes its own and those before.
+VERSION = 1
+
+#: What a bag says about the attachments that hold checkpoints.
+MEDIA_TYPE = 'application/vnd.lava-ros.checkpoint'
+
+#: Bytes from which ``summary_of`` tells what a checkpoint is.
+PREFIX_SIZE = 64
+
+#: Largest uncompressed size that is read [bytes].
+MAX_SIZE = 1 << 32
+
+_MAGIC = b'\x89LAVA\r\n\x1a'
+
+#: Magic, version, header's length, body's length, particles, time [s], reserved; then a digest.
+_PREFIX = struct.Struct('<8sIIQQd8s')
+
+_DIGEST_SIZE = PREFIX_SIZE - _PREFIX.size
+
+_LEVEL = 1
+
+_DTYPES = ('float32', 'float64', 'int32', 'int64')
+
+_ELEVATION = 'terrain.elevation'
+
+
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """Everything that a simulation needs to go on.
+
+    Attributes:
+        time: Simulated time [s].
+        scene: The scene as it is now.
+        effects: The physics that is switched on.
+        forced: Effects forced on or off by name; None where none are chosen from the scene.
+        horizon: How far ahead the choice of effects looks [s].
+        accuracy: The resolution, with every automatic value filled in.
+        emitted: Volume that came in before the present vents did [m3].
+        since: Simulated time from which the present vents emit [s].
+        capacity: Particles there is room for.
+        arrays: The solver's arrays by name; ``state.particle`` has a row for each particle.
+        written_by: Version of the package that made it.
+    """
+
+    time: float
+    scene: Scene
+    effects: Effects
+    forced: Mapping[str, bool] | None
+    horizon: float
+    accuracy: Accuracy
+    emitted: float
+    since: float
+    capacity: int
+    arrays: Mapping[str, np.ndarray]
+    written_by: str = lava_ros.__version__
+
+    def __post_init__(self) -> None:
+        """Refuse what nothing can go on from.
+
+        Raises:
+            LavaError: A number is not finite, or a particle has a negative volume.
+        """
+        for name in ('time', 'emitted', 'since'):
+            validation.number(f'checkpoint.{name}', getattr(self, name))
+        for name, array in self.arrays.items():
+            if array.dtype.kind == 'f' and not np.isfinite(array).all():
+                raise LavaError(f'checkpoint.{name}', 'not finite', 'finite numbers only')
+        particles = self.arrays.get('state.particle')
+        if particles is None or particles.ndim != 2 or particles.shape[1] != 4:
+            raise LavaError('checkpoint.arrays', sorted(self.arrays), 'state.particle, [count, 4]')
+        if (particles[:, 2] < 0.0).any():
+            raise LavaError('checkpoint.state.particle', 'a negative volume', 'volumes')
+        if not len(particles) <= self.capacity < 2**31:
+            right = f'room for {len(particles)} particles'
+            raise LavaError('checkpoint.capacity', self.capacity, right)
+
+    @property
+    def particle_count(self) -> int:
+        """Particles there are."""
+        return len(self.arrays['state.particle'])
+
+    def to_bytes(self) -> bytes:
+        """Serialise; ``from_bytes`` gives the same back to the last bit."""
+        arrays = {_ELEVATION: self.scene.terrain.elevation, **self.arrays}
+        header = json.dumps(
+            {
+                'written_by': self.written_by,
+                'scene': scene_to_dict(self.scene),
+                'effects': asdict(self.effects),
+                'forced': None if self.forced is None else dict(self.forced),
+                'horizon': self.horizon,
+                'accuracy': asdict(self.accuracy),
+                'emitted': self.emitted,
+                'since': self.since,
+                'capacity': self.capacity,
+                'arrays': [
+                    {'name': name, 'dtype': array.dtype.name, 'shape': array.shape}
+                    for name, array in arrays.items()
+                ],
+            },
+            allow_nan=False,
+        ).encode()
+        body = zstandard.compress(b''.join(_planes(item) for item in arrays.values()), _LEVEL)
+        prefix = _PREFIX.pack(
+            _MAGIC, VERSION, len(header), len(body), self.particle_count, self.time, bytes(8)
+        )
+        return b''.join((prefix, _digest(prefix, header, body), header, body))
+
+
+class Summary(NamedTuple):
+    """What a checkpoint says of itself in its first bytes.
+
+    Attributes:
+        time: Simulated time [s].
+        particle_count: Particles there are.
+        size: Size of all of it [bytes].
+    """
+
+    time: float
+    particle_count: int
+    size: int
+
+
+def summary_of(data: bytes) -> Summary:
+    """Read the first ``PREFIX_SIZE`` bytes of a checkpoint; the rest may be missing.
+
+    Raises:
+        LavaError: They are not those of a checkpoint, or of a later version.
+    """
+    if len(data) < PREFIX_SIZE or data[: len(_MAGIC)] != _MAGIC:
+        start = f'{len(data)} bytes that start with {data[: len(_MAGIC)]!r}'
+        raise LavaError('checkpoint', start, 'a checkpoint of lava_ros')
+    _, version, header, body, count, time, _ = _PREFIX.unpack_from(data)
+    if not 1 <= version <= VERSION:
+        raise LavaError(
+            'checkpoint.version', version, f'at most {VERSION}: a later lava_ros has written this'
+        )
+    return Summary(time, count, PREFIX_SIZE + header + body)
+
+
+def from_bytes(data: bytes) -> Checkpoint:
+    """Read a checkpoint.
+
+    Args:
+        data: All of its bytes.
+
+    Raises:
+        LavaError: They are damaged, cut off, foreign, of a later version, or of no use.
+    """
+    summary = summary_of(data)
+    if len(data) != summary.size:
+        raise LavaError('checkpoint', f'{len(data)} bytes', f'all of its {summary.size} bytes')
+    header_size = _PREFIX.unpack_from(data)[2]
+    header = data[PREFIX_SIZE : PREFIX_SIZE + header_size]
+    body = memoryview(data)[PREFIX_SIZE + header_size :]
+    stored = data[_PREFIX.size : PREFIX_SIZE]
+    found = _digest(data[: _PREFIX.size], header, body)
+    if found != stored:
+        right = f'{stored.hex()}: the checkpoint is damaged'
+        raise LavaError('checkpoint.checksum', found.hex(), right)
+    try:
+        return _checkpoint(json.loads(header), body, summary.time)
+    except (KeyError, TypeError, AttributeError, UnicodeDecodeError, ValueError) as error:
+        if isinstance(error, LavaError):
+            raise
+        reason = f'{type(error).__name__}: {error}'
+        raise LavaError('checkpoint.header', reason, 'what lava_ros writes') from error
+
+
+def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkpoint:
+    arrays = _arrays(header['arrays'], body)
+    data = header['scene']
+    terrain = {**data['terrain']}
+    shape = tuple(terrain.pop('shape'))
+    elevation = arrays.pop(_ELEVATION)
+    if elevation.shape != shape:
+        raise LavaError('checkpoint.terrain', elevation.shape, f'elevations of shape {shape}')
+    scene = Scene(
+        Terrain(elevation, **terrain),
+        vents=tuple(Vent(**vent) for vent in data['vents']),
+        lava=Lava(**data['lava']),
+        ambient_temperature=data['ambient_temperature'],
+        gravity=data['gravity'],
+    )
+    forced = header['forced']
+    return Checkpoint(
+        time=time,
+        scene=scene,
+        effects=Effects(**header['effects']),
+        forced=None if forced is None else {str(key): bool(forced[key]) for key in forced},
+        horizon=validation.number('checkpoint.horizon', header['horizon'], above=0.0, unit='s'),
+        accuracy=accuracy_from_dict(header['accuracy']),
+        emitted=header['emitted'],
+        since=header['since'],
+        capacity=header['capacity'],
+        arrays=arrays,
+        written_by=str(header['written_by']),
+    )
+
+
+def _arrays(entries: list[dict[str, Any]], body: memoryview) -> dict[str, np.ndarray]:
+    layout = []
+    for entry in entries:
+        dtype = np.dtype(validation.choice('checkpoint.dtype', entry['dtype'], _DTYPES))
+        shape = tuple(int(side) for side in entry['shape'])
+        if min(shape, default=0) < 0:
+            raise LavaError(f'checkpoint.{entry["name"]}', shape, 'a shape')
+        layout.append((str(entry['name']), dtype, shape, math.prod(shape) * dtype.itemsize))
+    size = sum(item[-1] for item in layout)
+    if size > MAX_SIZE:
+        raise LavaError('checkpoint', f'{size} bytes of arrays', f'at most {MAX_SIZE}')
+    try:
+        # the decompressor trusts the frame, which may claim another size
+        claimed = zstandard.frame_content_size(body)
+        if claimed != size:
+            raise LavaError('checkpoint.body', f'{claimed} bytes', f'{size} bytes')
+        content = zstandard.decompress(body)
+    except zstandard.ZstdError as error:
+        raise LavaError('checkpoint.body', str(error), f'{size} bytes, compressed') from error
+    arrays, position = {}, 0
+    for name, dtype, shape, length in layout:
+        arrays[name] = _from_planes(content[position : position + length], dtype, shape)
+        position += length
+    return arrays
+
+
+def _planes(array: np.ndarray) -> bytes:
+    """An array byte plane by byte plane: first bytes of all rows, second bytes, and so on.
+
+    What varies little from row to row, as exponents do and volumes do, compresses well then.
+    """
+    rows = np.ascontiguousarray(array.reshape(_rows(array.shape)))
+    return rows.view(np.uint8).T.tobytes() if array.size else b''
+
+
+def _from_planes(data: bytes, dtype: np.dtype[Any], shape: tuple[int, ...]) -> np.ndarray:
+    if not data:
+        return np.zeros(shape, dtype)
+    planes = np.frombuffer(data, np.uint8).reshape(-1, _rows(shape)[0])
+    return np.ascontiguousarray(planes.T).view(dtype).reshape(shape)
+
+
+def _rows(shape: tuple[int, ...]) -> tuple[int, int]:
+    """Rows of a few numbers: of a particle's, or of one for any other shape."""
+    if len(shape) == 2 and shape[1] <= 4:
+        return shape[0], shape[1]
+    return math.prod(shape), 1
+
+
+def _digest(*parts: bytes | memoryview) -> bytes:
+    digest = hashlib.blake2b(digest_size=_DIGEST_SIZE)
+    for part in parts:
+        digest.update(part)
+    return digest.digest()

@@ -1,0 +1,177 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a hard scene is, and what scenes are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from lava_ros.effects import Effects
+from lava_ros.lava import Lava
+from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.simulation import Particles, Simulation
+
+#: Physics by name: few sets, as each is compiled by itself in two precisions.
+PHYSICS: dict[str, Effects] = {
+    'plain': Effects(),
+    'level': Effects(steep=False),
+    'strong': Effects(yielding=True),
+    'inertia': Effects(inertia=True),
+    'freezing': Effects(
+        cooling=False, crust=True, ground=True, latent_heat=True, solidification=True
+    ),
+    'lateral': Effects(helmholtz=True),
+}
+
+#: Cell of most scenes [m], and cells of a side.
+CELL, SIDE = 5.0, 32
+
+#: Lava that keeps its temperature, for scenes that are about something else.
+STEADY = Lava(viscosity=1e3, emissivity=0.0, convection=0.0)
+
+Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something done to a running simulation.
+
+    Attributes:
+        time: When [s].
+        act: What.
+    """
+
+    time: float
+    act: Callable[[Simulation], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class HardScene:
+    """A scene that tries the solver.
+
+    Attributes:
+        name: Its name.
+        title: What it is, in a few words.
+        scene: Terrain, vents and lava.
+        until: Time to simulate [s].
+        physics: Name of the effects, a key of ``PHYSICS``; empty: chosen from the scene.
+        frames: Moments at which the invariants are checked, evenly spaced.
+        lava: Lava at the start, from the distance of particles [m].
+        thickness: Expected thickness, from which a particle's volume follows [m]; None: automatic.
+        events: What happens to it, in the order of time.
+        mirrored: Whether scene and events are the same seen from left to right.
+        dry: Positions where lava must never be.
+        still: Whether nothing may move at all.
+        distinct: Whether no two particles may be in one place.
+        most_evaluations: Velocity evaluations that the standard preset may take; 0: any number.
+        reaches: Distance from (0, 0) that lava has reached at the end, at least [m].
+        since: Time at which the clock starts [s].
+        halved: Whether the run with steps half as long is compared; not where runs are long, or
+            where there is no footprint to compare.
+    """
+
+    name: str
+    title: str
+    scene: Scene
+    until: float
+    physics: str = 'plain'
+    frames: int = 10
+    lava: Callable[[float], Particles] | None = None
+    thickness: float | None = None
+    events: tuple[Event, ...] = field(default=())
+    mirrored: bool = False
+    dry: Callable[[np.ndarray], np.ndarray] | None = None
+    still: bool = False
+    distinct: bool = False
+    most_evaluations: int = 0
+    reaches: float = 0.0
+    since: float = 0.0
+    halved: bool = True
+
+
+def terrain(
+    surface: Surface | None = None,
+    *,
+    cell: float = CELL,
+    side: int = SIDE,
+    origin: tuple[float, float] | None = None,
+) -> Terrain:
+    """A square terrain of a surface z(x, y), its centre at (0, 0) unless an origin is given."""
+    half = 0.5 * cell * side
+    axis = (np.arange(side) + 0.5) * cell - half
+    x, y = np.meshgrid(axis, axis)
+    height = np.zeros_like(x) if surface is None else surface(x, y) + 0.0 * x
+    return Terrain(height, cell, origin or (-half, -half))
+
+
+def plane(slope: float, *, towards: tuple[float, float] = (0.0, -1.0)) -> Surface:
+    """A plane that falls in a direction."""
+    return lambda x, y: -slope * (towards[0] * x + towards[1] * y)
+
+
+def block(
+    width: float,
+    depth: float,
+    thickness: float,
+    *,
+    centre: tuple[float, float] = (0.0, 0.0),
+    temperature: float | Callable[[np.ndarray], np.ndarray] = 1423.0,
+) -> Callable[[float], Particles]:
+    """Lava of an even thickness on a rectangle, on a lattice that is symmetric left to right.
+
+    Args:
+        width: Along x [m].
+        depth: Along y [m].
+        thickness: Thickness [m].
+        centre: Middle of the rectangle [m].
+        temperature: One [K], or a function of the positions [m], shape [count, 2].
+    """
+
+    def lava(spacing: float) -> Particles:
+        columns, rows = (max(1, round(side / spacing)) for side in (width, depth))
+        x = ((np.arange(columns) + 0.5) / columns - 0.5) * width + centre[0]
+        y = ((np.arange(rows) + 0.5) / rows - 0.5) * depth + centre[1]
+        places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        volume = width * depth * thickness / len(places)
+        heat = temperature(places) if callable(temperature) else temperature
+        return Particles(places, volume, heat)
+
+    return lava
+
+
+def vent(x: float = 0.0, y: float = 0.0, discharge: Any = 5.0, **more: Any) -> Vent:
+    """A vent of one cell's size."""
+    return Vent((x, y), discharge, **{'radius': CELL, **more})
+
+
+def scene(
+    ground: Terrain | Surface | None = None,
+    vents: tuple[Vent, ...] = (),
+    lava: Lava = STEADY,
+    **more: Any,
+) -> Scene:
+    """A scene on a terrain, or on the usual one of a surface."""
+    if not isinstance(ground, Terrain):
+        ground = terrain(ground)
+    return Scene(ground, vents, lava, **more)
+
+
+def material(**constants: Any) -> Lava:
+    """Lava that keeps its temperature, with some constants of its own."""
+    return replace(STEADY, **constants)

@@ -1,0 +1,117 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The ground under a simulation, in numpy: an account of it beside the solver's own."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lava_ros.scene import Vent
+from lava_ros.simulation import Simulation
+
+
+class Ground:
+    """The ground as the solver has it, what froze included, written out again in numpy."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        terrain = simulation.scene.terrain
+        self._terrain = terrain
+        self._heights = simulation._terrain.height.numpy().astype(np.float64)
+        self.lowest = float(self._heights.min())
+        self.relief = float(self._heights.max()) - self.lowest
+
+    def height(self, position: np.ndarray) -> np.ndarray:
+        """Height of the quadratic B-spline at map positions [m], shape [count]."""
+        terrain = self._terrain
+        rows, columns = terrain.shape
+        place = (position - np.asarray(terrain.origin)) / terrain.resolution
+        j = np.clip(np.floor(place[:, 0]).astype(int), 0, columns - 1)
+        i = np.clip(np.floor(place[:, 1]).astype(int), 0, rows - 1)
+        across = _spline(np.clip(place[:, 0] - j - 0.5, -0.5, 0.5))
+        along = _spline(np.clip(place[:, 1] - i - 0.5, -0.5, 0.5))
+        total = np.zeros(len(position))
+        for m in range(3):
+            for n in range(3):
+                total += along[m] * across[n] * self._heights[i + m, j + n]
+        return total
+
+    def bend(self, position: np.ndarray) -> np.ndarray:
+        """Largest curvature of that surface at map positions [1/m], at least 0, shape [count]."""
+        step = 1e-3 * self._terrain.resolution
+        x, y = np.array([step, 0.0]), np.array([0.0, step])
+        # second differences of a piecewise quadratic: exact but where they cross into a cell
+        here = self.height(position)
+        along = self.height(position + x) - 2.0 * here + self.height(position - x)
+        across = self.height(position + y) - 2.0 * here + self.height(position - y)
+        twist = self.height(position + x + y) - self.height(position + x - y)
+        twist += self.height(position - x - y) - self.height(position - x + y)
+        half, mixed = 0.5 * (along - across), 0.25 * twist
+        bend = 0.5 * (along + across) + np.hypot(half, mixed)
+        return np.maximum(bend, 0.0) / step**2
+
+    def _around(self, position: np.ndarray, reach: float) -> tuple[np.ndarray, ...]:
+        """First and last row and column of the cells within a reach of positions."""
+        terrain = self._terrain
+        rows, columns = self._heights.shape
+        place = (position - np.asarray(terrain.origin)) / terrain.resolution + 1.0
+        span = reach / terrain.resolution
+        low = np.floor(place - span).astype(int)
+        high = np.floor(place + span).astype(int)
+        return (
+            np.clip(low[:, 1], 0, rows - 1),
+            np.clip(high[:, 1], 0, rows - 1),
+            np.clip(low[:, 0], 0, columns - 1),
+            np.clip(high[:, 0], 0, columns - 1),
+        )
+
+    def rise(self, position: np.ndarray, reach: float) -> np.ndarray:
+        """What the ground rises or falls by within a reach of positions [m], shape [count]."""
+        blocks = np.stack(self._around(position, reach), axis=1)
+        kinds, which = np.unique(blocks, axis=0, return_inverse=True)
+        rises = [np.ptp(self._heights[a : b + 1, c : d + 1]) for a, b, c, d in kinds]
+        return np.array(rises)[which.ravel()]
+
+    def highest(self, vent: Vent, least: float) -> float:
+        """Highest ground under a vent, from the lowest of all [m].
+
+        Args:
+            vent: The vent; a fissure is looked at in as many places as cells.
+            least: Radius that it has at least [m].
+        """
+        start = np.asarray(vent.position)
+        end = start if vent.end is None else np.asarray(vent.end)
+        count = 1 + math.ceil(math.dist(start, end) / self._terrain.resolution)
+        places = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
+        blocks = np.stack(self._around(places, max(vent.radius, least)), axis=1)
+        tops = [self._heights[a : b + 1, c : d + 1].max() for a, b, c, d in blocks]
+        return float(max(tops)) - self.lowest
+
+
+def _spline(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return 0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2
+
+
+def distance(
+    position: np.ndarray, start: tuple[float, float], end: tuple[float, float] | None
+) -> np.ndarray:
+    """Distance of positions from a point, or from a line between two [m]."""
+    offset = position - np.asarray(start)
+    if end is not None:
+        along = np.subtract(end, start)
+        square = max(float(along @ along), 1e-300)
+        offset = offset - np.clip(offset @ along / square, 0.0, 1.0)[:, None] * along
+    return np.linalg.norm(offset, axis=1)

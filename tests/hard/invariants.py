@@ -1,0 +1,456 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What holds of every flow, however hard the scene: checked against a running simulation.
+
+A ``Watch`` looks at a simulation between frames and says which invariant does not hold:
+
+finite       Positions, volumes, temperatures, thicknesses, velocities, cells and the budget.
+volume       What the vents gave is held, has left or has frozen, to ``VOLUME`` of it.
+temperature  No colder than air, vents and lava at the start, no hotter than the hottest of them;
+             with viscous heating by g / c times the height that lava can fall more. To
+             ``DIGITS`` float32 digits of 2048 K.
+energy       E = sum V (h / 2 + H), over rho g and from the lowest ground, plus V u^2 / 2g with
+             inertia; h is the sum over the neighbours that the flow's gradient belongs to, H the
+             ground's surface. From one frame to the next it grows by no more than what came in:
+             what the vents gave, at the height of the highest lava and ground at the vents. What
+             froze is gone with its energy; the ground it raised lifts what lies on it by no more
+             than the thickest lava. With inertia speeds are half a step older than places and
+             brought up with the acceleration a, good to V (a dt)^2 / 8g: the tolerance there.
+climb        The surface H + h at a particle is no higher than the highest that there was: at the
+             start, and at the vents at any frame since. With inertia, plus the largest
+             u^2 / 2g so far. Tolerance: the smaller of its own thickness and what the
+             ground around it rises in one kernel radius. A sum over the neighbours cannot tell
+             heights within its radius apart, and never makes lava where there is none.
+place        Particles are on cells with data, and nowhere that the scene declares dry.
+cost         Velocity evaluations in a frame: at most ``COST`` times those that the thickest,
+             fastest and least viscous lava at the frame's ends allow with steps at the limits.
+
+With ``Watch.renew`` a change from outside (a new terrain) is taken as it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from hard.ground import distance, Ground
+from lava_ros.accuracy import expected_thickness
+from lava_ros.scene import Scene
+from lava_ros.simulation import Simulation, Snapshot
+from lava_ros.simulation.kernels import smoothing_kernel
+from lava_ros.simulation.state import EVALUATIONS, ParticleSample, STEPS
+from lava_ros.simulation.timestep import MOST_STAGES
+
+#: Largest share of the lava that may be unaccounted for.
+VOLUME = 1e-5
+
+#: Digits of a float32 that a temperature may be off by.
+DIGITS = 16
+
+#: Share of the energy that rounding may add in a frame: positions and heights are float32.
+ENERGY = 1e-6
+
+#: Evaluations over those that the lava at the frame's ends calls for.
+COST = 4.0
+
+#: Where lava may not be, as a function of positions [m], shape [count, 2]; True where dry.
+Dry = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Violation:
+    """An invariant that does not hold.
+
+    Attributes:
+        invariant: Which one.
+        value: What was found.
+        bound: What it may be at most.
+        time: When [s].
+        what: More about it.
+    """
+
+    invariant: str
+    value: float
+    bound: float
+    time: float
+    what: str = ''
+
+    def __str__(self) -> str:
+        """Say it in a line."""
+        more = f' ({self.what})' if self.what else ''
+        return f'{self.invariant} {self.value:.6g} > {self.bound:.6g} at {self.time:g} s{more}'
+
+
+class InvariantError(AssertionError):
+    """A simulation broke an invariant."""
+
+    def __init__(self, violations: Iterable[Violation]) -> None:
+        self.violations = tuple(violations)
+        super().__init__('; '.join(map(str, self.violations)))
+
+
+@dataclass(frozen=True)
+class _Frame:
+    """What a check needs of the one before."""
+
+    time: float
+    energy: float
+    given: float
+    frozen: float
+    thickest: float
+    evaluations: int
+    steps: int
+    cost: float
+    half_kick: float
+
+
+class Watch:
+    """Checks a simulation frame by frame.
+
+    Attributes:
+        violations: What was found so far.
+        largest: The worst value of each invariant over its bound so far, by name.
+        smallest_step: Smallest mean step of a frame [s].
+        highest_cost: Most evaluations in a simulated second of a frame [1/s].
+    """
+
+    def __init__(
+        self, simulation: Simulation, *, dry: Dry | None = None, raises: bool = True
+    ) -> None:
+        """Take the simulation as it is now.
+
+        Args:
+            simulation: A simulation, best before its first step.
+            dry: Where lava may not be.
+            raises: Whether ``check`` raises what it finds, or only keeps it.
+        """
+        self._simulation = simulation
+        self._dry = dry
+        self._raises = raises
+        self.violations: list[Violation] = []
+        self.largest: dict[str, float] = {}
+        self.smallest_step = math.inf
+        self.highest_cost = 0.0
+        self._hottest = -math.inf
+        self._coldest = math.inf
+        self._top = -math.inf
+        self._head = 0.0
+        self.renew()
+
+    def renew(self) -> None:
+        """Take the simulation as it is, after vents or terrain were changed from outside."""
+        sample = self._simulation.sample()
+        self._terrain = self._simulation.scene.terrain
+        self._top = -math.inf
+        self._know(sample)
+        ground = Ground(self._simulation)
+        if len(sample.volume):
+            surface = sample.thickness + ground.height(sample.position)
+            self._top = max(self._top, float(surface.max()))
+        self._last = self._frame(sample, ground)
+
+    def check(self, snapshot: Snapshot | None = None) -> list[Violation]:
+        """Check every invariant at this moment.
+
+        Args:
+            snapshot: The simulation's snapshot of this moment; taken when left out.
+
+        Returns:
+            What does not hold.
+
+        Raises:
+            InvariantError: Something does not hold, and the watch raises.
+        """
+        found: list[Violation] = []
+        if self._simulation.scene.terrain is not self._terrain:
+            self.renew()
+        snapshot = snapshot or self._simulation.snapshot()
+        sample = self._simulation.sample()
+        time = self._simulation.time
+        self._know(sample)
+
+        def bound(name: str, value: float, most: float, what: str = '') -> None:
+            share = value / most if most else (math.inf if value > 0.0 else 0.0)
+            if math.isnan(value):
+                share = math.inf
+            self.largest[name] = max(self.largest.get(name, 0.0), share)
+            if not value <= most:
+                found.append(Violation(name, value, most, time, what))
+
+        bad = _not_finite(sample, snapshot)
+        bound('finite', sum(bad.values()), 0.0, ', '.join(key for key in bad if bad[key]))
+        budget = snapshot.budget
+        bound('volume', budget.error, VOLUME)
+        if not found:
+            self._check_heat(sample, bound)
+            self._check_place(sample, bound)
+            ground = Ground(self._simulation)
+            now = self._frame(sample, ground)
+            self._check_climb(sample, ground, bound)
+            self._check_energy(sample, ground, now, bound)
+            self._check_cost(now, bound)
+            self._last = now
+        self.violations += found
+        if found and self._raises:
+            raise InvariantError(found)
+        return found
+
+    def _know(self, sample: ParticleSample) -> None:
+        """Widen the range of temperatures by what is there now."""
+        scene = self._simulation.scene
+        self._coldest = min(
+            [self._coldest, scene.ambient_temperature]
+            + [vent.temperature for vent in scene.vents]
+        )
+        self._hottest = max(
+            [self._hottest, scene.ambient_temperature]
+            + [vent.temperature for vent in scene.vents]
+        )
+        if not hasattr(self, '_last') and len(sample.temperature):
+            self._coldest = min(self._coldest, float(sample.temperature.min()))
+            self._hottest = max(self._hottest, float(sample.temperature.max()))
+
+    def _check_heat(self, sample: ParticleSample, bound: Callable[..., None]) -> None:
+        if not len(sample.temperature):
+            return
+        scene = self._simulation.scene
+        tolerance = DIGITS * 2.0**-13
+        fall = 0.0
+        if self._simulation.effects.viscous_heating:
+            ground = scene.terrain.elevation
+            relief = float(np.nanmax(ground) - np.nanmin(ground) + sample.thickness.max())
+            fall = scene.gravity / scene.lava.specific_heat * relief
+        above = float(sample.temperature.max()) - self._hottest
+        below = self._coldest - float(sample.temperature.min())
+        bound('temperature', above, fall + tolerance, 'above the hottest vent')
+        bound('temperature', below, tolerance, 'below air and vents')
+
+    def _check_place(self, sample: ParticleSample, bound: Callable[..., None]) -> None:
+        terrain = self._simulation.scene.terrain
+        place = (sample.position - terrain.origin) / terrain.resolution
+        cell = np.floor(place).astype(int)
+        rows, columns = terrain.shape
+        inside = (cell >= 0).all(axis=1) & (cell < [columns, rows]).all(axis=1)
+        # on the edge of a cell rounding decides
+        edge = 2.0**-22 * max(rows, columns)
+        near = np.abs(place - np.rint(place)).min(axis=1) <= edge if len(place) else inside
+        known = np.zeros(len(cell), dtype=bool)
+        known[inside] = terrain.has_data[cell[inside, 1], cell[inside, 0]]
+        bound('place', int((~known & ~near).sum()), 0, 'particles off the terrain')
+        if self._dry is not None and len(sample.position):
+            wet = self._dry(sample.position)
+            bound('place', int(wet.sum()), 0, 'particles where it is dry')
+
+    def _check_climb(
+        self, sample: ParticleSample, ground: Ground, bound: Callable[..., None]
+    ) -> None:
+        if not len(sample.volume):
+            return
+        surface = sample.thickness + ground.height(sample.position)
+        self._raise_top(sample, surface, ground)
+        speed = np.linalg.norm(sample.velocity, axis=1)
+        if self._simulation.effects.inertia:
+            gravity = self._simulation.scene.gravity
+            self._head = max(self._head, float(speed.max()) ** 2 / (2.0 * gravity))
+        rise = ground.rise(sample.position, self._simulation.radius)
+        tolerance = np.minimum(sample.thickness, rise)
+        # 64 roundings of 2^-24, as of a sum over so many neighbours
+        tolerance += 2.0**-18 * max(abs(self._top), float(sample.thickness.max()))
+        above = surface - self._top - self._head
+        worst = int(np.argmax(above - tolerance))
+        x, y = sample.position[worst]
+        where = f'surface over the highest, thickness {sample.thickness[worst]:.3g} m, '
+        where += f'at ({x:.6g}, {y:.6g})'
+        bound('climb', float(above[worst]), float(tolerance[worst]), where)
+
+    def _raise_top(
+        self, sample: ParticleSample, surface: np.ndarray, ground: Ground
+    ) -> None:
+        """Let the highest surface be that at the vents where that is higher."""
+        scene = self._simulation.scene
+        radius = self._simulation.radius
+        scale = expected_thickness(scene)
+        for vent in scene.vents:
+            # a pulse may have run off between two frames
+            if vent.volume_between(self._last.time, self._simulation.time) > 0.0:
+                self._top = max(self._top, ground.highest(vent, 0.0) + ground.lowest + scale)
+            near = distance(sample.position, vent.position, vent.end) < vent.radius + radius
+            if near.any():
+                self._top = max(self._top, float(surface[near].max()))
+
+    def _check_energy(
+        self, sample: ParticleSample, ground: Ground, now: _Frame, bound: Callable[..., None]
+    ) -> None:
+        last = self._last
+        scene = self._simulation.scene
+        thickest = max(last.thickest, now.thickest)
+        given = max(now.given - last.given, 0.0)
+        source = 0.0
+        for vent in scene.vents:
+            highest = ground.highest(vent, self._simulation.accuracy.spacing or 0.0)
+            head = float(np.hypot(*vent.velocity)) ** 2 / (2.0 * scene.gravity)
+            source = max(source, highest + head)
+        came_in = given * (source + thickest) + max(now.frozen - last.frozen, 0.0) * thickest
+        relief = float(sample.volume.sum()) * (ground.relief + now.thickest)
+        rounding = ENERGY * max(relief, last.energy)
+        step = (now.time - last.time) / max(now.steps - last.steps, 1)
+        half_kick = max(last.half_kick, now.half_kick) * step**2
+        grown = now.energy - last.energy
+        bound('energy', grown, came_in + rounding + half_kick, 'm4 over the last frame')
+
+    def _check_cost(self, now: _Frame, bound: Callable[..., None]) -> None:
+        span = now.time - self._last.time
+        steps = now.steps - self._last.steps
+        if span <= 0.0 or steps <= 0:
+            return
+        evaluations = now.evaluations - self._last.evaluations
+        self.smallest_step = min(self.smallest_step, span / steps)
+        self.highest_cost = max(self.highest_cost, evaluations / span)
+        most = COST * (max(now.cost, self._last.cost) * span + 2 * MOST_STAGES)
+        if self._simulation.accuracy.fixed_step is None:
+            bound('cost', evaluations, most, 'evaluations in the frame')
+
+    def _frame(self, sample: ParticleSample, ground: Ground) -> _Frame:
+        budget = self._simulation.budget()
+        counts = self._simulation._state.counts.numpy()
+        energy, thickest, half_kick = 0.0, 0.0, 0.0
+        if len(sample.volume):
+            energy = self._energy(sample, ground)
+            thickest = float(sample.thickness.max())
+        if self._simulation.effects.inertia:
+            kick = self._simulation._state.kick.numpy()[: len(sample.volume)].astype(float)
+            square = (kick**2).sum(axis=1)
+            half_kick = float((sample.volume * square).sum()) / 8.0
+            half_kick /= self._simulation.scene.gravity
+        return _Frame(
+            time=self._simulation.time,
+            energy=energy,
+            given=budget.emitted - budget.pending,
+            frozen=budget.frozen,
+            thickest=thickest,
+            evaluations=int(counts[EVALUATIONS]),
+            steps=int(counts[STEPS]),
+            cost=_cost(self._simulation, sample, ground),
+            half_kick=half_kick,
+        )
+
+    def _energy(self, sample: ParticleSample, ground: Ground) -> float:
+        simulation = self._simulation
+        thickness = sample.thickness
+        if not simulation.effects.inertia:
+            thickness = _sum_of(sample, simulation)
+        height = ground.height(sample.position) - ground.lowest
+        energy = float((sample.volume * (0.5 * thickness + height)).sum())
+        if simulation.effects.inertia:
+            square = (sample.velocity**2).sum(axis=1)
+            energy += float((sample.volume * square).sum()) / (2.0 * simulation.scene.gravity)
+        return energy
+
+
+def _sum_of(sample: ParticleSample, simulation: Simulation) -> np.ndarray:
+    """The sum over the neighbours that a thickness is, its excess put back on."""
+    accuracy = simulation.accuracy
+    factor, power = {'wendland': (1.25, 2.5), 'spiky': (2.15, 1.5)}.get(
+        accuracy.kernel, (0.0, 1.0)
+    )
+    total = sample.thickness.copy()
+    for _ in range(60):
+        share = sample.volume / (total * simulation.radius**2)
+        total = sample.thickness / (1.0 - np.minimum(factor * share**power, 0.5))
+    return total
+
+
+def _not_finite(sample: ParticleSample, snapshot: Snapshot) -> dict[str, int]:
+    """How many values are not finite, by name."""
+    known = snapshot.terrain.has_data
+    lava = known & (snapshot.thickness > 0.0)
+    budget = snapshot.budget
+    values = {
+        'position': sample.position,
+        'volume': sample.volume,
+        'temperature': sample.temperature,
+        'thickness': sample.thickness,
+        'velocity': sample.velocity,
+        'map thickness': snapshot.thickness[known],
+        'map temperature': snapshot.temperature[lava],
+        'budget': np.array([budget.emitted, budget.held, budget.left, budget.frozen]),
+    }
+    return {name: int((~np.isfinite(array)).sum()) for name, array in values.items()}
+
+
+def _cost(simulation: Simulation, sample: ParticleSample, ground: Ground) -> float:
+    """Evaluations in a second that the lava calls for as it is, with steps at their limits."""
+    accuracy, scene = simulation.accuracy, simulation.scene
+    longest = simulation._longest_step()
+    if not len(sample.volume):
+        return 3.0 / longest
+    lava = scene.lava
+    kernel = smoothing_kernel(accuracy.kernel, simulation._state.real, accuracy.ratio)
+    thickness = sample.thickness.astype(np.float64)
+    reach = accuracy.courant_number * min(simulation.radius, scene.terrain.resolution)
+    advection = float(np.linalg.norm(sample.velocity, axis=1).max()) / reach
+    # how fast the shortest waves of thickness decay over the mobility, in a hollow of the ground
+    stiffness = thickness * kernel.stiffness / simulation.radius**2 + ground.bend(sample.position)
+    stiffness /= accuracy.diffusion_number
+    if simulation.effects.inertia:
+        waves = scene.gravity * float(stiffness.max()) / accuracy.diffusion_number
+        return max(1.0 / longest, math.sqrt(waves) + advection)
+    if simulation.effects.power_law:
+        explicit = float(simulation._state.rates.numpy()[0])
+    else:
+        viscosity = np.array([lava.viscosity_at(float(value)) for value in sample.temperature])
+        if not (simulation.effects.arrhenius or simulation.effects.vft):
+            viscosity[:] = lava.viscosity
+        weight = lava.density * scene.gravity
+        explicit = float((weight * thickness**2 / (3.0 * viscosity) * stiffness).max())
+    explicit = max(explicit, 1.0 / longest)
+    if accuracy.integrator == 'euler':
+        return max(explicit, advection)
+    most = 0.25 * (MOST_STAGES**2 + MOST_STAGES - 2)
+    step = min(longest, most / explicit, 1.0 / max(advection, 1e-300))
+    stages = max(2.0, math.ceil(0.5 * (math.sqrt(9.0 + 16.0 * step * explicit) - 1.0)))
+    return stages / step
+
+
+def frame_times(scene: Scene, until: float, count: int) -> list[float]:
+    """Moments to check at [s]: evenly spaced ones, and those at which a vent changes."""
+    times = {until * (index + 1) / count for index in range(count)}
+    times |= {time for vent in scene.vents for time, _ in vent.series if 0.0 < time < until}
+    return sorted(times)
+
+
+def footprint(snapshot: Snapshot) -> np.ndarray:
+    """Cells with lava, bool, shape [rows, columns]."""
+    return np.nan_to_num(snapshot.thickness) > 0.0
+
+
+def footprint_change(one: np.ndarray, other: np.ndarray) -> float:
+    """Distance between two footprints' borders over their radius.
+
+    The area that only one of them covers over twice the mean area: dR / R for discs. 0 where both
+    are empty.
+    """
+    area = one.sum() + other.sum()
+    return float((one ^ other).sum() / area) if area else 0.0
+
+
+def asymmetry(snapshot: Snapshot) -> float:
+    """Largest difference of thickness from its mirror image left to right, over the largest."""
+    thickness = np.nan_to_num(snapshot.thickness)
+    largest = float(thickness.max())
+    return float(np.abs(thickness - thickness[:, ::-1]).max()) / largest if largest else 0.0

@@ -1,0 +1,305 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Plays a hard scene and says what held: the invariants, and those that two runs show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+import math
+import time as wall_clock
+
+import numpy as np
+
+from hard.case import HardScene, PHYSICS
+from hard.invariants import (
+    asymmetry,
+    footprint,
+    footprint_change,
+    frame_times,
+    Violation,
+    Watch,
+)
+from lava_ros.accuracy import Accuracy
+from lava_ros.effects import Effects
+from lava_ros.presets import preset_accuracy, PRESETS
+from lava_ros.scene import Scene
+from lava_ros.simulation import Particles, Simulation, Snapshot
+from lava_ros.simulation.state import TIME
+
+#: The presets that have to keep the invariants.
+KEPT = ('draft', 'standard', 'fine', 'reference')
+
+#: Largest difference of a mirrored scene's thickness from its mirror image, over the largest.
+MIRRORED = 1e-6
+
+#: Share of a cell by which places are shaken to see what the step makes of noise, and rounding.
+SHAKEN, ROUNDED = 1e-3, 2.0**-46
+
+#: Runs from which the noise of a footprint is taken where one is not enough.
+DRAWS = 5
+
+#: What rounding adds all along the run, over what shaking the start at its size does.
+ALONG = 10.0
+
+
+@dataclass
+class Outcome:
+    """How a scene went at a preset.
+
+    Attributes:
+        scene: Its name.
+        preset: The preset's.
+        time: Simulated time reached [s].
+        particles: Particles at the end.
+        steps: Time steps.
+        evaluations: Velocity evaluations.
+        smallest_step: Smallest mean step of a frame [s].
+        cost: Most evaluations in a simulated second of a frame [1/s].
+        volume_error: Largest share of the volume that is unaccounted for.
+        footprint_change: Change of the footprint's radius with steps half as long, over it.
+        footprint_bound: What it may be.
+        asymmetry: Difference from the mirror image over the largest thickness; NaN if not asked.
+        violations: What did not hold.
+        wall_time: What it took [s].
+        is_cut: Whether it was cut off before its end.
+    """
+
+    scene: str
+    preset: str
+    time: float = 0.0
+    particles: int = 0
+    steps: int = 0
+    evaluations: int = 0
+    smallest_step: float = math.inf
+    cost: float = 0.0
+    volume_error: float = 0.0
+    footprint_change: float = math.nan
+    footprint_bound: float = math.nan
+    asymmetry: float = math.nan
+    violations: list[Violation] = field(default_factory=list)
+    wall_time: float = 0.0
+    is_cut: bool = False
+
+    @property
+    def verdict(self) -> str:
+        """What did not hold, or ``holds``."""
+        names = sorted({item.invariant for item in self.violations})
+        if names:
+            return ' '.join(names)
+        return 'cut off' if self.is_cut else 'holds'
+
+
+def play(
+    item: HardScene,
+    preset: str,
+    *,
+    device: str | None = 'cpu',
+    compare: bool = True,
+    wall_limit: float | None = None,
+) -> Outcome:
+    """Run a scene at a preset under watch.
+
+    Args:
+        item: The scene.
+        preset: The preset's name.
+        device: Warp device.
+        compare: Whether to run it again with steps half as long, and once more a little shaken.
+        wall_limit: Cut it off after so much wall time [s].
+    """
+    start = wall_clock.monotonic()
+    outcome = Outcome(item.name, preset)
+    accuracy = replace(preset_accuracy(preset), thickness=item.thickness)
+    simulation = simulation_of(item, accuracy, device)
+    watch = Watch(simulation, dry=item.dry, raises=False)
+    before = simulation.sample().position
+    for moment in _moments(item, accuracy.fixed_step):
+        outcome.is_cut = not _advance(simulation, item, moment, start, wall_limit)
+        snapshot = simulation.snapshot()
+        watch.check(snapshot)
+        outcome.volume_error = max(outcome.volume_error, snapshot.budget.error)
+        if watch.violations or outcome.is_cut:
+            break
+    outcome.violations = list(watch.violations)
+    snapshot = simulation.snapshot()
+    outcome.time, outcome.particles = simulation.time, simulation.particle_count
+    outcome.steps, outcome.evaluations = snapshot.steps.count, snapshot.steps.evaluations
+    outcome.smallest_step, outcome.cost = watch.smallest_step, watch.highest_cost
+    whole = not outcome.violations and not outcome.is_cut
+    if whole and item.still:
+        _check_still(outcome, before, simulation)
+    if whole and item.distinct:
+        places = simulation.sample().position
+        _hold(outcome, 'distinct', len(places) - len(np.unique(places, axis=0)), 0)
+    if item.most_evaluations and preset == 'standard':
+        _hold(outcome, 'cost', outcome.evaluations, item.most_evaluations)
+    if whole and item.reaches:
+        reached = float(np.hypot(*simulation.sample().position.T).max(initial=0.0))
+        _hold(outcome, 'spread', -reached, -item.reaches)
+    if whole and preset == 'reference' and item.mirrored:
+        _check_symmetry(item, outcome, accuracy, snapshot, device)
+    if whole and compare and item.halved:
+        _compare(item, outcome, accuracy, footprint(snapshot), device)
+    outcome.wall_time = wall_clock.monotonic() - start
+    return outcome
+
+
+def simulation_of(item: HardScene, accuracy: Accuracy, device: str | None) -> Simulation:
+    """The scene's simulation at its start."""
+    spacing = accuracy.spacing or item.scene.terrain.resolution / accuracy.refinement
+    effects: Effects | dict[str, bool] = PHYSICS[item.physics] if item.physics else {}
+    if accuracy.formulation == 'as-published':
+        without = dict.fromkeys(('inertia', 'helmholtz'), False)
+        effects = replace(effects, **without) if isinstance(effects, Effects) else without
+    simulation = Simulation(
+        item.scene,
+        effects=effects,
+        accuracy=accuracy,
+        device=device,
+        particles=item.lava(spacing) if item.lava else None,
+    )
+    clock = simulation._state.clock.numpy()
+    clock[TIME] = item.since
+    simulation._state.clock.assign(clock)
+    return simulation
+
+
+def _moments(item: HardScene, step: float | None = None) -> list[float]:
+    """The frames, with the times of events among them; after 1, 2, 4, ... steps if it is fixed."""
+    span = item.until - item.since
+    moments = frame_times(item.scene, span, item.frames)
+    if step is not None:
+        moments += [step * 2.0**k for k in range(40)]
+    moments = [item.since + moment for moment in moments if moment <= span]
+    return sorted({*moments, *(event.time for event in item.events)})
+
+
+def _advance(
+    simulation: Simulation,
+    item: HardScene,
+    moment: float,
+    start: float,
+    wall_limit: float | None,
+) -> bool:
+    """Go on to a moment; False when the time was up before.
+
+    What happens to the scene happens right after the check of its moment.
+    """
+    for event in item.events:
+        if event.time == simulation.time:
+            event.act(simulation)
+    left = None if wall_limit is None else wall_limit - (wall_clock.monotonic() - start)
+    return simulation.advance(moment, wall_limit=left) >= moment
+
+
+def _hold(outcome: Outcome, name: str, value: float, most: float) -> None:
+    if not value <= most:
+        outcome.violations.append(Violation(name, value, most, outcome.time))
+
+
+def _check_still(outcome: Outcome, before: np.ndarray, simulation: Simulation) -> None:
+    after = simulation.sample().position
+    moved = math.inf
+    if len(after) == len(before):
+        order = (np.lexsort(places.T) for places in (before, after))
+        moved = float(np.abs(before[next(order)] - after[next(order)]).max())
+    # a float32 has 2^-24 of half the map
+    _hold(outcome, 'rest', moved, 2.0**-22 * max(simulation.scene.terrain.extent))
+
+
+def _check_symmetry(
+    item: HardScene,
+    outcome: Outcome,
+    accuracy: Accuracy,
+    snapshot: Snapshot,
+    device: str | None,
+) -> None:
+    """Hold the thickness against its mirror image.
+
+    Flow over an edge, or particles pressed together, double a difference again and again until
+    rounding shows. So where they differ by more than ``MIRRORED``, by no more than ``ALONG`` times
+    what shaking every place by its rounding (2^-53 of the map, to 2^-46 of a cell) does.
+    """
+    outcome.asymmetry = asymmetry(snapshot)
+    most = MIRRORED
+    if outcome.asymmetry > MIRRORED:
+        shaken = simulation_of(_shaken(item, ROUNDED), accuracy, device)
+        _final(item, shaken)
+        one, other = (np.nan_to_num(grid.thickness) for grid in (snapshot, shaken.snapshot()))
+        most += ALONG * float(np.abs(one - other).max()) / float(one.max())
+    _hold(outcome, 'symmetry', outcome.asymmetry, most)
+
+
+def _compare(
+    item: HardScene, outcome: Outcome, accuracy: Accuracy, whole: np.ndarray, device: str | None
+) -> None:
+    """Hold the footprint with steps half as long against this one.
+
+    They may differ by the preset's stated error of the edge, by a cell's share, and by as much as
+    the footprint differs when every place is shaken by a thousandth of a cell. Where one shaken
+    run differs less than the halved one, that is the mean of ``DRAWS`` of them and three of their
+    standard deviations: one draw of the noise says little of how large another may be.
+    """
+    halved = replace(accuracy, courant_number=0.5 * accuracy.courant_number)
+    change = footprint_change(whole, _final(item, simulation_of(item, halved, device)))
+    fixed = PRESETS[outcome.preset].evidence.errors['edge'] + _cell_share(whole)
+    draws: list[float] = []
+    while not draws or (change > fixed + draws[0] and len(draws) < DRAWS):
+        shaken = simulation_of(_shaken(item, SHAKEN, seed=len(draws)), accuracy, device)
+        draws.append(footprint_change(whole, _final(item, shaken)))
+    noise = draws[0]
+    if len(draws) > 1:
+        noise = float(np.mean(draws) + 3.0 * np.std(draws, ddof=1))
+    outcome.footprint_change = change
+    outcome.footprint_bound = fixed + noise
+    _hold(outcome, 'halving', change, outcome.footprint_bound)
+
+
+def _cell_share(whole: np.ndarray) -> float:
+    """What one cell of the border is of the radius, as ``footprint_change`` counts."""
+    return 1.0 / max(float(whole.sum()), 1.0)
+
+
+def _final(item: HardScene, simulation: Simulation) -> np.ndarray:
+    for moment in _moments(item):
+        _advance(simulation, item, moment, 0.0, None)
+    return footprint(simulation.snapshot())
+
+
+def _shaken(item: HardScene, share: float, *, seed: int = 0) -> HardScene:
+    """The scene with its particles and vents shaken by a share of a cell."""
+    random = np.random.default_rng(seed)
+    size = share * item.scene.terrain.resolution
+    scene, terrain = item.scene, item.scene.terrain
+    vents = []
+    for vent in scene.vents:
+        place = tuple(np.asarray(vent.position) + random.uniform(-size, size, 2))
+        vents.append(replace(vent, position=place) if terrain.covers(*place) else vent)
+    lava = item.lava
+
+    def shaken_lava(spacing: float) -> Particles:
+        assert lava is not None
+        particles = lava(spacing)
+        places = particles.position + random.uniform(-size, size, particles.position.shape)
+        inside = np.array([terrain.covers(*place) for place in places])
+        places[~inside] = particles.position[~inside]
+        return replace(particles, position=places)
+
+    return replace(
+        item,
+        scene=Scene(
+            terrain, tuple(vents), scene.lava, scene.ambient_temperature, scene.gravity
+        ),
+        lava=None if lava is None else shaken_lava,
+    )

@@ -1,0 +1,206 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Runs the hard scenes at every preset and prints what held: ``make hard``.
+
+Two tables: every scene at the presets, which have to keep every invariant, and the same scenes
+with the paper's printed formulas and settings, which say what the safeguards are for.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from concurrent.futures import as_completed, ProcessPoolExecutor
+import csv
+from dataclasses import dataclass
+import json
+import math
+import multiprocessing
+from pathlib import Path
+import sys
+
+from hard.invariants import Violation
+from hard.play import KEPT, Outcome, play
+from hard.scenes import FAMILIES, SCENES
+from lava_ros.cli.progress import Progress
+from lava_ros.verification.measure import machine_name
+
+PUBLISHED = 'as-published'
+
+#: Columns of a CSV file; seconds and shares unless the name says otherwise.
+COLUMNS = (
+    'case', 'family', 'preset', 'verdict', 'simulated_s', 'particles', 'steps',
+    'smallest_step_s', 'stages_per_simulated_s', 'volume_error', 'footprint_change',
+    'footprint_bound', 'asymmetry', 'wall_s', 'what', 'machine', 'command',
+)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A scene at a preset, and how long it may take [s]."""
+
+    scene: str
+    preset: str
+    wall_limit: float | None
+
+    def run(self) -> Outcome:
+        """Play it; what it raises is an outcome too, and says so."""
+        compare = self.preset != PUBLISHED
+        try:
+            return play(
+                SCENES[self.scene], self.preset, compare=compare, wall_limit=self.wall_limit
+            )
+        except Exception as error:
+            raised = Violation('exception', math.nan, 0.0, math.nan, repr(error))
+            return Outcome(self.scene, self.preset, violations=[raised])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run what is asked for; 1 when an invariant does not hold at a preset that has to keep it."""
+    parser = argparse.ArgumentParser(description='Run the hard scenes.')
+    parser.add_argument('--preset', action='append', choices=[*KEPT, PUBLISHED])
+    parser.add_argument('--scene', action='append', choices=[*SCENES, *FAMILIES], metavar='NAME')
+    parser.add_argument('--jobs', type=int, default=2, help='processes (default: 2)')
+    parser.add_argument(
+        '--limit', type=float, default=4.0,
+        help='wall time of a scene at the paper\'s settings [s] (default: 4)',
+    )
+    parser.add_argument('--csv', type=Path, metavar='FOLDER', help='write hard_cpu.csv and '
+                        'hard_as_published_cpu.csv there')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write every outcome')
+    options = parser.parse_args(arguments)
+    names = [name for name in SCENES if _is_asked(name, options.scene)]
+    presets = [name for name in (*KEPT, PUBLISHED) if name in (options.preset or (name,))]
+    # the dearest first, lest one of them is left for the end
+    tasks = [
+        Task(name, preset, options.limit if preset == PUBLISHED else None)
+        for preset in reversed(presets)
+        for name in names
+    ]
+    outcomes = run(tasks, options.jobs)
+    order = {name: index for index, name in enumerate(names)}
+    outcomes.sort(key=lambda item: (order[item.scene], presets.index(item.preset)))
+    kept = [item for item in outcomes if item.preset != PUBLISHED]
+    published = [item for item in outcomes if item.preset == PUBLISHED]
+    if kept:
+        print(table('At the presets', kept))
+        print(summary(kept))
+    if published:
+        print(table(f'At the paper\'s settings, {options.limit:g} s each', published))
+        print(summary(published))
+    if options.csv:
+        for name, items in (('hard_cpu', kept), ('hard_as_published_cpu', published)):
+            if items:
+                write_csv(options.csv / f'{name}.csv', items)
+    if options.json:
+        options.json.write_text(json.dumps([_plain(item) for item in outcomes], indent=1))
+    return int(any(item.verdict != 'holds' for item in kept))
+
+
+def _is_asked(name: str, asked: Iterable[str] | None) -> bool:
+    if asked is None:
+        return True
+    return any(name == item or SCENES[name] in FAMILIES.get(item, ()) for item in asked)
+
+
+def run(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
+    """Run the tasks in processes of their own."""
+    outcomes: list[Outcome] = []
+    context = multiprocessing.get_context('spawn')
+    with Progress() as progress, ProcessPoolExecutor(jobs, mp_context=context) as pool:
+        futures = {pool.submit(task.run): task for task in tasks}
+        for future in as_completed(futures):
+            outcomes.append(future.result())
+            last = futures[future]
+            progress.show(f'{last.scene} {last.preset}', len(outcomes) / len(tasks))
+    return outcomes
+
+
+def table(title: str, outcomes: Iterable[Outcome]) -> str:
+    """The outcomes as text."""
+    head = ('case', 'preset', 'steps', 'smallest step', 'stages/s', 'volume error', 'verdict')
+    rows = [
+        (
+            item.scene,
+            item.preset,
+            f'{item.steps}',
+            f'{item.smallest_step:.2g} s' if math.isfinite(item.smallest_step) else '-',
+            f'{item.cost:.3g}',
+            f'{item.volume_error:.1e}',
+            item.verdict + (f' at {item.time:.3g} s' if item.verdict != 'holds' else ''),
+        )
+        for item in outcomes
+    ]
+    widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
+    lines = [
+        '  '.join(
+            text.ljust(width) if k in (0, 1, 6) else text.rjust(width)
+            for k, (text, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in [head, *rows]
+    ]
+    return '\n'.join([f'\n{title}', '', lines[0], '-' * len(lines[0]), *lines[1:]])
+
+
+def summary(outcomes: Sequence[Outcome]) -> str:
+    """How many held, and what did not."""
+    verdicts = Counter(item.verdict for item in outcomes)
+    broken = Counter(
+        name for item in outcomes for name in {found.invariant for found in item.violations}
+    )
+    lines = [f'\n{verdicts["holds"]} of {len(outcomes)} hold to the end.']
+    if verdicts['cut off']:
+        lines.append(f'{verdicts["cut off"]} were cut off and held until then.')
+    lines += [f'{count} break: {name}' for name, count in broken.most_common()]
+    lines += [
+        f'  {item.scene} {item.preset}: {found}'
+        for item in outcomes
+        if item.preset != PUBLISHED
+        for found in item.violations
+    ]
+    return '\n'.join(lines)
+
+
+def _plain(item: Outcome) -> dict[str, object]:
+    family = next(name for name in FAMILIES if SCENES[item.scene] in FAMILIES[name])
+    values = (
+        item.scene, family, item.preset, item.verdict, item.time, item.particles, item.steps,
+        item.smallest_step, item.cost, item.volume_error, item.footprint_change,
+        item.footprint_bound, item.asymmetry, round(item.wall_time, 2),
+        '; '.join(map(str, item.violations)), machine_name('cpu'), 'make hard',
+    )
+    plain = dict(zip(COLUMNS, values, strict=True))
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in plain.items()
+    }
+
+
+def write_csv(path: Path, outcomes: Iterable[Outcome]) -> None:
+    """Write the outcomes; what was not measured is empty."""
+    with path.open('w', newline='', encoding='utf-8') as file:
+        writer = csv.DictWriter(file, COLUMNS)
+        writer.writeheader()
+        for item in outcomes:
+            row = _plain(item)
+            writer.writerow(
+                {key: f'{value:.6g}' if isinstance(value, float) else value
+                 for key, value in row.items()}
+            )
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,141 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The lines that keep the hard scenes in hand, each with the test that misses it.
+
+``python -m hard.safeguards`` takes out one after the other, in a copy of the package, and sees
+that its test then fails: ``make safeguards``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+import tempfile
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@dataclass(frozen=True)
+class Safeguard:
+    """A line that something depends on.
+
+    Attributes:
+        name: Its name, and that of its test.
+        what: What it keeps from happening.
+        file: Where it is, from the root of the repository.
+        line: The line, or the part of it that makes the difference; there once.
+        without: The line without the safeguard.
+        scene: The hard scene that misses it.
+        preset: The preset at which it does.
+        invariant: What then does not hold.
+    """
+
+    name: str
+    what: str
+    file: str
+    line: str
+    without: str
+    scene: str
+    preset: str
+    invariant: str
+
+
+SOLVER = 'lava_ros/simulation'
+
+SAFEGUARDS: tuple[Safeguard, ...] = (
+    Safeguard(
+        'guard', 'lava thrown across cells and up walls by a slope that it meets within a step',
+        f'{SOLVER}/state.py',
+        'self.is_guarded = accuracy.fixed_step is None',
+        'self.is_guarded = False',
+        'gorge', 'standard', 'climb',
+    ),
+    Safeguard(
+        'bend', 'lava that swings from side to side of a hollow in ever shorter steps',
+        f'{SOLVER}/flow.py',
+        'rate += largest * bend * real(constants.share)',
+        'rate += real(0.0) * bend',
+        'noise_level', 'standard', 'cost',
+    ),
+    Safeguard(
+        'diffusion', 'steps beyond what is stable: noise that pushes lava apart',
+        f'{SOLVER}/timestep.py',
+        'if wp.float64(rates[0]) * longest > one:',
+        'if wp.float64(rates[0]) * longest > wp.float64(1e30):',
+        'viscosity_1_block', 'standard', 'energy',
+    ),
+    Safeguard(
+        'apart', 'particles in one place, that never part',
+        f'{SOLVER}/state.py',
+        'places[index] += copy if onto else -copy',
+        'places[index] += 0.0 * copy',
+        'coincident', 'standard', 'spread',
+    ),
+    Safeguard(
+        'phase', 'vents in one place whose particles are in one place',
+        f'{SOLVER}/vents.py',
+        'row[9] = places[vent.position, vent.end]',
+        'row[9] = 0.0',
+        'vents_over_each_other', 'standard', 'distinct',
+    ),
+)
+
+
+def fails_without(safeguard: Safeguard) -> bool:
+    """Whether the test of a safeguard fails in a copy of the package without it."""
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        ignored = shutil.ignore_patterns('__pycache__')
+        for name in ('lava_ros', 'tests'):
+            shutil.copytree(ROOT / name, root / name, ignore=ignored)
+        shutil.copy(ROOT / 'pyproject.toml', root)
+        path = root / safeguard.file
+        text = path.read_text(encoding='utf-8')
+        path.write_text(text.replace(safeguard.line, safeguard.without), encoding='utf-8')
+        result = subprocess.run(
+            [
+                sys.executable, '-m', 'pytest', '-q', '-x', 'tests/hard/test_safeguards.py',
+                '-k', f'misses and {safeguard.name}', '-p', 'no:cacheprovider',
+            ],
+            cwd=root,
+            env={**os.environ, 'PYTHONPATH': str(root)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    # 1: tests failed; anything else says nothing about the safeguard
+    return result.returncode == 1 and safeguard.invariant in result.stdout
+
+
+def main(names: Sequence[str]) -> int:
+    """Take out the safeguards of these names, or all; 1 when a test does not miss one."""
+    missed = 0
+    for safeguard in SAFEGUARDS:
+        if names and safeguard.name not in names:
+            continue
+        fails = fails_without(safeguard)
+        missed += not fails
+        verdict = 'its test fails' if fails else 'ITS TEST DOES NOT FAIL AS IT SHOULD'
+        print(f'without {safeguard.name} ({safeguard.file}): {verdict}', flush=True)
+    return int(missed > 0)
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,98 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Heat and strength: lava that freezes at the vent, is reheated, as cold as the air, or holds."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from hard.case import block, HardScene, material, plane, scene, vent
+from lava_ros.lava import Lava
+from lava_ros.simulation import Particles
+
+#: A basalt that freezes, with a crust and ground that takes heat.
+BASALT = Lava(
+    density=2600.0, viscosity=1000.0, arrhenius=0.04, solidus=1223.0, latent_heat=3.5e5,
+    conductivity=1.5, ground_conductivity=2.0, crust=True,
+)
+
+
+def _hot_on_cold(spacing: float) -> Particles:
+    """A cold layer on which a hot one lies."""
+    cold = block(60.0, 60.0, 1.0, temperature=900.0)(spacing)
+    hot = block(60.0, 60.0, 1.0)(0.83 * spacing)
+    return Particles(
+        np.concatenate([cold.position, hot.position]),
+        np.concatenate([cold.volume, hot.volume]),
+        np.concatenate([cold.temperature, hot.temperature]),
+    )
+
+
+SCENES = (
+    HardScene(
+        'freezes_at_vent', 'lava that is all but solid when it comes out',
+        scene(plane(0.1), (vent(0.0, 40.0, 0.5, temperature=1223.5),), BASALT), 3600.0,
+        'freezing', mirrored=True,
+    ),
+    HardScene(
+        'freezes_as_it_spreads', 'a thin layer that freezes from its rim',
+        scene(None, (), BASALT), 3e4, 'freezing',
+        lava=block(50.0, 50.0, 0.3, temperature=1300.0), thickness=0.3, mirrored=True,
+    ),
+    HardScene(
+        'freezes_at_border', 'lava that freezes at the border and in the corner',
+        scene(plane(0.1, towards=(0.7, 0.7)), (), BASALT), 2e4, 'freezing',
+        lava=block(30.0, 30.0, 0.3, centre=(60.0, 60.0), temperature=1240.0), thickness=0.3,
+    ),
+    HardScene(
+        'freezes_in_noise', 'lava that freezes on noise of 5 m',
+        scene(lambda x, y: 5.0 * np.random.default_rng(5).normal(size=x.shape),
+              (vent(0.0, 0.0, 1.0, temperature=1250.0),), BASALT),
+        7200.0, 'freezing',
+    ),
+    HardScene(
+        'reheated', 'hot lava onto cold, then cold onto hot',
+        scene(None, (), replace(BASALT, solidus=0.0, latent_heat=0.0, crust=False)), 600.0,
+        lava=_hot_on_cold, thickness=1.0,
+    ),
+    HardScene(
+        'as_cold_as_the_air', 'lava that has the temperature of the air',
+        scene(plane(0.2), (), Lava(viscosity=1.0, arrhenius=0.004), ambient_temperature=600.0),
+        1000.0, lava=block(40.0, 40.0, 1.0, temperature=600.0), thickness=1.0, mirrored=True,
+    ),
+    HardScene(
+        'chilled_at_once', 'heat transfer so strong that a step takes all of it',
+        scene(plane(0.1), (vent(0.0, 30.0, 2.0),),
+              Lava(viscosity=100.0, arrhenius=0.002, convection=1e5),
+              ambient_temperature=100.0),
+        200.0, mirrored=True,
+    ),
+    HardScene(
+        'held_by_strength', 'a yield strength that holds everything where it is',
+        scene(plane(0.3), (), material(viscosity=1.0, yield_strength=1e6)), 1e4, 'strong',
+        lava=block(40.0, 40.0, 2.0), thickness=2.0, mirrored=True, still=True,
+    ),
+    HardScene(
+        'held_at_vent', 'lava that cannot leave its vent until it is piled up',
+        scene(plane(0.1), (vent(0.0, 0.0, 2.0),), material(viscosity=10.0, yield_strength=3e4)),
+        200.0, 'strong', mirrored=True,
+    ),
+    HardScene(
+        'strength_from_cliff', 'strong lava over a cliff of 100 m',
+        scene(lambda x, y: np.where(y > 0.0, 100.0 + 0.3 * y, 0.0), (vent(0.0, 40.0, 20.0),),
+              material(viscosity=10.0, yield_strength=3e3)),
+        40.0, 'strong', mirrored=True,
+    ),
+)

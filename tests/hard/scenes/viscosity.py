@@ -1,0 +1,95 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Viscosity from 1 to 1e11 Pa s, and jumps of a million within a cell."""
+
+import numpy as np
+
+from hard.case import block, HardScene, material, plane, scene, vent
+
+#: Arrhenius rate with which 345 K are a factor of a million.
+MILLION = 0.04
+
+HOT, COLD = 1423.0, 1078.0
+
+
+def _halves(places: np.ndarray) -> np.ndarray:
+    return np.where(places[:, 1] > 0.0, HOT, COLD)
+
+
+def _mixed(places: np.ndarray) -> np.ndarray:
+    """Every particle hot or cold by chance."""
+    return np.where(np.random.default_rng(3).random(len(places)) < 0.5, HOT, COLD)
+
+
+SCENES = (
+    HardScene(
+        'viscosity_1', 'lava like oil down a slope',
+        scene(plane(0.05), (vent(0.0, 50.0),), material(viscosity=1.0)), 30.0, mirrored=True,
+    ),
+    HardScene(
+        'viscosity_1_block', 'a block of oil, 5 m thick, let go',
+        scene(None, (), material(viscosity=1.0)), 0.02,
+        lava=block(40.0, 40.0, 5.0), thickness=5.0, mirrored=True,
+    ),
+    HardScene(
+        'viscosity_1_inertia', 'the same block with inertia',
+        scene(None, (), material(viscosity=1.0)), 4.0, 'inertia',
+        lava=block(40.0, 40.0, 5.0), thickness=5.0, mirrored=True,
+    ),
+    HardScene(
+        'viscosity_1e11_dome', 'a dome so stiff that it hardly moves',
+        scene(None, (), material(viscosity=1e11)), 2e4,
+        lava=block(60.0, 60.0, 40.0), thickness=40.0, mirrored=True,
+    ),
+    HardScene(
+        'viscosity_1e11_vent', 'a spine that grows out of a vent',
+        scene(plane(0.1), (vent(0.0, 20.0, 2.0),), material(viscosity=1e11)), 2e4,
+        mirrored=True,
+    ),
+    HardScene(
+        'viscosity_jump', 'half of a block a million times stiffer than the other',
+        scene(None, (), material(viscosity=100.0, arrhenius=MILLION)), 200.0,
+        lava=block(50.0, 50.0, 3.0, temperature=_halves), thickness=3.0, mirrored=True,
+    ),
+    HardScene(
+        'viscosity_jump_inertia', 'the same with inertia',
+        scene(None, (), material(viscosity=100.0, arrhenius=MILLION)), 30.0, 'inertia',
+        lava=block(50.0, 50.0, 3.0, temperature=_halves), thickness=3.0, mirrored=True,
+    ),
+    HardScene(
+        'viscosity_mixed', 'neighbours that differ a million times, anywhere',
+        scene(plane(0.1), (), material(viscosity=100.0, arrhenius=MILLION)), 60.0,
+        lava=block(50.0, 50.0, 3.0, temperature=_mixed), thickness=3.0,
+    ),
+    HardScene(
+        'viscosity_mixed_lateral', 'the same with lateral stress',
+        scene(plane(0.1), (), material(viscosity=100.0, arrhenius=MILLION)), 5.0, 'lateral',
+        lava=block(30.0, 30.0, 10.0, temperature=_mixed), thickness=10.0,
+    ),
+    HardScene(
+        'viscosity_two_vents', 'a hot and a cold vent in one place',
+        scene(
+            plane(0.05),
+            (vent(0.0, 10.0, 3.0), vent(0.0, 10.0, 3.0, temperature=COLD)),
+            material(viscosity=100.0, arrhenius=MILLION),
+        ),
+        200.0, mirrored=True,
+    ),
+    HardScene(
+        'viscosity_without_end', 'lava as stiff as the law can say, more than a float32 holds',
+        scene(plane(0.3), (), material(viscosity=1e15, arrhenius=1.0)), 1e3,
+        lava=block(40.0, 40.0, 20.0, temperature=701.0), thickness=20.0, mirrored=True,
+    ),
+)

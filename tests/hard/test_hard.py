@@ -1,0 +1,122 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The hardest scene of each kind keeps every invariant; ``make hard`` runs all at all presets."""
+
+import numpy as np
+import pytest
+
+from hard.case import HardScene, PHYSICS
+from hard.invariants import InvariantError, Watch
+from hard.play import play
+from hard.scenes import FAMILIES, SCENES
+from lava_ros.accuracy import Accuracy
+from lava_ros.errors import LavaError
+from lava_ros.simulation import Particles, Simulation
+
+#: Of each family those that broke an invariant, or cost most, before the solver was made for them.
+HARDEST = (
+    'viscosity_mixed',
+    'viscosity_1_inertia',
+    'dam_onto_film',
+    'thick_200_m',
+    'spike',
+    'canyon',
+    'canyon_film',
+    'wall_89_degrees',
+    'noise_level',
+    'holes',
+    'vents_over_each_other',
+    'vent_flickers',
+    'coincident',
+    'piled_up_lateral',
+    'leaving_corner',
+    'freezes_in_noise',
+    'held_by_strength',
+    'chilled_at_once',
+    'late',
+    'far_out',
+    'ground_drops',
+    'vents_replaced',
+)
+
+
+@pytest.mark.parametrize('name', HARDEST)
+def test_the_hardest_scenes_keep_every_invariant(name, device):
+    """At the preset that is used when nothing is said."""
+    outcome = play(SCENES[name], 'standard', device=device)
+    assert outcome.verdict == 'holds', outcome.violations
+
+
+def test_every_family_is_there():
+    """Sixty scenes at least, each with a name of its own, and some of each family in CI."""
+    assert len(SCENES) == sum(map(len, FAMILIES.values())) >= 60
+    for name, family in FAMILIES.items():
+        assert {item.name for item in family} & set(HARDEST), name
+
+
+def test_a_million_particles_in_a_cell_are_refused():
+    """Each would look at a million others: no step would ever end."""
+    places = np.random.default_rng(1).uniform(0.0, 5.0, (1_000_000, 2))
+    with pytest.raises(LavaError, match=r'particles.*1000000 in .* at most 32768'):
+        _simulation(Particles(places, 1e-3, 1423.0))
+
+
+def test_vents_that_pile_up_lava_without_end_are_refused():
+    """Strength that holds everything at its vent ends in a clear error, not in endless steps."""
+    simulation = _simulation(
+        Particles(np.random.default_rng(1).uniform(0.0, 5.0, (30_000, 2)), 1e-3, 1423.0)
+    )
+    more = np.random.default_rng(2).uniform(0.0, 5.0, (5_000, 2))
+    simulation._append([(*place, 1e-3, 1423.0) for place in more])
+    with pytest.raises(LavaError, match='35000 in'):
+        simulation.snapshot()
+
+
+def _simulation(particles: Particles) -> Simulation:
+    return Simulation(
+        SCENES['no_particles'].scene,
+        effects=PHYSICS['plain'],
+        accuracy=Accuracy(thickness=1.0),
+        device='cpu',
+        particles=particles,
+    )
+
+
+@pytest.mark.parametrize(
+    ('column', 'value', 'invariant'),
+    [
+        (0, np.nan, 'finite'),
+        (2, 1000.0, 'volume'),
+        (3, 1500.0, 'temperature'),
+        (3, 200.0, 'temperature'),
+        (1, 75.0, 'energy'),
+        (1, 75.0, 'climb'),
+    ],
+)
+def test_the_watch_sees_what_is_wrong(column, value, invariant):
+    """A particle that is no number, too large, too hot, too cold or too high is found."""
+    item: HardScene = SCENES['film_1_mm']
+    simulation = Simulation(
+        item.scene, effects=PHYSICS['plain'], accuracy=Accuracy(thickness=0.001), device='cpu',
+        particles=item.lava(5.0),
+    )
+    watch = Watch(simulation)
+    watch.check()
+    rows = simulation._state.read_particles()
+    rows[0, column] = value
+    simulation._state.write_particles(rows)
+    simulation.advance(1e-3)
+    with pytest.raises(InvariantError, match=invariant):
+        watch.check()

@@ -1,0 +1,199 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The bytes of a checkpoint: the same back, and nothing but those."""
+
+from dataclasses import asdict, replace
+import struct
+
+import numpy as np
+import pytest
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.checkpoint import Checkpoint, from_bytes, PREFIX_SIZE, summary_of, VERSION
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+
+
+def checkpoint(count=1000, **changes):
+    """Made-up particles on a made-up scene, nothing of it round."""
+    random = np.random.default_rng(7)
+    elevation = random.normal(700.0, 30.0, (11, 13))
+    elevation[3, 4] = np.nan
+    scene = Scene(
+        Terrain(elevation, 0.1, origin=(-1.0 / 3.0, 2.0 / 3.0), epsg=3857, offset=(1e6 / 7, 0.1)),
+        (
+            Vent((0.1, 0.9), ((0.1, 1.0 / 3.0), (0.7, 0.0)), name='é', velocity=(0.1, -0.2)),
+            Vent((0.3, 1.1), 0.3, end=(0.4, 1.2), radius=0.07, temperature=1400.1),
+        ),
+        Lava(viscosity=1e3 / 3.0, crust=True, conductivity=2.1),
+        ambient_temperature=285.15,
+        gravity=3.71,
+    )
+    values = {
+        'time': 1e5 / 3.0,
+        'scene': scene,
+        'effects': Effects(crust=True, yielding=True),
+        'forced': {'crust': True, 'inertia': False},
+        'horizon': 1e4 / 3.0,
+        'accuracy': Accuracy(spacing=1.0 / 7.0, thickness=0.3),
+        'emitted': 1e6 / 3.0,
+        'since': 0.1,
+        'capacity': 4096,
+        'arrays': {
+            'state.particle': np.abs(random.normal(0.0, 9.0, (count, 4))).astype(np.float32),
+            'state.age': random.random(count),
+            'state.counts': np.arange(8, dtype=np.int32),
+            'solidification.deposit': random.integers(0, 2**60, (13, 15)),
+        },
+    }
+    return Checkpoint(**{**values, **changes})
+
+
+@pytest.mark.parametrize('count', [1000, 1, 0])
+def test_bytes_give_the_same_back(count):
+    """Every number to the last bit, every array in its type and shape."""
+    one = checkpoint(count)
+    other = from_bytes(one.to_bytes())
+    for name in ('time', 'effects', 'forced', 'horizon', 'accuracy', 'emitted', 'since'):
+        assert getattr(other, name) == getattr(one, name), name
+    assert (other.capacity, other.written_by) == (one.capacity, one.written_by)
+    assert other.particle_count == count
+    assert list(other.arrays) == list(one.arrays)
+    for name, values in one.arrays.items():
+        assert other.arrays[name].dtype == values.dtype
+        assert np.array_equal(other.arrays[name], values), name
+    assert other.scene.vents == one.scene.vents
+    assert other.scene.lava == one.scene.lava
+    assert (other.scene.ambient_temperature, other.scene.gravity) == (285.15, 3.71)
+    for name in ('resolution', 'origin', 'epsg', 'offset'):
+        assert getattr(other.scene.terrain, name) == getattr(one.scene.terrain, name)
+    assert np.array_equal(
+        other.scene.terrain.elevation, one.scene.terrain.elevation, equal_nan=True
+    )
+    assert other.to_bytes() == one.to_bytes()
+
+
+def test_effects_that_are_not_chosen_stay_so():
+    """No forced effects and no choice are two things."""
+    assert from_bytes(checkpoint(forced=None).to_bytes()).forced is None
+    assert from_bytes(checkpoint(forced={}).to_bytes()).forced == {}
+
+
+def test_the_first_bytes_tell_time_particles_and_size():
+    """A list of checkpoints needs to read no more of each."""
+    data = checkpoint().to_bytes()
+    assert summary_of(data[:PREFIX_SIZE]) == (1e5 / 3.0, 1000, len(data))
+
+
+def test_every_damage_is_found():
+    """A bit that is turned anywhere, and every place to break off at, is refused."""
+    data = checkpoint(20).to_bytes()
+    for place in range(len(data)):
+        damaged = bytearray(data)
+        damaged[place] ^= 1 << place % 8
+        with pytest.raises(LavaError, match=r'^checkpoint'):
+            from_bytes(bytes(damaged))
+    for length in range(len(data)):
+        with pytest.raises(LavaError, match=r'^checkpoint is .* bytes'):
+            from_bytes(data[:length])
+    with pytest.raises(LavaError, match=f'all of its {len(data)} bytes'):
+        from_bytes(data + b'\0')
+
+
+def test_what_is_wrong_is_named():
+    """Damaged, foreign and later ones are told apart."""
+    data = checkpoint(20).to_bytes()
+    damaged = data[:-9] + bytes([data[-9] ^ 1]) + data[-8:]
+    with pytest.raises(LavaError, match=r'checkpoint\.checksum .*the checkpoint is damaged'):
+        from_bytes(damaged)
+    with pytest.raises(LavaError, match='expected a checkpoint of lava_ros'):
+        from_bytes(b'\x89PNG\r\n\x1a\n' + data[8:])
+    later = data[:8] + struct.pack('<I', VERSION + 1) + data[12:]
+    with pytest.raises(
+        LavaError, match=r'checkpoint\.version is 2, expected at most 1: a later lava_ros'
+    ):
+        from_bytes(later)
+
+
+def test_nothing_goes_on_from_nonsense():
+    """A state that is not finite is refused when it is taken, not when it is needed."""
+    arrays = checkpoint().arrays
+    spoilt = arrays['state.particle'].copy()
+    spoilt[17, 0] = np.nan
+    with pytest.raises(LavaError, match=r'checkpoint\.state\.particle .*finite'):
+        checkpoint(arrays={**arrays, 'state.particle': spoilt})
+    negative = arrays['state.particle'].copy()
+    negative[17, 2] = -1.0
+    with pytest.raises(LavaError, match=r'checkpoint\.state\.particle .*negative volume'):
+        checkpoint(arrays={**arrays, 'state.particle': negative})
+    with pytest.raises(LavaError, match=r'checkpoint\.time'):
+        checkpoint(time=np.inf)
+    with pytest.raises(LavaError, match=r'checkpoint\.capacity is 10'):
+        checkpoint(capacity=10)
+    with pytest.raises(LavaError, match='state.particle'):
+        checkpoint(arrays={})
+
+
+def test_a_header_of_other_hands_is_refused(monkeypatch):
+    """A checksum can be right and the content of no use."""
+    one = checkpoint()
+    for name, value in (
+        ('accuracy', {**asdict(one.accuracy), 'kernel': 'none'}),
+        ('effects', {'magic': True}),
+        ('scene', {}),
+        ('scene', None),
+    ):
+        monkeypatch.setattr('lava_ros.checkpoint.json.dumps', _with(name, value))
+        data = one.to_bytes()
+        with pytest.raises(LavaError, match=r'checkpoint|accuracy'):
+            from_bytes(data)
+        monkeypatch.undo()
+
+
+def test_no_path_is_in_a_checkpoint(tmp_path):
+    """What a checkpoint holds does not tell where it was made."""
+    header = checkpoint().to_bytes()[PREFIX_SIZE:]
+    for place in (str(tmp_path), '/tmp', '/home', '/work', '/usr'):
+        assert place.encode() not in header
+
+
+def test_what_does_not_vary_takes_no_room():
+    """Equal volumes and temperatures cost next to nothing, positions what their digits hold."""
+    random = np.random.default_rng(1)
+    particle = np.full((100_000, 4), [0.0, 0.0, 25.0, 1423.0], dtype=np.float32)
+    particle[:, :2] = np.cumsum(random.normal(0.0, 1.0, (100_000, 2)), axis=0)
+    arrays = {'state.particle': particle}
+    data = checkpoint(arrays=arrays, capacity=2**17).to_bytes()
+    assert len(data) < 8 * 100_000
+    assert np.array_equal(from_bytes(data).arrays['state.particle'], particle)
+
+
+def test_resumed_terrain_is_read_only():
+    """As that of any scene."""
+    assert not from_bytes(checkpoint().to_bytes()).scene.terrain.elevation.flags.writeable
+    assert replace(checkpoint(), since=1.0).since == 1.0
+
+
+def _with(name, value):
+    """A serialiser that puts a value of its own into the header."""
+    import json
+
+    encode = json.JSONEncoder(allow_nan=False).encode
+
+    def dumps(data, **options):
+        return encode({**data, name: value})
+
+    return dumps
