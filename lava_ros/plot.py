@@ -41,26 +41,33 @@ Window = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
-class _Style:
-    """How a layer is drawn."""
+class Style:
+    """How a layer is drawn.
+
+    Attributes:
+        title: What it is.
+        label: Unit of its values.
+        colours: From the lowest value to the highest.
+    """
 
     title: str
     label: str
     colours: Sequence[str]
 
 
-_STYLES = {
-    'thickness': _Style(
+#: How the layers are drawn, by source.
+STYLES = {
+    'thickness': Style(
         'Lava thickness',
         'm',
         ('#2a0a3d', '#6a176e', '#a92e5e', '#e2583b', '#fb9a06', '#fbe66a'),
     ),
-    'temperature': _Style(
+    'temperature': Style(
         'Temperature',
         '°C',
         ('#1c1014', '#5b0f14', '#a11d12', '#dc4a10', '#f79420', '#fee08a', '#fffbe6'),
     ),
-    'hazard': _Style(
+    'hazard': Style(
         'Hazard',
         '0 no lava, 100 lethal',
         ('#ffffb2', '#fed976', '#feb24c', '#fd8d3c', '#f03b20', '#a50026'),
@@ -83,31 +90,31 @@ def plot_frame(frame: Frame, output: str | Path) -> None:
         from matplotlib.figure import Figure
     except ImportError as error:
         raise LavaError('plot', str(output), "matplotlib: pip install 'lava_ros[plot]'") from error
-    sources = [name for name in _STYLES if name in frame.layers]
+    sources = [name for name in STYLES if name in frame.layers]
     figure = Figure(figsize=(12.4, 7.4), dpi=110, facecolor='white')
     FigureCanvasAgg(figure)
-    ground = _shaded_ground(frame)
+    ground = shaded_ground(frame)
     # The main map is on the left; the others are above one another beside it.
     places = [(0.045, 0.065, 0.545, 0.83)]
     places += [(0.672, 0.515, 0.255, 0.38), (0.672, 0.065, 0.255, 0.38)]
     aspect = places[0][2] * figure.get_figwidth() / (places[0][3] * figure.get_figheight())
-    window = _window(frame, aspect)
+    window = window_of(frame, aspect)
     for source, place in zip(sources, places, strict=False):
         is_main = place is places[0]
         axes = figure.add_axes(place)
-        _draw_map(axes, frame, ground, frame.layers[source], window)
+        draw_map(axes, frame, ground, frame.layers[source], window)
         bar = figure.add_axes((place[0] + place[2] + 0.008, place[1], 0.011, place[3]))
-        _draw_colour_bar(figure, bar, frame.layers[source])
-        axes.set_title(_STYLES[source].title, loc='left', fontsize=11, color=_INK, pad=5)
+        draw_colour_bar(figure, bar, frame.layers[source])
+        axes.set_title(STYLES[source].title, loc='left', fontsize=11, color=_INK, pad=5)
         if is_main:
-            _draw_contours(axes, frame, window)
-            _draw_ticks(axes)
-            _draw_north(axes)
+            draw_contours(axes, frame, window)
+            draw_ticks(axes)
+            draw_north(axes)
             _draw_overview(axes, frame, ground, window)
         else:
             axes.set_xticks([])
             axes.set_yticks([])
-        _draw_scale_bar(axes, window)
+        draw_scale_bar(axes, window)
     title, subtitle = _titles(frame)
     figure.text(0.045, 0.962, title, fontsize=16, weight='bold', color=_INK, va='center')
     figure.text(0.927, 0.962, subtitle, fontsize=10, color='#555555', va='center', ha='right')
@@ -164,7 +171,7 @@ def _extent(frame: Frame) -> Window:
     return (x, y, x + columns * frame.resolution, y + rows * frame.resolution)
 
 
-def _window(frame: Frame, aspect: float) -> Window:
+def window_of(frame: Frame, aspect: float) -> Window:
     """The part of the map to draw: the flow with a margin, as wide as ``aspect`` times high."""
     x0, y0, x1, y1 = _extent(frame)
     rows, columns = np.nonzero(_wet(frame))
@@ -189,7 +196,7 @@ def _inside(start: float, length: float, low: float, high: float) -> float:
     return min(max(start, low), high - length)
 
 
-def _shaded_ground(frame: Frame) -> np.ndarray:
+def shaded_ground(frame: Frame) -> np.ndarray:
     """Relief lit from the north-west, RGBA 0..1, shape [rows, columns, 4]."""
     from matplotlib.colors import LightSource, LinearSegmentedColormap
 
@@ -208,12 +215,15 @@ def _shaded_ground(frame: Frame) -> np.ndarray:
     return np.clip(colours, 0.0, 1.0)
 
 
-def _scale(item: LayerFrame) -> tuple[Any, Any, str]:
+Scale = tuple[Any, Any, str]
+
+
+def scale_of(item: LayerFrame) -> Scale:
     """Colour map, normalisation and the side on which values go past it."""
     from matplotlib.colors import LinearSegmentedColormap, Normalize
 
     source = item.layer.source
-    colours = LinearSegmentedColormap.from_list(source, _STYLES[source].colours)
+    colours = LinearSegmentedColormap.from_list(source, STYLES[source].colours)
     values = item.values[np.isfinite(item.values)]
     if source == 'hazard':
         return colours, Normalize(0.0, 100.0), 'neither'
@@ -236,19 +246,25 @@ def _round_up(value: float) -> float:
     return power * next(step for step in steps if step * power >= value * (1.0 - 1e-9))
 
 
-def _draw_map(
-    axes: Any, frame: Frame, ground: np.ndarray, item: LayerFrame, window: Window
-) -> None:
-    x0, y0, x1, y1 = _extent(frame)
-    colours, norm, _ = _scale(item)
+def picture_of(item: LayerFrame, ground: np.ndarray, colours: Scale) -> np.ndarray:
+    """A layer over the ground, RGBA 0..1, shape [rows, columns, 4]."""
+    colour_map, norm, _ = colours
     picture = ground.copy()
     wet = np.isfinite(item.values)
     # The relief shows through the lava by its brightness alone.
     bright = ground[..., :3].mean(axis=-1)
-    lava = colours(norm(np.where(wet, item.values, 0.0)))[..., :3]
+    lava = colour_map(norm(np.where(wet, item.values, 0.0)))[..., :3]
     picture[wet, :3] = lava[wet] * (0.72 + 0.4 * bright[wet])[:, None]
+    return np.clip(picture, 0.0, 1.0)
+
+
+def draw_map(
+    axes: Any, frame: Frame, ground: np.ndarray, item: LayerFrame, window: Window
+) -> None:
+    """Draw a layer over the ground, and the vents, into axes that show the window."""
+    x0, y0, x1, y1 = _extent(frame)
     axes.imshow(
-        np.clip(picture, 0.0, 1.0),
+        picture_of(item, ground, scale_of(item)),
         extent=(x0, x1, y0, y1),
         origin='lower',
         interpolation='nearest',
@@ -271,17 +287,18 @@ def _draw_map(
         spine.set_linewidth(0.8)
 
 
-def _draw_colour_bar(figure: Any, axes: Any, item: LayerFrame) -> None:
+def draw_colour_bar(figure: Any, axes: Any, item: LayerFrame) -> None:
+    """Draw the colours of a layer and their values into axes of their own."""
     from matplotlib.cm import ScalarMappable
 
-    colours, norm, extend = _scale(item)
+    colours, norm, extend = scale_of(item)
     bar = figure.colorbar(ScalarMappable(norm, colours), cax=axes, extend=extend)
-    bar.set_label(_STYLES[item.layer.source].label, fontsize=9, color=_INK)
+    bar.set_label(STYLES[item.layer.source].label, fontsize=9, color=_INK)
     bar.ax.tick_params(labelsize=8, color='#666666', width=0.6, length=3)
     bar.outline.set_linewidth(0.6)
 
 
-def _draw_contours(axes: Any, frame: Frame, window: Window) -> None:
+def draw_contours(axes: Any, frame: Frame, window: Window) -> None:
     """Thin lines of equal elevation, every fifth of them labelled."""
     x0, y0, _, _ = _extent(frame)
     rows, columns = frame.elevation.shape
@@ -310,7 +327,7 @@ def _draw_contours(axes: Any, frame: Frame, window: Window) -> None:
     axes.clabel(lines, levels[::4], fontsize=6.5, fmt='%g m', inline_spacing=2)
 
 
-def _draw_ticks(axes: Any) -> None:
+def draw_ticks(axes: Any) -> None:
     """Map coordinates along the edges."""
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
@@ -330,7 +347,7 @@ def _halo() -> list[Any]:
     return [withStroke(linewidth=2.5, foreground=_HALO)]
 
 
-def _draw_scale_bar(axes: Any, window: Window) -> None:
+def draw_scale_bar(axes: Any, window: Window) -> None:
     """A bar of a round length in the lower left corner."""
     width, height = window[2] - window[0], window[3] - window[1]
     length = _round_up(0.13 * width)
@@ -356,7 +373,8 @@ def _draw_scale_bar(axes: Any, window: Window) -> None:
     )
 
 
-def _draw_north(axes: Any) -> None:
+def draw_north(axes: Any) -> None:
+    """Draw an arrow to the north."""
     axes.annotate(
         'N',
         xy=(0.045, 0.965),

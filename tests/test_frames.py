@@ -23,14 +23,15 @@ import numpy as np
 import pytest
 import yaml
 
-from lava_ros.bag import BagWriter, LATCHED
+from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.errors import LavaError
-from lava_ros.frames import read_frame
+from lava_ros.frames import read_frame, Recording
 from lava_ros.layers import layers_from_dict, load_layers, ZERO_CELSIUS
 from lava_ros.ros import codec, outputs
 from lava_ros.scene import Scene, scene_to_dict, Terrain, Vent
 from lava_ros.share import share_path
 from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+from recording import growing, RAW_CONFIG, record
 
 SECOND = 1_000_000_000
 
@@ -210,3 +211,90 @@ def test_a_bag_of_something_else(tmp_path: Path) -> None:
         writer.write('/chatter', 'std_msgs/msg/Empty', bytes(5), START, qos=LATCHED)
     with pytest.raises(LavaError, match='the layers of a simulation'):
         read_frame(tmp_path / 'bag')
+
+
+def test_every_frame_in_order(tmp_path: Path) -> None:
+    """Each frame has its own time and its own maps."""
+    recording = Recording(record(tmp_path / 'bag'))
+    frames = list(recording.frames())
+    assert [frame.time for frame in frames] == [200.0, 400.0, 600.0, 800.0]
+    for frame in frames:
+        assert frame.time is not None
+        wet = np.isfinite(frame.layers['thickness'].values)
+        np.testing.assert_array_equal(wet, growing(frame.time) > 0.0)
+        np.testing.assert_allclose(frame.vents, [[-47.5, 95.0]])
+    assert [recording.share_at(frame) for frame in frames] == pytest.approx([0, 1 / 3, 2 / 3, 1])
+
+
+def test_what_a_new_file_repeats_is_no_frame(tmp_path: Path) -> None:
+    """A bag of several files has the frames of one that was not split."""
+    bag = record(tmp_path / 'bag', max_duration=2.5)
+    assert len(BagReader(bag).files) > 1
+    frames = list(Recording(bag).frames())
+    assert [frame.time for frame in frames] == [200.0, 400.0, 600.0, 800.0]
+    assert read_frame(bag, 450.0).time == 400.0
+
+
+def test_only_the_last_run_has_frames(tmp_path: Path) -> None:
+    """After a reset the flow begins again, and what was before is not mixed with it."""
+    recording = Recording(record(tmp_path / 'bag', [200.0, 400.0, 0.0, 100.0, 300.0]))
+    assert [frame.time for frame in recording.frames()] == [0.0, 100.0, 300.0]
+
+
+def test_a_recording_that_was_cut_off(tmp_path: Path) -> None:
+    """Frames whose time was never said are left out."""
+    recording = Recording(record(tmp_path / 'bag', close=False))
+    assert recording.bag.recovered
+    assert [frame.time for frame in recording.frames()] == [200.0, 400.0, 600.0, 800.0]
+
+
+def test_what_is_not_rounded_is_preferred(tmp_path: Path) -> None:
+    """Beside a grid of the same time, the image is what is read."""
+    config = RAW_CONFIG + """
+  grid: {source: thickness, message: nav_msgs/OccupancyGrid, range: [0.0, 10.0]}
+"""
+    for name, text in (('after', config), ('before', _last_layer_first(config))):
+        frame = read_frame(record(tmp_path / name, config=text))
+        assert frame.layers['thickness'].layer.name == 'height'
+        np.testing.assert_allclose(frame.layers['thickness'].values[12, 1], 3.21)
+
+
+@pytest.mark.parametrize('name', ['scene', 'msg_config'])
+def test_custom_data_that_is_no_yaml(tmp_path: Path, name: str) -> None:
+    """The error names which text it is."""
+    bag = record(tmp_path / 'bag', custom_data={name: '{not: [yaml'})
+    with pytest.raises(LavaError, match=f'custom_data {name} of '):
+        Recording(bag)
+
+
+def test_a_terrain_that_is_cut_off(tmp_path: Path) -> None:
+    """An image with too few bytes for its size is refused."""
+    bag = record(tmp_path / 'bag')
+    with BagWriter(tmp_path / 'broken', custom_data={}) as writer:
+        for item in BagReader(bag).messages():
+            data = item.data[:-9] if item.topic == '/terrain' else item.data
+            kind = BagReader(bag).topics[item.topic].message_type
+            writer.write(item.topic, kind, data, item.stamp_ns, qos=LATCHED)
+    with pytest.raises(LavaError, match='image is .* for 30 rows and 40 columns'):
+        read_frame(tmp_path / 'broken')
+
+
+def _last_layer_first(config: str) -> str:
+    head, *lines = config.strip().splitlines()
+    return '\n'.join([head, lines[-1], *lines[:-1]])
+
+
+def test_masks_and_margins_are_no_maps(tmp_path: Path) -> None:
+    """A keepout mask says nothing of thickness; a layer with a margin shows lava where none is."""
+    config = """
+layers:
+  keepout: {source: hazard, message: nav_msgs/OccupancyGrid, step: 20.0}
+  wide: {source: thickness, message: nav_msgs/OccupancyGrid, range: [0.0, 10.0], margin: 20.0}
+  turned: {source: temperature, message: nav_msgs/OccupancyGrid, range: [0.0, 1200.0],
+    scale: [100, 40]}
+"""
+    frame = read_frame(record(tmp_path / 'bag', config=config))
+    assert set(frame.layers) == {'temperature'}
+    # 60 steps of 20 C downwards from 100.
+    values = frame.layers['temperature'].values
+    np.testing.assert_allclose(values[12, 0], 820.0, atol=10.01)

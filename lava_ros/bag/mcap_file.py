@@ -191,6 +191,18 @@ class McapFile:
         return (record for record in records if isinstance(record, Message))
 
 
+def has_begun(path: Path) -> bool:
+    """Whether a file holds as much as the magic bytes at its start.
+
+    Raises:
+        LavaError: The file cannot be read.
+    """
+    try:
+        return path.stat().st_size >= len(MAGIC)
+    except OSError as error:
+        raise LavaError('bag', str(path), f'a readable MCAP file ({error})') from error
+
+
 def open_mcap(path: Path) -> McapFile:
     """Find out what an MCAP file holds.
 

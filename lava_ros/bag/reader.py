@@ -24,10 +24,10 @@ import yaml
 
 from lava_ros.bag import metadata as bag_metadata
 from lava_ros.bag import qos as bag_qos
-from lava_ros.bag.mcap_file import McapFile, open_mcap
+from lava_ros.bag.mcap_file import has_begun, McapFile, open_mcap
+from lava_ros.bag.mcap_output import METADATA_RECORD
 from lava_ros.bag.qos import QosProfile
 from lava_ros.bag.schemas import MessageSchema
-from lava_ros.bag.writer import METADATA_RECORD
 from lava_ros.errors import LavaError
 
 
@@ -45,6 +45,27 @@ class BagMessage(NamedTuple):
     stamp_ns: int
     publish_ns: int
     data: bytes
+
+
+@dataclass(frozen=True)
+class BagFile:
+    """A file of a bag.
+
+    Attributes:
+        path: The file.
+        size: Its size [bytes].
+        finished: Whether its writer closed it.
+        start_ns: Log time of its first message [ns], None without messages.
+        end_ns: Log time of its last message [ns], None without messages.
+        message_count: Messages in it, None when it does not say.
+    """
+
+    path: Path
+    size: int
+    finished: bool
+    start_ns: int | None
+    end_ns: int | None
+    message_count: int | None
 
 
 @dataclass(frozen=True)
@@ -73,7 +94,8 @@ class BagReader:
 
     Attributes:
         path: The bag as it was given.
-        files: The MCAP files it is made of, oldest first.
+        files: The MCAP files it is made of, oldest first; a last one that was cut off before it
+            began is left out.
         topics: Topics by name.
         custom_data: Free text by name that describes the recording.
         recovered: Whether a file was not finished; then everything before the place where it
@@ -107,10 +129,13 @@ class BagReader:
             self.files = (self.path,)
         else:
             raise LavaError('bag', str(path), 'a bag directory or an .mcap file that exists')
+        was_begun = stored is not None or len(self.files) == 1 or has_begun(self.files[-1])
+        if not was_begun:
+            self.files = self.files[:-1]
         self._contents = [open_mcap(item) for item in self.files]
         self.topics = _topics(self._contents)
         self.custom_data = stored.custom_data if stored else _custom_data(self._contents)
-        self.recovered = not all(item.finished for item in self._contents)
+        self.recovered = not (was_begun and all(item.finished for item in self._contents))
         blocks = [block for item in self._contents for block in item.blocks]
         self.start_ns = min((block.start_ns for block in blocks), default=None)
         self.end_ns = max((block.end_ns for block in blocks), default=None)
@@ -142,14 +167,34 @@ class BagReader:
             LavaError: A file is damaged or cannot be read.
         """
         for contents in self._contents:
-            names = _channel_topics(contents, topics)
-            for message in contents.messages(names, start_ns):
-                yield BagMessage(
-                    names[message.channel_id],
-                    message.log_time,
-                    message.publish_time,
-                    message.data,
+            yield from _messages(contents, topics, start_ns)
+
+    def file_messages(self, path: Path) -> Iterator[BagMessage]:
+        """Yield the messages of one of ``files`` in the order of log time.
+
+        Raises:
+            LavaError: The file is damaged or cannot be read.
+        """
+        return _messages(self._contents[self.files.index(path)])
+
+    def describe_files(self) -> list[BagFile]:
+        """Say what is in each file."""
+        result = []
+        for contents in self._contents:
+            starts = [block.start_ns for block in contents.blocks]
+            ends = [block.end_ns for block in contents.blocks]
+            counts = contents.counts
+            result.append(
+                BagFile(
+                    contents.path,
+                    contents.path.stat().st_size,
+                    contents.finished,
+                    min(starts, default=None),
+                    max(ends, default=None),
+                    None if counts is None else sum(counts.values()),
                 )
+            )
+        return result
 
     def newest(self, topics: Collection[str], before_ns: int) -> list[BagMessage]:
         """The newest message of each topic before a time, oldest first.
@@ -182,6 +227,16 @@ def _mcap_names(directory: Path) -> tuple[str, ...]:
         return [(int(part) if part.isdigit() else -1, part) for part in re.split(r'(\d+)', name)]
 
     return tuple(sorted((item.name for item in directory.glob('*.mcap')), key=order))
+
+
+def _messages(
+    contents: McapFile, topics: Collection[str] | None = None, start_ns: int | None = None
+) -> Iterator[BagMessage]:
+    names = _channel_topics(contents, topics)
+    for message in contents.messages(names, start_ns):
+        yield BagMessage(
+            names[message.channel_id], message.log_time, message.publish_time, message.data
+        )
 
 
 def _channel_topics(contents: McapFile, topics: Collection[str] | None) -> dict[int, str]:

@@ -14,14 +14,18 @@
 
 """Rewrites a bag whose recording was cut off into a finished one that every tool reads."""
 
+from collections import deque
 from pathlib import Path
 
+from lava_ros.bag.attachments import Attachment, attachments_in
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.writer import BagWriter
 
 
 def recover(source: BagReader, directory: str | Path) -> int:
     """Copy every message that can be read, with its definition, QoS and time, into a new bag.
+
+    The new bag is split into files where the old one is, and has the same attachments.
 
     Args:
         source: The bag, finished or not.
@@ -31,19 +35,32 @@ def recover(source: BagReader, directory: str | Path) -> int:
         How many messages were copied.
 
     Raises:
-        LavaError: The directory exists, or a chunk in the middle of the source is damaged; what
-            comes before it has been copied then.
+        LavaError: The directory exists, or a chunk or an attachment in the middle of the source is
+            damaged; what comes before it has been copied then.
         OSError: The new bag cannot be written.
     """
     with BagWriter(directory, custom_data=source.custom_data) as writer:
-        for message in source.messages():
-            topic = source.topics[message.topic]
-            writer.write(
-                topic.name,
-                topic.message_type,
-                message.data,
-                message.stamp_ns,
-                qos=topic.qos,
-                schema=topic.schema,
-            )
+        for index, file in enumerate(source.files):
+            if index:
+                writer.begin_file()
+            attachments = deque(attachments_in(file))
+            for message in source.file_messages(file):
+                while attachments and attachments[0].log_time_ns < message.stamp_ns:
+                    _attach(writer, attachments.popleft())
+                topic = source.topics[message.topic]
+                writer.write(
+                    topic.name,
+                    topic.message_type,
+                    message.data,
+                    message.publish_ns,
+                    qos=topic.qos,
+                    schema=topic.schema,
+                    log_time_ns=message.stamp_ns,
+                )
+            for item in attachments:
+                _attach(writer, item)
         return writer.message_count
+
+
+def _attach(writer: BagWriter, item: Attachment) -> None:
+    writer.attach(item.name, item.media_type, item.read(), item.log_time_ns)

@@ -12,57 +12,78 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writes rosbag2 bags: a directory with an MCAP file and metadata.yaml."""
+"""Writes rosbag2 bags: a directory with one MCAP file or several, and metadata.yaml."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 
-from mcap.writer import CompressionType, LIBRARY_IDENTIFIER, Writer
-
+from lava_ros import validation
 from lava_ros.bag import metadata as bag_metadata
+from lava_ros.bag.mcap_output import McapOutput
 from lava_ros.bag.metadata import BagMetadata, FileRecord, TopicRecord
-from lava_ros.bag.qos import profiles_to_yaml, QosProfile
+from lava_ros.bag.qos import QosProfile
 from lava_ros.bag.schemas import message_schema, MessageSchema
 from lava_ros.errors import LavaError
-
-#: Uncompressed size at which a chunk is closed [bytes]; ``flush`` closes it earlier.
-CHUNK_SIZE = 4 * 1024 * 1024
-
-#: Name of the MCAP metadata record that holds what metadata.yaml says.
-METADATA_RECORD = 'rosbag2'
 
 #: Bytes of CDR's encapsulation header, which every serialised message starts with.
 _CDR_HEADER_SIZE = 4
 
 
 @dataclass
-class _Channel:
-    """A topic being written and the id its channel has in the file."""
+class _Topic:
+    """A topic of the bag.
 
-    id: int
-    topic: TopicRecord
+    Attributes:
+        record: What metadata.yaml says of it.
+        schema: Definition of its type.
+        latest: Its newest message and that one's stamp, where the next file repeats it.
+    """
+
+    record: TopicRecord
+    schema: MessageSchema
+    latest: tuple[bytes, int] | None = None
 
 
 class BagWriter:
     """Records serialised messages into a new bag.
 
-    The file is readable at any time up to the latest ``flush``, also when the process is killed.
-    A writer belongs to one thread. After an OSError (a full disk) it can only be closed.
+    The newest file is readable at any time up to the latest ``flush``, also when the process is
+    killed. A writer belongs to one thread. After an OSError (a full disk) it can only be closed.
+
+    With a limit on size or duration the bag goes on in a new file whenever a file has reached it:
+    ``<bag>_0.mcap``, ``<bag>_1.mcap``, ... Each file can be read by itself: it starts with the
+    newest message of every latched topic, logged at the file's start with the publish time it had.
+    Messages with the same stamp, those of one frame, are never divided between files. A file
+    whose repeated messages take up more than half of the limit goes on until what is new takes up
+    as much.
     """
 
-    def __init__(self, directory: str | Path, *, custom_data: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        directory: str | Path,
+        *,
+        custom_data: Mapping[str, str],
+        max_size: int = 0,
+        max_duration: float = 0.0,
+    ) -> None:
         """Create the bag's directory and open its first file.
 
         Args:
             directory: The bag; its parents are created where they are missing.
             custom_data: Free text by name that describes the recording.
+            max_size: Size from which on a file is not continued [bytes]; 0: no limit.
+            max_duration: Log time after which a file is not continued [s]; 0: no limit.
 
         Raises:
-            LavaError: The directory exists or cannot be created, or custom data is not text.
+            LavaError: The directory exists or cannot be created, custom data is not text, or a
+                limit is not usable.
         """
         self._custom_data = _texts(custom_data)
+        self._max_size = validation.number('max_size', max_size, at_least=0.0, unit='bytes')
+        duration = validation.number('max_duration', max_duration, at_least=0.0, unit='s')
+        self._max_duration_ns = round(duration * 1e9)
         self.directory = Path(directory).absolute()
         try:
             self.directory.mkdir(parents=True)
@@ -76,20 +97,29 @@ class BagWriter:
             raise LavaError(
                 'bag', str(directory), f'a directory that can be created ({error})'
             ) from error
-        self._channels: dict[str, _Channel] = {}
-        self._schema_ids: dict[str, int] = {}
-        self._file_record = FileRecord(f'{self.directory.name}_0.mcap')
+        self._topics: dict[str, _Topic] = {}
+        self._finished: list[FileRecord] = []
+        self._last_stamp_ns: int | None = None
+        self._end_ns = 0
+        self._repeated_size = 0
+        self._finished_size = 0
         self._closed = False
-        self._file = (self.directory / self._file_record.path).open('xb')
-        self._mcap = Writer(self._file, chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD)
-        self._mcap.start(profile='ros2', library=f'lava_ros {LIBRARY_IDENTIFIER}')
-        self._write_metadata_record()
-        self._mcap.flush()
+        self._file: McapOutput | None = self._open_file()
 
     @property
     def message_count(self) -> int:
-        """Messages written so far."""
-        return self._file_record.message_count
+        """Messages written so far, repeated ones included."""
+        return sum(item.message_count for item in self._records())
+
+    @property
+    def size(self) -> int:
+        """Bytes written so far, those of the chunk at hand left out."""
+        return self._finished_size + (self._file.size if self._file is not None else 0)
+
+    @property
+    def file_count(self) -> int:
+        """Files there are."""
+        return len(self._records())
 
     def set_custom_data(self, custom_data: Mapping[str, str]) -> None:
         """Replace what describes the recording; it is in the file after the next ``flush``.
@@ -100,9 +130,9 @@ class BagWriter:
         Raises:
             LavaError: It is not text, or the bag is closed.
         """
-        self._check_open()
+        file = self._open()
         self._custom_data = _texts(custom_data)
-        self._is_described = False
+        file.describe(self._custom_data)
 
     def write(
         self,
@@ -113,12 +143,13 @@ class BagWriter:
         *,
         qos: QosProfile,
         schema: MessageSchema | None = None,
+        log_time_ns: int | None = None,
     ) -> None:
-        """Append a message; the first one of a topic registers its channel.
+        """Append a message, in a new file where the one at hand has reached a limit.
 
-        Players and readers order by log time, which never decreases here: it is ``stamp_ns``, or
-        the latest log time where that is later (a reset or jump of the ROS clock). The publish
-        time is always ``stamp_ns``, and the stamps inside ``data`` stay as they are.
+        Players and readers order by log time, which never decreases here: where a time lies
+        before the latest one (a reset or jump of the ROS clock) it is that one. The publish time
+        is always ``stamp_ns``, and the stamps inside ``data`` stay as they are.
 
         Args:
             topic: Absolute topic name.
@@ -127,40 +158,63 @@ class BagWriter:
             stamp_ns: ROS time of the message [ns].
             qos: What the topic's publisher offers; the same for each message of the topic.
             schema: Definition of the type; None looks it up among the installed packages.
+            log_time_ns: Log time of a message that is copied [ns]; None: ``stamp_ns``.
 
         Raises:
             LavaError: An argument is not usable, or the bag is closed.
             OSError: The file cannot be written.
         """
-        self._check_open()
+        file = self._open()
         if not isinstance(stamp_ns, int) or not 0 <= stamp_ns < 2**63:
             raise LavaError('stamp_ns', stamp_ns, 'a ROS time in nanoseconds, at least 0')
         if len(data) < _CDR_HEADER_SIZE:
             raise LavaError('data', data, 'a message serialised to CDR')
-        channel = self._channels.get(topic) or self._register(topic, message_type, qos, schema)
-        if (channel.topic.message_type, channel.topic.qos) != (message_type, qos):
+        item = self._topics.get(topic) or _topic(topic, message_type, qos, schema)
+        if (item.record.message_type, item.record.qos) != (message_type, qos):
             raise LavaError(
                 f'message on {topic}',
                 (message_type, qos),
-                f'the type and QoS of its first message: {channel.topic.message_type}, '
-                f'{channel.topic.qos}',
+                f'the type and QoS of its first message: {item.record.message_type}, '
+                f'{item.record.qos}',
             )
-        record = self._file_record
-        log_time = stamp_ns if record.end_ns is None else max(stamp_ns, record.end_ns)
-        self._mcap.add_message(
-            channel.id,
-            log_time=log_time,
-            data=data,
-            publish_time=stamp_ns,
-            sequence=channel.topic.message_count,
-        )
-        channel.topic = replace(channel.topic, message_count=channel.topic.message_count + 1)
-        self._file_record = replace(
-            record,
-            start_ns=log_time if record.start_ns is None else record.start_ns,
-            end_ns=log_time,
-            message_count=record.message_count + 1,
-        )
+        log_time = max(stamp_ns if log_time_ns is None else log_time_ns, self._end_ns)
+        if stamp_ns != self._last_stamp_ns and self._is_full(file, log_time):
+            self.begin_file()
+            self._repeat_latched(log_time, but=item)
+        self._last_stamp_ns, self._end_ns = stamp_ns, log_time
+        self._topics[topic] = item
+        self._add(item, data, log_time, stamp_ns)
+        if qos.is_latched and (self._max_size or self._max_duration_ns):
+            item.latest = (data, stamp_ns)
+
+    def attach(self, name: str, media_type: str, data: bytes, stamp_ns: int) -> None:
+        """Put data beside the messages; players pass over it, ``bag.attachments`` finds it.
+
+        Args:
+            name: What it is called; names need not differ.
+            media_type: What kind of data it is.
+            data: The data.
+            stamp_ns: ROS time of it [ns]; logged at the latest log time where that is later.
+
+        Raises:
+            LavaError: The bag is closed.
+            OSError: The file cannot be written.
+        """
+        self._open().attach(name, media_type, data, log_time=max(stamp_ns, self._end_ns))
+
+    def begin_file(self) -> None:
+        """Finish the file at hand and go on in a new one; nothing is repeated in it.
+
+        Raises:
+            LavaError: The bag is closed.
+            OSError: One of them cannot be written.
+        """
+        file, self._file = self._open(), None
+        self._finished.append(file.record)
+        self._finished_size += file.size
+        file.finish()
+        self._file = self._open_file()
+        self._repeated_size = 0
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system, as a complete chunk.
@@ -171,11 +225,7 @@ class BagWriter:
             LavaError: The bag is closed.
             OSError: The file cannot be written.
         """
-        self._check_open()
-        self._mcap.flush()
-        if not self._is_described:
-            self._write_metadata_record()
-            self._mcap.flush()
+        self._open().flush()
 
     def close(self) -> None:
         """Finish the file and write metadata.yaml; does nothing the second time.
@@ -186,11 +236,11 @@ class BagWriter:
         if self._closed:
             return
         self._closed = True
-        with self._file:
-            self._mcap.flush()
-            self._write_metadata_record()
-            self._mcap.finish()
-        bag_metadata.write_metadata(self.directory, self._metadata())
+        if self._file is not None:
+            self._file.finish()
+        topics = tuple(item.record for item in self._topics.values())
+        metadata = BagMetadata(tuple(self._records()), topics, self._custom_data)
+        bag_metadata.write_metadata(self.directory, metadata)
 
     def __enter__(self) -> 'BagWriter':
         """Return the writer."""
@@ -205,41 +255,49 @@ class BagWriter:
         """Close the bag, also after an error: what was written is worth keeping."""
         self.close()
 
-    def _check_open(self) -> None:
-        if self._closed:
+    def _open(self) -> McapOutput:
+        if self._closed or self._file is None:
             raise LavaError('bag', str(self.directory), 'an open bag; this one is closed')
+        return self._file
 
-    def _register(
-        self, topic: str, message_type: str, qos: QosProfile, schema: MessageSchema | None
-    ) -> _Channel:
-        if not topic.startswith('/') or topic.endswith('/'):
-            raise LavaError('topic', topic, 'an absolute topic name such as /lava/height')
-        schema = schema or message_schema(message_type)
-        if message_type not in self._schema_ids:
-            self._schema_ids[message_type] = self._mcap.register_schema(
-                message_type, schema.encoding, schema.text.encode()
-            )
-        record = TopicRecord(topic, message_type, qos, schema.type_hash, 0)
-        channel_id = self._mcap.register_channel(
-            topic,
-            'cdr',
-            self._schema_ids[message_type],
-            {
-                'offered_qos_profiles': profiles_to_yaml([qos]),
-                'topic_type_hash': schema.type_hash,
-            },
+    def _open_file(self) -> McapOutput:
+        path = self.directory / f'{self.directory.name}_{len(self._finished)}.mcap'
+        return McapOutput(path, self._custom_data)
+
+    def _records(self) -> list[FileRecord]:
+        return [*self._finished, *([self._file.record] if self._file is not None else [])]
+
+    def _is_full(self, file: McapOutput, log_time: int) -> bool:
+        start_ns = file.record.start_ns
+        if start_ns is None:
+            return False
+        if self._max_duration_ns and log_time - start_ns >= self._max_duration_ns:
+            return True
+        least = max(self._max_size, 2 * self._repeated_size)
+        return bool(self._max_size) and file.size >= least
+
+    def _repeat_latched(self, log_time: int, *, but: _Topic) -> None:
+        for item in self._topics.values():
+            if item.latest is not None and item is not but:
+                self._add(item, item.latest[0], log_time, item.latest[1])
+        file = self._open()
+        file.flush()
+        self._repeated_size = file.size
+
+    def _add(self, item: _Topic, data: bytes, log_time: int, publish_time: int) -> None:
+        self._open().write(
+            item.record, item.schema, data, log_time=log_time, publish_time=publish_time
         )
-        channel = self._channels[topic] = _Channel(channel_id, record)
-        return channel
+        item.record = replace(item.record, message_count=item.record.message_count + 1)
 
-    def _metadata(self) -> BagMetadata:
-        topics = tuple(channel.topic for channel in self._channels.values())
-        return BagMetadata((self._file_record,), topics, self._custom_data)
 
-    def _write_metadata_record(self) -> None:
-        text = bag_metadata.serialize(self._metadata())
-        self._mcap.add_metadata(METADATA_RECORD, {'serialized_metadata': text})
-        self._is_described = True
+def _topic(
+    name: str, message_type: str, qos: QosProfile, schema: MessageSchema | None
+) -> _Topic:
+    if not name.startswith('/') or name.endswith('/'):
+        raise LavaError('topic', name, 'an absolute topic name such as /lava/height')
+    schema = schema or message_schema(message_type)
+    return _Topic(TopicRecord(name, message_type, qos, schema.type_hash, 0), schema)
 
 
 def _texts(custom_data: Mapping[str, str]) -> dict[str, str]:

@@ -28,13 +28,15 @@ import yaml
 from lava_ros.errors import LavaError
 
 if TYPE_CHECKING:
-    from lava_ros.bag.reader import BagReader, Topic
+    from lava_ros.bag.reader import BagFile, BagReader, Topic
 
 # Custom data of this name describes the scene, as scene_to_dict gives it, in YAML or JSON.
 _SCENE = 'scene'
 
 # Which effects were on from when on, a list in JSON; see ros/scene_recording.py.
 _EFFECTS = 'effects'
+
+_SHOWN_CHECKPOINTS = 5
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -74,9 +76,21 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _as_dict(bag: BagReader) -> dict[str, Any]:
+    from lava_ros.bag.checkpoints import checkpoints_of
+
     return {
         'path': str(bag.path),
-        'files': [item.name for item in bag.files],
+        'files': [
+            {
+                'name': item.path.name,
+                'size': item.size,
+                'finished': item.finished,
+                'start_ns': item.start_ns,
+                'end_ns': item.end_ns,
+                'message_count': item.message_count,
+            }
+            for item in bag.describe_files()
+        ],
         'size': bag.size,
         'recovered': bag.recovered,
         'start_ns': bag.start_ns,
@@ -93,6 +107,8 @@ def _as_dict(bag: BagReader) -> dict[str, Any]:
             }
             for topic in bag.topics.values()
         ],
+        'simulation': _simulation(bag),
+        'checkpoints': [item._asdict() for item in checkpoints_of(bag.path)],
         'scene': _scene(bag.custom_data),
         'effects': _effects(bag.custom_data),
         'custom_data': bag.custom_data,
@@ -102,6 +118,8 @@ def _as_dict(bag: BagReader) -> dict[str, Any]:
 def _lines(bag: BagReader) -> list[str]:
     lines = [f'bag        {bag.path}']
     lines.append(f'files      {len(bag.files)}, {_size(bag.size)}')
+    if len(bag.files) > 1:
+        lines += [_file_line(item, bag.start_ns or 0) for item in bag.describe_files()]
     state = 'cut off; everything before that is there' if bag.recovered else 'finished'
     lines.append(f'recording  {state}')
     if bag.start_ns is not None:
@@ -109,7 +127,9 @@ def _lines(bag: BagReader) -> list[str]:
         lines.append(f'duration   {bag.duration_ns / 1e9:.3f} s')
     count = bag.message_count
     lines.append(f'messages   {"unknown" if count is None else count}')
+    lines += _simulation_lines(bag)
     lines += _topic_lines(list(bag.topics.values()))
+    lines += _checkpoint_lines(bag)
     scene = _scene(bag.custom_data)
     if scene is not None:
         lines += ['', 'scene', *_scene_lines(scene)]
@@ -125,6 +145,48 @@ def _lines(bag: BagReader) -> list[str]:
     if rest:
         lines += ['', 'custom data', *(f'  {key}: {_short(item)}' for key, item in rest.items())]
     return lines
+
+
+def _simulation(bag: BagReader) -> dict[str, float] | None:
+    """What the node said last: simulated time [s], volumes [m3] and their error."""
+    from lava_ros.bag.decoding import Decoder
+    from lava_ros.timeline import last_moment
+
+    try:
+        moment = last_moment(bag, Decoder(bag))
+    except LavaError:
+        # Decoding takes a library that the rest does without.
+        return None
+    if moment is None:
+        return None
+    names = [name for name in moment.values if name.startswith('volume_')]
+    return {'time': moment.time, **{name: moment.number(name) for name in names}}
+
+
+def _simulation_lines(bag: BagReader) -> list[str]:
+    said = _simulation(bag)
+    if said is None:
+        return []
+    volumes = [
+        f'{name[len("volume_") : -len("_m3")]} {value:,.1f} m3'
+        for name, value in said.items()
+        if name.endswith('_m3')
+    ]
+    lines = [f'simulated  {said["time"]:.3f} s']
+    lines += [f'volumes    {", ".join(volumes)}'] if volumes else []
+    if 'volume_error' in said:
+        lines.append(f'error      {said["volume_error"]:.1e} of the emitted volume')
+    return lines
+
+
+def _file_line(file: BagFile, start_ns: int) -> str:
+    words = [f'  {file.path.name}', _size(file.size)]
+    if file.start_ns is not None and file.end_ns is not None:
+        first, last = ((item - start_ns) / 1e9 for item in (file.start_ns, file.end_ns))
+        words.append(f'{first:.3f} to {last:.3f} s')
+    if file.message_count is not None:
+        words.append(f'{file.message_count} messages')
+    return ', '.join(words) + ('' if file.finished else ', cut off')
 
 
 def _topic_lines(topics: list[Topic]) -> list[str]:
@@ -143,6 +205,25 @@ def _topic_lines(topics: list[Topic]) -> list[str]:
             for row in rows
         ),
     ]
+
+
+def _checkpoint_lines(bag: BagReader) -> list[str]:
+    """The newest checkpoints, each a moment that `lava node --resume` can go on from."""
+    from lava_ros.bag.checkpoints import checkpoints_of
+
+    stored = checkpoints_of(bag.path)
+    if not stored:
+        return []
+    total = _size(sum(item.size for item in stored))
+    lines = ['', f'checkpoints  {len(stored)}, {total}; resume takes the newest']
+    if len(stored) > _SHOWN_CHECKPOINTS:
+        lines.append(f'  {len(stored) - _SHOWN_CHECKPOINTS} older ones')
+    for item in stored[-_SHOWN_CHECKPOINTS:]:
+        lines.append(
+            f'  at {item.time:.3f} s simulated, {_moment(item.log_time_ns)}, '
+            f'{item.particle_count} particles, {_size(item.size)}'
+        )
+    return lines
 
 
 def _scene(custom_data: Mapping[str, str]) -> dict[str, Any] | None:

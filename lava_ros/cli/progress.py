@@ -16,6 +16,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 import sys
 import time
 
@@ -66,3 +68,13 @@ class Progress:
             elapsed = time.monotonic() - self._started
             left = f', {elapsed / share - elapsed:.0f} s left' if 0.05 < share < 1.0 else ''
             print(f'{10 * tenths:3d} %  {what}{left}', flush=True)
+
+
+@contextmanager
+def in_terminal() -> Iterator[Callable[[str, float], None] | None]:
+    """A bar for what takes seconds: None where nobody watches."""
+    if not sys.stdout.isatty():
+        yield None
+        return
+    with Progress() as progress:
+        yield progress.show

@@ -20,11 +20,17 @@ from pathlib import Path
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
+from lava_ros.accuracy import Accuracy
 from lava_ros.bag import BagReader, BagWriter, LATCHED
+from lava_ros.bag.checkpoints import NAME
+from lava_ros.checkpoint import Checkpoint, MEDIA_TYPE
 from lava_ros.cli import info, recover, replay
+from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
+from lava_ros.scene import Scene, Terrain
 
 SCENE = {
     'terrain': {'shape': [100, 200], 'resolution': 5.0},
@@ -128,6 +134,36 @@ def test_info_and_recover_of_a_bag_that_was_cut_off(
         call('recover', str(bag), str(tmp_path / 'whole'))
 
 
+def test_checkpoints_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The newest of them with time and size in the text, all of them in the JSON."""
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        for count in range(7):
+            checkpoint = Checkpoint(
+                time=100.0 * count,
+                scene=Scene(Terrain(np.zeros((3, 4)), 1.0)),
+                effects=Effects(),
+                forced=None,
+                horizon=1.0,
+                accuracy=Accuracy(),
+                emitted=0.0,
+                since=0.0,
+                capacity=64,
+                arrays={'state.particle': np.zeros((count, 4), dtype=np.float32)},
+            )
+            writer.attach(NAME, MEDIA_TYPE, checkpoint.to_bytes(), count * 10**9)
+    assert call('info', str(tmp_path / 'bag')) == 0
+    lines = capsys.readouterr().out.splitlines()
+    start = next(index for index, line in enumerate(lines) if line.startswith('checkpoints  7, '))
+    assert lines[start].endswith('; resume takes the newest')
+    assert lines[start + 1] == '  2 older ones'
+    assert lines[start + 2].startswith('  at 200.000 s simulated, 2.000 s, 2 particles, ')
+    assert lines[start + 6].startswith('  at 600.000 s simulated, 6.000 s, 6 particles, ')
+    assert call('info', str(tmp_path / 'bag'), '--json', '-') == 0
+    stored = json.loads(capsys.readouterr().out)['checkpoints']
+    assert [item['time'] for item in stored] == [100.0 * count for count in range(7)]
+    assert stored[6]['size'] == len(checkpoint.to_bytes())
+
+
 def test_the_scene_may_be_anything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Custom data that is no scene is printed as text, an empty bag too."""
     BagWriter(tmp_path / 'bag', custom_data={'scene': '[Etna', 'long': 'x ' * 100}).close()
@@ -145,3 +181,28 @@ def test_commands_are_described_without_ros() -> None:
         'assert "rich" not in sys.modules'
     )
     subprocess.run([sys.executable, '-c', code], check=True, cwd=Path(__file__).parents[2])
+
+
+def test_info_says_what_is_in_each_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A bag of several files is listed file by file, one that was cut off marked as such."""
+    with BagWriter(tmp_path / 'bag', custom_data={}, max_duration=2.0) as writer:
+        for second in range(5):
+            writer.write('/hazard', 'std_msgs/msg/Empty', bytes(5), second * 10**9, qos=LATCHED)
+            writer.flush()
+    last = tmp_path / 'bag' / 'bag_2.mcap'
+    last.write_bytes(last.read_bytes()[:-50])
+    assert call('info', str(tmp_path / 'bag')) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[1].startswith('files      3, ')
+    shown = [line for line in lines if line.startswith('  bag_')]
+    assert [line.split(',')[0].strip() for line in shown] == [
+        'bag_0.mcap', 'bag_1.mcap', 'bag_2.mcap'
+    ]
+    assert '2.000 to 3.000 s, 2 messages' in shown[1]
+    assert [line.endswith('cut off') for line in shown] == [False, False, True]
+    assert call('info', str(tmp_path / 'bag'), '--json', '-') == 0
+    files = json.loads(capsys.readouterr().out)['files']
+    assert [item['finished'] for item in files] == [True, True, False]
+    assert [item['message_count'] for item in files] == [2, 2, 1]

@@ -1,0 +1,280 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The parts of the page that are text and tables. Every text from a bag is escaped."""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+import math
+from typing import Any
+
+import yaml
+
+from lava_ros.errors import LavaError
+from lava_ros.frames import Recording
+from lava_ros.layers import HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
+from lava_ros.plot import duration
+from lava_ros.presets import PRESETS
+from lava_ros.report.description import Description
+from lava_ros.report.survey import Survey
+from lava_ros.share import share_path
+from lava_ros.verification.front import points
+from lava_ros.verification.rows import read_csv
+from lava_ros.verification.tables import percent, seconds
+
+#: Share of the emitted volume that may be unaccounted for.
+VOLUME_TOLERANCE = 1e-5
+
+
+def warnings(recording: Recording, survey: Survey) -> list[str]:
+    """What a reader has to know before anything else, as sentences."""
+    found = []
+    if recording.bag.recovered:
+        found.append('The recording was cut off: what came after its last whole message is lost.')
+    moments, run = recording.timeline.moments, recording.timeline.last_run
+    if len(run) < len(moments):
+        found.append('The simulation was reset while it was recorded: this is the last run.')
+    error = max((item.number('volume_error') for item in run), default=math.nan)
+    if error > VOLUME_TOLERANCE:
+        found.append(
+            f'Volume was not conserved: up to {percent(error)} of it is unaccounted for. Do not '
+            'trust these maps.'
+        )
+    if 'thickness' in survey.saturated:
+        layer = survey.frame.layers['thickness'].layer
+        if layer.range is not None:
+            found.append(
+                f'The lava is thicker in places than {layer.range[1]:g} m, the most that the '
+                f'layer {layer.name} can say.'
+            )
+    return found
+
+
+def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
+    """The run in a few numbers: names and values."""
+    run = recording.timeline.last_run
+    last = run[-1]
+    rows = [('simulated', duration(last.time))]
+    rows.append(('covered', _area(survey.area[-1])))
+    if 'thickness' in survey.largest:
+        prefix = 'over ' if 'thickness' in survey.saturated else ''
+        rows.append(('thickest', f'{prefix}{survey.largest["thickness"]:.3g} m'))
+    if math.isfinite(survey.front[-1]):
+        rows.append(('front, from the nearest vent', _length(survey.front[-1])))
+    emitted, error = last.number('volume_emitted_m3'), last.number('volume_error')
+    if math.isfinite(emitted):
+        rows.append(('volume emitted', _volume(emitted)))
+    if math.isfinite(error):
+        rows.append(('volume error', 'below 1e-15' if error < 1e-15 else f'{error:.1e}'))
+    speed = last.number('mean_speed')
+    if speed > 0.0:
+        rows.append(('speed', f'{speed:.3g} times real time'))
+    return rows
+
+
+def effects_table(description: Description) -> str:
+    """Which effects were on, and why; what changed later."""
+    if not description.effects:
+        return '<p>The bag does not say.</p>'
+    start, *changes = description.effects
+    order = sorted(start.effects.items(), key=lambda item: not item[1].startswith('on'))
+    body = [
+        (name.replace('_', ' '), text.partition(': ')[0], text.partition(': ')[2])
+        for name, text in order
+    ]
+    html = _table(('effect', 'at the start', 'because'), body, states=1)
+    if changes:
+        html += '<h3>Changed while it ran</h3>' + _table(
+            ('when', 'effect', 'now', 'because'),
+            [
+                (duration(change.time), name.replace('_', ' '), *_halves(text))
+                for change in changes
+                for name, text in change.effects.items()
+            ],
+            states=2,
+        )
+    return html
+
+
+def hazard_legend(recording: Recording) -> str:
+    """What the values of the hazard mean, with the limits it was made with."""
+    limits = HazardLimits()
+    for layer in recording.layers.values():
+        if layer.source == 'hazard':
+            limits = layer.hazard
+    lethal, safe = (
+        f'{kelvin - ZERO_CELSIUS:g} °C'
+        for kelvin in (limits.lethal_temperature, limits.safe_temperature)
+    )
+    return _table(
+        ('hazard', 'meaning'),
+        [
+            ('-1', 'outside the terrain: unknown'),
+            ('0', 'no lava'),
+            (
+                '1 .. 99',
+                f'lava: burial, from 0 to {limits.lethal_thickness:g} m, and heat, from {safe} to '
+                f'{lethal}, as if they struck independently',
+            ),
+            ('100', f'lethal: {limits.lethal_thickness:g} m of lava or more, or {lethal} or more'),
+        ],
+    )
+
+
+def accuracy_section(recording: Recording, description: Description) -> str:
+    """What the preset is, what this run cost, and what the preset costs and errs elsewhere."""
+    name = description.parameter('preset')
+    preset = PRESETS.get(name) if isinstance(name, str) else None
+    run = recording.timeline.last_run[-1]
+    spacing = description.parameter('spacing')
+    is_own = isinstance(spacing, int | float) and spacing > 0.0
+    known = f'{name}: {preset.summary}' if preset is not None else str(name or 'unknown')
+    rows = [('preset', known)]
+    if is_own:
+        rows.append(('distance between particles', f'{spacing:g} m, set by hand'))
+    elif preset is not None:
+        rows.append(
+            (
+                'distance between particles',
+                f"the preset's: cells of the terrain over {preset.accuracy.refinement:g}",
+            )
+        )
+    rows.append(('particles at the end', run.values.get('particles', 'unknown')))
+    rows.append(('steps', run.values.get('steps', 'unknown')))
+    rows.append(('device', description.device or 'unknown'))
+    speed = run.number('mean_speed')
+    if speed > 0.0:
+        rows.append(('computing an hour of the flow took', seconds(3600.0 / speed)))
+    html = _table(('this run', ''), rows)
+    return html + (_measured(preset.name, description.device, is_own) if preset else '')
+
+
+def _measured(preset: str, device: str, is_own: bool) -> str:
+    """The measurements of a preset that come with the package."""
+    file = 'cpu.csv' if device in ('', 'cpu') else 'h200.csv'
+    try:
+        measured = read_csv(share_path(f'docs/accuracy/{file}'))
+    except LavaError as error:
+        return f'<p>What the preset errs and costs is not known here: {escape(str(error))}</p>'
+    rows = [row for row in measured if row.preset == preset]
+    if not rows:
+        return '<p>What the preset errs and costs was not measured on such a device.</p>'
+    found = [item for item in points(rows) if math.isfinite(item.error)]
+    body = [
+        (item.case.replace('_', ' '), percent(item.error), seconds(item.cost)) for item in found
+    ]
+    errors = sorted(item.error for item in found)
+    note = (
+        ' This run had particles at a distance of its own: its errors differ.' if is_own else ''
+    )
+    machines = ', '.join(dict.fromkeys(row.machine for row in rows))
+    return (
+        f'<p>Against {len(found)} flows with exact solutions, <code>{escape(preset)}</code> errs '
+        f'by {percent(errors[len(errors) // 2])} in the median and {percent(errors[-1])} in the '
+        f'worst case: the error of the method alone, beside which those of terrain, discharge and '
+        f'the constants of the lava stand.{note}</p>'
+        '<details><summary>Each of these flows</summary>'
+        + _table(('flow', 'largest error', 'an hour of it took'), body)
+        + f'<p>Measured on {escape(machines)}.</p></details>'
+    )
+
+
+def recorded_section(recording: Recording, survey: Survey, description: Description) -> str:
+    """What the bag holds, and the scene it says it is of."""
+    bag = recording.bag
+    frame = survey.frame
+    rows, columns = frame.elevation.shape
+    terrain = recording.scene.get('terrain')
+    epsg = terrain.get('epsg') if isinstance(terrain, dict) else None
+    lines = [
+        ('bag', bag.path.name),
+        ('state', 'cut off; what was written before is here' if bag.recovered else 'finished'),
+        ('size', f'{bag.size / 1e6:.2f} MB in {len(bag.files)} file(s)'),
+        ('recording lasted', duration(bag.duration_ns / 1e9)),
+        ('maps shown on this page', f'{len(survey.times)} frames of the last run'),
+        ('terrain', f'{columns} x {rows} cells of {frame.resolution:g} m'),
+        ('coordinate system', f'EPSG:{epsg}' if epsg else 'none: coordinates of the map frame'),
+        ('recorded by', f'lava_ros {description.version or "of unknown version"}'),
+    ]
+    html = _table(('recording', ''), lines)
+    html += _table(
+        ('topic', 'type', 'messages'),
+        [
+            (item.name, item.message_type, 'unknown' if item.count is None else str(item.count))
+            for item in bag.topics.values()
+        ],
+    )
+    for title, data in (('Scene', recording.scene), ('Parameters', description.parameters)):
+        if data:
+            text = yaml.safe_dump(_plain(data), sort_keys=False, allow_unicode=True)
+            html += f'<details><summary>{title}</summary><pre>{escape(text)}</pre></details>'
+    return html
+
+
+def rounding_note(survey: Survey) -> str:
+    """How finely the values of each layer were recorded."""
+    notes = []
+    for source, shown in sorted(survey.frame.layers.items()):
+        layer = shown.layer
+        if layer.message == OCCUPANCY_GRID and layer.range is not None and source != 'hazard':
+            first, last = layer.scale
+            step = (layer.range[1] - layer.range[0]) / abs(last - first)
+            unit = 'm' if source == 'thickness' else '°C'
+            notes.append(f'{layer.name} in steps of {step:g} {unit}')
+    text = ', '.join(notes)
+    return f'<p class="note">Recorded as grids: {escape(text)}.</p>' if notes else ''
+
+
+def _plain(data: Any) -> Any:
+    """Plain copies of mappings and lists, for YAML."""
+    if isinstance(data, dict):
+        return {str(key): _plain(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_plain(item) for item in data]
+    return data
+
+
+def _halves(text: str) -> tuple[str, str]:
+    state, _, reason = text.partition(': ')
+    return state, reason
+
+
+def _table(
+    head: Sequence[str], body: Iterable[Sequence[str]], *, states: int | None = None
+) -> str:
+    """A table; the column ``states`` has ``on`` or ``off``."""
+    titles = ''.join(f'<th scope="col">{escape(item)}</th>' for item in head)
+    lines = []
+    for row in body:
+        cells = []
+        for index, item in enumerate(row):
+            mark = f' class="{"on" if item == "on" else "off"}"' if index == states else ''
+            cells.append(f'<td{mark}>{escape(item)}</td>')
+        lines.append(f'<tr>{"".join(cells)}</tr>')
+    return (
+        f'<div class="scroll"><table><thead><tr>{titles}</tr></thead>'
+        f'<tbody>{"".join(lines)}</tbody></table></div>'
+    )
+
+
+def _area(value: float) -> str:
+    return f'{value / 1e6:.2f} km²' if value >= 1e5 else f'{value:.0f} m²'
+
+
+def _length(value: float) -> str:
+    return f'{value / 1000.0:.2f} km' if value >= 1000.0 else f'{value:.0f} m'
+
+
+def _volume(value: float) -> str:
+    return f'{value / 1e6:.3g} million m³' if value >= 1e6 else f'{value:,.0f} m³'

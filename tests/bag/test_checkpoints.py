@@ -1,0 +1,205 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Checkpoints beside the messages of a bag: players pass over them, a resumed node finds them."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+import random
+
+from mcap.reader import make_reader
+import numpy as np
+import pytest
+from rosbags.rosbag2 import Reader
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.bag import BagReader, BagWriter, LATCHED
+from lava_ros.bag.attachments import attachments_in, attachments_of
+from lava_ros.bag.checkpoints import checkpoints_of, NAME, newest_checkpoint
+from lava_ros.bag.recovery import recover
+from lava_ros.checkpoint import Checkpoint, MEDIA_TYPE
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.scene import Scene, Terrain
+
+GRID = 'nav_msgs/msg/OccupancyGrid'
+SECOND = 1_000_000_000
+
+
+def checkpoint(time: float) -> Checkpoint:
+    """As many particles as seconds."""
+    particles = np.random.default_rng(3).random((int(time), 4), dtype=np.float32)
+    return Checkpoint(
+        time=time,
+        scene=Scene(Terrain(np.zeros((3, 4)), 1.0)),
+        effects=Effects(),
+        forced=None,
+        horizon=1.0,
+        accuracy=Accuracy(),
+        emitted=0.0,
+        since=0.0,
+        capacity=64,
+        arrays={'state.particle': particles},
+    )
+
+
+def attach(writer: BagWriter, time: float, stamp: int) -> None:
+    """Write a checkpoint."""
+    writer.attach(NAME, MEDIA_TYPE, checkpoint(time).to_bytes(), stamp)
+
+
+@pytest.fixture
+def directory(tmp_path: Path, make_grid: Callable[[int], bytes]) -> Path:
+    """A finished bag of 20 messages in two files, a checkpoint after each fifth one."""
+    path = tmp_path / 'eruption'
+    with BagWriter(path, custom_data={}) as writer:
+        for second in range(20):
+            if second == 10:
+                writer.begin_file()
+            stamp = (100 + second) * SECOND
+            writer.write('/hazard', GRID, make_grid(stamp), stamp, qos=LATCHED)
+            if second % 5 == 4:
+                attach(writer, second + 1.0, stamp)
+                writer.flush()
+        writer.attach('notes.txt', 'text/plain', b'nothing of use', stamp)
+    return path
+
+
+def test_messages_are_read_as_without_them(directory: Path) -> None:
+    """Other readers find the messages, no more topics, and the attachments where they are."""
+    ours = [(item.topic, item.stamp_ns, item.data) for item in BagReader(directory).messages()]
+    assert len(ours) == 20
+    with Reader(directory) as reader:
+        theirs = [
+            (connection.topic, stamp, bytes(data))
+            for connection, stamp, data in reader.messages()
+        ]
+    assert theirs == ours
+    with (directory / 'eruption_1.mcap').open('rb') as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        assert sum(1 for _ in reader.iter_messages()) == 10
+        found = [(item.name, item.media_type) for item in reader.iter_attachments()]
+    assert found == [(NAME, MEDIA_TYPE)] * 2 + [('notes.txt', 'text/plain')]
+
+
+def test_they_are_listed_with_time_and_size(directory: Path) -> None:
+    """Oldest first, over all files, nothing else among them."""
+    found = checkpoints_of(directory)
+    assert [item.time for item in found] == [5.0, 10.0, 15.0, 20.0]
+    assert [item.particle_count for item in found] == [5, 10, 15, 20]
+    assert [item.log_time_ns for item in found] == [
+        (104 + 5 * index) * SECOND for index in range(4)
+    ]
+    assert found[0].size == len(checkpoint(5.0).to_bytes())
+    assert checkpoints_of(directory / 'eruption_0.mcap') == found[:2]
+
+
+def test_the_newest_is_read(directory: Path) -> None:
+    """Its bytes are those that were written."""
+    found = newest_checkpoint(directory)
+    assert found.checkpoint.to_bytes() == checkpoint(20.0).to_bytes()
+    assert (found.log_time_ns, found.refused) == (119 * SECOND, ())
+
+
+def test_the_last_whole_one_of_a_file_that_is_cut_off_is_found(directory: Path) -> None:
+    """Wherever a kill cuts the file: each checkpoint is found once its last byte is there."""
+    path = directory / 'eruption_1.mcap'
+    data = path.read_bytes()
+    ends = [item.offset + item.length for item in attachments_in(path)]
+    (directory / 'metadata.yaml').unlink()
+    places = {len(data) - 1, len(data) // 2, 7, 8, 9}
+    places |= {end + near for end in ends for near in (-1, 0, 1)}
+    places |= set(random.Random(5).sample(range(len(data)), 100))
+    for place in sorted(places):
+        path.write_bytes(data[:place])
+        whole = [time for time, end in zip((15.0, 20.0), ends, strict=False) if end <= place]
+        assert [item.time for item in checkpoints_of(directory)] == [5.0, 10.0, *whole], place
+        assert newest_checkpoint(directory).checkpoint.time == max([10.0, *whole])
+
+
+def test_a_damaged_one_gives_way_to_the_one_before(directory: Path) -> None:
+    """Every bit of it: what is damaged is said, and the one before is read."""
+    path = directory / 'eruption_1.mcap'
+    data = path.read_bytes()
+    last = attachments_in(path)[1]
+    first_byte = last.offset + last.length - 4 - last.size
+    for place in random.Random(1).sample(range(first_byte, first_byte + last.size), 40):
+        damaged = bytearray(data)
+        damaged[place] ^= 4
+        path.write_bytes(damaged)
+        found = newest_checkpoint(directory)
+        assert found.checkpoint.time == 15.0
+        assert len(found.refused) == 1
+        assert 'undamaged data' in str(found.refused[0])
+
+
+def test_no_checkpoint_is_an_error(tmp_path: Path, make_grid: Callable[[int], bytes]) -> None:
+    """It says whether the bag is missing, is none, or has none."""
+    with pytest.raises(LavaError, match='that exists'):
+        newest_checkpoint(tmp_path / 'nothing')
+    with pytest.raises(LavaError, match=r'with \.mcap files; this one has none'):
+        newest_checkpoint(tmp_path)
+    (tmp_path / 'text.mcap').write_text('not a bag at all')
+    with pytest.raises(LavaError, match='does not start like one'):
+        newest_checkpoint(tmp_path)
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        writer.write('/hazard', GRID, make_grid(1), 1, qos=LATCHED)
+    with pytest.raises(LavaError, match='with a checkpoint in it; this one has none'):
+        newest_checkpoint(tmp_path / 'bag')
+    with BagWriter(tmp_path / 'later', custom_data={}) as writer:
+        later = bytearray(checkpoint(3.0).to_bytes())
+        later[8] = 9
+        writer.attach(NAME, MEDIA_TYPE, bytes(later), 1)
+    with pytest.raises(LavaError, match=r'checkpoint\.version is 9'):
+        newest_checkpoint(tmp_path / 'later')
+
+
+def test_recovery_keeps_them(directory: Path, tmp_path: Path) -> None:
+    """A bag that is rewritten has the same checkpoints in the same files, and is finished."""
+    path = directory / 'eruption_1.mcap'
+    last = attachments_in(path)[1]
+    end = last.offset + last.length
+    path.write_bytes(path.read_bytes()[: end + 10])
+    (directory / 'metadata.yaml').unlink()
+    before = checkpoints_of(directory)
+    assert recover(BagReader(directory), tmp_path / 'whole') == 20
+    assert BagReader(tmp_path / 'whole').recovered is False
+    assert checkpoints_of(tmp_path / 'whole') == before
+    assert [len(attachments_in(item)) for item in BagReader(tmp_path / 'whole').files] == [2, 2]
+    assert newest_checkpoint(tmp_path / 'whole').checkpoint.time == 20.0
+
+
+def test_a_clock_that_jumps_back_leaves_their_order(tmp_path: Path) -> None:
+    """The newest is the one written last, whatever its stamp says."""
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        writer.write('/empty', 'std_msgs/msg/Empty', bytes(4), 50 * SECOND, qos=LATCHED)
+        attach(writer, 4.0, 50 * SECOND)
+        attach(writer, 6.0, 20 * SECOND)
+    assert [item.time for item in checkpoints_of(tmp_path / 'bag')] == [4.0, 6.0]
+    assert newest_checkpoint(tmp_path / 'bag').checkpoint.time == 6.0
+
+
+def test_a_file_without_index_is_walked(directory: Path) -> None:
+    """Attachments that the summary does not list are found by their records."""
+    path = directory / 'eruption_0.mcap'
+    indexed = attachments_in(path)
+    path.write_bytes(path.read_bytes()[:-1])
+    assert attachments_in(path) == indexed
+    assert [item.read() for item in indexed] == [
+        checkpoint(5.0).to_bytes(), checkpoint(10.0).to_bytes()
+    ]
+    assert len(attachments_of(directory)) == 5
+    with pytest.raises(LavaError, match='a readable file'):
+        replace(indexed[0], path=directory / 'gone.mcap').read()

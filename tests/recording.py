@@ -1,0 +1,168 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Bags of a made-up flow, recorded as the node does, for tests of what reads them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+import numpy as np
+import yaml
+
+from lava_ros.bag import BagWriter, LATCHED
+from lava_ros.layers import layers_from_dict, load_layers, ZERO_CELSIUS
+from lava_ros.ros import codec, outputs
+from lava_ros.scene import Scene, scene_to_dict, Terrain, Vent
+from lava_ros.share import share_path
+from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+
+SECOND = 1_000_000_000
+
+#: Stamps are seconds since 1970, far more than a float64 keeps to the nanosecond.
+START = 1_790_000_000 * SECOND + 123
+
+#: A slope with an unknown corner, in UTM zone 33.
+TERRAIN = Terrain(
+    elevation=np.where(
+        np.add.outer(np.arange(30.0), np.arange(40.0)) < 3.0,
+        np.nan,
+        np.add.outer(np.arange(30.0), 2.0 * np.arange(40.0)),
+    ),
+    resolution=5.0,
+    origin=(-50.0, 20.0),
+    epsg=32633,
+    offset=(500_000.0, 4_180_000.0),
+)
+
+VENT = Vent((-47.5, 95.0), 10.0, name='open')
+
+#: Both layers unrounded, as floats, beside a hazard grid.
+RAW_CONFIG = """
+layers:
+  height: {source: thickness, message: sensor_msgs/Image, threshold: 0.0}
+  temperature: {source: temperature, message: sensor_msgs/Image, threshold: 0.0}
+  hazard: {source: hazard, message: nav_msgs/OccupancyGrid, threshold: 0.01}
+"""
+
+
+def growing(time: float, terrain: Terrain = TERRAIN) -> np.ndarray:
+    """A flow along rows 10 to 19 that covers one more column of cells every 100 s.
+
+    The first column is 3.26 m thick, each other one is 5 cm thinner than the one before.
+    """
+    thickness = np.zeros(terrain.shape, dtype=np.float32)
+    columns = int(time / 100.0)
+    thickness[10:20, :columns] = 3.26 - 0.05 * np.arange(columns, dtype=np.float32)
+    return thickness
+
+
+def record(
+    directory: Path,
+    times: Sequence[float] = (200.0, 400.0, 600.0, 800.0),
+    *,
+    flow: Callable[[float], np.ndarray] = growing,
+    terrain: Terrain = TERRAIN,
+    config: str | None = None,
+    custom_data: Mapping[str, str] | None = None,
+    clock: bool = True,
+    max_duration: float = 0.0,
+    close: bool = True,
+) -> Path:
+    """Record frames of a flow, two seconds of ROS time apart.
+
+    Args:
+        directory: The bag.
+        times: Simulated times of the frames [s].
+        flow: Thickness [m] at a time.
+        terrain: The ground.
+        config: Text of a message configuration in place of the default one.
+        custom_data: What describes the recording beside its scene.
+        clock: Whether diagnostics are recorded.
+        max_duration: Time after which a file is not continued [s].
+        close: Whether the bag is finished.
+    """
+    scene = Scene(terrain, (VENT,))
+    data = {'scene': yaml.safe_dump(scene_to_dict(scene)), **(custom_data or {})}
+    layers = load_layers(share_path('msg_configs/default.yaml'))
+    if config is not None:
+        data['msg_config'] = config
+        layers = layers_from_dict(yaml.safe_load(config))
+    writer = BagWriter(directory, custom_data=data, max_duration=max_duration)
+
+    def write(topic: str, message_type: str, message: Any, stamp_ns: int) -> None:
+        writer.write(
+            f'/{topic}', message_type, codec.serialise(message), stamp_ns, qos=LATCHED
+        )
+
+    image, info = outputs.terrain_messages(terrain, frame_id='map', stamp_ns=START)
+    write('terrain', 'sensor_msgs/msg/Image', image, START)
+    write('terrain_info', 'nav_msgs/msg/MapMetaData', info, START)
+    cloud = outputs.vents_message(
+        outputs.vent_rows(scene.vents, 0.0), terrain, frame_id='map', stamp_ns=START
+    )
+    write('vents', 'sensor_msgs/msg/PointCloud2', cloud, START)
+    for index, time in enumerate(times):
+        stamp = START + 2 * index * SECOND
+        snapshot = _snapshot(time, flow(time), terrain)
+        for layer in layers:
+            if layer.enabled:
+                message = outputs.layer_message(
+                    layer, snapshot, frame_id='map', stamp_ns=stamp
+                )
+                write(layer.topic, layer.message, message, stamp)
+        if clock:
+            said = _diagnostics(snapshot, stamp)
+            write('diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', said, stamp + SECOND // 2)
+        writer.flush()
+    if close:
+        writer.close()
+    return directory
+
+
+def _snapshot(time: float, thickness: np.ndarray, terrain: Terrain) -> Snapshot:
+    wet = thickness > 0.0
+    temperature = np.where(wet, np.float32(900.0 + ZERO_CELSIUS - 0.1 * time), np.nan)
+    volume = float(thickness.sum()) * terrain.resolution**2
+    return Snapshot(
+        time=time,
+        terrain=terrain,
+        thickness=np.where(terrain.has_data, thickness, np.nan).astype(np.float32),
+        temperature=temperature.astype(np.float32),
+        budget=VolumeBudget(volume, volume, 0.0, 0.0),
+        particle_count=1,
+        steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
+    )
+
+
+def _diagnostics(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
+    """What the node says about its newest frame."""
+    budget = snapshot.budget
+    values = {
+        'simulated_time_s': repr(snapshot.time),
+        'frame_stamp_ns': str(stamp_ns),
+        'volume_emitted_m3': repr(budget.emitted),
+        'volume_held_m3': repr(budget.held),
+        'volume_left_m3': repr(budget.left),
+        'volume_frozen_m3': '0.0',
+        'volume_error': '0.000e+00',
+        'mean_speed': '50',
+        'particles': '1',
+        'steps': '1',
+    }
+    status = DiagnosticStatus(
+        name='lava: simulation', values=[KeyValue(key=k, value=v) for k, v in values.items()]
+    )
+    return DiagnosticArray(header=codec.header('', stamp_ns), status=[status])

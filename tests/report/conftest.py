@@ -1,0 +1,53 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A bag with everything a report can show, names that would break a careless page among it."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+
+from recording import record
+
+#: Text that would run, or end the element it is in, on a page that does not escape it.
+HOSTILE = '</script><script>window.broken = 1</script><img src=x onerror="window.broken = 1">&\'"'
+
+
+@pytest.fixture(scope='session')
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Nine frames, effects that change, parameters and hostile texts."""
+    effects = [
+        {
+            'stamp_ns': 1,
+            'time': 0.0,
+            'effects': {
+                'cooling': 'on: heat lost = 2.5 > 0.01',
+                'crust': f'off: {HOSTILE}',
+            },
+        },
+        {'stamp_ns': 2, 'time': 300.0, 'effects': {'crust': 'on: forced'}},
+    ]
+    parameters = {'preset': 'standard', 'spacing': 0.0, 'frame_id': HOSTILE}
+    return record(
+        tmp_path_factory.mktemp('report') / 'run',
+        [0.0, 200.0, 400.0, 600.0, 800.0, 1000.0, 1200.0, 1400.0, 1600.0],
+        custom_data={
+            'effects': json.dumps(effects),
+            'parameters': yaml.safe_dump(parameters),
+            'version': HOSTILE,
+            'device': 'cpu',
+        },
+    )
