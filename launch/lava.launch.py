@@ -12,36 +12,76 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Start the lava node: ros2 launch lava_ros lava.launch.py scene:=scene.yaml time_scale:=60.0."""
+"""Start the lava node, or a replay in its place, and RViz.
+
+ros2 launch lava_ros lava.launch.py scene:=etna.yaml time_scale:=60.0 rviz:=true
+ros2 launch lava_ros lava.launch.py replay:=bags/demo rviz:=true
+ros2 launch lava_ros lava.launch.py --show-args
+"""
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from launch.substitutions import LaunchConfiguration
+from launch.actions import DeclareLaunchArgument, ExecuteProcess
+from launch.conditions import IfCondition
+from launch.substitutions import (
+    EqualsSubstitution,
+    LaunchConfiguration,
+    NotEqualsSubstitution,
+    PathJoinSubstitution,
+)
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
+from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
+from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
 
-# name, default, type, description
-ARGUMENTS = (
-    ('scene', '', str, 'Scene file (YAML) to start with'),
-    ('terrain_file', '', str, 'Terrain file to start with'),
-    ('msg_config', 'default.yaml', str, 'How layers become messages'),
-    ('device', '', str, 'cpu, cuda:0, ...; empty: automatic'),
-    ('time_scale', '1.0', float, 'Simulated seconds per second'),
-    ('end_time', '0.0', float, 'Simulated time to stop at [s]; 0: never'),
+# Parameters of the node: name, default, type, description.
+PARAMETERS = (
+    ('scene', '', str, 'Scene file (YAML) to start with; empty: terrain and vents from topics'),
+    ('terrain_file', '', str, 'Terrain to start with (GeoTIFF, ESRI ASCII grid, npz)'),
+    ('msg_config', 'default.yaml', str, 'How layers become messages: a path, or a name'),
+    ('preset', 'standard', str, 'Accuracy: draft, standard, fine or reference'),
+    ('device', '', str, 'cpu, cuda:0, ...; empty: the first GPU, else the CPU'),
+    ('time_scale', '1.0', float, 'Simulated seconds per second of the clock'),
+    ('end_time', '0.0', float, 'Simulated time to stop at [s]; 0.0: never'),
     ('record', 'false', bool, 'Record from the first terrain on'),
-    ('bag_directory', '', str, 'Bag to record to; empty: bags/<date and time>'),
+    ('bag_directory', '', str, 'Bag to record to, a new folder; empty: bags/<date and time>'),
     ('use_sim_time', 'false', bool, 'Follow /clock'),
 )
 
 
+def _share(*words):
+    return PathJoinSubstitution([FindPackageShare('lava_ros'), *words])
+
+
+# Everything else: name, default, description.
+ARGUMENTS = (
+    ('namespace', '', 'Namespace of the node and of RViz'),
+    (
+        'params_file',
+        _share('params', 'lava.yaml'),
+        'Parameters of the node (YAML); what stands there wins over the arguments here',
+    ),
+    ('replay', '', 'Bag to publish in place of the simulation; empty: none'),
+    ('replay_rate', '1.0', 'Speed of the replay'),
+    ('rviz', 'false', 'Start RViz as well'),
+    ('rviz_config', _share('rviz', 'lava.rviz'), 'What RViz shows'),
+)
+
+
 def generate_launch_description():
-    """Describe the arguments and the node they are the parameters of."""
+    """Describe the arguments and what is started with them."""
+    replay = LaunchConfiguration('replay')
+    values = {
+        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
+        for name, _, kind, _ in PARAMETERS
+    }
     return LaunchDescription(
         [
-            DeclareLaunchArgument('namespace', default_value='', description='Of the node'),
             *(
                 DeclareLaunchArgument(name, default_value=default, description=description)
-                for name, default, _, description in ARGUMENTS
+                for name, default, description in ARGUMENTS
+            ),
+            *(
+                DeclareLaunchArgument(name, default_value=default, description=description)
+                for name, default, _, description in PARAMETERS
             ),
             Node(
                 package='lava_ros',
@@ -49,12 +89,29 @@ def generate_launch_description():
                 name='lava',
                 namespace=LaunchConfiguration('namespace'),
                 output='screen',
-                parameters=[
-                    {
-                        name: ParameterValue(LaunchConfiguration(name), value_type=kind)
-                        for name, _, kind, _ in ARGUMENTS
-                    }
+                parameters=[values, ParameterFile(LaunchConfiguration('params_file'))],
+                # Both would publish the same topics.
+                condition=IfCondition(EqualsSubstitution(replay, '')),
+            ),
+            # A process and no Node: that would add arguments for ROS, which the command refuses.
+            ExecuteProcess(
+                cmd=[
+                    ExecutableInPackage(executable='lava', package='lava_ros'),
+                    'replay',
+                    replay,
+                    '--rate',
+                    LaunchConfiguration('replay_rate'),
                 ],
+                output='screen',
+                condition=IfCondition(NotEqualsSubstitution(replay, '')),
+            ),
+            Node(
+                package='rviz2',
+                executable='rviz2',
+                namespace=LaunchConfiguration('namespace'),
+                arguments=['-d', LaunchConfiguration('rviz_config')],
+                parameters=[{'use_sim_time': values['use_sim_time']}],
+                condition=IfCondition(LaunchConfiguration('rviz')),
             ),
         ]
     )

@@ -25,6 +25,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.hazard import hazard, LETHAL_TEMPERATURE, LETHAL_THICKNESS, SAFE_TEMPERATURE
+from lava_ros.margin import within
 
 if TYPE_CHECKING:
     # The solver's package loads Warp, which files and messages do not need.
@@ -47,6 +48,11 @@ MESSAGES = {
 SOURCES = ('thickness', 'temperature', 'hazard')
 RELIABILITIES = ('reliable', 'best_effort')
 DURABILITIES = ('transient_local', 'volatile')
+
+#: Widest margin around lava [m].
+MOST_MARGIN = 1000.0
+
+_UNITS = {'thickness': 'm', 'temperature': 'Celsius', 'hazard': 'hazard'}
 
 _TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
 
@@ -90,7 +96,12 @@ class Layer:
         topic: Relative topic name.
         source: ``thickness``, ``temperature`` or ``hazard``.
         message: Full name of the message type.
-        range: Values that map to 0 and to 100 [m, Celsius, or hazard]; None for raw images.
+        range: Values that map to the two ends of ``scale`` [m, Celsius, or hazard]; None for raw
+            images and for masks with a step.
+        scale: Grid values at the ends of ``range``; the second may be the smaller.
+        step: Value from which on a cell is 100, and 0 below it: a mask; None for a scale.
+        margin: Distance from lava [m] up to which a cell without lava counts as the mildest lava,
+            or, with a step, as one beyond it.
         threshold: Thickness below which a cell counts as dry [m].
         outside: Grid value outside the terrain.
         enabled: Whether the layer is published at all.
@@ -105,6 +116,9 @@ class Layer:
     source: str
     message: str
     range: tuple[float, float] | None = None
+    scale: tuple[int, int] = (0, 100)
+    step: float | None = None
+    margin: float = 0.0
     threshold: float = 0.1
     outside: int = -1
     enabled: bool = True
@@ -132,19 +146,24 @@ class Layer:
 
         Returns:
             int8, shape [rows, columns]: 0 without lava, 1 to 100 with lava, ``outside`` outside
-            the terrain. The largest value stands in for a wet cell whose quantity is unknown.
+            the terrain. With a step 100 from it on and 0 below. A wet cell whose quantity is
+            unknown is as one at the range's high end, or beyond the step.
 
         Raises:
-            LavaError: The layer has no range.
+            LavaError: The layer has neither a range nor a step.
         """
-        if self.range is None:
-            raise LavaError(f'layers.{self.name}.range', None, 'two numbers [low, high]')
-        low, high = self.range
         wet = self.wet(snapshot)
         quantity = self._quantity(snapshot.thickness[wet], snapshot.temperature[wet])
-        scaled = np.rint((quantity - np.float32(low)) * np.float32(100.0 / (high - low)))
+        distance = self.margin / snapshot.terrain.resolution
         values = np.zeros(snapshot.thickness.shape, dtype=np.int8)
-        values[wet] = np.clip(np.where(np.isnan(scaled), 100.0, scaled), 1.0, 100.0)
+        if self.step is not None:
+            reached = wet.copy()
+            # The comparison is false for what is unknown.
+            reached[wet] = ~(quantity < np.float32(self.step))
+            values[within(reached, distance)] = 100
+        else:
+            values[within(wet, distance)] = max(1, self.scale[0])
+            values[wet] = self._scaled(quantity)
         values[np.isnan(snapshot.thickness)] = self.outside
         return values
 
@@ -157,6 +176,17 @@ class Layer:
     def wet(self, snapshot: 'Snapshot') -> np.ndarray:
         """Where this layer sees lava, bool, shape [rows, columns]."""
         return (snapshot.thickness > 0.0) & (snapshot.thickness >= self.threshold)
+
+    def _scaled(self, quantity: np.ndarray) -> np.ndarray:
+        """Grid values of the quantity in wet cells, never 0."""
+        if self.range is None:
+            raise LavaError(f'layers.{self.name}.range', None, 'two numbers [low, high]')
+        low, high = self.range
+        first, last = self.scale
+        gain = np.float32((last - first) / (high - low))
+        scaled = np.rint(np.float32(first) + (quantity - np.float32(low)) * gain)
+        least, most = sorted(self.scale)
+        return np.clip(np.where(np.isnan(scaled), last, scaled), max(1, least), most)
 
     def _quantity(self, thickness: np.ndarray, temperature: np.ndarray) -> np.ndarray:
         """The layer's quantity in wet cells alone: they are few."""
@@ -238,12 +268,19 @@ def _layer(name: str, entry: object) -> Layer:
         'qos': _qos(f'{where}.qos', data.get('qos', {})),
     }
     if message == OCCUPANCY_GRID:
-        result['range'] = _range(where, source, data)
+        if 'step' in data:
+            result['step'] = _step(where, source, data)
+        else:
+            result['range'] = _range(where, source, data)
+            result['scale'] = _scale(f'{where}.scale', data.get('scale', (0, 100)))
+        result['margin'] = validation.number(
+            f'{where}.margin', data.get('margin', 0.0), at_least=0.0, at_most=MOST_MARGIN, unit='m'
+        )
         result['outside'] = _integer(
             f'{where}.outside', data.get('outside', -1), lowest=-1, highest=100
         )
     else:
-        for key in ('range', 'outside'):
+        for key in ('range', 'scale', 'step', 'margin', 'outside'):
             if key in data:
                 raise LavaError(
                     f'{where}.{key}', data[key], 'absent: an image carries the values unscaled'
@@ -255,8 +292,27 @@ def _layer(name: str, entry: object) -> Layer:
     return Layer(**result)
 
 
+def _step(where: str, source: str, data: Mapping[str, object]) -> float:
+    for key in ('range', 'scale'):
+        if key in data:
+            raise LavaError(f'{where}.{key}', data[key], 'absent beside step')
+    return validation.number(f'{where}.step', data['step'], unit=_UNITS[source])
+
+
+def _scale(where: str, value: object) -> tuple[int, int]:
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise LavaError(where, value, 'two whole numbers, the grid values at the ends of range')
+    first, last = (
+        _integer(f'{where}[{index}]', item, lowest=0, highest=100)
+        for index, item in enumerate(value)
+    )
+    if max(first, last) == 0:
+        raise LavaError(where, value, 'a value above 0 at one end: 0 says that there is no lava')
+    return (first, last)
+
+
 def _range(where: str, source: str, data: Mapping[str, object]) -> tuple[float, float]:
-    unit = {'thickness': 'm', 'temperature': 'Celsius', 'hazard': 'hazard'}[source]
+    unit = _UNITS[source]
     if source == 'hazard' and 'range' not in data:
         return (0.0, 100.0)
     value = data.get('range')

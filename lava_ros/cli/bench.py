@@ -40,7 +40,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         description='Measure on this machine. '
         + ' '.join(f'{name}: {text}.' for name, text in BENCHMARKS.items()),
     )
-    parser.add_argument('benchmark', choices=BENCHMARKS, metavar='|'.join(BENCHMARKS))
+    parser.add_argument('benchmark', choices=tuple(BENCHMARKS), metavar='|'.join(BENCHMARKS))
     parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
     parser.add_argument(
         '--particles', type=int, metavar='N', help='effects: particles (default: by the device)'

@@ -24,23 +24,38 @@ import sys
 import lava_ros
 from lava_ros.cli import (
     accuracy,
+    animate,
     bench,
+    completion,
     demo,
+    doctor,
     effects,
+    export,
     feed,
     info,
     node,
     plot,
     recover,
     replay,
+    report,
     verify,
 )
+from lava_ros.cli.manual import Manual
 from lava_ros.errors import LavaError
 
 #: Exit status for input that cannot be used, as argparse has it.
 USAGE_ERROR = 2
 
-COMMANDS = (demo, node, feed, replay, info, recover, plot, effects, accuracy, verify, bench)
+_ROS_ARGS = '--ros-args'
+
+#: The commands under the headings of the manual page.
+GROUPS = (
+    ('run', (demo, node, feed)),
+    ('record', (replay, info, recover)),
+    ('look', (report, plot, animate, export, effects)),
+    ('measure', (accuracy, verify, bench)),
+    ('set up', (doctor, completion)),
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -56,14 +71,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = _parser()
     # What follows is ROS's to read, options that argparse would take for its own included.
     ros_args: list[str] = []
-    if arguments[:1] == ['node'] and arguments[1:2] not in (['-h'], ['--help']):
-        arguments, ros_args = arguments[:1], arguments[1:]
+    if arguments[:1] == ['node'] and _ROS_ARGS in arguments:
+        start = arguments.index(_ROS_ARGS)
+        arguments, ros_args = arguments[:start], arguments[start:]
     args = parser.parse_args(arguments)
     args.ros_args = ros_args
+    args.parser = parser
     try:
         return args.run(args)
     except LavaError as error:
-        print(f'lava {args.command}: {error}', file=sys.stderr)
+        # Libraries explain themselves over several lines.
+        print(f'lava {args.command}: {" ".join(str(error).split())}', file=sys.stderr)
         return USAGE_ERROR
     except KeyboardInterrupt:
         return 130
@@ -74,15 +92,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = Manual(
         prog='lava',
         description='Lava flow simulation as a ROS 2 node, and its recordings.',
-        epilog="'lava COMMAND --help' says more about a command.",
     )
     parser.add_argument('--version', action='version', version=f'lava_ros {lava_ros.__version__}')
     subparsers = parser.add_subparsers(dest='command', metavar='COMMAND', required=True)
-    for command in COMMANDS:
-        command.add_parser(subparsers)
+    for heading, commands in GROUPS:
+        parser.begin_group(heading)
+        for command in commands:
+            command.add_parser(subparsers)
     return parser
 
 

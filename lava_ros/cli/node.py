@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 
 from lava_ros.cli.ros import require_ros
 
@@ -26,9 +27,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser = subparsers.add_parser(
         'node',
         help='run the simulation as a ROS 2 node',
-        description='Run the node, as lava_node does. Everything after the command goes to ROS, '
+        description='Run the node, as lava_node does. Everything from --ros-args on goes to ROS, '
         'for example: lava node --ros-args -p scene:=scene.yaml -p time_scale:=60.0',
-        usage='lava node [--ros-args ...]',
+        usage='lava node [--resume BAG] [--ros-args ...]',
+    )
+    parser.add_argument(
+        '--resume',
+        metavar='BAG',
+        help="go on from a bag's newest checkpoint, also when the recording was cut off",
     )
     parser.set_defaults(run=run)
 
@@ -42,4 +48,11 @@ def run(args: argparse.Namespace) -> int:
     require_ros()
     from lava_ros.ros.node import main
 
-    return main(args.ros_args)
+    return main([*args.ros_args, *_resume_arguments(args.resume)])
+
+
+def _resume_arguments(bag: str | None) -> list[str]:
+    if bag is None:
+        return []
+    # ROS reads the value as YAML, where quoted it can be nothing but text
+    return ['--ros-args', '-p', f'resume:={json.dumps(bag, ensure_ascii=False)}']

@@ -42,9 +42,16 @@ def run(args: argparse.Namespace) -> int:
     from lava_ros.bag.reader import BagReader
     from lava_ros.bag.recovery import recover
 
+    source = BagReader(args.bag)
     try:
-        count = recover(BagReader(args.bag), args.output)
+        count = recover(source, args.output)
     except OSError as error:
         raise LavaError('output', args.output, f'a place that can be written ({error})') from error
+    whole = BagReader(args.output)
     print(f'{count} messages copied to {args.output}')
+    for topic in sorted(whole.topics.values(), key=lambda item: item.name):
+        print(f'{topic.count:8}  {topic.name}')
+    seconds = ((whole.end_ns or 0) - (whole.start_ns or 0)) / 1e9
+    state = 'had been cut off' if source.recovered else 'was whole'
+    print(f'{seconds:.3f} s of recording; the bag {state}')
     return 0

@@ -80,7 +80,7 @@ def test_errors_are_one_sentence(
 
 
 def test_ros_arguments_reach_the_node(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Everything after `lava node` is ROS's, in its order."""
+    """Everything from --ros-args on is ROS's, in its order; a bag to resume is a parameter."""
     seen: list[list[str]] = []
 
     def fake_main(args: list[str]) -> int:
@@ -92,7 +92,10 @@ def test_ros_arguments_reach_the_node(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lava_ros.ros.node, 'main', fake_main)
     words = ['--ros-args', '-p', 'time_scale:=5.0', '-r', '__ns:=/etna', '--log-level', 'debug']
     assert cli.main(['node', *words]) == 7
-    assert seen == [words]
+    assert cli.main(['node', '--resume', 'bags/my "old" bag: #1', *words]) == 7
+    assert cli.main(['node']) == 7
+    resume = ['--ros-args', '-p', r'resume:="bags/my \"old\" bag: #1"']
+    assert seen == [words, [*words, *resume], []]
 
 
 @pytest.mark.parametrize('command', ['node', 'feed', 'demo'])

@@ -1,0 +1,36 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where the lava of a vent goes within an hour, in ten lines: python3 python_api.py [TERRAIN]."""
+
+import sys
+
+import numpy as np
+
+from lava_ros.layers import load_layers
+from lava_ros.scene import Lava, Scene, Vent
+from lava_ros.share import share_path
+from lava_ros.simulation import Simulation
+from lava_ros.terrain_files import demo_terrain, load_terrain
+
+terrain = load_terrain(sys.argv[1]) if len(sys.argv) > 1 else demo_terrain()
+row, column = np.unravel_index(np.nanargmax(terrain.elevation), terrain.shape)
+summit = np.add(terrain.origin, np.add((column, row), 0.5) * terrain.resolution)
+vent = Vent(tuple(summit), discharge=50.0, radius=2.0 * terrain.resolution)
+simulation = Simulation(Scene(terrain, (vent,), Lava(viscosity=5e4)))
+simulation.advance(3600.0)
+snapshot, budget = simulation.snapshot(), simulation.budget()
+hazard = load_layers(share_path('msg_configs/default.yaml'))[2].grid_values(snapshot)
+print(f'{np.nanmax(snapshot.thickness):.1f} m of lava at most, {budget.held:.0f} m3 in all')
+print(f'{(hazard == 100).sum() * terrain.resolution**2 / 1e4:.1f} ha are lethal')

@@ -1,0 +1,138 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`lava doctor`: look at what the package needs, and say what to do about what is missing."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+import json
+from pathlib import Path
+
+from lava_ros.doctor.finding import FAIL, Finding, OK, WARN
+from lava_ros.errors import LavaError
+
+_STYLES = {OK: 'green', WARN: 'yellow', FAIL: 'bold red'}
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the `lava` parser."""
+    parser = subparsers.add_parser(
+        'doctor',
+        help='look at Python, ROS, DDS, GPU, disk and clock, and say what to do',
+        description='Look at what the package needs: Python, packages, ROS, the middleware by a '
+        'message that goes out and comes back, discovery, security, delivery of the layers, GPU, '
+        'kernel cache, disk and clock. Exit status 1 when something does not work.',
+    )
+    parser.add_argument(
+        '--bags', metavar='DIR', default='bags', help='where bags go (default: bags)'
+    )
+    parser.add_argument(
+        '--msg-config',
+        metavar='FILE',
+        default='default.yaml',
+        help='layers to look at: a path, or the name of a file in msg_configs/ '
+        '(default: default.yaml)',
+    )
+    parser.add_argument('--json', metavar='FILE', help='write it as JSON instead, - for stdout')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Look at everything and print each finding as it comes.
+
+    Returns:
+        0, or 1 when something does not work.
+
+    Raises:
+        LavaError: The JSON file cannot be written.
+    """
+    findings = []
+    show = _printer() if args.json is None else None
+    for finding in _findings(args):
+        findings.append(finding)
+        if show is not None:
+            show(finding)
+    if show is None:
+        _write(args.json, findings)
+    return 1 if any(finding.level == FAIL for finding in findings) else 0
+
+
+def _findings(args: argparse.Namespace) -> Iterator[Finding]:
+    from lava_ros.doctor import graph, machine
+
+    yield from machine.check_python()
+    yield from machine.check_packages()
+    yield from graph.check_ros()
+    yield from graph.check_discovery()
+    yield from graph.check_round_trip()
+    yield from graph.check_security()
+    try:
+        yield from _check_layers(args.msg_config)
+    except ImportError as error:
+        yield Finding('qos', FAIL, f'not looked at: {error}', 'install what packages names')
+    yield from machine.check_gpu()
+    yield from machine.check_kernel_cache()
+    yield from machine.check_disk(args.bags)
+    yield from machine.check_clock()
+
+
+def _check_layers(name: str) -> Iterator[Finding]:
+    from lava_ros.doctor.graph import check_qos
+    from lava_ros.layers import load_layers
+    from lava_ros.share import share_path
+
+    path = Path(name)
+    try:
+        layers = load_layers(path if path.is_file() else share_path(f'msg_configs/{name}'))
+    except LavaError as error:
+        yield Finding('qos', FAIL, str(error), 'correct the file, or name another: --msg-config')
+        return
+    yield from check_qos(layers)
+
+
+def _printer() -> Callable[[Finding], None]:
+    """What prints a finding: in colours where somebody looks and rich is there to make them."""
+    try:
+        from rich.console import Console
+        from rich.text import Text
+    except ImportError:
+        return lambda finding: print('\n'.join(_lines(finding)), flush=True)
+    console = Console(soft_wrap=True, highlight=False)
+
+    def show(finding: Finding) -> None:
+        first, *rest = _lines(finding)
+        line = Text(first)
+        line.stylize(_STYLES[finding.level], 0, len(finding.level))
+        console.print(line, *(Text(words, style='dim') for words in rest), sep='\n')
+
+    return show
+
+
+def _lines(finding: Finding) -> list[str]:
+    lines = [f'{finding.level:6}{finding.check:13} {finding.text}']
+    return [*lines, f'{"":20}-> {finding.way_out}'] if finding.way_out else lines
+
+
+def _write(file: str, findings: list[Finding]) -> None:
+    text = json.dumps([asdict(finding) for finding in findings], indent=2)
+    if file == '-':
+        print(text)
+        return
+    try:
+        Path(file).write_text(text + '\n', encoding='utf-8')
+    except OSError as error:
+        raise LavaError('--json', file, f'a file that can be written ({error})') from error

@@ -1,0 +1,32 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Code is as ament_flake8 asks, apart from what flake8.ini leaves to ruff."""
+
+from pathlib import Path
+
+from ament_flake8.main import main_with_errors
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PATHS = [str(ROOT / name) for name in ('lava_ros', 'launch', 'examples', 'setup.py')]
+
+
+@pytest.mark.flake8
+@pytest.mark.linter
+def test_flake8() -> None:
+    """Code is as ament_flake8 asks, apart from what flake8.ini leaves to ruff."""
+    arguments = ['--config', str(Path(__file__).with_name('flake8.ini')), *PATHS]
+    status, errors = main_with_errors(argv=arguments)
+    assert status == 0, '\n'.join(errors)

@@ -1,0 +1,216 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Findings about the machine, on machines with one thing wrong."""
+
+from collections import namedtuple
+import importlib.metadata
+from pathlib import Path
+import re
+import sys
+from typing import Any
+
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+import pytest
+
+from lava_ros.doctor import machine
+from lava_ros.doctor.finding import FAIL, Finding, OK, WARN
+
+ROOT = Path(__file__).parents[2]
+
+Usage = namedtuple('Usage', 'total used free')
+Version = namedtuple('Version', 'major minor micro')
+
+
+def one(findings: Any) -> Finding:
+    """The only finding; a finding that is not OK has a way out."""
+    (found,) = findings
+    assert found.text
+    assert found.way_out or found.level == OK
+    return found
+
+
+@pytest.mark.parametrize(
+    ('version', 'level'),
+    [((3, 9, 2), FAIL), ((3, 10, 0), OK), ((3, 13, 9), OK), ((3, 14, 0), WARN)],
+)
+def test_python(version, level, monkeypatch):
+    """Too old does not work, too new was not tried."""
+    monkeypatch.setattr(sys, 'version_info', Version(*version))
+    assert one(machine.check_python()).level == level
+
+
+def test_packages_are_those_of_the_setup():
+    """Names, bounds and extras are the requirements of setup.py and of its ROS-free extras."""
+    text = (ROOT / 'setup.py').read_text(encoding='utf-8')
+    for name, lowest, untried, extra in machine.PACKAGES:
+        assert f"'{name}>={lowest},<{untried}'" in text, name
+        assert not extra or f"    '{extra}': [" in text
+    block = text[text.index('install_requires=[') : text.index('extras_require')]
+    required = {Requirement(item).name for item in re.findall(r"'(.+)',", block)}
+    assert required == {name for name, _, _, extra in machine.PACKAGES if not extra}
+
+
+def test_versions_are_compared_as_numbers():
+    """10 is above 9, and what follows the numbers does not count."""
+    for version, bounds in (('1.19.0', '>=1.9,<2'), ('6.0.3', '>=6,<7'), ('1.3.10', '>=1.3.10')):
+        lowest = bounds.split(',')[0].lstrip('>=')
+        assert SpecifierSet(bounds).contains(version)
+        assert machine._parts(version) >= machine._parts(lowest)
+    assert machine._parts('2.0.0rc1') == (2, 0)
+    assert machine._parts('10') > machine._parts('9.9')
+
+
+def test_packages(monkeypatch):
+    """A missing one does not work, a missing extra or an untried version is worth a word."""
+    versions = {name: lowest for name, lowest, _, _ in machine.PACKAGES}
+
+    def version(name):
+        if name not in versions:
+            raise importlib.metadata.PackageNotFoundError(name)
+        return versions[name]
+
+    monkeypatch.setattr(machine.importlib.metadata, 'version', version)
+    assert one(machine.check_packages()).level == OK
+    del versions['rasterio'], versions['mcap']
+    versions['numpy'] = '3.0'
+    *bad, good = machine.check_packages()
+    assert good.level == OK
+    levels = {item.text.split()[0]: item for item in bad}
+    assert set(levels) == {'mcap', 'rasterio', 'numpy'}
+    assert levels['mcap'].level == FAIL
+    assert 'pip install mcap' in levels['mcap'].way_out
+    assert levels['rasterio'].level == WARN
+    assert 'lava_ros[terrain]' in levels['rasterio'].way_out
+    assert levels['numpy'].level == WARN
+    assert 'numpy>=1.26,<3' in levels['numpy'].way_out
+
+
+class Warp:
+    """A Warp with so many GPUs."""
+
+    class config:  # noqa: N801
+        """Its settings."""
+
+        kernel_cache_dir = ''
+
+    def __init__(self, count):
+        self.count = count
+
+    def get_cuda_devices(self):
+        """Its GPUs."""
+        device = namedtuple('Device', 'alias name arch free_memory total_memory')
+        return [
+            device(f'cuda:{index}', 'H200', 90, 130e9, 140e9) for index in range(self.count)
+        ]
+
+    def get_cuda_driver_version(self):
+        """Its driver's."""
+        return (12, 8)
+
+
+def test_gpus(monkeypatch):
+    """Each is named with its memory and driver; without one it is said who does the work."""
+    monkeypatch.setattr(machine, '_warp', lambda: Warp(2))
+    first, second = machine.check_gpu()
+    assert first.level == second.level == OK
+    assert first.text == 'cuda:0: H200, sm_90, 130.0 of 140.0 GB free, driver for CUDA 12.8'
+    monkeypatch.setattr(machine, '_warp', lambda: Warp(0))
+    monkeypatch.setattr(machine.shutil, 'which', lambda name: None)
+    monkeypatch.setattr(machine.Path, 'exists', lambda path: False)
+    found = one(machine.check_gpu())
+    assert found.level == WARN
+    assert found.text.startswith('none: the CPU does the work, on ')
+    monkeypatch.setattr(machine.shutil, 'which', lambda name: '/usr/bin/nvidia-smi')
+    assert 'does not see' in one(machine.check_gpu()).text
+
+
+def test_a_warp_that_does_not_start(monkeypatch):
+    """Whatever it raises is told, not raised."""
+
+    def broken():
+        raise RuntimeError('libcuda is too old')
+
+    monkeypatch.setattr(machine, '_warp', broken)
+    for check in (machine.check_gpu, machine.check_kernel_cache):
+        found = one(check())
+        assert found.level == FAIL
+        assert 'libcuda is too old' in found.text
+
+
+def test_kernel_cache(tmp_path, monkeypatch):
+    """Its size is told, and that it cannot be written."""
+    warp = Warp(0)
+    warp.config.kernel_cache_dir = str(tmp_path)
+    (tmp_path / 'module').mkdir()
+    (tmp_path / 'module/kernels.o').write_bytes(bytes(3_000_000))
+    monkeypatch.setattr(machine, '_warp', lambda: warp)
+    found = one(machine.check_kernel_cache())
+    assert (found.level, found.text) == (OK, f'{tmp_path}, 3 MB')
+    warp.config.kernel_cache_dir = '/proc/none'
+    found = one(machine.check_kernel_cache())
+    assert found.level == FAIL
+    assert 'WARP_CACHE_PATH' in found.way_out
+
+
+@pytest.mark.parametrize(
+    ('free', 'level'), [(5 * 10**8, FAIL), (5 * 10**9, WARN), (5 * 10**11, OK)]
+)
+def test_disk(free, level, tmp_path, monkeypatch):
+    """Room for bags, also where their folder does not exist yet."""
+    monkeypatch.setattr(machine.shutil, 'disk_usage', lambda path: Usage(10**12, 0, free))
+    found = one(machine.check_disk(tmp_path / 'none/yet'))
+    assert found.level == level
+    assert f'{free / 1e9:.1f} GB' in found.text
+    assert not (tmp_path / 'none').exists()
+
+
+def test_a_disk_that_cannot_be_written():
+    """The reason is told."""
+    found = one(machine.check_disk('/proc/bags'))
+    assert found.level == FAIL
+    assert '/proc/bags cannot be written (' in found.text
+
+
+@pytest.mark.parametrize(
+    ('status', 'error', 'level'), [(0, 3000, OK), (0x40, 3000, WARN), (0, 16_000_000, WARN)]
+)
+def test_clock(status, error, level, monkeypatch):
+    """In step, not in step, and in step by a clock nobody should trust."""
+
+    class Libc:
+        """A C library whose clock is in this state."""
+
+        def adjtimex(self, state):
+            """Fill in the state."""
+            machine.ctypes.c_int.from_buffer(state, machine._TIMEX_STATUS).value = status
+            machine.ctypes.c_long.from_buffer(state, machine._TIMEX_MAXERROR).value = error
+            return 0
+
+    monkeypatch.setattr(machine.ctypes, 'CDLL', lambda *args, **options: Libc())
+    found = one(machine.check_clock())
+    assert found.level == level
+    assert level != OK or found.text == 'synchronised within 3 ms'
+
+
+def test_the_clock_of_this_machine():
+    """The real call gives one of the answers there are."""
+    assert one(machine.check_clock()).check == 'clock'
+
+
+def test_a_library_without_adjtimex(monkeypatch):
+    """Nothing is claimed."""
+    monkeypatch.setattr(machine.ctypes, 'CDLL', lambda *args, **options: object())
+    assert one(machine.check_clock()).text == 'its state is unknown'

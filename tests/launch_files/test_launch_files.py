@@ -1,0 +1,149 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The launch files, performed with stand-ins, beside the node's and Nav2's parameters."""
+
+from pathlib import Path
+import re
+
+import pytest
+import yaml
+
+from launch_files.stand_in import start
+from lava_ros.layers import load_layers
+from lava_ros.presets import PRESETS
+from lava_ros.ros.parameters import PARAMETERS, SOURCES
+
+ROOT = Path(__file__).parents[2]
+LAVA = ROOT / 'launch/lava.launch.py'
+KEEPOUT = ROOT / 'launch/nav2_keepout.launch.py'
+SPECS = {spec.name: spec for spec in SOURCES + PARAMETERS}
+
+
+def _filters():
+    return yaml.safe_load((ROOT / 'params/nav2_filters.yaml').read_text(encoding='utf-8'))
+
+
+@pytest.mark.parametrize('path', sorted((ROOT / 'launch').glob('*.launch.py')))
+def test_every_argument_is_documented(path, monkeypatch):
+    """Each has a description and a default, so that --show-args tells the whole story."""
+    _, declared = start(monkeypatch, path)
+    assert declared
+    for argument in declared.values():
+        assert argument.description and argument.default_value is not None, argument.name
+
+
+def test_the_node_gets_parameters_it_has(monkeypatch):
+    """By name and type, with the node's own defaults, and none besides."""
+    (node,), _ = start(monkeypatch, LAVA)
+    assert node.command == ['lava_ros:lava_node']
+    assert node.name == 'lava'
+    parameters = dict(node.parameters)
+    assert parameters.pop('use_sim_time') is False
+    for name, value in parameters.items():
+        assert type(value) is type(SPECS[name].default), name
+        assert value == SPECS[name].default, name
+    (file,) = node.files
+    assert Path(file) == ROOT / 'params/lava.yaml'
+
+
+def test_arguments_reach_the_node(monkeypatch):
+    """Words on the command line become values of the right type."""
+    words = {'time_scale': '60.0', 'record': 'true', 'scene': 'etna.yaml', 'namespace': 'etna'}
+    (node,), _ = start(monkeypatch, LAVA, **words, preset='fine', use_sim_time='true')
+    assert node.namespace == 'etna'
+    values = node.parameters
+    assert (values['time_scale'], values['record'], values['scene']) == (60.0, True, 'etna.yaml')
+    assert values['use_sim_time'] is True
+    assert values['preset'] in PRESETS
+
+
+def test_a_replay_takes_the_place_of_the_node(monkeypatch):
+    """Both would publish the same topics; RViz comes with either."""
+    processes, _ = start(monkeypatch, LAVA, replay='bags/demo', replay_rate='10', rviz='true')
+    assert [process.command for process in processes] == [
+        ['lava_ros:lava', 'replay', 'bags/demo', '--rate', '10'],
+        ['rviz2:rviz2', '-d', str(ROOT / 'rviz/lava.rviz')],
+    ]
+    assert processes[1].parameters == {'use_sim_time': False}
+
+
+def test_the_replay_command_takes_its_arguments(monkeypatch):
+    """The words after the executable parse as `lava` parses them."""
+    from lava_ros.cli import main as cli
+
+    (replay,), _ = start(monkeypatch, LAVA, replay='bags/demo')
+    args = cli._parser().parse_args(replay.command[1:])
+    assert (args.command, args.bag, args.rate) == ('replay', 'bags/demo', 1.0)
+
+
+def test_keepout_starts_the_masks_and_those_who_speak_of_them(monkeypatch):
+    """The node with both masks, two info servers and their manager, all with real files."""
+    processes, declared = start(monkeypatch, KEEPOUT, scene='etna.yaml')
+    by_name = {process.name: process for process in processes}
+    assert by_name['lava'].parameters['msg_config'] == 'nav2_speed.yaml'
+    assert by_name['lava'].parameters['scene'] == 'etna.yaml'
+    assert {'time_scale', 'rviz', 'replay'} <= set(declared)
+    servers = [name for name in by_name if name.endswith('_info_server')]
+    manager = by_name['lifecycle_manager_lava_filters']
+    assert manager.command == ['nav2_lifecycle_manager:lifecycle_manager']
+    parameters = _filters()
+    managed = parameters['/**/lifecycle_manager_lava_filters']['ros__parameters']['node_names']
+    assert servers == managed
+    for process in processes[1:]:
+        assert [Path(file) for file in process.files] == [ROOT / 'params/nav2_filters.yaml']
+        assert f'/**/{process.name}' in parameters
+
+
+@pytest.mark.parametrize('word', ['keepout', 'speed'])
+def test_filters_hear_of_masks_that_are_published(word):
+    """Info server, filter and layer agree on topics; the values are those of the masks."""
+    parameters = _filters()
+    info = parameters[f'/**/{word}_filter_info_server']['ros__parameters']
+    assert set(info) == {'type', 'filter_info_topic', 'mask_topic', 'base', 'multiplier'}
+    assert info['type'] == {'keepout': 0, 'speed': 1}[word]
+    assert (info['base'], info['multiplier']) == (0.0, 1.0)
+    published = {
+        f'/{layer.topic}': layer for layer in load_layers(ROOT / 'msg_configs/nav2_speed.yaml')
+    }
+    layer = published[info['mask_topic']]
+    assert (layer.qos.reliability, layer.qos.durability) == ('reliable', 'transient_local')
+    costmaps = [
+        parameters[name][name]['ros__parameters'] for name in ('global_costmap', 'local_costmap')
+    ]
+    users = [costmap for costmap in costmaps if f'{word}_filter' in costmap['filters']]
+    assert users
+    for costmap in users:
+        filter_ = costmap[f'{word}_filter']
+        assert filter_['plugin'] == f'nav2_costmap_2d::{word.capitalize()}Filter'
+        assert filter_['filter_info_topic'] == info['filter_info_topic']
+    static = costmaps[0]['lava_layer']
+    assert static['map_topic'] in published
+    assert 'lava_layer' in costmaps[0]['plugins']
+    assert costmaps[0]['trinary_costmap'] is False
+
+
+def test_the_parameter_file_is_one_for_the_node(tmp_path):
+    """ROS reads it, and each parameter in it, those in comments too, is one of the node's."""
+    from rclpy.parameter import parameter_dict_from_yaml_file
+
+    path = ROOT / 'params/lava.yaml'
+    read = parameter_dict_from_yaml_file(str(path), use_wildcard=True)
+    assert list(read) == ['frame_id']
+    complete = tmp_path / 'complete.yaml'
+    text = re.sub(r'^    # ', '    ', path.read_text(encoding='utf-8'), flags=re.MULTILINE)
+    complete.write_text(text, encoding='utf-8')
+    for name, value in yaml.safe_load(text)['/**']['ros__parameters'].items():
+        assert type(value) is type(SPECS[name].default), name
+    assert len(parameter_dict_from_yaml_file(str(complete), use_wildcard=True)) > 4

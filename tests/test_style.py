@@ -1,0 +1,123 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What ROS's linters ask of every file, where there are none: headers, XML, whitespace."""
+
+from pathlib import Path
+import subprocess
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parents[1]
+
+#: Folders of code and configuration of this package.
+FOLDERS = (
+    'docs',
+    'examples',
+    'foxglove',
+    'launch',
+    'lava_ros',
+    'msg_configs',
+    'params',
+    'rviz',
+    'sros2',
+    'tests',
+)
+
+#: Suffixes of text files.
+TEXTS = ('.csv', '.ini', '.json', '.md', '.py', '.rst', '.rviz', '.toml', '.txt', '.xml', '.yaml')
+
+#: The first words of the license's header, and its last ones.
+HEADER = ('# Copyright 2026 lava_ros contributors\n#\n# Licensed under', '# limitations under the')
+
+
+def _files(*suffixes: str) -> list[Path]:
+    found = [path for path in ROOT.glob('*') if path.suffix in suffixes and path.is_file()]
+    for folder in FOLDERS:
+        found += [path for path in (ROOT / folder).rglob('*') if path.suffix in suffixes]
+    return sorted(path for path in found if '_build' not in path.parts)
+
+
+def test_every_module_has_the_license_header() -> None:
+    """As ament_copyright asks: the notice stands before anything else."""
+    modules = _files('.py')
+    assert len(modules) > 200
+    for path in modules:
+        text = path.read_text(encoding='utf-8').removeprefix('#!/usr/bin/env python3\n')
+        assert text.startswith(HEADER[0]), path
+        assert HEADER[1] in text[:700], path
+
+
+def test_text_files_end_as_texts_do() -> None:
+    """No trailing blanks, no tabs in code, one newline at the end, Unix line ends."""
+    wrong = []
+    for path in _files(*TEXTS):
+        data = path.read_bytes()
+        if not data:
+            continue
+        lines = data.split(b'\n')
+        if not data.endswith(b'\n') or data.endswith(b'\n\n') or b'\r' in data:
+            wrong.append(f'{path}: end')
+        if any(line != line.rstrip() for line in lines):
+            wrong.append(f'{path}: trailing blanks')
+        if path.suffix == '.py' and b'\t' in data:
+            wrong.append(f'{path}: tab')
+    assert wrong == []
+
+
+@pytest.mark.parametrize('path', _files('.xml'), ids=lambda path: path.name)
+def test_xml_is_well_formed(path: Path) -> None:
+    """As xmllint asks."""
+    ElementTree.parse(path)
+
+
+def test_package_xml_has_the_order_of_its_schema() -> None:
+    """Elements come in the order that the schema of format 3 prescribes."""
+    order = ['name', 'version', 'description', 'maintainer', 'license', 'url', 'author']
+    order += ['build_depend', 'buildtool_depend', 'exec_depend', 'doc_depend', 'test_depend']
+    order += ['export']
+    tags = [item.tag for item in ElementTree.parse(ROOT / 'package.xml').getroot()]
+    assert set(tags) <= set(order)
+    assert tags == sorted(tags, key=order.index)
+
+
+def test_the_hooks_name_tools_that_are_pinned() -> None:
+    """Each hook of pre-commit installs its tool at one version, from PyPI alone."""
+    hooks = yaml.safe_load((ROOT / '.pre-commit-config.yaml').read_text(encoding='utf-8'))
+    (repository,) = hooks['repos']
+    assert repository['repo'] == 'local'
+    names = {hook['id'] for hook in repository['hooks']}
+    assert {'ruff', 'mypy', 'check-xml', 'trailing-whitespace', 'end-of-file'} <= names
+    for hook in repository['hooks']:
+        if hook['language'] == 'python':
+            assert all('==' in item for item in hook['additional_dependencies']), hook['id']
+
+
+def test_make_lint_is_what_the_hooks_are() -> None:
+    """`make lint` runs the ruff of the hooks, and the hook of mypy is a part of `make lint`."""
+    recipe = subprocess.run(
+        ['make', '--dry-run', '--no-print-directory', 'lint'],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    text = (ROOT / '.pre-commit-config.yaml').read_text(encoding='utf-8')
+    words = {word.strip("'") for word in recipe.split()}
+    (ruff,) = (word for word in words if word.startswith('ruff=='))
+    assert f'[{ruff}]' in text
+    assert 'entry: make types\n' in text
+    assert any(word.startswith('mypy==') for word in words)
