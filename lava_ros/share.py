@@ -43,6 +43,16 @@ def share_path(relative: str) -> Path:
     raise LavaError('share path', relative, f'a file of {PACKAGE}; looked for {tried}')
 
 
+def find_file(name: str, folder: str) -> Path:
+    """Return a file by its path, or else by its name in a folder of this package.
+
+    Raises:
+        LavaError: There is neither.
+    """
+    path = Path(name)
+    return path if path.is_file() else share_path(f'{folder}/{name}')
+
+
 def _roots() -> list[Path]:
     checkout = Path(__file__).resolve().parents[1]
     manifest = checkout / 'package.xml'

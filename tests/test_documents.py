@@ -20,6 +20,12 @@ here says so in an HTML comment before the block:
     <!-- not run: REASON -->                     the whole block, for one of REASONS
     <!-- not run: REASON: beginning; other -->   the lines of a shell block that begin like that
     <!-- run: together -->                       its lines are programs that live side by side
+
+A document that changes the package changes a copy, in which its other blocks then run:
+
+    <!-- file: PATH -->                          the block is that file
+    <!-- insert: PATH after: BEGINNING -->       the block goes after the line, or `before:` it
+    <!-- replace: PATH: TEXT -->                 the block goes in place of the text
 """
 
 from collections.abc import Iterator
@@ -152,6 +158,8 @@ def _environment(folder: Path) -> dict[str, str]:
         'PATH': f'{programs}{os.pathsep}{os.environ["PATH"]}',
         'PYTHONPATH': os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')])),
         'MPLBACKEND': 'Agg',
+        'ROS_DOMAIN_ID': str(1 + os.getpid() % 50),
+        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
     }
 
 
@@ -182,6 +190,35 @@ def _is_run(block: Block) -> bool:
     return '' not in _left_out(block)
 
 
+def _change(root: Path, block: Block, remark: str) -> None:
+    """Apply a block to the copy of the package."""
+    kind, _, rest = remark.partition(': ')
+    if kind == 'file':
+        (root / rest).write_text(block.text + '\n')
+        return
+    match = re.fullmatch(r'(\S+?):? (?:(after|before): )?(.*)', rest)
+    assert match, f'{block}: {remark}'
+    name, side, anchor = match.groups()
+    text = (root / name).read_text()
+    if kind == 'replace':
+        assert text.count(anchor) == 1, f'{block}: {anchor} is not in {name}, or more than once'
+        (root / name).write_text(text.replace(anchor, block.text))
+        return
+    lines = text.split('\n')
+    places = [index for index, line in enumerate(lines) if line.strip().startswith(anchor)]
+    assert len(places) == 1, f'{block}: {len(places)} lines of {name} begin with {anchor}'
+    at = places[0] + (side == 'after')
+    (root / name).write_text('\n'.join([*lines[:at], *block.text.split('\n'), *lines[at:]]))
+
+
+def _changes(block: Block) -> list[str]:
+    return [remark for remark in block.remarks if re.match('file:|insert:|replace:', remark)]
+
+
+CHANGING = sorted({block.document for block in BLOCKS if _changes(block)})
+STANDING = [block for block in BLOCKS if block.document not in CHANGING]
+
+
 def test_blocks_are_found() -> None:
     """Documents have blocks of each kind, and most of them run."""
     assert {'sh', 'python', 'yaml'} <= {block.language for block in BLOCKS}
@@ -195,14 +232,11 @@ def test_blocks_are_found() -> None:
 
 
 @pytest.mark.parametrize(
-    'block', [item for item in BLOCKS if item.language == 'sh' and _is_run(item)], ids=str
+    'block', [item for item in STANDING if item.language == 'sh' and _is_run(item)], ids=str
 )
 def test_shell_blocks(block: Block, shop: Path) -> None:
     """Every line ends well; those that live side by side live until they are told to end."""
-    environment = _environment(shop) | {
-        'ROS_DOMAIN_ID': str(1 + os.getpid() % 50),
-        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-    }
+    environment = _environment(shop)
     if 'run: together' in block.remarks:
         _run_together(_commands(block), shop, environment)
         return
@@ -242,7 +276,7 @@ def _run_together(commands: list[str], folder: Path, environment: dict[str, str]
 
 
 @pytest.mark.parametrize(
-    'block', [item for item in BLOCKS if item.language == 'python' and _is_run(item)], ids=str
+    'block', [item for item in STANDING if item.language == 'python' and _is_run(item)], ids=str
 )
 def test_python_blocks(block: Block, shop: Path) -> None:
     """They run as they stand."""
@@ -254,7 +288,7 @@ def test_python_blocks(block: Block, shop: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    'block', [item for item in BLOCKS if item.language == 'yaml' and _is_run(item)], ids=str
+    'block', [item for item in STANDING if item.language == 'yaml' and _is_run(item)], ids=str
 )
 def test_yaml_blocks(block: Block, shop: Path) -> None:
     """They are scenes that can be used, or parameters of the node."""
@@ -265,3 +299,19 @@ def test_yaml_blocks(block: Block, shop: Path) -> None:
     else:
         parameters = content.get('/**', content.get('lava', {})).get('ros__parameters')
         assert parameters, f'{block}: neither a scene nor parameters'
+
+
+@pytest.mark.parametrize('document', CHANGING)
+def test_documents_that_change_the_package(document: str, tmp_path: Path) -> None:
+    """Their changes fit, and their programs run with them."""
+    shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
+    for block in (item for item in BLOCKS if item.document == document):
+        for remark in _changes(block):
+            _change(tmp_path, block, remark)
+        if not _changes(block):
+            assert block.language == 'python', block
+            done = subprocess.run(
+                [sys.executable, '-c', block.text], cwd=tmp_path, capture_output=True, text=True,
+                env=os.environ | {'PYTHONPATH': str(tmp_path)}, timeout=200.0, check=False,
+            )
+            assert done.returncode == 0, f'{block}\n{done.stdout}\n{done.stderr}'

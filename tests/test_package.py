@@ -33,6 +33,7 @@ ROOT = Path(__file__).parents[1]
 
 #: Distribution that brings a module, where the names differ.
 DISTRIBUTIONS = {
+    'PIL': 'pillow',
     'mcap_ros2': 'mcap-ros2-support',
     'warp': 'warp-lang',
     'yaml': 'pyyaml',
@@ -129,7 +130,15 @@ def test_data_files_are_there(metadata: dict[str, Any]) -> None:
     assert installed['share/lava_ros'] == ['package.xml']
     assert 'msg_configs/default.yaml' in installed['share/lava_ros/msg_configs']
     assert any(name.endswith('.launch.py') for name in installed['share/lava_ros/launch'])
+    assert installed['share/lava_ros/sros2'] == ['sros2/lava_ros.policy.xml']
+    assert 'docs/accuracy/cpu.csv' in installed['share/lava_ros/docs/accuracy']
+    for folder in ('examples', 'foxglove', 'launch', 'msg_configs', 'params', 'rviz'):
+        files = {f'{folder}/{path.name}' for path in (ROOT / folder).glob('*') if path.is_file()}
+        assert files and set(installed[f'share/lava_ros/{folder}']) == files
     assert all((ROOT / name).is_file() for names in installed.values() for name in names)
+    pages = metadata['package_data']['lava_ros.report']
+    assert all((ROOT / 'lava_ros/report' / name).is_file() for name in pages)
+    assert len(pages) == 3
     assert (ROOT / 'lava_ros/py.typed').is_file()
 
 

@@ -79,3 +79,13 @@ def test_a_missing_file_lists_the_places(installed: Path) -> None:
     with pytest.raises(LavaError, match=r'msg_configs/none\.yaml') as caught:
         share_path('msg_configs/none.yaml')
     assert str(installed / 'prefix/share/lava_ros/msg_configs/none.yaml') in str(caught.value)
+
+
+def test_a_file_of_the_user_comes_first(tmp_path, monkeypatch):
+    """A path is taken as it is; a name without such a file is looked for in the package."""
+    monkeypatch.chdir(tmp_path)
+    assert share.find_file('default.yaml', 'msg_configs').parent.name == 'msg_configs'
+    (tmp_path / 'default.yaml').write_text('layers: {}')
+    assert share.find_file('default.yaml', 'msg_configs') == Path('default.yaml')
+    with pytest.raises(LavaError, match='nothing.yaml'):
+        share.find_file('nothing.yaml', 'msg_configs')

@@ -205,7 +205,9 @@ def cloud_columns(
             offset=item.offset,
             strides=(cloud.row_step, cloud.point_step),
         )
-        result[key] = view.astype(np.float64).ravel()
+        # Any bit pattern may come, signalling NaN too.
+        with np.errstate(invalid='ignore'):
+            result[key] = view.astype(np.float64).ravel()
     return result
 
 

@@ -22,6 +22,7 @@ import time
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from lava_ros.errors import LavaError
+from lava_ros.ros.checkpoint_recording import LastCheckpoint
 from lava_ros.ros.effect_table import is_on
 from lava_ros.ros.recorder import RecorderStatus
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
@@ -52,6 +53,7 @@ class InputLog:
         self._lock = threading.Lock()
         self._accepted: Counter[str] = Counter()
         self._rejected: Counter[str] = Counter()
+        self._superseded = 0
         self._newest_is_bad: dict[str, bool] = {}
         self._last_error = ''
         self._logged: dict[str, tuple[str, float]] = {}
@@ -62,6 +64,16 @@ class InputLog:
             self._accepted[topic] += 1
             self._newest_is_bad[topic] = False
             self._logged.pop(topic, None)
+
+    def supersede(self) -> None:
+        """Note a message that a newer one replaced before the simulation took it."""
+        with self._lock:
+            self._superseded += 1
+
+    def forgive(self, topic: str) -> None:
+        """Leave it at a warning: nothing better can be expected on the topic to end an error."""
+        with self._lock:
+            self._newest_is_bad[topic] = False
 
     def reject(self, topic: str, error: LavaError) -> bool:
         """Note a message that was refused.
@@ -88,6 +100,7 @@ class InputLog:
             values: dict[str, object] = {
                 'accepted': sum(self._accepted.values()),
                 'rejected': rejected,
+                'superseded': self._superseded,
                 'last_error': self._last_error,
             }
             values |= {f'rejected.{topic}': count for topic, count in self._rejected.items()}
@@ -123,7 +136,8 @@ def simulation_status(
     }
     if snapshot is not None:
         budget, steps = snapshot.budget, snapshot.steps
-        if budget.error > VOLUME_TOLERANCE and level != DiagnosticStatus.ERROR:
+        # The negation also catches NaN.
+        if not budget.error <= VOLUME_TOLERANCE and level != DiagnosticStatus.ERROR:
             level, message = DiagnosticStatus.ERROR, 'volume is not conserved'
         values |= {
             'simulated_time_s': repr(snapshot.time),
@@ -155,9 +169,20 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
     return _status('effects', DiagnosticStatus.OK, message, effects)
 
 
-def recorder_status(recorder: RecorderStatus) -> DiagnosticStatus:
-    """Say how the recorder is doing."""
-    values = {'state': recorder.state, 'bag': recorder.directory, 'messages': recorder.messages}
+def recorder_status(
+    recorder: RecorderStatus, checkpoint: LastCheckpoint | None = None
+) -> DiagnosticStatus:
+    """Say how the recorder is doing, and up to where its bag can be resumed."""
+    values: dict[str, object] = {
+        'state': recorder.state,
+        'bag': recorder.directory,
+        'files': recorder.files,
+        'messages': recorder.messages,
+    }
+    if checkpoint is not None:
+        values['checkpoints'] = checkpoint.count
+        values['checkpoint_time_s'] = repr(checkpoint.time)
+        values['checkpoint_bytes'] = checkpoint.size
     if recorder.error:
         return _status('recorder', DiagnosticStatus.ERROR, recorder.error, values)
     return _status('recorder', DiagnosticStatus.OK, recorder.state, values)

@@ -20,6 +20,7 @@ from typing import Protocol, TYPE_CHECKING
 
 import numpy as np
 
+from lava_ros.checkpoint import Checkpoint
 from lava_ros.choice import Decision
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
@@ -29,6 +30,10 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 if TYPE_CHECKING:
     # The solver's package loads Warp; the worker's thread does that, not the importer.
     from lava_ros.simulation.snapshot import Snapshot
+
+
+class SimulationError(Exception):
+    """The simulation cannot go on; says why, and what helps."""
 
 
 class SimulationLike(Protocol):
@@ -41,6 +46,10 @@ class SimulationLike(Protocol):
     @property
     def device(self) -> str:
         """Name of the device."""
+
+    @property
+    def particle_count(self) -> int:
+        """Particles there are."""
 
     @property
     def effects(self) -> Effects:
@@ -64,6 +73,9 @@ class SimulationLike(Protocol):
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
         """Choose the effects anew, with some forced on or off."""
 
+    def checkpoint(self) -> Checkpoint:
+        """Copy all that is needed to go on from here."""
+
 
 class Eruption:
     """A scene that changes while it is simulated.
@@ -75,17 +87,24 @@ class Eruption:
         scene: The scene in use, None before there is a terrain.
         latest: The newest snapshot, None before the first; it stays after a failure.
         effects: The table of effects (``effect_table``), empty before there is a simulation.
+        max_particles: Most particles, beyond which the simulation does not go on.
     """
 
     def __init__(
-        self, make_simulation: Callable[[Scene], SimulationLike], *, lava: Lava | None = None
+        self,
+        make_simulation: Callable[[Scene], SimulationLike],
+        *,
+        lava: Lava | None = None,
+        max_particles: int,
     ) -> None:
         """Begin without a terrain.
 
         Args:
             make_simulation: Makes the simulation of a scene at time 0.
             lava: Material until a scene brings its own.
+            max_particles: Most particles, beyond which the simulation does not go on.
         """
+        self.max_particles = max_particles
         self._make_simulation = make_simulation
         self._lava = lava or Lava()
         self._is_changed = False
@@ -107,20 +126,40 @@ class Eruption:
     def start(self, scene: Scene) -> None:
         """Start a scene at time 0 in place of what there was."""
         # A scene that is refused here leaves the old simulation in place.
-        simulation = self._make_simulation(scene)
+        self.go_on_with(self._make_simulation(scene), scene)
+
+    def go_on_with(self, simulation: SimulationLike, scene: Scene) -> None:
+        """Take a simulation of a scene, at any time, in place of what there was."""
         self.simulation, self.scene, self._lava = simulation, scene, scene.lava
         self._note_change()
+
+    def checkpoint(self) -> bytes:
+        """Serialise all that is needed to go on from here."""
+        if self.simulation is None:
+            raise LavaError('checkpoint', 'no simulation', 'one that has started and not failed')
+        return self.simulation.checkpoint().to_bytes()
 
     def begin(self, terrain: Terrain, vents: tuple[Vent, ...]) -> None:
         """Start on the first terrain."""
         self.start(Scene(terrain, vents=vents, lava=self._lava))
 
     def advance(self, until: float, *, wall_limit: float) -> float:
-        """Simulate up to a time [s], at most a wall time [s], and return the time reached [s]."""
+        """Simulate up to a time [s], at most a wall time [s], and return the time reached [s].
+
+        Raises:
+            SimulationError: There are too many particles; ``latest`` shows them.
+        """
         assert self.simulation is not None
         before = self.simulation.time
         reached = self.simulation.advance(until, wall_limit=wall_limit)
         self._is_changed |= reached > before
+        count = self.simulation.particle_count
+        if count > self.max_particles:
+            self.renew_snapshot()
+            raise SimulationError(
+                f'{count} particles, expected at most {self.max_particles} (max_particles); '
+                'a larger spacing needs fewer'
+            )
         return reached
 
     def set_terrain(self, terrain: Terrain) -> bool:
@@ -179,10 +218,18 @@ class Eruption:
         self.simulation = None
 
     def renew_snapshot(self) -> bool:
-        """Bring ``latest`` up to date and say whether it changed."""
+        """Bring ``latest`` up to date and say whether it changed.
+
+        Raises:
+            SimulationError: What the simulation shows is no map; ``latest`` stays.
+        """
         if self.simulation is None or not self._is_changed:
             return False
-        self.latest = self.simulation.snapshot()
+        snapshot = self.simulation.snapshot()
+        flaw = snapshot.flaw()
+        if flaw:
+            raise SimulationError(f'the flow has become unusable: {flaw}')
+        self.latest = snapshot
         self._is_changed = False
         return True
 

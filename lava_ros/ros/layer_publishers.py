@@ -17,11 +17,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rclpy.node import Node
+from nav_msgs.msg import OccupancyGrid
 from rclpy.publisher import Publisher
 
-from lava_ros.layers import Layer
+from lava_ros.layers import Layer, OCCUPANCY_GRID
 from lava_ros.ros import codec, outputs, qos
+from lava_ros.ros.entities import Entities
 from lava_ros.ros.recorder import Recorder
 from lava_ros.simulation.snapshot import Snapshot
 
@@ -46,12 +47,12 @@ class LayerPublishers:
     """
 
     def __init__(
-        self, node: Node, layers: Sequence[Layer], recorder: Recorder, *, frame_id: str
+        self, entities: Entities, layers: Sequence[Layer], recorder: Recorder, *, frame_id: str
     ) -> None:
         """Create a publisher for every enabled layer.
 
         Args:
-            node: The node that publishes.
+            entities: Creates the publishers.
             layers: What to publish.
             recorder: Where the layers that are recorded go.
             frame_id: Frame of the messages.
@@ -61,7 +62,7 @@ class LayerPublishers:
         self._outputs = [
             _Output(
                 layer,
-                node.create_publisher(
+                entities.publisher(
                     outputs.MESSAGE_CLASSES[layer.message],
                     layer.topic,
                     qos.ros_profile(layer.qos),
@@ -73,6 +74,21 @@ class LayerPublishers:
         self.rates = sorted({output.layer.rate for output in self._outputs})
         self.shown: Snapshot | None = None
         self.shown_stamp_ns = 0
+
+    @property
+    def grid_topics(self) -> list[str]:
+        """Topics of the layers that are occupancy grids."""
+        layers = [output.layer for output in self._outputs]
+        return [layer.topic for layer in layers if layer.message == OCCUPANCY_GRID]
+
+    def newest(self, topic: str) -> OccupancyGrid | None:
+        """The grid of a topic for the snapshot that was shown last, None before the first."""
+        if self.shown is None:
+            return None
+        (layer,) = (item.layer for item in self._outputs if item.layer.topic == topic)
+        return outputs.layer_message(
+            layer, self.shown, frame_id=self._frame_id, stamp_ns=self.shown_stamp_ns
+        )
 
     def make_due(self, rate: float) -> None:
         """Let the layers of a rate be published with the next new snapshot."""

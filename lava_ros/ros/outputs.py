@@ -55,13 +55,11 @@ def vent_rows(vents: Sequence[Vent], time: float) -> list[tuple[float, ...]]:
     """
     rows: list[tuple[float, ...]] = []
     for index, vent in enumerate(vents):
-        discharge = 0.0
-        for start, flux in vent.series:
-            discharge = flux if start <= time else discharge
         places = [vent.position] if vent.end is None else [vent.position, vent.end]
         celsius = vent.temperature - ZERO_CELSIUS
         rows += [
-            (x, y, discharge / len(places), celsius, vent.radius, float(index)) for x, y in places
+            (x, y, vent.discharge_at(time) / len(places), celsius, vent.radius, float(index))
+            for x, y in places
         ]
     return rows
 

@@ -29,6 +29,7 @@ from lava_ros.layers import ZERO_CELSIUS
 from lava_ros.presets import DEFAULT as DEFAULT_PRESET
 from lava_ros.presets import PRESETS
 from lava_ros.ros.inputs import InputRules
+from lava_ros.ros.worker import MAX_PARTICLES
 from lava_ros.scene import Lava, VENT_TEMPERATURE_RANGE
 
 #: Prefix of the parameters that are fields of ``Lava``.
@@ -36,6 +37,9 @@ LAVA = 'lava.'
 
 #: Names of the effects.
 EFFECTS = tuple(item.name for item in fields(Effects))
+
+#: Wall time from one checkpoint to the next unless the user says otherwise [s].
+CHECKPOINT_PERIOD = 60.0
 
 _RULES = InputRules()
 
@@ -74,6 +78,16 @@ class ParameterSpec:
         return result
 
 
+#: What is known before the node is configured.
+LIFECYCLE = (
+    ParameterSpec(
+        'autostart',
+        True,
+        'Configure and activate at the start; false: wait for a lifecycle manager',
+        read_only=True,
+    ),
+)
+
 #: What says where terrain and lava come from; the defaults of ``lava.*`` depend on it.
 SOURCES = (
     ParameterSpec('scene', '', 'Scene file (YAML) to start with; empty: none', read_only=True),
@@ -82,6 +96,12 @@ SOURCES = (
         '',
         'Terrain to start with (GeoTIFF, ESRI ASCII grid, npz), also in place of that of the '
         'scene file; empty: from the scene file or the topics',
+        read_only=True,
+    ),
+    ParameterSpec(
+        'resume',
+        '',
+        'Bag to go on from its newest checkpoint, which has the scene; empty: start anew',
         read_only=True,
     ),
 )
@@ -163,6 +183,12 @@ PARAMETERS = (
     ),
     ParameterSpec('max_vents', _RULES.max_vents, 'Most vents there may be', (0, 100_000)),
     ParameterSpec(
+        'max_particles',
+        MAX_PARTICLES,
+        'Most particles of the simulation, each with up to 0.8 kB of memory; beyond it stops',
+        (1, 2**30),
+    ),
+    ParameterSpec(
         'max_input_bytes', _RULES.max_input_bytes, 'Most bytes of data in a message', (64, 2**32)
     ),
     ParameterSpec(
@@ -177,7 +203,35 @@ PARAMETERS = (
     ),
     ParameterSpec('record', False, 'Record from the first terrain on', read_only=True),
     ParameterSpec(
-        'bag_directory', '', 'Bag to record to, a new folder; empty: bags/<date and time>'
+        'bag_directory',
+        '',
+        'Bag to record to, a new folder; empty: <bag_root>/<date and time>; while the node runs '
+        'only one inside bag_root is taken',
+    ),
+    ParameterSpec(
+        'checkpoint_period',
+        CHECKPOINT_PERIOD,
+        'Wall time from one checkpoint in the bag to the next [s], the most that resuming loses; '
+        'longer while checkpoints take more than half of the bag; 0: none',
+        (0.0, 1e6),
+    ),
+    ParameterSpec(
+        'bag_root',
+        '',
+        'Folder of the bags; empty: the one that holds bag_directory, else bags/',
+        read_only=True,
+    ),
+    ParameterSpec(
+        'bag_max_size',
+        0,
+        'Size [bytes] from which on the next recording goes on in a new file; 0: no limit',
+        (0, 2**50),
+    ),
+    ParameterSpec(
+        'bag_max_duration',
+        0.0,
+        'Time [s] after which the next recording goes on in a new file; 0: no limit',
+        (0.0, 1e9),
     ),
 )
 
@@ -194,17 +248,22 @@ def lava_parameters(lava: Lava) -> tuple[ParameterSpec, ...]:
     )
 
 
+def lava_values(lava: Lava) -> dict[str, Any]:
+    """The values of the parameters ``lava.*`` that a material has, by name."""
+    return {LAVA + item.name: getattr(lava, item.name) for item in fields(Lava)}
+
+
 def _labelled(metadata: Mapping[str, Any]) -> str:
     unit = metadata.get('unit')
     return f'{metadata["text"]} [{unit}]' if unit else str(metadata['text'])
 
 
 def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
-    """Declare parameters on a node and return their values by name."""
-    return {
-        spec.name: plain(node.declare_parameter(spec.name, spec.default, spec.descriptor()).value)
-        for spec in specs
-    }
+    """Declare parameters that a node does not have yet, and return the values of all by name."""
+    for spec in specs:
+        if not node.has_parameter(spec.name):
+            node.declare_parameter(spec.name, spec.default, spec.descriptor())
+    return {spec.name: plain(node.get_parameter(spec.name).value) for spec in specs}
 
 
 def plain(value: Any) -> Any:
@@ -231,6 +290,11 @@ class Settings:
         terrain_subscribe_transient_local: Whether terrain is subscribed to as a latched topic.
         record: Whether to record from the start.
         bag_directory: Bag to record to, empty for automatic.
+        checkpoint_period: Wall time from one checkpoint in the bag to the next [s], 0 for none.
+        bag_root: Folder of the bags, empty for automatic.
+        bag_max_size: Size from which on a file of a bag is not continued [bytes], 0 for none.
+        bag_max_duration: Time after which a file of a bag is not continued [s], 0 for none.
+        max_particles: Most particles of the simulation.
         rules: What is asked of messages.
         lava: The material.
     """
@@ -249,6 +313,11 @@ class Settings:
     terrain_subscribe_transient_local: bool = True
     record: bool = False
     bag_directory: str = ''
+    checkpoint_period: float = CHECKPOINT_PERIOD
+    bag_root: str = ''
+    bag_max_size: int = 0
+    bag_max_duration: float = 0.0
+    max_particles: int = MAX_PARTICLES
     rules: InputRules = field(default_factory=InputRules)
     lava: Lava = field(default_factory=Lava)
 

@@ -14,6 +14,8 @@
 
 """Quality of service of the node's topics, for rclpy and for bags."""
 
+import os
+
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from lava_ros.bag import qos as bag_qos
@@ -47,3 +49,13 @@ def bag_profile(qos: Qos) -> bag_qos.QosProfile:
 def terrain_profile(*, transient_local: bool) -> QoSProfile:
     """Return the profile for terrain: latched, or not to hear a volatile publisher."""
     return ros_profile(LATCHED if transient_local else Qos(durability='volatile'))
+
+
+def publish_without_waiting() -> None:
+    """Let Fast DDS send from a thread of its own, unless the user says otherwise.
+
+    Its default sends from the thread that publishes, which then waits where sending again to a
+    subscriber that has stopped reading is under way: seconds in which nobody is served. Has to be
+    called before ``rclpy.init``; other middleware ignores it.
+    """
+    os.environ.setdefault('RMW_FASTRTPS_PUBLICATION_MODE', 'ASYNCHRONOUS')

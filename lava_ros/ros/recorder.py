@@ -29,12 +29,14 @@ class RecorderStatus:
     Attributes:
         state: ``off``, ``armed`` (waiting for a terrain) or ``recording``.
         directory: The bag, empty before the first.
+        files: Files it has so far.
         messages: Messages written to it.
         error: What stopped the last recording, empty when nothing did.
     """
 
     state: str
     directory: str
+    files: int
     messages: int
     error: str
 
@@ -51,7 +53,8 @@ class Recorder:
         self._directory: Path | None = None
         self._is_armed = False
         self._writer: BagWriter | None = None
-        self._messages = 0
+        self._files = self._messages = 0
+        self._max_size, self._max_duration = 0, 0.0
         self._error = ''
 
     @property
@@ -60,7 +63,14 @@ class Recorder:
         state = 'armed' if self._is_armed else 'off'
         if self._writer is not None:
             state = 'recording'
-        return RecorderStatus(state, str(self._directory or ''), self._messages, self._error)
+        return RecorderStatus(
+            state, str(self._directory or ''), self._files, self._messages, self._error
+        )
+
+    @property
+    def size(self) -> int:
+        """Bytes in the bag that is open, 0 without one."""
+        return self._writer.size if self._writer is not None else 0
 
     @property
     def is_armed(self) -> bool:
@@ -72,8 +82,13 @@ class Recorder:
         """Whether a bag is open."""
         return self._writer is not None
 
-    def arm(self, directory: Path) -> None:
+    def arm(self, directory: Path, *, max_size: int = 0, max_duration: float = 0.0) -> None:
         """Choose the bag to record to.
+
+        Args:
+            directory: The bag.
+            max_size: Size from which on a file of it is not continued [bytes]; 0: no limit.
+            max_duration: Time after which a file of it is not continued [s]; 0: no limit.
 
         Raises:
             LavaError: A recording is under way, or the folder exists.
@@ -83,7 +98,8 @@ class Recorder:
         if directory.exists():
             raise LavaError('bag_directory', str(directory), 'a folder that does not exist yet')
         self._directory, self._is_armed = directory, True
-        self._messages, self._error = 0, ''
+        self._max_size, self._max_duration = max_size, max_duration
+        self._files, self._messages, self._error = 0, 0, ''
 
     def begin(self, custom_data: Mapping[str, str]) -> None:
         """Open the bag that was chosen.
@@ -94,7 +110,13 @@ class Recorder:
         assert self._directory is not None
         self._is_armed = False
         try:
-            self._writer = BagWriter(self._directory, custom_data=custom_data)
+            self._writer = BagWriter(
+                self._directory,
+                custom_data=custom_data,
+                max_size=self._max_size,
+                max_duration=self._max_duration,
+            )
+            self._files = 1
         except (OSError, LavaError) as error:
             self._error = f'cannot record to {self._directory}: {error}'
 
@@ -111,7 +133,17 @@ class Recorder:
             return
         try:
             self._writer.write(topic, message_type, data, stamp_ns, qos=qos)
-            self._messages += 1
+            self._files, self._messages = self._writer.file_count, self._writer.message_count
+        except (OSError, LavaError) as error:
+            self._give_up(error)
+
+    def attach(self, name: str, media_type: str, data: bytes, stamp_ns: int) -> None:
+        """Put data beside the messages, when a bag is open, and make it survive."""
+        if self._writer is None:
+            return
+        try:
+            self._writer.attach(name, media_type, data, stamp_ns)
+            self._writer.flush()
         except (OSError, LavaError) as error:
             self._give_up(error)
 

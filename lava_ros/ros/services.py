@@ -12,18 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node's services: reset, step, pause and record."""
+"""The node's services: reset, step, pause, record, save, and the newest map of each layer."""
+
+from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
-from rclpy.node import Node
+from nav_msgs.srv import GetMap
 from std_srvs.srv import SetBool, Trigger
 
 from lava_ros.errors import LavaError
+from lava_ros.ros.entities import Entities
+from lava_ros.ros.input_topics import InputTopics
+from lava_ros.ros.layer_publishers import LayerPublishers
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
+
+if TYPE_CHECKING:
+    from lava_ros.ros.operation import Operation
 
 
 class Services:
@@ -31,36 +38,36 @@ class Services:
 
     def __init__(
         self,
-        node: Node,
-        worker: SimulationWorker,
+        operation: Operation,
+        entities: Entities,
         *,
-        command: Callable[[str, 'Future[None]'], None],
-        step_length: Callable[[], float],
-        start_recording: Callable[[], str],
-        stop_recording: Callable[[], str],
+        worker: SimulationWorker,
+        inputs: InputTopics,
+        layers: LayerPublishers,
     ) -> None:
         """Create the services.
 
         Args:
-            node: The node that has them.
+            operation: What they are about.
+            entities: Creates them.
             worker: What they command.
-            command: Reports how a command ends, by the name of the service.
-            step_length: Gives the simulated time of a step [s].
-            start_recording: Begins a bag and gives its name, or raises LavaError.
-            stop_recording: Finishes the bag and gives its name, empty when there was none.
+            inputs: Reports how a command ends.
+            layers: What is published.
         """
+        self._operation = operation
         self._worker = worker
-        self._command = command
-        self._step_length = step_length
-        self._start_recording = start_recording
-        self._stop_recording = stop_recording
-        node.create_service(Trigger, '~/reset', self._on_reset)
-        node.create_service(Trigger, '~/step', self._on_step)
-        node.create_service(SetBool, '~/pause', self._on_pause)
-        node.create_service(SetBool, '~/record', self._on_record)
-
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return _answer(response, self._reset)
+        self._command = inputs.command
+        self._layers = layers
+        for service, name, action in (
+            (Trigger, 'reset', lambda _: self._reset()),
+            (Trigger, 'step', lambda _: self._step()),
+            (Trigger, 'save', lambda _: self._save()),
+            (SetBool, 'pause', lambda request: self._pause(request.data)),
+            (SetBool, 'record', lambda request: self._record(request.data)),
+        ):
+            entities.service(service, f'~/{name}', _answering(action))
+        for topic in layers.grid_topics:
+            entities.service(GetMap, f'~/{topic}/get_map', self._getting(topic))
 
     def _reset(self) -> str:
         if self._worker.scene is None:
@@ -68,42 +75,50 @@ class Services:
         self._command('reset', self._worker.reset())
         return 'starting again at time 0'
 
-    def _on_step(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return _answer(response, self._step)
-
     def _step(self) -> str:
+        self._check_active('step')
         state = self._worker.status.state
         if state is not WorkerState.PAUSED:
             raise LavaError('step', state.value, 'a paused simulation')
-        duration = self._step_length()
+        duration = self._operation.step_length
         self._command('step', self._worker.step(duration))
         return f'advancing {duration:g} s'
 
-    def _on_pause(
-        self, request: SetBool.Request, response: SetBool.Response
-    ) -> SetBool.Response:
-        return _answer(response, lambda: self._pause(request.data))
+    def _save(self) -> str:
+        self._check_active('save')
+        return f'saved in {self._operation.save()}'
 
     def _pause(self, paused: bool) -> str:
-        self._command('pause', self._worker.pause(paused))
+        self._command('pause', self._operation.pause(paused))
         return 'pausing' if paused else 'going on'
 
-    def _on_record(
-        self, request: SetBool.Request, response: SetBool.Response
-    ) -> SetBool.Response:
-        return _answer(response, lambda: self._record(request.data))
-
     def _record(self, is_wanted: bool) -> str:
-        if is_wanted:
-            return f'recording to {self._start_recording()}'
-        return f'recorded {self._stop_recording() or "nothing"}'
+        if not is_wanted:
+            return f'recorded {self._operation.stop_recording() or "nothing"}'
+        self._check_active('record')
+        return f'recording to {self._operation.start_recording()}'
+
+    def _check_active(self, name: str) -> None:
+        if not self._operation.is_active:
+            raise LavaError(name, 'inactive', 'an active node (ros2 lifecycle set ... activate)')
+
+    def _getting(self, topic: str) -> Callable[[Any, Any], Any]:
+        def get(_: GetMap.Request, response: GetMap.Response) -> GetMap.Response:
+            # Without a map there is one of no cells: this type has no other way to say so.
+            response.map = self._layers.newest(topic) or response.map
+            return response
+
+        return get
 
 
-def _answer(response: Any, action: Callable[[], str]) -> Any:
-    try:
-        response.message = action()
-    except LavaError as error:
-        response.message = str(error)
-    else:
-        response.success = True
-    return response
+def _answering(action: Callable[[Any], str]) -> Callable[[Any, Any], Any]:
+    def answer(request: Any, response: Any) -> Any:
+        try:
+            response.message = action(request)
+        except LavaError as error:
+            response.message = str(error)
+        else:
+            response.success = True
+        return response
+
+    return answer

@@ -19,10 +19,13 @@ from concurrent.futures import Future
 from dataclasses import replace
 import queue
 import threading
+import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
+from lava_ros.ros.commands import Command, CommandQueue
 from lava_ros.ros.eruption import Eruption, SimulationLike
+from lava_ros.ros.failure import failure_text
 from lava_ros.ros.speed import SpeedMeter
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import check_vents, Lava, Scene, Terrain, Vent
@@ -31,11 +34,17 @@ if TYPE_CHECKING:
     # The solver's package loads Warp; the thread does that, not the importer.
     from lava_ros.simulation.snapshot import Snapshot
 
+#: Most particles unless the user says otherwise.
+MAX_PARTICLES = 20_000_000
+
 #: Wall time of a slice of simulation, the longest a command waits beside one time step [s].
 SLICE_WALL_TIME = 0.1
 
 #: Wall time between two slices of a simulation that keeps up [s].
 IDLE_WALL_TIME = 0.1
+
+#: Least wall time between two turns of commands, however many come [s].
+TURN_WALL_TIME = 0.02
 
 #: Clock time the simulation may be behind before it gives the rest up [s].
 MAX_LAG = 1.0
@@ -48,8 +57,9 @@ class SimulationWorker:
     behind by ``MAX_LAG`` and then runs as fast as it can: lost time is not made up for.
 
     Commands return at once with a future. It holds a LavaError when the command is refused; the
-    simulation then goes on with what it had. Any other exception stops the simulation: the state
-    is FAILED, the last snapshot stays, and ``reset`` starts again.
+    simulation then goes on with what it had. A command that stands for everything of its kind
+    (vents, terrain, a parameter) cancels the future of one that still waits. Any other exception
+    stops the simulation: the state is FAILED, the last snapshot stays, and ``reset`` starts again.
     """
 
     def __init__(
@@ -61,6 +71,7 @@ class SimulationWorker:
         time_scale: float = 1.0,
         end_time: float | None = None,
         paused: bool = False,
+        max_particles: int = MAX_PARTICLES,
         on_snapshot: Callable[[], None] = lambda: None,
     ) -> None:
         """Prepare the thread; ``start`` runs it.
@@ -72,10 +83,11 @@ class SimulationWorker:
             time_scale: Simulated seconds per second of the clock.
             end_time: Simulated time at which to stop [s], None for never.
             paused: Whether to hold simulated time at the start.
+            max_particles: Most particles, beyond which the simulation stops.
             on_snapshot: Called in the thread when ``latest`` has changed.
         """
         self._make_simulation = make_simulation
-        self._eruption = Eruption(self._make, lava=lava)
+        self._eruption = Eruption(self._make, lava=lava, max_particles=max_particles)
         self._clock = clock
         self._time_scale = time_scale
         self._end_time = end_time
@@ -90,8 +102,8 @@ class SimulationWorker:
         self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, 0.0, False, '')
         self._error = ''
         self._is_stopping = False
-        self._commands: queue.SimpleQueue[tuple[Callable[[], None], Future[None]]]
-        self._commands = queue.SimpleQueue()
+        self._commands = CommandQueue()
+        self._last_turn = 0.0
         self._thread = threading.Thread(target=self._run, name='lava simulation', daemon=True)
 
     @property
@@ -128,7 +140,7 @@ class SimulationWorker:
             Whether it has ended.
         """
         self._is_stopping = True
-        self._put(lambda: None)
+        self._put(lambda: None, kind='stop')
         if self._thread.ident is not None:
             self._thread.join(timeout)
         return not self._thread.is_alive()
@@ -137,9 +149,27 @@ class SimulationWorker:
         """Start a simulation of the scene at time 0, in place of what there was."""
         return self._put(lambda: self._start(lambda: self._eruption.start(scene)))
 
+    def go_on_with(
+        self, make_simulation: Callable[[], SimulationLike], scene: Scene
+    ) -> 'Future[None]':
+        """Take a simulation of a scene, at any time, in place of what there was.
+
+        Args:
+            make_simulation: Makes it; called in the thread.
+            scene: Its scene.
+        """
+        return self._put(lambda: self._go_on_with(make_simulation, scene))
+
+    def checkpoint(self) -> 'Future[bytes]':
+        """Serialise all that is needed to go on from here (``lava_ros.checkpoint``).
+
+        The future holds a LavaError when there is no simulation.
+        """
+        return self._put(self._eruption.checkpoint, kind='checkpoint')
+
     def set_terrain(self, terrain: Terrain) -> 'Future[None]':
         """Replace the ground under the flow; the first terrain starts the simulation."""
-        return self._put(lambda: self._set_terrain(terrain))
+        return self._put(lambda: self._set_terrain(terrain), kind='terrain')
 
     def set_vents(self, vents: Iterable[Vent]) -> 'Future[None]':
         """Replace all vents.
@@ -150,7 +180,7 @@ class SimulationWorker:
         """
         vents = tuple(vents)
         future: Future[None] = Future()
-        return self._put(lambda: self._set_vents(vents, future), future)
+        return self._put(lambda: self._set_vents(vents, future), future, kind='vents')
 
     def add_vent(self, vent: Vent) -> 'Future[None]':
         """Open one more vent; refused before there is a terrain."""
@@ -158,22 +188,28 @@ class SimulationWorker:
 
     def set_lava(self, lava: Lava) -> 'Future[None]':
         """Replace the material from the next start or reset on."""
-        return self._put(lambda: self._eruption.set_lava(lava))
+        return self._put(lambda: self._eruption.set_lava(lava), kind='lava')
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> 'Future[None]':
         """Choose the effects anew, with some forced on or off, looking ahead by a time [s].
 
         The thread then compiles what is new; the last snapshot stays until that is done.
         """
-        return self._put(lambda: self._set_effects(forced, horizon))
+        return self._put(lambda: self._set_effects(forced, horizon), kind='effects')
 
     def set_time_scale(self, time_scale: float) -> 'Future[None]':
         """Change how fast simulated time follows the clock."""
-        return self._put(lambda: setattr(self, '_time_scale', time_scale))
+        return self._put(lambda: setattr(self, '_time_scale', time_scale), kind='time_scale')
 
     def set_end_time(self, end_time: float | None) -> 'Future[None]':
         """Change the simulated time at which to stop [s], None for never."""
-        return self._put(lambda: setattr(self, '_end_time', end_time))
+        return self._put(lambda: setattr(self, '_end_time', end_time), kind='end_time')
+
+    def set_max_particles(self, count: int) -> 'Future[None]':
+        """Change how many particles there may be."""
+        return self._put(
+            lambda: setattr(self._eruption, 'max_particles', count), kind='max_particles'
+        )
 
     def pause(self, paused: bool) -> 'Future[None]':
         """Hold simulated time, or let it go on."""
@@ -181,7 +217,7 @@ class SimulationWorker:
 
     def reset(self) -> 'Future[None]':
         """Start the scene again at time 0, also after a failure; a pause stays."""
-        return self._put(lambda: self._start(self._eruption.reset))
+        return self._put(lambda: self._start(self._eruption.reset), kind='reset')
 
     def step(self, duration: float) -> 'Future[None]':
         """Advance a paused simulation by a duration [s]."""
@@ -191,13 +227,13 @@ class SimulationWorker:
         """Ask for ``latest`` to be renewed when the slice at hand is done, if anything changed."""
         if not self._snapshot_asked:
             self._snapshot_asked = True
-            self._put(self._renew_snapshot)
+            self._put(self._renew_snapshot, kind='snapshot')
 
     def _put(
-        self, action: Callable[[], None], future: 'Future[None] | None' = None
-    ) -> 'Future[None]':
+        self, action: Callable[[], Any], future: 'Future[Any] | None' = None, *, kind: str = ''
+    ) -> 'Future[Any]':
         future = future or Future()
-        self._commands.put((action, future))
+        self._commands.put(Command(action, future, kind))
         return future
 
     def _run(self) -> None:
@@ -212,21 +248,26 @@ class SimulationWorker:
 
     def _run_commands(self) -> None:
         """Run what is queued; wait for it as long as there is nothing else to do."""
+        time.sleep(max(0.0, self._last_turn + TURN_WALL_TIME - time.monotonic()))
+        wait: float | None = None
+        if self._is_moving():
+            wait = 0.0 if self._target > self._eruption.time else IDLE_WALL_TIME
         try:
-            if self._is_moving():
-                wait = 0.0 if self._target > self._eruption.time else IDLE_WALL_TIME
-                command = self._commands.get(timeout=wait) if wait else self._commands.get_nowait()
-            else:
-                command = self._commands.get()
-            while not self._is_stopping:
-                self._execute(*command)
-                command = self._commands.get_nowait()
+            command = self._commands.get(wait)
+            self._last_turn = time.monotonic()
+            self._execute(command)
+            # What comes meanwhile has to wait: simulated time goes on under any flood.
+            for _ in range(len(self._commands)):
+                if self._is_stopping:
+                    return
+                self._execute(self._commands.get(0.0))
         except queue.Empty:
             return
 
-    def _execute(self, action: Callable[[], None], future: 'Future[None]') -> None:
+    def _execute(self, command: Command) -> None:
+        future = command.future
         try:
-            action()
+            result = command.action()
         except LavaError as error:
             _finish(future, error)
         except Exception as error:
@@ -235,7 +276,7 @@ class SimulationWorker:
         else:
             waits = self._waiting_vents is not None and self._waiting_vents[1] is future
             if not waits:
-                _finish(future)
+                _finish(future, result=result)
         self._guard(self._update_status)
 
     def _guard(self, action: Callable[[], None]) -> None:
@@ -245,7 +286,7 @@ class SimulationWorker:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        self._error = f'{type(error).__name__}: {error}'
+        self._error = failure_text(error, self._eruption.latest)
         self._eruption.fail()
         self._step_target = None
         self._status = replace(self._status, state=WorkerState.FAILED, error=self._error)
@@ -253,11 +294,7 @@ class SimulationWorker:
     def _cancel_commands(self) -> None:
         if self._waiting_vents is not None:
             self._waiting_vents[1].cancel()
-        while True:
-            try:
-                self._commands.get_nowait()[1].cancel()
-            except queue.Empty:
-                return
+        self._commands.cancel_all()
 
     def _advance(self) -> None:
         """Move simulated time one slice towards the clock."""
@@ -328,6 +365,11 @@ class SimulationWorker:
         if self._eruption.renew_snapshot():
             self._on_snapshot()
 
+    def _go_on_with(self, make_simulation: Callable[[], SimulationLike], scene: Scene) -> None:
+        self._status = replace(self._status, state=WorkerState.STARTING)
+        self._eruption.go_on_with(make_simulation(), scene)
+        self._note_start()
+
     def _make(self, scene: Scene) -> SimulationLike:
         self._status = replace(self._status, state=WorkerState.STARTING)
         return self._make_simulation(scene)
@@ -366,7 +408,7 @@ class SimulationWorker:
     def _set_vents(self, vents: tuple[Vent, ...], future: 'Future[None]') -> None:
         if self._eruption.scene is None:
             if self._waiting_vents is not None:
-                _finish(self._waiting_vents[1])
+                self._waiting_vents[1].cancel()
             self._waiting_vents = (vents, future)
         elif self._eruption.set_vents(vents):
             self._note_start()
@@ -388,10 +430,12 @@ class SimulationWorker:
         self._step_target = self._eruption.time + duration
 
 
-def _finish(future: 'Future[Any]', error: Exception | None = None) -> None:
+def _finish(
+    future: 'Future[Any]', error: Exception | None = None, *, result: Any = None
+) -> None:
     if not future.set_running_or_notify_cancel():
         return
     if error is None:
-        future.set_result(None)
+        future.set_result(result)
     else:
         future.set_exception(error)

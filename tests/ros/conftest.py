@@ -32,7 +32,8 @@ ROOT = HERE.parents[1]
 
 def _environment(aside):
     environment = dict(os.environ)
-    environment['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 50 + 50 * aside)
+    own = str(1 + os.getpid() % 50 + 50 * aside)
+    environment['ROS_DOMAIN_ID'] = os.environ.get('LAVA_TEST_DOMAIN', own)
     environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     environment['PYTHONPATH'] = os.pathsep.join(
         [str(ROOT), *filter(None, [environment.get('PYTHONPATH')])]
@@ -94,13 +95,13 @@ class Process:
 class Node(Process):
     """The node itself."""
 
-    def __init__(self, directory, aside=False, **parameters):
+    def __init__(self, directory, aside=False, program=('-m', 'lava_ros.ros.node'), **parameters):
         words = [
             word
             for name, value in parameters.items()
             for word in ('-p', f'{name}:={json.dumps(value)}')
         ]
-        super().__init__(['-m', 'lava_ros.ros.node', '--ros-args', *words], directory, aside)
+        super().__init__([*program, '--ros-args', *words], directory, aside)
 
     def wait_for_log(self, text, timeout=60.0):
         """Wait until the node has logged a text."""
@@ -120,12 +121,16 @@ class Publisher(Process):
     def _order(self, **order):
         self.child.stdin.write(json.dumps(order) + '\n')
         self.child.stdin.flush()
-        return json.loads(self.line(20.0))
+        return json.loads(self.line(60.0))
 
     def publish(self, *names):
         """Send messages by their names in ``graph_publisher.CASES``."""
         for name in names:
             self._order(publish=name)
+
+    def flood(self, count, rate, last):
+        """Send vents of discharges up to a last one, so many a second; return how long it took."""
+        return self._order(flood=count, rate=rate, last=last)['seconds']
 
     def clock(self, seconds):
         """Send a time on /clock."""
@@ -189,7 +194,7 @@ class Graph:
         return process
 
     def node(self, *, aside=False, **parameters):
-        """Start a node with parameters."""
+        """Start a node with parameters; ``program`` runs another in its place."""
         return self._start(Node, aside=aside, **parameters)
 
     def publisher(self, *, aside=False):
@@ -208,8 +213,8 @@ class Graph:
 
     def close(self):
         """End what still runs."""
-        for process in reversed(self._started):
-            process.end(signal.SIGKILL)
+        while self._started:
+            self._started.pop().end(signal.SIGKILL)
 
 
 @pytest.fixture(scope='module')

@@ -15,12 +15,14 @@
 """A process that publishes to the node what it is told to, one JSON line at a time.
 
 {"publish": NAME} sends a message of CASES; {"call": SERVICE, "data": BOOL} calls a service;
-{"set": {NAME: VALUE}} sets parameters; {"clock": SECONDS} publishes /clock. Each line is answered
-with a JSON line.
+{"set": {NAME: VALUE}} sets parameters; {"clock": SECONDS} publishes /clock; {"flood": COUNT,
+"rate": HERTZ, "last": DISCHARGE} sends vents, the last ones with that discharge. Each line is
+answered with a JSON line.
 """
 
 import json
 import sys
+import time
 
 from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import MapMetaData
@@ -29,6 +31,7 @@ from rcl_interfaces.srv import SetParametersAtomically
 import rclpy
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import SetBool, Trigger
@@ -93,7 +96,7 @@ def cloud(columns, frame_id='map'):
 def vents(frame_id='map', without=(), **changes):
     """One vent high on the slope, with values changed and fields left out."""
     columns = {'x': 60.0, 'y': 155.0, 'z': 0.0, 'discharge': 20.0, 'temperature': 1100.0}
-    columns.update(radius=12.0, **changes)
+    columns.update({'radius': 12.0, **changes})
     return cloud({key: [value] for key, value in columns.items() if key not in without}, frame_id)
 
 
@@ -117,6 +120,28 @@ def points():
     y, x = np.mgrid[0:ROWS, 0:COLUMNS] * RESOLUTION
     return {'x': x.ravel() + 5.0, 'y': y.ravel() + 5.0, 'z': elevation().ravel() + 2.0}
 
+
+def lying_cloud(width, height):
+    """A cloud that claims more points than it has bytes for."""
+    message = cloud({key: [1.0] for key in VENT_COLUMNS})
+    message.width, message.height = width, height
+    return message
+
+
+def higher():
+    """A terrain of another size, 5 m higher, with the same valley."""
+    y, x = np.mgrid[0:ROWS, 0 : COLUMNS + 8]
+    return (505.0 - RESOLUTION * 0.1 * x + 0.05 * (y - ROWS / 2) ** 2).astype(np.float32)
+
+
+def far_away():
+    """The description of a terrain where no vent is."""
+    message = info()
+    message.origin.position.x = 1e5
+    return message
+
+
+VENT_COLUMNS = ('x', 'y', 'z', 'discharge', 'temperature', 'radius')
 
 CASES = {
     'terrain': ('terrain', image),
@@ -147,8 +172,29 @@ CASES = {
     'vent_off_map': ('vents', lambda: vents(x=-500.0)),
     'vents_without_fields': ('vents', lambda: vents(without=('discharge', 'radius'))),
     'vents_wrong_frame': ('vents', lambda: vents(frame_id='base_link')),
-    'click_off_map': ('clicked_point', lambda: click(9e9, 0.0)),
+    'click_off_map': ('clicked_point', lambda: click(9e6, 0.0)),
+    'huge': ('terrain', lambda: image(np.zeros((4000, 4000), np.float32))),
+    'lying_image': ('terrain', lambda: image(width=30_000, height=30_000, step=120_000)),
+    'lying_info': ('terrain_info', lambda: info(width=2**32 - 1)),
+    'lying_cloud': ('terrain_cloud', lambda: lying_cloud(2**31, 2**31)),
+    'wide_cloud': ('terrain_cloud', lambda: cloud({'x': [0, 3e5], 'y': [0, 3e5], 'z': [0, 1]})),
+    'many_vents': ('vents', lambda: cloud({key: np.ones(1001) for key in VENT_COLUMNS})),
+    'lying_vents': ('vents', lambda: lying_cloud(2**31, 2**31)),
+    'higher': ('terrain', lambda: image(higher())),
+    'higher_info': ('terrain_info', lambda: info(width=COLUMNS + 8)),
+    'away': ('terrain_info', lambda: far_away()),
 }
+
+
+def send_flood(publisher, flood, rate, last):
+    """Send vents of ever another discharge, at a steady rate, and return how long it took [s]."""
+    discharges = [*np.linspace(1.0, 40.0, flood - 1), last]
+    messages = [serialize_message(vents(discharge=float(value))) for value in discharges]
+    start = time.monotonic()
+    for index, message in enumerate(messages):
+        time.sleep(max(0.0, start + index / rate - time.monotonic()))
+        publisher.publish(message)
+    return time.monotonic() - start
 
 
 def main():
@@ -176,6 +222,8 @@ def main():
                 rclpy.spin_once(node, timeout_sec=0.02)
             publishers[topic].publish(make())
             return {'published': order['publish']}
+        if 'flood' in order:
+            return {'seconds': send_flood(publishers['vents'], **order)}
         if 'clock' in order:
             message = Clock()
             message.clock.sec = int(order['clock'])

@@ -129,6 +129,12 @@ def test_lost_volume_is_an_error():
     assert (status.level, status.message) == (ERROR, 'volume is not conserved')
 
 
+def test_a_volume_that_is_no_number_is_an_error():
+    """NaN is no less an error than a share that is too large."""
+    status = _simulation(WorkerState.RUNNING, _snapshot(held=float('nan')))
+    assert (status.level, status.message) == (ERROR, 'volume is not conserved')
+
+
 def test_effects_status():
     """The message names what is on; each effect is a value with its reason."""
     table = {'steep': 'on: slope = 0.8 > 0.12', 'green': 'off: never chosen', 'vft': 'on: forced'}
@@ -141,8 +147,27 @@ def test_effects_status():
 
 def test_recorder_status():
     """A recording that failed is an error."""
-    good = diagnostics.recorder_status(RecorderStatus('recording', 'bags/x', 5, ''))
+    good = diagnostics.recorder_status(RecorderStatus('recording', 'bags/x', 1, 5, ''))
     assert (good.name, good.level, good.message) == ('lava: recorder', OK, 'recording')
-    assert _values(good) == {'state': 'recording', 'bag': 'bags/x', 'messages': '5'}
-    bad = diagnostics.recorder_status(RecorderStatus('off', 'bags/x', 5, 'disk full'))
+    assert _values(good) == {
+        'state': 'recording',
+        'bag': 'bags/x',
+        'files': '1',
+        'messages': '5',
+    }
+    bad = diagnostics.recorder_status(RecorderStatus('off', 'bags/x', 1, 5, 'disk full'))
     assert (bad.level, bad.message) == (ERROR, 'disk full')
+
+
+def test_what_was_replaced_or_forgiven_is_counted():
+    """A message that a newer one replaced is neither taken nor refused; forgiven is a warning."""
+    log = diagnostics.InputLog()
+    log.supersede()
+    log.supersede()
+    assert log.status().level == OK
+    assert _values(log.status())['superseded'] == '2'
+    log.reject('message', LavaError('message', 'x', 'y'))
+    assert log.status().level == ERROR
+    log.forgive('message')
+    assert log.status().level == WARN
+    assert _values(log.status())['rejected.message'] == '1'

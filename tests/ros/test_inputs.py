@@ -16,6 +16,7 @@
 
 import array
 from dataclasses import replace
+import tracemalloc
 
 from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import MapMetaData
@@ -381,3 +382,23 @@ def test_pairing_reports_a_lonely_half_once(half, field):
         pairing.poll(2.5)
     assert caught.value.field == field
     assert pairing.poll(9.0) is None
+
+
+@pytest.mark.parametrize('lie', [False, True])
+def test_what_is_too_large_costs_nothing(lie):
+    """A terrain beyond the limit, or larger by its own word than it is, is refused before work."""
+    rules = replace(RULES, max_terrain_cells=15_999_999)
+    image = Image(header=_header(), width=4000, height=4000, encoding='32FC1', step=16_000)
+    if not lie:
+        image.data.frombytes(bytes(64_000_000))
+    tracemalloc.start()
+    try:
+        with pytest.raises(LavaError, match=r"'4000 x 4000', expected at most 15999999 cells"):
+            inputs.check_image(image, rules)
+        if lie:
+            with pytest.raises(LavaError, match='step x height = 64000000 bytes'):
+                inputs.check_image(image, RULES)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 100_000

@@ -98,3 +98,19 @@ def test_a_full_disk_stops_the_recording(tmp_path, monkeypatch, step):
     assert [message.topic for message in BagReader(tmp_path / 'bag').messages()][:1] == ['/words']
     recorder.arm(tmp_path / 'next')
     assert recorder.status.error == ''
+
+
+def test_a_bag_is_split(tmp_path):
+    """With a limit the recording goes on in new files, which the status counts."""
+    recorder = Recorder()
+    recorder.arm(tmp_path / 'bag', max_duration=10.0)
+    recorder.begin({'scene': 'Etna'})
+    for second in range(25):
+        _write(recorder, f'word {second}', second * 10**9)
+        recorder.flush()
+    assert recorder.status.files == 3
+    assert recorder.status.messages == 25
+    recorder.stop()
+    assert len(BagReader(tmp_path / 'bag').files) == 3
+    recorder.arm(tmp_path / 'next')
+    assert (recorder.status.files, recorder.status.messages) == (0, 0)

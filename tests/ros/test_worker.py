@@ -46,6 +46,8 @@ class KeepsTime:
         self.emitted_before = 0.0
         self.changed_at = 0.0
         self.forced, self.horizon = {}, HORIZON
+        self.particle_count = 0
+        self.flawed = False
         self.is_compiled = threading.Event()
         self.is_compiled.set()
 
@@ -82,7 +84,9 @@ class KeepsTime:
         return Snapshot(
             time=self.time,
             terrain=self.scene.terrain,
-            thickness=np.zeros(self.scene.terrain.shape, np.float32),
+            thickness=np.full(
+                self.scene.terrain.shape, np.nan if self.flawed else 0.0, np.float32
+            ),
             temperature=np.full(self.scene.terrain.shape, np.nan, np.float32),
             budget=VolumeBudget(emitted, emitted, 0.0, 0.0),
             particle_count=0,
@@ -272,7 +276,7 @@ def test_vents_wait_for_terrain(bench):
     """The newest vents that come before the terrain are used with it."""
     first = bench.worker.set_vents([OUTSIDE])
     second = bench.worker.set_vents([VENT])
-    bench.run(first)
+    bench.wait(first.cancelled)
     assert not second.done()
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.run(second)
@@ -368,6 +372,117 @@ def test_a_failed_start_is_reported(bench):
         bench.run(bench.worker.set_terrain(TERRAIN))
     bench.wait_for_state(WorkerState.FAILED)
     assert 'too large' in bench.worker.status.error
+
+
+def test_what_is_no_map_is_not_shown(bench):
+    """A snapshot with a flaw fails the simulation; the one before it stays."""
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    last = bench.worker.latest
+    bench.simulation.flawed = True
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.worker.request_snapshot()
+    bench.wait_for_state(WorkerState.FAILED)
+    assert 'thickness is not a number of metres in 20 cells' in bench.worker.status.error
+    assert bench.worker.latest is last
+    bench.run(bench.worker.reset())
+    bench.wait_for_state(WorkerState.RUNNING)
+
+
+@pytest.mark.parametrize('bench', [{'max_particles': 10}], indirect=True)
+def test_too_many_particles(bench):
+    """Beyond the limit the simulation fails and shows what it had; a higher limit helps."""
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    bench.simulation.particle_count = 10
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.simulation.particle_count = 11
+    bench.now += 0.5
+    bench.wait_for_state(WorkerState.FAILED)
+    assert bench.worker.status.error.startswith('11 particles, expected at most 10 (max_part')
+    assert bench.worker.latest.time == pytest.approx(1.0)
+    bench.run(bench.worker.set_max_particles(20))
+    bench.run(bench.worker.reset())
+    bench.simulation.particle_count = 11
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+
+
+def test_no_memory_is_told_with_what_helps(bench):
+    """What Warp raises becomes a sentence with particles, cells and advice."""
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    bench.simulation.failure = RuntimeError("Failed to allocate 64 bytes on device 'cuda:0'")
+    bench.now += 0.5
+    bench.wait_for_state(WorkerState.FAILED)
+    error = bench.worker.status.error
+    assert error.startswith('out of memory with 0 particles on 5 x 4 cells: Failed to allocate 64')
+    assert 'larger spacing' in error
+
+
+def test_a_flood_of_vents_is_coalesced(bench):
+    """Of what waits the newest counts; simulated time goes on; nothing piles up."""
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    given = []
+    set_vents = bench.simulation.set_vents
+
+    def slow_set_vents(vents):
+        time.sleep(0.01)
+        given.append(vents[0].discharge)
+        set_vents(vents)
+
+    bench.simulation.set_vents = slow_set_vents
+    futures = []
+    for index in range(500):
+        futures.append(bench.worker.set_vents([Vent((25.0, 15.0), 1.0 + index)]))
+        bench.now += 0.001
+        time.sleep(0.001)
+        assert len(bench.worker._commands) < 10
+    bench.run(futures[-1])
+    assert bench.simulation.scene.vents[0].discharge == 500.0
+    assert given == sorted(given)
+    assert all(future.done() for future in futures)
+    assert sum(not future.cancelled() for future in futures) == len(given) < 250
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    assert len(bench.simulation.advanced_to) > 3
+
+
+def test_too_many_commands_are_refused(bench):
+    """What cannot be coalesced is bounded: more is refused, and taken again when there is room."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.run(bench.worker.pause(True))
+    bench.simulation.is_compiled.clear()
+    slow = bench.worker.set_effects({}, horizon=3600.0)
+    futures = [bench.worker.add_vent(OUTSIDE) for _ in range(1100)]
+    refused = [future for future in futures if future.done()]
+    assert 99 <= len(refused) <= 101
+    with pytest.raises(LavaError, match='1000 waiting'):
+        refused[0].result(0.0)
+    bench.simulation.is_compiled.set()
+    bench.run(slow)
+    with pytest.raises(LavaError, match='a place on the terrain'):
+        bench.run(futures[0])
+    bench.run(bench.worker.pause(False))
+
+
+@pytest.mark.parametrize('time_scale', [1.0, 1e2, 1e3, 1e4, 1e5])
+def test_time_scales(time_scale):
+    """At every scale time follows a clock that stutters, jumps and goes back, within the lag."""
+    bench = Bench(time_scale=time_scale)
+    try:
+        bench.run(bench.worker.set_terrain(TERRAIN))
+        expected, clock = 0.0, bench.now
+        for step in (0.25, 0.0, 0.5, -30.0, 0.125, 1e6, -2e6, 0.5):
+            clock += step
+            bench.now = clock
+            expected += min(max(step, 0.0), MAX_LAG) * time_scale
+            bench.wait(lambda: bench.simulation.time == pytest.approx(expected))  # noqa: B023
+            # The clock has to be seen where it is now before it moves on.
+            bench.wait(lambda: bench.worker._last_clock == clock)  # noqa: B023
+        steps = np.diff([0.0, *bench.simulation.advanced_to])
+        assert (steps >= 0.0).all()
+        assert steps.max() <= MAX_LAG * time_scale * (1.0 + 1e-9)
+    finally:
+        assert bench.worker.stop(5.0)
 
 
 def test_snapshots_come_on_request(bench):

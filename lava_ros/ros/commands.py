@@ -1,0 +1,108 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What waits for the simulation's thread: commands in order, of some kinds the newest alone."""
+
+from collections.abc import Callable
+from concurrent.futures import Future
+import queue
+import threading
+from typing import Any, NamedTuple
+
+from lava_ros.errors import LavaError
+
+#: Most commands that wait; kinds of which the newest alone waits count as one each.
+MAX_WAITING = 1000
+
+
+class Command(NamedTuple):
+    """Something to be done in the thread, and who waits for it.
+
+    Attributes:
+        action: What to do.
+        future: What becomes of it.
+        kind: What it replaces all of, such as ``vents``; empty when it replaces nothing.
+    """
+
+    action: Callable[[], Any]
+    future: 'Future[Any]'
+    kind: str
+
+
+class CommandQueue:
+    """Commands from any thread for one thread, bounded in number.
+
+    A command of a kind replaces the waiting one of that kind, whose future is cancelled: a flood
+    of messages that each stand for everything of their kind costs the thread one command a turn.
+    """
+
+    def __init__(self, limit: int = MAX_WAITING) -> None:
+        """Start empty."""
+        self._limit = limit
+        self._waiting: dict[int, Command] = {}
+        self._by_kind: dict[str, int] = {}
+        self._next_key = 0
+        self._changed = threading.Condition()
+
+    def __len__(self) -> int:
+        """Commands that wait."""
+        return len(self._waiting)
+
+    def put(self, command: Command) -> None:
+        """Add a command, in place of a waiting one of its kind; refused when too many wait."""
+        refused = False
+        with self._changed:
+            former = self._waiting.pop(self._by_kind.pop(command.kind, -1), None)
+            if command.kind or len(self._waiting) < self._limit:
+                self._waiting[self._next_key] = command
+                if command.kind:
+                    self._by_kind[command.kind] = self._next_key
+                self._next_key += 1
+                self._changed.notify()
+            else:
+                refused = True
+        # Futures call back, and what they call may put another command.
+        if former is not None:
+            former.future.cancel()
+        if refused and command.future.set_running_or_notify_cancel():
+            command.future.set_exception(
+                LavaError('commands', f'{self._limit} waiting', 'fewer at a time; try again later')
+            )
+
+    def get(self, timeout: float | None = None) -> Command:
+        """Take the oldest command, after waiting for one.
+
+        Args:
+            timeout: How long to wait [s], None for as long as it takes.
+
+        Raises:
+            queue.Empty: There was none in time.
+        """
+        with self._changed:
+            if not self._changed.wait_for(lambda: self._waiting, timeout):
+                raise queue.Empty
+            key = next(iter(self._waiting))
+            command = self._waiting.pop(key)
+            if command.kind:
+                del self._by_kind[command.kind]
+            return command
+
+    def cancel_all(self) -> None:
+        """Cancel what waits."""
+        with self._changed:
+            commands = list(self._waiting.values())
+            self._waiting.clear()
+            self._by_kind.clear()
+        for command in commands:
+            command.future.cancel()

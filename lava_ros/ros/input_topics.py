@@ -1,0 +1,170 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The topics that terrain and vents come in by: checked, turned into commands, never fatal."""
+
+from collections.abc import Callable
+from concurrent.futures import Future
+import time
+import traceback
+from typing import Any
+
+from geometry_msgs.msg import PointStamped
+from nav_msgs.msg import MapMetaData
+from rclpy.clock import Clock
+from sensor_msgs.msg import Image, PointCloud2
+
+from lava_ros.errors import LavaError
+from lava_ros.ros import inputs, qos
+from lava_ros.ros.diagnostics import InputLog
+from lava_ros.ros.entities import Entities
+from lava_ros.ros.parameters import Settings
+from lava_ros.ros.raw_input import decode
+from lava_ros.ros.worker import SimulationWorker
+
+#: How often an image that waits for its description is looked at [s].
+PAIRING_PERIOD = 0.1
+
+
+class InputTopics:
+    """Subscribes to the inputs; what is refused is logged and counted, and changes nothing.
+
+    Attributes:
+        log: What has been taken and refused.
+    """
+
+    def __init__(
+        self,
+        entities: Entities,
+        worker: SimulationWorker,
+        *,
+        settings: Callable[[], Settings],
+        steady: Clock,
+    ) -> None:
+        """Subscribe.
+
+        Args:
+            entities: Creates the subscriptions.
+            worker: What the inputs are for.
+            settings: Gives the node's settings.
+            steady: A clock that goes on whatever ``/clock`` does.
+        """
+        self.log = InputLog()
+        self._logger = entities.node.get_logger()
+        self._worker = worker
+        self._settings = settings
+        self._pairing = inputs.TerrainPairing()
+        self._clicks = 0
+        terrain_qos = qos.terrain_profile(
+            transient_local=settings().terrain_subscribe_transient_local
+        )
+        command_qos = qos.ros_profile(qos.COMMANDS)
+        for message_class, topic, callback, profile in (
+            (Image, 'terrain', self._on_terrain, terrain_qos),
+            (MapMetaData, 'terrain_info', self._on_terrain_info, terrain_qos),
+            (PointCloud2, 'terrain_cloud', self._on_terrain_cloud, terrain_qos),
+            (PointCloud2, 'vents', self._on_vents, command_qos),
+            (PointStamped, 'clicked_point', self._on_clicked_point, command_qos),
+        ):
+            take = self._guarded(topic, message_class, callback)
+            entities.subscription(message_class, topic, take, profile, raw=True)
+        entities.timer(PAIRING_PERIOD, self._poll_pairing, clock=steady)
+
+    def command(self, topic: str, future: 'Future[None]') -> None:
+        """Report how a command for the worker ends; that is in the worker's thread."""
+
+        def report(done: 'Future[None]') -> None:
+            error = None if done.cancelled() else done.exception()
+            if isinstance(error, LavaError):
+                self.reject(topic, error)
+            elif done.cancelled():
+                self.log.supersede()
+            elif error is None:
+                self.log.accept(topic)
+
+        future.add_done_callback(report)
+
+    def reject(self, topic: str, error: LavaError) -> None:
+        """Report an input that is refused."""
+        if self.log.reject(topic, error):
+            self._logger.error(f'{topic} refused: {error}')
+
+    def report_callback(self, error: Exception) -> None:
+        """Report what a callback of the middleware itself raised."""
+        reason = f'{type(error).__name__}: {error}'
+        self.reject('message', LavaError('message', reason, 'one that ROS can take'))
+        self.log.forgive('message')
+
+    def _guarded(
+        self, topic: str, message_class: Any, callback: Callable[[Any], None]
+    ) -> Callable[[bytes], None]:
+        def take(data: bytes) -> None:
+            try:
+                most = self._settings().rules.max_input_bytes
+                callback(decode(data, message_class, topic, max_bytes=most))
+            except LavaError as error:
+                self.reject(topic, error)
+            except Exception as error:
+                self._logger.error(traceback.format_exc())
+                reason = f'{type(error).__name__}: {error}'
+                self.reject(topic, LavaError(topic, reason, 'a message that can be read'))
+
+        return take
+
+    def _on_terrain(self, image: Image) -> None:
+        inputs.check_image(image, self._settings().rules)
+        self._pairing.add_image(image, time.monotonic())
+        self._poll_pairing()
+
+    def _on_terrain_info(self, info: MapMetaData) -> None:
+        inputs.check_info(info, self._settings().rules)
+        self.log.accept('terrain_info')
+        self._pairing.add_info(info, time.monotonic())
+        self._poll_pairing()
+
+    def _poll_pairing(self) -> None:
+        if not self._pairing.is_waiting:
+            return
+        try:
+            pair = self._pairing.poll(time.monotonic())
+            if pair is not None:
+                terrain = inputs.terrain_from_image(*pair, self._settings().rules)
+                self.command('terrain', self._worker.set_terrain(terrain))
+        except LavaError as error:
+            self.reject('terrain', error)
+
+    def _on_terrain_cloud(self, cloud: PointCloud2) -> None:
+        terrain = inputs.terrain_from_cloud(cloud, self._settings().rules)
+        self.command('terrain_cloud', self._worker.set_terrain(terrain))
+
+    def _on_vents(self, cloud: PointCloud2) -> None:
+        vents = inputs.vents_from_cloud(cloud, self._settings().rules)
+        self.command('vents', self._worker.set_vents(vents))
+
+    def _on_clicked_point(self, point: PointStamped) -> None:
+        settings, scene = self._settings(), self._worker.scene
+        if scene is not None and len(scene.vents) >= settings.rules.max_vents:
+            raise LavaError(
+                'clicked_point', 'one more vent', f'at most {settings.rules.max_vents} (max_vents)'
+            )
+        self._clicks += 1
+        vent = inputs.vent_from_point(
+            point,
+            settings.rules,
+            discharge=settings.default_discharge,
+            temperature=settings.default_temperature,
+            radius=settings.default_radius,
+            name=f'click {self._clicks}',
+        )
+        self.command('clicked_point', self._worker.add_vent(vent))

@@ -1,0 +1,391 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the node does between configuring and cleaning up: a worker, its topics, its bag."""
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from visualization_msgs.msg import MarkerArray
+
+from lava_ros.errors import LavaError
+from lava_ros.layers import load_layers
+from lava_ros.ros import codec, diagnostics, qos
+from lava_ros.ros.bag_folder import BagFolder
+from lava_ros.ros.checkpoint_recording import CheckpointRecording
+from lava_ros.ros.entities import Entities
+from lava_ros.ros.input_topics import InputTopics
+from lava_ros.ros.layer_publishers import LayerPublishers
+from lava_ros.ros.markers import vent_markers
+from lava_ros.ros.parameters import Settings
+from lava_ros.ros.recorder import Recorder
+from lava_ros.ros.scene_recording import SceneRecording
+from lava_ros.ros.services import Services
+from lava_ros.ros.simulations import new_simulation, resumed_simulation
+from lava_ros.ros.sources import Sources
+from lava_ros.ros.worker import SimulationLike, SimulationWorker
+from lava_ros.ros.worker_status import WorkerState
+from lava_ros.scene import Scene
+from lava_ros.share import find_file
+
+#: Thickness from which a cell counts as wet in the diagnostics [m].
+WET_THICKNESS = 0.1
+
+#: How long the end waits for the simulation's thread: a step, or the compiler at the start [s].
+STOP_TIMEOUT = 4.0
+
+#: How long the end of a bag waits for its last checkpoint: a step, or the compiler [s].
+CHECKPOINT_TIMEOUT = 2.0
+
+
+class Operation:
+    """A configured node: takes inputs, and once it is active lets time pass and publishes.
+
+    Attributes:
+        failure: Why the node has to end, empty as long as it has not.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        settings: Settings,
+        values: Callable[[], Mapping[str, Any]],
+        sources: Sources,
+        *,
+        make_simulation: Callable[[Scene], SimulationLike] | None = None,
+    ) -> None:
+        """Join the graph, and start on what there is, with time standing still.
+
+        Args:
+            node: The node.
+            settings: What its parameters say.
+            values: Gives their values by name.
+            sources: What to start with.
+            make_simulation: Makes simulations in place of the settings' own.
+
+        Raises:
+            LavaError: A file that a parameter names is not usable.
+        """
+        self._node = node
+        self._settings = settings
+        self.failure = ''
+        self._bag_folder = BagFolder(settings.bag_root, settings.bag_directory)
+        config = find_file(settings.msg_config, 'msg_configs')
+        layers = load_layers(config)
+        self._is_active = False
+        self._is_paused = False
+        self._reported_state = WorkerState.WAITING
+        self._reported_recorder_error = ''
+        self._recorder = Recorder()
+        self._recording = SceneRecording(
+            node,
+            self._recorder,
+            frame_id=settings.rules.frame_id,
+            msg_config=config.read_text(encoding='utf-8'),
+            parameters=values,
+        )
+        self._entities = entities = Entities(node)
+        snapshot_ready = entities.guard_condition(self._publish)
+        self._worker = SimulationWorker(
+            make_simulation or (lambda scene: new_simulation(scene, self._settings)),
+            clock=lambda: node.get_clock().now().nanoseconds * 1e-9,
+            lava=settings.lava,
+            time_scale=settings.time_scale,
+            end_time=settings.end_time,
+            max_particles=settings.max_particles,
+            paused=True,
+            on_snapshot=snapshot_ready.trigger,
+        )
+        self._checkpoints = CheckpointRecording(self._recorder, self._worker.checkpoint)
+        self._layers = LayerPublishers(
+            entities, layers, self._recorder, frame_id=settings.rules.frame_id
+        )
+        for rate in self._layers.rates:
+            entities.timer(1.0 / rate, lambda rate=rate: self._make_due(rate))
+        latched = qos.ros_profile(qos.LATCHED)
+        self._markers = entities.publisher(MarkerArray, 'vents_markers', latched)
+        self._marked: object = None
+        self._diagnostics = entities.publisher(
+            DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
+        )
+        # The heartbeat must not stop with a simulated clock.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        entities.timer(1.0, self._publish_diagnostics, clock=steady)
+        self._inputs = InputTopics(
+            entities, self._worker, settings=lambda: self._settings, steady=steady
+        )
+        self._answers = Services(
+            self, entities, worker=self._worker, inputs=self._inputs, layers=self._layers
+        )
+        self._worker.start()
+        self._begin(sources)
+
+    @property
+    def is_active(self) -> bool:
+        """Whether time passes and layers are published."""
+        return self._is_active
+
+    @property
+    def step_length(self) -> float:
+        """Simulated time of a step [s]."""
+        return self._settings.time_scale
+
+    def activate(self) -> None:
+        """Let time pass, and publish.
+
+        Raises:
+            LavaError: The simulation has failed, or the bag cannot be.
+        """
+        status = self._worker.status
+        if status.state is WorkerState.FAILED:
+            raise LavaError('simulation', status.error, 'one that has not failed; ~/reset')
+        is_busy = self._recorder.is_recording or self._recorder.is_armed
+        if self._settings.record and not is_busy:
+            self._arm_recorder()
+        self._is_active = True
+        self._worker.pause(self._is_paused)
+        self._publish(repeat=True)
+
+    def deactivate(self) -> None:
+        """Let time stand still, and publish no layers; inputs are taken, diagnostics told."""
+        self._is_active = False
+        self._worker.pause(True)
+
+    def close(self) -> bool:
+        """Finish the bag, end the worker and leave the graph.
+
+        Returns:
+            Whether the worker has ended.
+        """
+        self._close_bag()
+        ended = self._worker.stop(STOP_TIMEOUT)
+        self._report_recorder()
+        self._entities.destroy()
+        return ended
+
+    def check(self, settings: Settings) -> None:
+        """Refuse settings that cannot be used now.
+
+        Raises:
+            LavaError: The folder of the bag is not one that may be written to.
+        """
+        self._bag_folder.path(settings.bag_directory)
+
+    def apply(self, new: Settings) -> None:
+        """Use other settings from now on, or from the next start where they say so."""
+        old, self._settings = self._settings, new
+        command = self._inputs.command
+        if new.time_scale != old.time_scale:
+            command('time_scale', self._worker.set_time_scale(new.time_scale))
+        if new.max_particles != old.max_particles:
+            command('max_particles', self._worker.set_max_particles(new.max_particles))
+        if new.end_time != old.end_time:
+            command('end_time', self._worker.set_end_time(new.end_time))
+        if (new.forced, new.horizon) != (old.forced, old.horizon):
+            command('effects', self._worker.set_effects(new.forced, horizon=new.horizon))
+        if new.lava != old.lava:
+            command('lava', self._worker.set_lava(new.lava))
+        if (new.lava, new.preset, new.spacing) != (old.lava, old.preset, old.spacing):
+            self._node.get_logger().info('the new value is used from the next start or reset on')
+
+    def report_callback(self, error: Exception) -> None:
+        """Report what a callback of the middleware itself raised."""
+        self._inputs.report_callback(error)
+
+    def pause(self, paused: bool) -> 'Future[None]':
+        """Hold simulated time, or let it go on as soon as the node is active."""
+        self._is_paused = paused
+        return self._worker.pause(paused or not self._is_active)
+
+    def start_recording(self) -> str:
+        """Begin a bag and give its name.
+
+        Raises:
+            LavaError: It cannot be.
+        """
+        directory = self._arm_recorder()
+        self._publish(repeat=True)
+        if self._recorder.status.error:
+            raise LavaError('bag_directory', str(directory), self._recorder.status.error)
+        return str(directory)
+
+    def stop_recording(self) -> str:
+        """Finish the bag and give its name, empty when there was none."""
+        self._close_bag()
+        self._report_recorder()
+        return self._recorder.status.directory
+
+    def save(self) -> str:
+        """Put the maps and a checkpoint of this moment into a bag and give its name.
+
+        That is the bag that is being recorded, or else one of its own.
+
+        Raises:
+            LavaError: There is nothing to save, or the bag cannot be.
+        """
+        if self._worker.latest is None:
+            raise LavaError('save', 'no simulation yet', 'a terrain')
+        if not self._recorder.is_recording:
+            self.start_recording()
+            return self.stop_recording()
+        self._publish(repeat=True)
+        self._write_last_checkpoint()
+        self._recorder.flush()
+        return self._recorder.status.directory
+
+    def _begin(self, sources: Sources) -> None:
+        checkpoint, command = sources.checkpoint, self._inputs.command
+        if checkpoint is not None:
+            going_on = self._worker.go_on_with(
+                lambda: resumed_simulation(checkpoint, self._settings), checkpoint.scene
+            )
+            going_on.add_done_callback(self._note_failure)
+        elif sources.scene is not None:
+            command('scene', self._worker.set_scene(sources.scene))
+        elif sources.terrain is not None:
+            command('terrain_file', self._worker.set_terrain(sources.terrain))
+
+    def _note_failure(self, going_on: 'Future[None]') -> None:
+        # starting anew in its place would look like the eruption that was to go on
+        if not going_on.cancelled() and going_on.exception() is not None:
+            self.failure = f'cannot resume: {going_on.exception()}'
+
+    # outputs
+
+    def _make_due(self, rate: float) -> None:
+        if not self._is_active:
+            return
+        self._layers.make_due(rate)
+        self._worker.request_snapshot()
+        if self._is_at_rest():
+            self._publish()
+
+    def _publish(self, *, repeat: bool = False) -> None:
+        """Publish the layers that are due and have something new; all of them at rest."""
+        snapshot, scene = self._worker.latest, self._worker.scene
+        if snapshot is None or not self._is_active:
+            return
+        stamp_ns = self._stamp_ns()
+        if scene is not None:
+            self._recording.write(
+                scene,
+                snapshot,
+                stamp_ns,
+                effects=self._worker.effects,
+                device=self._worker.status.device,
+            )
+            self._publish_markers(scene, snapshot.time, stamp_ns)
+        self._layers.publish(
+            snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat
+        )
+        self._recorder.flush()
+        self._report_recorder()
+
+    def _publish_markers(self, scene: Scene, time: float, stamp_ns: int) -> None:
+        marked = scene.vents, tuple(vent.discharge_at(time) for vent in scene.vents)
+        if marked == self._marked:
+            return
+        self._marked = marked
+        frame_id = self._settings.rules.frame_id
+        self._markers.publish(
+            vent_markers(scene.vents, time, scene.terrain, frame_id=frame_id, stamp_ns=stamp_ns)
+        )
+
+    def _is_at_rest(self) -> bool:
+        return self._worker.status.state is not WorkerState.RUNNING
+
+    def _publish_diagnostics(self) -> None:
+        worker = self._worker.status
+        if self._is_at_rest():
+            # The end is not told before its frame is out.
+            self._publish()
+        snapshot = self._layers.shown
+        stamp_ns = self._stamp_ns()
+        wet = 0 if snapshot is None else int((snapshot.thickness >= WET_THICKNESS).sum())
+        message = DiagnosticArray(
+            header=codec.header('', stamp_ns),
+            status=[
+                diagnostics.simulation_status(
+                    worker, snapshot, wet_cells=wet, frame_stamp_ns=self._layers.shown_stamp_ns
+                ),
+                diagnostics.effects_status(self._worker.effects),
+                self._inputs.log.status(),
+                diagnostics.recorder_status(self._recorder.status, self._checkpoints.last),
+            ],
+        )
+        data = codec.serialise(message)
+        self._diagnostics.publish(data)
+        self._recorder.write(
+            '/diagnostics',
+            'diagnostic_msgs/msg/DiagnosticArray',
+            data,
+            stamp_ns,
+            qos=qos.bag_profile(qos.DIAGNOSTICS),
+        )
+        self._recorder.flush()
+        period = self._settings.checkpoint_period
+        self._report_checkpoint(self._checkpoints.poll(period, stamp_ns))
+        self._report_recorder()
+        self._report_state(worker.state, worker.error)
+
+    def _report_state(self, state: WorkerState, error: str) -> None:
+        if state is self._reported_state:
+            return
+        self._reported_state = state
+        if state is WorkerState.FAILED:
+            reason = f'simulation failed: {error}; ~/reset starts it again'
+            self._node.get_logger().error(reason)
+        else:
+            self._node.get_logger().info(f'simulation {state.value}')
+
+    def _stamp_ns(self) -> int:
+        return self._node.get_clock().now().nanoseconds
+
+    # recording
+
+    def _arm_recorder(self) -> Path:
+        settings = self._settings
+        directory = self._bag_folder.path(settings.bag_directory)
+        self._recorder.arm(
+            directory,
+            max_size=settings.bag_max_size,
+            max_duration=settings.bag_max_duration,
+        )
+        return directory
+
+    def _close_bag(self) -> None:
+        self._write_last_checkpoint()
+        self._recorder.stop()
+
+    def _write_last_checkpoint(self) -> None:
+        period = self._settings.checkpoint_period
+        self._report_checkpoint(
+            self._checkpoints.finish(period, self._stamp_ns(), timeout=CHECKPOINT_TIMEOUT)
+        )
+
+    def _report_checkpoint(self, reason: str) -> None:
+        if reason:
+            self._node.get_logger().warning(f'no checkpoint: {reason}')
+
+    def _report_recorder(self) -> None:
+        error = self._recorder.status.error
+        if error and error != self._reported_recorder_error:
+            self._node.get_logger().error(error)
+        self._reported_recorder_error = error

@@ -1,0 +1,167 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Recording when the process is killed or the disk is full: what is written stays."""
+
+from hashlib import sha256
+import json
+import os
+from pathlib import Path
+import resource
+import signal
+import time
+
+import pytest
+
+from lava_ros.bag import BagReader
+
+CONFIGS = Path(__file__).parents[3] / 'msg_configs'
+#: How many recordings are killed, each at another moment in the period of a frame. With more than
+#: one, as in `make nightly`, a disk is also full for the file alone.
+KILLS = int(os.environ.get('LAVA_KILLS', '1'))
+
+GRIDS = ('height', 'temperature', 'hazard')
+
+
+@pytest.fixture(autouse=True)
+def alone(graph):
+    """No process of one test is heard by the next."""
+    yield
+    graph.close()
+
+
+def start(graph, bag):
+    """A node that records, with a publisher that has fed it and a listener that hears lava."""
+    config = graph.directory / 'often.yaml'
+    default = (CONFIGS / 'default.yaml').read_text(encoding='utf-8')
+    config.write_text(default.replace('rate: 1.0 ', 'rate: 10.0 '), encoding='utf-8')
+    node = graph.node(
+        device='cpu',
+        time_scale=100.0,
+        record=True,
+        bag_directory=str(bag),
+        bag_root=str(bag.parent),
+        msg_config=str(config),
+    )
+    publisher, listener = graph.publisher(), graph.listener(*GRIDS)
+    publisher.publish('vents', 'terrain_info', 'terrain')
+    listener.wait_for_topic('height', lambda grid: grid['wet'] > 0, timeout=90.0)
+    for topic in ('diagnostics', 'height', 'diagnostics'):
+        listener.wait_for_topic(topic)
+    return node, publisher, listener
+
+
+def recovered(graph, bag):
+    """What `lava recover` says and the messages (topic, stamp, digest) it has saved."""
+    copy = bag.with_name(f'{bag.name}_recovered')
+    process = graph.process('-m', 'lava_ros.cli.main', 'recover', str(bag), str(copy))
+    assert process.child.wait(60.0) == 0, process.log
+    reader = BagReader(copy)
+    assert not reader.recovered
+    messages = [
+        (item.topic.removeprefix('/'), item.publish_ns, sha256(item.data).hexdigest())
+        for item in reader.messages()
+    ]
+    time.sleep(0.2)
+    said = [process.line(5.0) for _ in range(2 + len(reader.topics))]
+    return said, messages
+
+
+def hear_out(listener):
+    """Read what a listener still has to say."""
+    time.sleep(1.0)
+    while not listener._lines.empty():
+        listener.seen.append(json.loads(listener.line(1.0)))
+    return [
+        (item['topic'], item['stamp_ns'], item['sha256'])
+        for item in listener.seen
+        if item['topic'] in GRIDS
+    ]
+
+
+def check_kill(graph, directory, delay):
+    """Kill a recording node after a delay and return how many messages it has lost."""
+    bag = directory / 'bag'
+    node, _, listener = start(graph, bag)
+    time.sleep(delay)
+    node.end(signal.SIGKILL)
+    heard = hear_out(listener)
+    assert BagReader(bag).recovered
+    said, saved = recovered(graph, bag)
+    assert said[0].startswith(f'{len(saved)} messages'), said
+    heights = sum(topic == 'height' for topic, *_ in saved)
+    assert any(line.split() == [str(heights), '/height'] for line in said), said
+    assert said[-1].endswith('the bag had been cut off')
+    # Messages of before the recording, without lava, are none of it.
+    first = min(stamp for _, stamp, _ in saved)
+    lost = [item for item in heard if item[1] >= first and item not in set(saved)]
+    last = max(stamp for _, stamp, _ in heard)
+    assert {stamp for _, stamp, _ in lost} <= {last}
+    topics = [topic for topic, *_ in saved]
+    assert topics[:3] == ['terrain', 'terrain_info', 'vents']
+    assert set(topics) >= {*GRIDS, 'diagnostics'}
+    return len(lost)
+
+
+@pytest.mark.parametrize('index', range(KILLS))
+def test_a_killed_recording_is_recovered(graph, tmp_path, index):
+    """After kill -9 everything is there but, at most, the frame at hand."""
+    check_kill(graph, tmp_path, 0.5 + 0.01 * index)
+
+
+@pytest.mark.parametrize('limit', ['any file', *['the file'] * (KILLS > 1)])
+def test_a_full_disk(graph, tmp_path, limit):
+    """The node says so once, stops recording and goes on; what was written is recovered.
+
+    A limit on the size of files stands in for the disk: unlike a small disk it needs no rights.
+    """
+    bag = tmp_path / 'bag'
+    node, publisher, listener = start(graph, bag)
+    (file,) = bag.glob('*.mcap')
+    # A metadata.yaml has more than 1000 bytes: it cannot be written either.
+    most = file.stat().st_size + 2000 if limit == 'the file' else 1000
+    resource.prlimit(node.child.pid, resource.RLIMIT_FSIZE, (most, resource.RLIM_INFINITY))
+    status = listener.wait_for_status('recorder', lambda status: status['level'] == 2)
+    assert status['state'] == 'off'
+    assert f'recording to {bag} stopped' in status['message']
+    assert 'File too large' in status['message']
+    errors = [line for line in node.log.splitlines() if '[ERROR]' in line and 'recording' in line]
+    assert len(errors) == 1, errors
+
+    wet = listener.wait_for_topic('height')['wet']
+    listener.wait_for_topic('height', lambda grid: grid['wet'] > wet)
+    status = listener.wait_for_status('simulation', lambda _: True)
+    assert (status['state'], status['level']) == ('running', 0)
+    heard = hear_out(listener)
+    _, saved = recovered(graph, bag)
+    assert {*GRIDS, 'terrain', 'diagnostics'} <= {topic for topic, *_ in saved}
+    # Frame by frame, with no gap before the place where it breaks off.
+    end = max(stamp for topic, stamp, _ in saved if topic in GRIDS)
+    first = min(stamp for topic, stamp, _ in saved)
+    assert {item for item in heard if first <= item[1] < end} <= set(saved)
+
+    # With room again the next recording works; the old bag is not touched.
+    resource.prlimit(
+        node.child.pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+    )
+    assert publisher.set(bag_directory=str(tmp_path / 'next'))['success']
+    assert publisher.call('record', True)['success']
+    listener.wait_for_topic('height')
+    listener.wait_for_topic('diagnostics')
+    assert publisher.call('record', False)['success']
+    assert not BagReader(tmp_path / 'next').recovered
+    refused = publisher.set(bag_directory=str(tmp_path.parent / 'elsewhere'))
+    assert not refused['success']
+    assert 'bag_root' in refused['message']
+    assert node.end() == 0

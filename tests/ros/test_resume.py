@@ -1,0 +1,228 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A node that was killed, and one that goes on from its bag."""
+
+from dataclasses import replace
+from functools import lru_cache
+import signal
+import time
+
+import numpy as np
+import pytest
+import yaml
+
+from lava_ros.bag import BagReader, BagWriter
+from lava_ros.bag.checkpoints import checkpoints_of, NAME, newest_checkpoint
+from lava_ros.checkpoint import Checkpoint, MEDIA_TYPE
+from lava_ros.choice import HORIZON
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.lava import Lava
+from lava_ros.presets import preset_accuracy
+from lava_ros.ros.parameters import lava_parameters, PARAMETERS
+from lava_ros.ros.resume import adopted
+from lava_ros.scene import Scene, Terrain
+from lava_ros.simulation import Simulation
+
+
+@pytest.fixture(autouse=True)
+def alone(graph):
+    """No process of one test is heard by the next."""
+    yield
+    graph.close()
+
+
+def numbers(status):
+    """Time, volume that has come out, and steps of a simulation's status."""
+    return (
+        float(status['simulated_time_s']),
+        float(status['volume_emitted_m3']),
+        int(status['steps']),
+    )
+
+
+def has_lava(status):
+    """Whether a simulation has shown lava."""
+    return float(status.get('volume_emitted_m3', 0.0)) > 0.0
+
+
+def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
+    """After kill -9 time, volume and steps go on from the last checkpoint, under the same inputs.
+
+    The publisher of the terrain is latched: the second node hears its map again, and the vents
+    are sent again. Neither starts the eruption anew.
+    """
+    first_bag, second_bag = tmp_path / 'first', tmp_path / 'second'
+    node = graph.node(
+        device='cpu',
+        time_scale=50.0,
+        record=True,
+        bag_directory=str(first_bag),
+        checkpoint_period=1.0,
+        preset='draft',
+        effects_off=['cooling'],
+    )
+    publisher, listener = graph.publisher(), graph.listener('height')
+
+    def heard(task, condition=lambda _: True):
+        return listener.wait_for_status(task, condition, timeout=120.0)
+
+    publisher.publish('vents', 'terrain_info', 'terrain')
+    recorder = heard('recorder', lambda item: float(item.get('checkpoint_time_s', 0.0)) > 100.0)
+    seen_time, seen_volume, _ = numbers(heard('simulation', has_lava))
+    discharge = seen_volume / seen_time
+    last_stamp = listener.wait_for_topic('height', timeout=120.0)['stamp_ns']
+    node.end(signal.SIGKILL)
+
+    assert BagReader(first_bag).recovered
+    found = newest_checkpoint(first_bag)
+    checkpoint = found.checkpoint
+    assert found.refused == ()
+    assert checkpoint.time >= float(recorder['checkpoint_time_s'])
+    assert checkpoint.forced == {'cooling': False}
+    steps = Simulation.resume(checkpoint, device='cpu').steps
+
+    before = len(listener.seen)
+    node = graph.node(
+        program=('-m', 'lava_ros.cli.main', 'node', '--resume', str(first_bag)),
+        device='cpu',
+        time_scale=50.0,
+        record=True,
+        bag_directory=str(second_bag),
+    )
+    node.wait_for_log(f'going on at {checkpoint.time:.3f} s simulated', timeout=120.0)
+    reached = heard('simulation', lambda item: has_lava(item) and int(item['steps']) > steps)
+    # both halves of the terrain, and the vents
+    accepted = 0
+    while accepted < 3:
+        publisher.publish('vents')
+        accepted = int(heard('inputs')['accepted'])
+    enough = numbers(reached)[0] + 50.0
+    later = heard('simulation', lambda item: numbers(item)[0] > enough)
+    for item in (reached, later):
+        moment, volume, _ = numbers(item)
+        assert moment > checkpoint.time
+        assert volume == pytest.approx(discharge * moment, rel=1e-9)
+        assert float(item['volume_error']) < 1e-5
+    assert heard('effects')['cooling'] == 'off: forced'
+    assert listener.wait_for_topic('height', timeout=120.0)['stamp_ns'] > last_stamp
+    statuses = [
+        item['status']['lava: simulation']
+        for item in listener.seen[before:]
+        if item['topic'] == 'diagnostics'
+    ]
+    times = [numbers(status)[0] for status in statuses if has_lava(status)]
+    assert min(times) >= checkpoint.time
+    assert node.end(signal.SIGTERM) == 0
+
+    assert 'Traceback' not in node.log
+    assert not BagReader(second_bag).recovered
+    stored = checkpoints_of(second_bag)
+    assert checkpoint.time <= stored[0].time
+    assert stored[-1].time >= numbers(later)[0]
+    parameters = yaml.safe_load(BagReader(second_bag).custom_data['parameters'])
+    assert (parameters['preset'], parameters['effects_off']) == ('draft', ['cooling'])
+    again = Simulation.resume(newest_checkpoint(second_bag).checkpoint, device='cpu')
+    assert again.time == stored[-1].time
+    assert again.budget().emitted == pytest.approx(discharge * again.time, rel=1e-9)
+    assert again.budget().error < 1e-5
+
+
+@pytest.mark.parametrize(
+    ('parameters', 'words'),
+    [
+        ({}, 'this one has none'),
+        ({'scene': 'scene.yaml'}, "scene is 'scene.yaml', expected left out beside resume"),
+        ({'lava.viscosity': 50.0}, 'lava.viscosity is 50.0, expected 1234.5 as in the checkpoint'),
+        ({'device': 'cuda:99'}, "cannot resume: device is 'cuda:99'"),
+    ],
+)
+def test_a_node_that_cannot_resume_does_not_start_anew(graph, tmp_path, parameters, words):
+    """It says why in one sentence and ends with 1."""
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        if parameters:
+            writer.attach(NAME, MEDIA_TYPE, checkpoint().to_bytes(), 1)
+    node = graph.node(aside=True, resume=str(tmp_path / 'bag'), **parameters)
+    assert node.child.wait(120.0) == 1
+    time.sleep(0.1)
+    assert 'Traceback' not in node.log
+    assert [line for line in node.log.splitlines() if words in line], node.log
+
+
+@lru_cache
+def _standard():
+    scene = Scene(Terrain(np.zeros((5, 5)), 10.0), lava=Lava(viscosity=1234.5))
+    accuracy = preset_accuracy('standard')
+    return Simulation(scene, accuracy=accuracy, effects={}, device='cpu').checkpoint()
+
+
+def checkpoint(**changes):
+    """A flat scene without vents, of the standard preset."""
+    return replace(_standard(), **changes)
+
+
+def defaults(lava):
+    """The parameters' defaults beside a material."""
+    return {spec.name: spec.default for spec in (*PARAMETERS, *lava_parameters(lava))}
+
+
+def test_parameters_that_were_left_out_are_the_checkpoints():
+    """Effects, horizon, preset and spacing say afterwards how the eruption has been made."""
+    one = checkpoint()
+    known = defaults(one.scene.lava)
+    assert adopted(one, known, known) == {}
+    forced = checkpoint(
+        forced={'inertia': True, 'crust': False},
+        horizon=2.0 * HORIZON,
+        accuracy=replace(preset_accuracy('fine', spacing=3.0), thickness=1.7),
+    )
+    result = adopted(forced, known, known)
+    assert result == {
+        'effects_on': ['inertia'],
+        'effects_off': ['crust'],
+        'horizon': HORIZON / 1800.0,
+        'preset': 'fine',
+        'spacing': 3.0,
+    }
+    assert adopted(forced, {**known, **result}, known) == {}
+
+
+@pytest.mark.parametrize(
+    ('name', 'value'),
+    [
+        ('lava.viscosity', 100.0),
+        ('lava.crust', True),
+        ('effects_on', ['crust']),
+        ('effects_off', ['steep']),
+        ('horizon', 1.0),
+        ('preset', 'draft'),
+        ('spacing', 4.0),
+    ],
+)
+def test_parameters_that_contradict_are_refused(name, value):
+    """What was given is not passed over in silence."""
+    one = checkpoint(forced={'crust': False, 'inertia': True})
+    known = defaults(one.scene.lava)
+    assert known[name] != value
+    with pytest.raises(LavaError, match=f'^{name} is .* as in the checkpoint, or left out'):
+        adopted(one, {**known, name: value}, known)
+
+
+def test_particles_are_not_asked_for_by_parameters():
+    """An accuracy that no preset has goes on, and preset and spacing stay for the next reset."""
+    own = checkpoint(accuracy=replace(preset_accuracy('standard', spacing=5.0), ratio=4.5))
+    assert isinstance(own, Checkpoint) and own.effects == Effects(**vars(own.effects))
+    known = defaults(own.scene.lava)
+    assert adopted(own, {**known, 'preset': 'draft', 'spacing': 1.0}, known) == {}
