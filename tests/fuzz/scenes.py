@@ -1,0 +1,263 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Strategies for scenes that are valid, small and quick, and otherwise anything."""
+
+from dataclasses import dataclass, replace
+import math
+from typing import Any
+
+from hypothesis import assume
+from hypothesis import strategies as st
+import numpy as np
+
+from lava_ros.accuracy import Accuracy, expected_thickness
+from lava_ros.effects import Effects
+from lava_ros.lava import Lava
+from lava_ros.presets import preset_accuracy
+from lava_ros.scene import MAX_VENT_VISCOSITY, Scene, Terrain, Vent
+
+#: Effects that are compiled for every test run.
+COMMON = (
+    Effects(),
+    Effects(yielding=True, power_law=True),
+    Effects(inertia=True),
+    Effects(crystals=True, crust=True, cooling=False, latent_heat=True, solidification=True),
+)
+
+#: Switches that go together with any others.
+FREE = (
+    *('yielding', 'power_law', 'crystals', 'steep', 'cooling', 'crust', 'ground'),
+    *('viscous_heating', 'latent_heat', 'conduction', 'solidification', 'merging'),
+)
+
+#: Particles that vents give until the end.
+MOST_PARTICLES = 300
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A scene and what is done with it.
+
+    Attributes:
+        scene: The scene.
+        effects: The physics.
+        accuracy: The resolution.
+        until: Time to simulate [s].
+        vents: Vents from the middle of that time on, None to keep them.
+        terrain: Ground from two thirds of it on, None to keep it.
+    """
+
+    scene: Scene
+    effects: Effects
+    accuracy: Accuracy
+    until: float
+    vents: tuple[Vent, ...] | None
+    terrain: Terrain | None
+
+    def __repr__(self) -> str:
+        """Name what the scene was made of, enough to make it again."""
+        grounds = [self.scene.terrain, *([self.terrain] if self.terrain is not None else [])]
+        shown = ', '.join(
+            f'Terrain(np.array({item.elevation.tolist()!r}), {item.resolution!r}, {item.origin!r})'
+            if item.elevation.size <= 400
+            else f'<terrain {item.shape}, {item.resolution!r} m, {item.origin!r}>'
+            for item in grounds
+        )
+        on = [name for name, value in vars(self.effects).items() if value]
+        return (
+            f'Trial(vents={self.scene.vents!r}, then={self.vents!r}, lava={_changed(self.scene)}, '
+            f'effects={on}, accuracy={_changed_accuracy(self.accuracy)}, until={self.until!r}, '
+            f'grounds=[{shown}])'
+        )
+
+
+def _changed(scene: Scene) -> dict[str, Any]:
+    standard = vars(Lava())
+    changed = {name: item for name, item in vars(scene.lava).items() if item != standard[name]}
+    return {
+        **changed, 'ambient_temperature': scene.ambient_temperature, 'gravity': scene.gravity
+    }
+
+
+def _changed_accuracy(accuracy: Accuracy) -> dict[str, Any]:
+    standard = vars(Accuracy())
+    return {name: item for name, item in vars(accuracy).items() if item != standard[name]}
+
+
+def powers(low: float, high: float) -> st.SearchStrategy[float]:
+    """Numbers whose logarithm is anywhere between the limits'."""
+    return st.floats(math.log10(low), math.log10(high)).map(lambda power: float(10.0**power))
+
+
+@st.composite
+def terrains(draw: Any, largest: int = 64) -> Terrain:
+    """Ground of any shape, some of it with holes."""
+    rows, columns = draw(st.integers(2, largest)), draw(st.integers(2, largest))
+    resolution = draw(powers(0.5, 50.0))
+    y, x = np.mgrid[0:rows, 0:columns] / max(rows, columns)
+    chance = np.random.default_rng(draw(st.integers(0, 2**16)))
+    slope = draw(st.sampled_from((0.0, 0.01, 0.1, 0.5, 2.0)))
+    angle = draw(st.floats(0.0, 6.3))
+    size = resolution * max(rows, columns)
+    ground = slope * size * (x * math.cos(angle) + y * math.sin(angle))
+    kind = draw(
+        st.sampled_from(
+            ('plane', 'noise', 'cliff', 'pit', 'spike', 'ridge', 'canyon', 'terraces', 'cone')
+        )
+    )
+    height = size * draw(st.sampled_from((0.01, 0.1, 0.5, 3.0)))
+    row, column = draw(st.integers(0, rows - 1)), draw(st.integers(0, columns - 1))
+    if kind == 'noise':
+        ground = ground + 0.1 * height * chance.standard_normal((rows, columns))
+    elif kind == 'cliff':
+        ground = ground + height * (x > x[0, column])
+    elif kind in ('pit', 'spike'):
+        ground[row, column] += height if kind == 'spike' else -height
+    elif kind in ('ridge', 'canyon'):
+        ground[:, column] += height if kind == 'ridge' else -height
+    elif kind == 'terraces':
+        ground = height * np.floor(5.0 * ground / (height + 1e-9)) / 5.0
+    elif kind == 'cone':
+        ground = ground - height * np.hypot(x - x[0, column], y - y[row, 0])
+    holes = draw(st.sampled_from((0.0, 0.0, 0.0, 0.1, 0.4)))
+    if holes:
+        ground[chance.random((rows, columns)) < holes] = math.nan
+        ground[row, column] = 0.0
+    origin = draw(st.sampled_from(((0.0, 0.0), (-300.0, 40.0), (499_000.0, 4_180_000.0))))
+    return Terrain(ground, resolution, origin)
+
+
+@st.composite
+def materials(draw: Any) -> Lava:
+    """Lava from water to rhyolite, with any of the laws."""
+    values: dict[str, Any] = {
+        'viscosity': draw(powers(1.0, 1e9)),
+        'density': draw(st.floats(1000.0, 3500.0)),
+        'specific_heat': draw(st.floats(600.0, 1600.0)),
+        'arrhenius': draw(st.sampled_from((0.0, 8e-3, 0.04))),
+        'emissivity': draw(st.sampled_from((0.0, 0.9, 1.0))),
+        'convection': draw(st.sampled_from((0.0, 50.0, 300.0))),
+        'yield_strength': draw(st.sampled_from((0.0, 0.0, 100.0, 1e4, 1e7))),
+        'yield_rate': draw(st.sampled_from((0.0, 0.01, 0.05))),
+        'flow_index': draw(st.sampled_from((1.0, 1.0, 0.5, 2.0))),
+        'conductivity': draw(st.sampled_from((0.0, 1.5))),
+        'ground_conductivity': draw(st.sampled_from((0.0, 2.0))),
+        'liquidus': draw(st.floats(1350.0, 1550.0)),
+    }
+    if draw(st.booleans()):
+        values['solidus'] = draw(st.floats(800.0, 1200.0))
+        values['crystals'] = draw(st.sampled_from((0.0, 0.3, 0.9)))
+        values['crystal_law'] = draw(st.sampled_from(('none', 'einstein-roscoe', 'maron-pierce')))
+        values['latent_heat'] = draw(st.sampled_from((0.0, 3.5e5)))
+    values['crust'] = bool(values['conductivity']) and draw(st.booleans())
+    return Lava(**values)
+
+
+@st.composite
+def vents_on(draw: Any, terrain: Terrain, lava: Lava, most: int = 3) -> tuple[Vent, ...]:
+    """Vents anywhere on the ground, next to each other and on its border too."""
+    known = np.argwhere(terrain.has_data)
+    x0, y0, _, _ = terrain.extent
+
+    def place() -> tuple[float, float]:
+        row, column = known[draw(st.integers(0, len(known) - 1))]
+        inside = st.sampled_from((0.5, 0.5, 0.0, 0.001, 0.25, 0.999))
+        position = (
+            x0 + terrain.resolution * (column + draw(inside)),
+            y0 + terrain.resolution * (row + draw(inside)),
+        )
+        centre = (
+            x0 + terrain.resolution * (column + 0.5), y0 + terrain.resolution * (row + 0.5)
+        )
+        return position if terrain.covers(*position) else centre
+
+    vents = []
+    for _ in range(draw(st.integers(0, most))):
+        discharge: Any = draw(powers(1e-2, 1e3))
+        if draw(st.integers(0, 3)) == 0:
+            discharge = [(0.0, discharge), (1.0, 0.0), (5.0, 2.0 * discharge), (1e3, 0.0)]
+        temperature = draw(st.floats(max(lava.solidus + 1.0, 900.0), 1600.0))
+        # Lava that is jammed with crystals does not come out.
+        assume(lava.viscosity_at(temperature) <= MAX_VENT_VISCOSITY)
+        vents.append(
+            Vent(
+                place(),
+                discharge,
+                temperature=temperature,
+                radius=draw(powers(0.1, 3.0)) * terrain.resolution,
+                end=place() if draw(st.integers(0, 3)) == 0 else None,
+                velocity=draw(st.sampled_from(((0.0, 0.0), (0.0, 0.0), (3.0, -1.0), (0.0, 40.0)))),
+            )
+        )
+    return tuple(vents)
+
+
+@st.composite
+def any_effects(draw: Any) -> Effects:
+    """Any effects that go together."""
+    chosen = {name: draw(st.booleans()) for name in FREE}
+    law = draw(st.sampled_from(('none', 'arrhenius', 'arrhenius', 'vft')))
+    way = draw(st.sampled_from(('local', 'green', 'helmholtz', 'inertia')))
+    return Effects(
+        **chosen, **{name: name == law for name in ('arrhenius', 'vft')},
+        **{name: name == way for name in ('green', 'helmholtz', 'inertia')},
+    )
+
+
+def _fitting(effects: Effects, lava: Lava) -> Lava:
+    """The material with the constants that forced effects cannot do without."""
+    changes: dict[str, Any] = {}
+    if effects.vft and not lava.is_vft:
+        changes['vft_b'] = 6000.0
+    if effects.crust and not lava.conductivity:
+        changes['conductivity'] = 1.5
+    needs = effects.solidification or effects.crystals or effects.latent_heat
+    if needs and not lava.solidus:
+        changes['solidus'] = 1100.0
+    if effects.crystals and lava.crystal_law == 'none':
+        changes['crystal_law'] = 'einstein-roscoe'
+    return replace(lava, **changes)
+
+
+@st.composite
+def trials(draw: Any, *, all_effects: bool) -> Trial:
+    """A scene, its physics and resolution, how long, and what changes on the way."""
+    effects = draw(any_effects() if all_effects else st.sampled_from(COMMON))
+    terrain = draw(terrains())
+    lava = _fitting(effects, draw(materials()))
+    vents = draw(vents_on(terrain, lava))
+    scene = Scene(
+        terrain,
+        vents,
+        lava,
+        ambient_temperature=draw(st.floats(200.0, 330.0)),
+        gravity=draw(st.sampled_from((9.81, 9.81, 1.8, 3.7))),
+    )
+    accuracy = preset_accuracy(draw(st.sampled_from(('draft', 'standard'))))
+    if all_effects and draw(st.integers(0, 3)) == 0:
+        accuracy = preset_accuracy('reference')
+    spacing = terrain.resolution / accuracy.refinement
+    flux = sum(max(q for _, q in vent.series) for vent in vents) or 1.0
+    share = draw(st.just(0.0) | st.floats(0.01, 1.0))
+    particle = spacing**2 * expected_thickness(scene)
+    until = min(share * MOST_PARTICLES * particle / flux, 1e6)
+    other = draw(st.none() | vents_on(terrain, lava))
+    ground = None
+    if draw(st.integers(0, 2)) == 0:
+        chance = np.random.default_rng(draw(st.integers(0, 2**16)))
+        change = terrain.resolution * draw(st.sampled_from((0.01, 1.0)))
+        moved = terrain.elevation + change * chance.standard_normal(terrain.shape)
+        ground = replace(terrain, elevation=moved)
+    return Trial(scene, effects, accuracy, until, other, ground)

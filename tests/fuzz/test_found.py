@@ -1,0 +1,160 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the fuzzers have found, each as a case of its own."""
+
+from collections.abc import Callable
+import math
+import struct
+from typing import Any
+
+import numpy as np
+import pytest
+from rclpy.serialization import serialize_message
+import yaml
+
+from fuzz.messages import TOPICS
+from lava_ros.accuracy import Accuracy
+from lava_ros.choice import decide
+from lava_ros.errors import LavaError
+from lava_ros.lava import Lava
+from lava_ros.ros import inputs
+from lava_ros.ros.raw_input import decode, MAX_CLOUD_FIELDS, OVERHEAD
+from lava_ros.scene import Scene, scene_from_yaml, Terrain, Vent
+from lava_ros.terrain_files import load_terrain
+from ros import graph_publisher
+
+GROUND = Terrain(np.zeros((4, 5)), 10.0)
+MIDDLE = (25.0, 15.0)
+HUGE = 10**400
+
+
+@pytest.mark.parametrize(
+    ('make', 'field'),
+    [
+        (lambda: Terrain(np.zeros((2, 2)), HUGE), 'terrain.resolution'),
+        (lambda: Terrain(np.zeros((2, 2)), b'1'), 'terrain.resolution'),
+        (lambda: Terrain(np.zeros((2, 2)), 1e-45), 'terrain.resolution'),
+        (lambda: Terrain(np.zeros((2, 2)), 1e12), 'terrain.resolution'),
+        (lambda: Terrain([[0.0, 3e38], [0.0, 0.0]], 1.0), 'terrain.elevation'),
+        (lambda: Terrain([[0.0, -1.1e5], [0.0, 0.0]], 1.0), 'terrain.elevation'),
+        (lambda: Terrain([[HUGE, 0], [0, 0]], 1.0), 'terrain.elevation'),
+        (lambda: Terrain(np.zeros((2, 2), complex), 1.0), 'terrain.elevation'),
+        (lambda: Terrain(np.zeros((2, 2), 'M8[s]'), 1.0), 'terrain.elevation'),
+        (lambda: Terrain([['1', '2'], ['3', '4']], 1.0), 'terrain.elevation'),
+        (lambda: Terrain(np.zeros((2, 2)), 1.0, np.array(1.0)), 'terrain.origin'),
+        (lambda: Terrain(np.zeros((2, 2)), 1.0, b'ab'), 'terrain.origin'),
+        (lambda: Terrain(np.zeros((2, 2)), 1.0, (1.7e308, 0.0)), 'terrain.origin[0]'),
+        (lambda: Terrain(np.zeros((2, 2)), 1.0, epsg=10**30), 'terrain.epsg'),
+        (lambda: Vent(MIDDLE, np.array([1.0, 2.0])), 'vent.discharge[0]'),
+        (lambda: Vent(MIDDLE, 3e38), 'vent.discharge'),
+        (lambda: Vent(MIDDLE, [(0.0, 3e38)]), 'vent.discharge[0][1]'),
+        (lambda: Vent(MIDDLE, 1.0, radius=3e38), 'vent.radius'),
+        (lambda: Vent(MIDDLE, 1.0, velocity=(1e30, 0.0)), 'vent.velocity[0]'),
+        (lambda: Vent((1e300, 0.0), 1.0), 'vent.position[0]'),
+        (lambda: Vent(MIDDLE, 1.0, name=None), 'vent.name'),
+        (lambda: Lava(density=HUGE), 'lava.density'),
+        (lambda: Scene(GROUND, None), 'vents'),
+        (lambda: Scene(GROUND, 1.0), 'vents'),
+        (lambda: Scene(GROUND, gravity=1e-300), 'scene.gravity'),
+        (lambda: Accuracy(diffusion_number=1e-300), 'accuracy.diffusion_number'),
+        (lambda: Accuracy(spacing=1e-30), 'accuracy.spacing'),
+        (lambda: decide(Scene(GROUND), True), 'effects'),
+        (lambda: decide(Scene(GROUND), horizon=math.nan), 'horizon'),
+    ],
+)
+def test_values_that_were_taken_or_raised_something_else(
+    make: Callable[[], Any], field: str
+) -> None:
+    """Numbers beyond any volcano and things that are no numbers are refused by name."""
+    with pytest.raises(LavaError) as caught:
+        make()
+    assert caught.value.field == field
+
+
+def test_lava_that_is_jammed_at_the_vent_is_refused() -> None:
+    """It was taken, as a flow of an expected thickness of 280 km: no lava ever showed."""
+    stiff = Lava(
+        viscosity=2e6, arrhenius=0.04, solidus=816.0, crystals=0.9, crystal_law='einstein-roscoe'
+    )
+    with pytest.raises(LavaError, match=r'vents\[0\].temperature is 900.*viscosity') as caught:
+        Scene(GROUND, [Vent(MIDDLE, 250.0, 900.0)], stiff)
+    assert caught.value.field == 'vents[0].temperature'
+    assert Scene(GROUND, [Vent(MIDDLE, 250.0, 1400.0)], stiff).vents
+
+
+@pytest.mark.parametrize(
+    'scene',
+    [
+        Scene(GROUND, (), Lava(reference_temperature=288.15), 288.15),
+        Scene(GROUND, (), Lava(reference_temperature=200.0)),
+        Scene(GROUND, (), Lava(reference_temperature=1100.0, solidus=1100.0)),
+        Scene(GROUND, [Vent(MIDDLE, 1.0, 2000.0)], Lava(arrhenius=1.0, reference_temperature=1.0)),
+        Scene(GROUND, [Vent(MIDDLE, 1e-309)]),
+    ],
+    ids=['as cold as air', 'colder than air', 'at the solidus', 'no viscosity', 'no thickness'],
+)
+def test_scenes_whose_choice_of_effects_divided_by_zero(scene: Scene) -> None:
+    """Effects are chosen for lava that is cold, thin beyond measure or a trickle."""
+    assert all(item.reason for item in decide(scene))
+
+
+@pytest.mark.parametrize('name', ['x' * 5000, 'a\0b', [1, 2], None, 3])
+def test_names_of_terrain_files(name: Any, tmp_path: Any) -> None:
+    """A name that is no file's, in a scene file or for itself, is refused."""
+    path = tmp_path / 'scene.yaml'
+    path.write_text(yaml.safe_dump({'terrain': {'file': name}}))
+    with pytest.raises(LavaError, match='file'):
+        scene_from_yaml(path)
+    if isinstance(name, str):
+        with pytest.raises(LavaError, match='terrain file'):
+            load_terrain(name)
+
+
+@pytest.mark.parametrize('topic', TOPICS)
+def test_messages_that_nobody_was_told_of(topic: str) -> None:
+    """Bytes that are no message are refused by the topic's name; rclpy drops them in silence."""
+    for data in (b'\0\1\0\0', b'\0\1\0\0' + b'\xff' * 60, b'\xff' * 8):
+        with pytest.raises(LavaError, match='a serialised ') as caught:
+            decode(data, TOPICS[topic], topic, max_bytes=10**6)
+        assert caught.value.field == topic
+
+
+def test_a_cloud_that_announces_more_fields_than_memory_holds() -> None:
+    """Eight megabytes took 640 of memory and half a second, before the message was refused."""
+    for order, flag in (('<', 1), ('>', 0)):
+        head = bytes([0, flag, 0, 0]) + bytes(8) + struct.pack(f'{order}I', 4) + b'map\0'
+        bomb = head + struct.pack(f'{order}III', 1, 1, 10**6) + bytes(2 * 10**6)
+        with pytest.raises(LavaError, match='1000000 fields') as caught:
+            decode(bomb, TOPICS['vents'], 'vents', max_bytes=10**9)
+        assert caught.value.field == 'vents.fields'
+    cloud = graph_publisher.vents()
+    assert len(cloud.fields) < MAX_CLOUD_FIELDS
+    data = serialize_message(cloud)
+    assert decode(data, TOPICS['vents'], 'vents', max_bytes=len(data)) == cloud
+
+
+def test_a_message_beyond_the_limit_is_not_decoded() -> None:
+    """Its size is known before any memory is taken for what is in it."""
+    with pytest.raises(LavaError, match='max_input_bytes'):
+        decode(bytes(OVERHEAD + 101), TOPICS['terrain'], 'terrain', max_bytes=100)
+
+
+def test_signalling_nan_in_a_cloud_warns_nobody(recwarn: pytest.WarningsRecorder) -> None:
+    """Every bit pattern is a number or none: a vent at a signalling NaN is refused, quietly."""
+    cloud = graph_publisher.vents()
+    cloud.data[0:4] = type(cloud.data)('B', b'\1\0\x80\x7f')
+    with pytest.raises(LavaError, match='position'):
+        inputs.vents_from_cloud(cloud, inputs.InputRules())
+    assert not recwarn.list

@@ -1,0 +1,112 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Messages nobody means well with: the node refuses them, says so, and goes on."""
+
+import itertools
+import json
+import os
+from pathlib import Path
+import random
+import re
+
+from hypothesis import settings
+import pytest
+
+from fuzz.fuzz_publisher import CHECKS, RULES
+from fuzz.messages import messages, TOPICS
+from lava_ros.errors import LavaError
+from lava_ros.ros.raw_input import decode
+
+#: The process that sends what ``fuzz.messages`` makes.
+FUZZ_PUBLISHER = Path(__file__).parent / 'fuzz_publisher.py'
+
+#: Simulated lava keeps the processor of a small machine busy: grids may come late by this [s].
+LATE = 30.0
+
+
+def _memory(node):
+    """Resident memory of a process [bytes]."""
+    pages = Path(f'/proc/{node.child.pid}/statm').read_text().split()[1]
+    return int(pages) * os.sysconf('SC_PAGE_SIZE')
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_what_reads_messages_raises_nothing_else(seed):
+    """Whatever the bytes, reading and checking them gives a value or a LavaError."""
+    refused = 0
+    for item in itertools.islice(messages(seed), 400):
+        try:
+            message = decode(item.data, TOPICS[item.topic], item.topic, max_bytes=10**9)
+            CHECKS[item.topic](message, RULES)
+        except LavaError as error:
+            refused += 1
+            assert error.field, item
+    assert 200 < refused < 400
+
+
+def test_the_node_goes_on(graph, figures):
+    """Every answer comes, grids too; each bad message is counted; good ones are taken after."""
+    count = settings().max_examples
+    seed = 0 if settings().derandomize else random.SystemRandom().randrange(10**9)
+    node = graph.node(device='cpu', time_scale=10.0)
+    publisher = graph.publisher()
+    listener = graph.listener('height')
+    publisher.publish('vents', 'terrain_info', 'terrain')
+    listener.wait_for_topic('height', lambda grid: grid['wet'] > 0, timeout=90.0)
+    before = listener.wait_for_status('inputs', lambda _: True)
+    assert before['rejected'] == '0'
+    memory = _memory(node)
+    sender = graph.process(str(FUZZ_PUBLISHER), str(seed), str(count))
+    sent = json.loads(sender.line(600.0))
+    assert 'silent_after' not in sent, (seed, sent)
+    assert sum(sent['kinds'].values()) == count
+    assert sender.child.wait(30.0) == 0
+    # Good input ends the error, whatever terrain was taken in between.
+    publisher.publish('terrain_info', 'terrain', 'no_vents', 'vents')
+    status = listener.wait_for_status(
+        'inputs',
+        lambda status: all(
+            int(status.get(f'rejected.{topic}', 0)) >= number
+            for topic, number in sent['bad'].items()
+        ),
+        timeout=LATE,
+    )
+    publisher.call('reset')
+    for _ in range(3):
+        grid = listener.wait_for_topic(
+            'height', lambda grid: grid['shape'] == [30, 40] and grid['wet'] > 0, timeout=LATE
+        )
+    assert grid['resolution'] == 10.0
+    states = {
+        item['status']['lava: simulation']['state']
+        for item in listener.seen
+        if item['topic'] == 'diagnostics'
+    }
+    assert 'failed' not in states, (seed, node.log)
+    assert node.child.poll() is None
+    assert 'Traceback' not in node.log, (seed, node.log)
+    logged = re.findall(r'refused: .*, expected .*', node.log)
+    assert logged, node.log
+    grown = _memory(node) - memory
+    assert node.end() == 0
+    figures['messages'] = {
+        'seed': seed,
+        'sent': count,
+        'kinds': sent['kinds'],
+        'bad_by_themselves': sum(sent['bad'].values()),
+        'refused': int(status['rejected']),
+        'longest_answer_s': round(sent['longest_answer'], 3),
+        'memory_grown_mb': round(grown / 1e6, 1),
+    }

@@ -1,0 +1,130 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A process that keeps a node busy: vents and terrains come and go, so do subscribers.
+
+Arguments: seconds, seed. Prints one JSON line at the end: how often each thing was done.
+"""
+
+from collections import Counter
+import json
+from pathlib import Path
+import random
+import sys
+import time
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from nav_msgs.msg import OccupancyGrid
+import numpy as np
+import rclpy
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_srvs.srv import Trigger
+
+from ros import graph_publisher
+
+#: Mean times between two of a kind [s].
+EVERY = {'vents': 4.0, 'terrain': 20.0, 'subscriber': 2.0, 'bad message': 30.0, 'reset': 150.0}
+
+GRIDS = ('height', 'temperature', 'hazard')
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Feeder:
+    """Does one thing after the other to a node."""
+
+    def __init__(self, seed):
+        self.chance = random.Random(seed)
+        self.node = rclpy.create_node('feeder')
+        self.publishers = {
+            topic: self.node.create_publisher(kind, topic, qos)
+            for topic, (kind, qos) in graph_publisher.TYPES.items()
+        }
+        self.reset_client = self.node.create_client(Trigger, '/lava/reset')
+        self.subscriptions = []
+        self.done = Counter()
+
+    def vents(self):
+        """Another set of up to five vents, sometimes none."""
+        count = self.chance.choice((0, 1, 1, 2, 3, 5))
+        columns = {
+            'x': [self.chance.uniform(20.0, 120.0) for _ in range(count)],
+            'y': [self.chance.uniform(60.0, 240.0) for _ in range(count)],
+            'z': [0.0] * count,
+            'discharge': [self.chance.uniform(0.5, 20.0) for _ in range(count)],
+            'temperature': [self.chance.uniform(1000.0, 1150.0) for _ in range(count)],
+            'radius': [self.chance.uniform(5.0, 20.0) for _ in range(count)],
+        }
+        self.publishers['vents'].publish(graph_publisher.cloud(columns))
+
+    def terrain(self):
+        """The ground with every height changed by up to half a metre."""
+        noise = np.random.default_rng(self.chance.randrange(10**9)).uniform(
+            -0.5, 0.5, graph_publisher.elevation().shape
+        )
+        ground = (graph_publisher.elevation() + noise).astype(np.float32)
+        self.publishers['terrain_info'].publish(graph_publisher.info())
+        self.publishers['terrain'].publish(graph_publisher.image(ground))
+
+    def subscriber(self):
+        """One more subscriber, or one less."""
+        if self.subscriptions and self.chance.random() < 0.5:
+            leaving = self.subscriptions.pop(self.chance.randrange(len(self.subscriptions)))
+            self.node.destroy_subscription(leaving)
+        elif len(self.subscriptions) < 8:
+            topic = self.chance.choice(GRIDS)
+            self.subscriptions.append(
+                self.node.create_subscription(OccupancyGrid, topic, self._hear, LATCHED)
+            )
+
+    def bad_message(self):
+        """Something that the node has to refuse."""
+        self.publishers['vents'].publish(b'\0\1\0\0' + self.chance.randbytes(40))
+
+    def reset(self):
+        """The scene again from time 0."""
+        self.reset_client.call_async(Trigger.Request())
+
+    def _hear(self, _):
+        self.done['heard by those who come and go'] += 1
+
+    def run(self, seconds):
+        """Go on for so long."""
+        end = time.monotonic() + seconds
+        due = {name: time.monotonic() for name in EVERY}
+        due['reset'] += EVERY['reset']
+        due['bad message'] += EVERY['bad message']
+        while (now := time.monotonic()) < end:
+            rclpy.spin_once(self.node, timeout_sec=0.05)
+            for name, moment in due.items():
+                if now >= moment:
+                    getattr(self, name.replace(' ', '_'))()
+                    self.done[name] += 1
+                    due[name] = now + EVERY[name] * self.chance.uniform(0.5, 1.5)
+
+
+def main():
+    """Feed until the time is up."""
+    rclpy.init()
+    feeder = Feeder(int(sys.argv[2]))
+    while feeder.publishers['vents'].get_subscription_count() == 0:
+        rclpy.spin_once(feeder.node, timeout_sec=0.05)
+    feeder.run(float(sys.argv[1]))
+    print(json.dumps(feeder.done), flush=True)
+    feeder.node.destroy_node()
+    rclpy.shutdown()
+
+
+if __name__ == '__main__':
+    main()

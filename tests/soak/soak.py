@@ -1,0 +1,336 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A long run of a real node: memory, deadlines, the bag and the processor, as `make soak` does it.
+
+A node in a process of its own simulates and records in files of a minute, while another process
+opens and closes vents, changes the terrain, sends what has to be refused, resets, and subscribes
+and leaves; a third one listens all the time. What is judged:
+
+memory      Resident memory, once a second. The first fifth, at least a minute, is warm-up. Of the
+            rest the median of the last quarter is at most 5 % above that of the first.
+deadline    Time between two messages of a grid as the listener gets them: the publish period and
+            ``BOUND`` at most.
+bag         Every message heard is in the bag, once beside what is repeated at the start of a
+            file; every message in the bag while the listener was there was heard; each file reads
+            to its end, and by itself.
+inputs      Each bad message is refused, and nothing else.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+import hashlib
+import json
+import os
+from pathlib import Path
+import platform
+import re
+import shutil
+import statistics
+import sys
+import tempfile
+import threading
+import time
+from typing import Any
+
+import numpy as np
+
+from lava_ros.bag import BagReader
+from ros.conftest import Graph
+
+#: Time a grid may come late [s]: a step, a snapshot, a reset, and whoever shares the processor.
+BOUND = 2.0
+
+#: Time between two messages of a grid [s], as msg_configs/default.yaml has it.
+PERIOD = 1.0
+
+#: Distance between particles [m]: some thousand of them.
+SPACING = 3.0
+
+#: Growth of memory that is allowed.
+GROWTH = 0.05
+
+GRIDS = ('height', 'temperature', 'hazard')
+FEEDER = Path(__file__).parent / 'feeder.py'
+
+
+class Ear:
+    """Hears what a node publishes, with the time it came.
+
+    Attributes:
+        heard: Time [s] and content of each message.
+    """
+
+    def __init__(self, graph: Graph) -> None:
+        self.heard: list[tuple[float, dict[str, Any]]] = []
+        self._listener = graph.listener(*GRIDS)
+        self._is_open = True
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+
+    def _listen(self) -> None:
+        while self._is_open:
+            try:
+                line = self._listener.line(1.0)
+            except AssertionError:
+                continue
+            self.heard.append((time.monotonic(), json.loads(line)))
+
+    def statuses(self, task: str) -> list[dict[str, Any]]:
+        """The statuses of a task, in the order they came."""
+        return [
+            item['status'][f'lava: {task}']
+            for _, item in list(self.heard)
+            if item['topic'] == 'diagnostics'
+        ]
+
+    def wait(self, is_there: Any, timeout: float = 120.0) -> None:
+        """Wait until something was heard."""
+        end = time.monotonic() + timeout
+        while not any(is_there(item) for _, item in list(self.heard)):
+            if time.monotonic() > end:
+                raise TimeoutError('the node is silent')
+            time.sleep(0.1)
+
+    def close(self) -> None:
+        """Hear no more."""
+        self._is_open = False
+        self._thread.join()
+
+
+def memory_of(pid: int) -> int:
+    """Resident memory of a process [bytes]."""
+    pages = Path(f'/proc/{pid}/statm').read_text().split()[1]
+    return int(pages) * os.sysconf('SC_PAGE_SIZE')
+
+
+def processor_time_of(pid: int) -> float:
+    """Processor time that a process has taken [s]."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
+    """Run it all and measure.
+
+    Args:
+        seconds: How long the node is kept busy [s].
+        directory: Where the bag goes.
+        seed: Chooses what is done.
+
+    Returns:
+        Figures by name.
+    """
+    # Tests have the domains below: none of theirs is heard here.
+    os.environ['LAVA_TEST_DOMAIN'] = '101'
+    graph = Graph(directory)
+    bag = directory / 'soak'
+    try:
+        node = graph.node(
+            device='cpu',
+            time_scale=20.0,
+            spacing=SPACING,
+            record=True,
+            bag_directory='soak',
+            bag_root=str(directory),
+            bag_max_duration=60.0,
+        )
+        ear = Ear(graph)
+        publisher = graph.publisher()
+        publisher.publish('vents', 'terrain_info', 'terrain')
+        ear.wait(lambda item: item['topic'] == 'height' and item['wet'] > 0)
+        pid = node.child.pid
+        start, processor = time.monotonic(), processor_time_of(pid)
+        feeder = graph.process(str(FEEDER), str(seconds), str(seed))
+        memory = []
+        while time.monotonic() - start < seconds:
+            time.sleep(1.0)
+            memory.append((time.monotonic() - start, memory_of(pid)))
+            if node.child.poll() is not None:
+                raise RuntimeError(f'the node has ended:\n{node.log}')
+            show(seconds, memory, ear)
+        busy = processor_time_of(pid) - processor
+        wall = time.monotonic() - start
+        done = json.loads(feeder.line(60.0))
+        publisher.call('record', False)
+        time.sleep(3.0)
+        ear.close()
+        code = node.end()
+        figures = {
+            'seconds': round(wall, 1),
+            'done': done,
+            'processor_share': round(busy / wall, 3),
+            'exit_code': code,
+            'states': dict(Counter(item['state'] for item in ear.statuses('simulation'))),
+            'particles': max(int(i.get('particles', 0)) for i in ear.statuses('simulation')),
+            'refused': int(ear.statuses('inputs')[-1]['rejected']),
+            'refusals': dict(Counter(re.findall(r' (\S+ refused: .{,100})', node.log))),
+            'tracebacks': node.log.count('Traceback'),
+            **memory_figures(memory),
+            **deadline_figures(ear.heard, start, start + seconds),
+            **bag_figures(bag, ear.heard),
+        }
+    finally:
+        graph.close()
+    return figures
+
+
+def show(seconds: float, memory: list[tuple[float, int]], ear: Ear) -> None:
+    """Say in a terminal how far it is."""
+    if sys.stderr.isatty():
+        at, size = memory[-1]
+        text = f'{at:.0f} of {seconds:.0f} s, {size / 1e6:.0f} MB, {len(ear.heard)} messages'
+        print(f'\r{text:70}', end='', file=sys.stderr, flush=True)
+
+
+def memory_figures(memory: list[tuple[float, int]]) -> dict[str, Any]:
+    """Growth of memory after the warm-up."""
+    end = memory[-1][0]
+    warm = max(60.0, 0.2 * end)
+    times, sizes = (np.array(column) for column in zip(*memory, strict=True))
+    late = times >= min(warm, 0.5 * end)
+    times, sizes = times[late], sizes[late] / 1e6
+    quarter = max(len(sizes) // 4, 1)
+    first, last = (statistics.median(part) for part in (sizes[:quarter], sizes[-quarter:]))
+    return {
+        'warm_up_s': round(float(times[0]), 1),
+        'memory_first_mb': round(first, 1),
+        'memory_last_mb': round(last, 1),
+        'memory_most_mb': round(float(sizes.max()), 1),
+        'memory_growth': round(last / first - 1.0, 4),
+        'memory_slope_mb_per_h': round(float(np.polyfit(times, sizes, 1)[0]) * 3600.0, 2),
+    }
+
+
+def deadline_figures(
+    heard: list[tuple[float, dict[str, Any]]], start: float, end: float
+) -> dict[str, Any]:
+    """Times between two messages of each grid."""
+    gaps: list[float] = []
+    for topic in GRIDS:
+        moments = [at for at, item in heard if item['topic'] == topic and start <= at <= end]
+        gaps += np.diff(moments).tolist()
+    return {
+        'grids': len(gaps) + len(GRIDS),
+        'gap_median_s': round(float(np.median(gaps)), 3),
+        'gap_99_percent_s': round(float(np.quantile(gaps, 0.99)), 3),
+        'gap_longest_s': round(max(gaps), 3),
+        'gap_bound_s': PERIOD + BOUND,
+        'gaps_above_bound': sum(gap > PERIOD + BOUND for gap in gaps),
+    }
+
+
+def bag_figures(bag: Path, heard: list[tuple[float, dict[str, Any]]]) -> dict[str, Any]:
+    """What of the messages heard is in the bag, and the other way round."""
+    reader = BagReader(bag)
+    recorded: Counter[tuple[str, int]] = Counter()
+    digests: dict[tuple[str, int], str] = {}
+    repeated = 0
+    for message in reader.messages():
+        if message.publish_ns < message.stamp_ns:
+            repeated += 1
+            continue
+        topic = message.topic.strip('/')
+        if topic in (*GRIDS, 'diagnostics'):
+            key = (topic, message.publish_ns)
+            recorded[key] += 1
+            digests[key] = hashlib.sha256(message.data).hexdigest()
+    known = {(item['topic'], item['stamp_ns']): item['sha256'] for _, item in heard}
+    first = min(stamp for _, stamp in known)
+    # What was sent before the bag was opened, or after it was closed, is not in it.
+    begin, end = (pick(stamp for _, stamp in recorded) for pick in (min, max))
+    missing = [key for key in known if begin <= key[1] <= end and key not in recorded]
+    unheard = [key for key in recorded if key[1] >= first and key not in known]
+    # On the wire messages are filled up to four bytes; those of the grids are that long already.
+    differ = [
+        key for key in recorded if key[0] in GRIDS and digests[key] != known.get(key, digests[key])
+    ]
+    for path in reader.files:
+        alone = BagReader(path)
+        assert alone.message_count == sum(1 for _ in alone.messages())
+        assert {'/terrain', '/terrain_info', '/vents'} <= set(alone.topics), path
+    return {
+        'bag_files': len(reader.files),
+        'bag_mb': round(reader.size / 1e6, 2),
+        'bag_finished': not reader.recovered,
+        'bag_messages': sum(recorded.values()),
+        'bag_repeated': repeated,
+        'bag_twice': sum(count - 1 for count in recorded.values()),
+        'bag_differs': len(differ),
+        'heard': len(known),
+        'heard_not_recorded': len(missing),
+        'first_not_recorded': sorted(missing, key=lambda key: key[1])[:4],
+        'recorded_not_heard': len(unheard),
+    }
+
+
+def verdicts(figures: dict[str, Any]) -> list[tuple[str, str, str, bool]]:
+    """What was measured, what is asked for, and whether it holds."""
+    bad = figures['done'].get('bad message', 0)
+    return [
+        ('memory growth after warm-up', f'{figures["memory_growth"]:+.2%}', f'<= {GROWTH:.0%}',
+         figures['memory_growth'] <= GROWTH),
+        ('longest time between two grids', f'{figures["gap_longest_s"]:.2f} s',
+         f'<= {PERIOD + BOUND:g} s', figures['gaps_above_bound'] == 0),
+        ('heard, not in the bag', str(figures['heard_not_recorded']), '0',
+         figures['heard_not_recorded'] == 0),
+        ('in the bag, not heard', str(figures['recorded_not_heard']), '0',
+         figures['recorded_not_heard'] == 0),
+        ('grids that differ from the wire', str(figures['bag_differs']), '0',
+         figures['bag_differs'] == 0),
+        ('in the bag twice', str(figures['bag_twice']), '0', figures['bag_twice'] == 0),
+        ('bag finished, files', f'{figures["bag_finished"]}, {figures["bag_files"]}', 'True',
+         figures['bag_finished']),
+        ('bad messages refused', str(figures['refused']), str(bad), figures['refused'] == bad),
+        ('failures of the simulation', str(figures['states'].get('failed', 0)), '0',
+         'failed' not in figures['states']),
+        ('tracebacks in the log', str(figures['tracebacks']), '0', figures['tracebacks'] == 0),
+        ('exit status', str(figures['exit_code']), '0', figures['exit_code'] == 0),
+    ]
+
+
+def main() -> int:
+    """Soak, print the table, and return 0 when everything holds."""
+    parser = argparse.ArgumentParser(description=__doc__.split('\n', 1)[0])
+    parser.add_argument('--minutes', type=float, default=30.0, help='how long (default: 30)')
+    parser.add_argument('--seed', type=int, default=1, help='chooses what is done')
+    parser.add_argument('--json', metavar='FILE', help='write the figures to a file as well')
+    parser.add_argument('--keep', metavar='FOLDER', help='keep the bag in a new folder')
+    args = parser.parse_args()
+    directory = Path(args.keep or tempfile.mkdtemp(prefix='lava_soak_')).absolute()
+    directory.mkdir(parents=True, exist_ok=not args.keep)
+    try:
+        figures = soak(60.0 * args.minutes, directory, args.seed)
+    finally:
+        if not args.keep:
+            shutil.rmtree(directory, ignore_errors=True)
+    rows = verdicts(figures)
+    figures['machine'] = f'{platform.machine()}, {os.cpu_count()} cores'
+    figures['command'] = f"make soak ARGS='--minutes {args.minutes:g} --seed {args.seed}'"
+    figures['holds'] = all(holds for *_, holds in rows)
+    if args.json:
+        Path(args.json).write_text(json.dumps(figures, indent=2) + '\n', encoding='utf-8')
+    print(f'{figures["command"]}: {figures["seconds"]:g} s, {figures["machine"]}')
+    for name, value, asked, holds in rows:
+        print(f'  {name:34} {value:>14}  {asked:>10}  {"holds" if holds else "FAILS"}')
+    for name, value in figures.items():
+        if name not in ('machine', 'command', 'seconds', 'holds'):
+            print(f'  {name:34} {value}')
+    return 0 if figures['holds'] else 1
+
+
+if __name__ == '__main__':
+    sys.exit(main())
