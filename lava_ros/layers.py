@@ -14,8 +14,8 @@
 
 """The layers of a simulation that are published, as a file in msg_configs/ describes them."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 import re
 from typing import Any, TYPE_CHECKING
@@ -36,6 +36,8 @@ ZERO_CELSIUS = 273.15
 
 OCCUPANCY_GRID = 'nav_msgs/msg/OccupancyGrid'
 IMAGE = 'sensor_msgs/msg/Image'
+POINT_CLOUD = 'sensor_msgs/msg/PointCloud2'
+GRID_MAP = 'grid_map_msgs/msg/GridMap'
 
 #: What a file may call a message type, and its full name.
 MESSAGES = {
@@ -43,9 +45,17 @@ MESSAGES = {
     OCCUPANCY_GRID: OCCUPANCY_GRID,
     'sensor_msgs/Image': IMAGE,
     IMAGE: IMAGE,
+    'sensor_msgs/PointCloud2': POINT_CLOUD,
+    POINT_CLOUD: POINT_CLOUD,
+    'grid_map_msgs/GridMap': GRID_MAP,
+    GRID_MAP: GRID_MAP,
 }
 
+#: Quantities that a message may show alone.
 SOURCES = ('thickness', 'temperature', 'hazard')
+
+#: The source of messages that show several quantities side by side.
+LAVA = 'lava'
 RELIABILITIES = ('reliable', 'best_effort')
 DURABILITIES = ('transient_local', 'volatile')
 
@@ -94,10 +104,11 @@ class Layer:
     Attributes:
         name: The layer's key in its file.
         topic: Relative topic name.
-        source: ``thickness``, ``temperature`` or ``hazard``.
+        source: ``thickness``, ``temperature`` or ``hazard``; in point clouds and grid maps
+            ``lava``, which is all of them.
         message: Full name of the message type.
-        range: Values that map to the two ends of ``scale`` [m, Celsius, or hazard]; None for raw
-            images and for masks with a step.
+        range: Values that map to the two ends of ``scale`` [m, Celsius, or hazard]; None for what
+            is not scaled and for masks with a step.
         scale: Grid values at the ends of ``range``; the second may be the smaller.
         step: Value from which on a cell is 100, and 0 below it: a mask; None for a scale.
         margin: Distance from lava [m] up to which a cell without lava counts as the mildest lava,
@@ -108,7 +119,7 @@ class Layer:
         rate: Messages per second [Hz], at most.
         record: Whether the messages go into a bag that is being recorded.
         qos: Delivery of the messages.
-        hazard: Limits of the hazard, for that source.
+        hazard: Limits of the hazard, where it is shown.
     """
 
     name: str
@@ -134,12 +145,31 @@ class Layer:
             float32, shape [rows, columns]: thickness [m], temperature [Celsius] or hazard 0..100.
             Dry cells are 0, or NaN for temperature; cells outside the terrain are NaN.
         """
-        wet = self.wet(snapshot)
-        dry_value = np.nan if self.source == 'temperature' else 0.0
-        values = np.full(snapshot.thickness.shape, dry_value, dtype=np.float32)
-        values[wet] = self._quantity(snapshot.thickness[wet], snapshot.temperature[wet])
-        values[np.isnan(snapshot.thickness)] = np.nan
-        return values
+        return self._raw(self.source, snapshot)
+
+    def maps(self, snapshot: 'Snapshot') -> dict[str, np.ndarray]:
+        """Return the ground's elevation [m] and each of ``SOURCES`` as ``raw_values`` does."""
+        elevation = np.asarray(snapshot.terrain.elevation, dtype=np.float32)
+        return {'elevation': elevation} | {name: self._raw(name, snapshot) for name in SOURCES}
+
+    def points(self, snapshot: 'Snapshot') -> dict[str, np.ndarray]:
+        """Return a point on the lava's surface for each wet cell, row by row.
+
+        Returns:
+            Columns ``x``, ``y``, ``z`` [m], ``thickness`` [m] and ``temperature`` [Celsius, NaN
+            where it is unknown], float32, one value a point.
+        """
+        rows, columns = np.nonzero(self.wet(snapshot))
+        terrain, thickness = snapshot.terrain, snapshot.thickness[rows, columns]
+        temperature = snapshot.temperature[rows, columns]
+        values = {
+            'x': terrain.origin[0] + (columns + 0.5) * terrain.resolution,
+            'y': terrain.origin[1] + (rows + 0.5) * terrain.resolution,
+            'z': terrain.elevation[rows, columns] + thickness,
+            'thickness': thickness,
+            'temperature': self._quantity('temperature', thickness, temperature),
+        }
+        return {name: np.asarray(column, dtype=np.float32) for name, column in values.items()}
 
     def grid_values(self, snapshot: 'Snapshot') -> np.ndarray:
         """Return the layer's quantity on the scale of an occupancy grid.
@@ -153,7 +183,9 @@ class Layer:
             LavaError: The layer has neither a range nor a step.
         """
         wet = self.wet(snapshot)
-        quantity = self._quantity(snapshot.thickness[wet], snapshot.temperature[wet])
+        quantity = self._quantity(
+            self.source, snapshot.thickness[wet], snapshot.temperature[wet]
+        )
         distance = self.margin / snapshot.terrain.resolution
         values = np.zeros(snapshot.thickness.shape, dtype=np.int8)
         if self.step is not None:
@@ -168,7 +200,7 @@ class Layer:
         return values
 
     def values(self, snapshot: 'Snapshot') -> np.ndarray:
-        """Return what the layer's message carries: grid values or raw values by message type."""
+        """Return what a grid or an image carries: grid values or raw values by message type."""
         if self.message == OCCUPANCY_GRID:
             return self.grid_values(snapshot)
         return self.raw_values(snapshot)
@@ -188,11 +220,21 @@ class Layer:
         least, most = sorted(self.scale)
         return np.clip(np.where(np.isnan(scaled), last, scaled), max(1, least), most)
 
-    def _quantity(self, thickness: np.ndarray, temperature: np.ndarray) -> np.ndarray:
-        """The layer's quantity in wet cells alone: they are few."""
-        if self.source == 'thickness':
+    def _raw(self, source: str, snapshot: 'Snapshot') -> np.ndarray:
+        wet = self.wet(snapshot)
+        dry_value = np.nan if source == 'temperature' else 0.0
+        values = np.full(snapshot.thickness.shape, dry_value, dtype=np.float32)
+        values[wet] = self._quantity(source, snapshot.thickness[wet], snapshot.temperature[wet])
+        values[np.isnan(snapshot.thickness)] = np.nan
+        return values
+
+    def _quantity(
+        self, source: str, thickness: np.ndarray, temperature: np.ndarray
+    ) -> np.ndarray:
+        """A quantity in wet cells alone: they are few."""
+        if source == 'thickness':
             return thickness
-        if self.source == 'temperature':
+        if source == 'temperature':
             return temperature - np.float32(ZERO_CELSIUS)
         return hazard(
             thickness,
@@ -241,12 +283,37 @@ def layers_from_dict(data: object) -> tuple[Layer, ...]:
     return layers
 
 
+def switched(layers: Sequence[Layer], *, on: Sequence[str], off: Sequence[str]) -> list[Layer]:
+    """Enable and disable layers by their names.
+
+    Args:
+        layers: The layers of a file.
+        on: Names of those that are published whatever the file says.
+        off: Names of those that are not.
+
+    Raises:
+        LavaError: A name is none of a layer, or stands in both lists.
+    """
+    known = [layer.name for layer in layers]
+    for field_name, names in (('layers_on', on), ('layers_off', off)):
+        for name in names:
+            validation.choice(field_name, name, known)
+    for name in off:
+        if name in on:
+            raise LavaError('layers_off', name, 'a layer that is not in layers_on as well')
+    return [
+        replace(layer, enabled=layer.name in on or (layer.enabled and layer.name not in off))
+        for layer in layers
+    ]
+
+
 def _layer(name: str, entry: object) -> Layer:
     where = f'layers.{name}'
     allowed = [item.name for item in fields(Layer) if item.name != 'name']
     data = validation.keys(where, entry, allowed=allowed, required=['source', 'message'])
-    source = validation.choice(f'{where}.source', data['source'], SOURCES)
     message = MESSAGES[validation.choice(f'{where}.message', data['message'], MESSAGES)]
+    sources = (LAVA,) if message in (POINT_CLOUD, GRID_MAP) else SOURCES
+    source = validation.choice(f'{where}.source', data['source'], sources)
     topic = data.get('topic', name)
     if not isinstance(topic, str) or not _TOPIC.fullmatch(topic):
         raise LavaError(
@@ -283,12 +350,13 @@ def _layer(name: str, entry: object) -> Layer:
         for key in ('range', 'scale', 'step', 'margin', 'outside'):
             if key in data:
                 raise LavaError(
-                    f'{where}.{key}', data[key], 'absent: an image carries the values unscaled'
+                    f'{where}.{key}', data[key], 'absent: only a grid scales the values'
                 )
-    if source == 'hazard':
+    if source == 'hazard' or message == GRID_MAP:
         result['hazard'] = _hazard_limits(f'{where}.hazard', data.get('hazard', {}))
     elif 'hazard' in data:
-        raise LavaError(f'{where}.hazard', data['hazard'], 'absent unless source is hazard')
+        right = 'absent unless source is hazard or the message a GridMap'
+        raise LavaError(f'{where}.hazard', data['hazard'], right)
     return Layer(**result)
 
 

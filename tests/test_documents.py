@@ -14,8 +14,8 @@
 
 """Every block of code in the README and the documents does what it says.
 
-Blocks run in one folder, beside the files that a reader would have (`_furnish`). What cannot run
-here says so in an HTML comment before the block:
+A block runs in a folder of its own, beside the files that a reader would have (`_furnish`). What
+cannot run here says so in an HTML comment before the block:
 
     <!-- not run: REASON -->                     the whole block, for one of REASONS
     <!-- not run: REASON: beginning; other -->   the lines of a shell block that begin like that
@@ -108,12 +108,11 @@ def blocks() -> Iterator[Block]:
 BLOCKS = list(blocks())
 
 
-@pytest.fixture(scope='module')
-def shop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture
+def shop(tmp_path: Path) -> Path:
     """A folder with what a reader of the documents has at hand."""
-    folder = tmp_path_factory.mktemp('reader')
-    _furnish(folder)
-    return folder
+    _furnish(tmp_path)
+    return tmp_path
 
 
 def _furnish(folder: Path) -> None:

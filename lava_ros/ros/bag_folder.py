@@ -14,10 +14,14 @@
 
 """Where bags may be written: what comes over the graph stays inside one folder."""
 
+from itertools import chain, count
 from pathlib import Path
 import time
 
 from lava_ros.errors import LavaError
+
+#: The node's name unless it is run under another.
+DEFAULT_NODE = '/lava'
 
 
 class BagFolder:
@@ -28,14 +32,17 @@ class BagFolder:
     symbolic links and ``..`` are followed.
     """
 
-    def __init__(self, root: str, given: str) -> None:
+    def __init__(self, root: str, given: str, *, node: str = DEFAULT_NODE) -> None:
         """Take what the user said at the start.
 
         Args:
             root: Folder of all bags; empty: the one that holds ``given``, else ``bags``.
             given: The bag named at the start, empty for none.
+            node: Name of the node, with its namespace. Any but the usual one is part of a bag's
+                name: several nodes may share a folder.
         """
         self._given = given
+        self._suffix = '' if node == DEFAULT_NODE else node.replace('/', '_')
         self._root = Path(root) if root else Path(given).parent if given else Path('bags')
 
     def path(self, name: str) -> Path:
@@ -45,7 +52,7 @@ class BagFolder:
             LavaError: It lies outside the root.
         """
         if not name:
-            return self._root / time.strftime('%Y-%m-%dT%H-%M-%S')
+            return self._unused(time.strftime('%Y-%m-%dT%H-%M-%S') + self._suffix)
         if name == self._given:
             return Path(name)
         try:
@@ -55,3 +62,7 @@ class BagFolder:
         if root not in path.parents:
             raise LavaError('bag_directory', name, f'a new folder inside {root} (bag_root)')
         return Path(name)
+
+    def _unused(self, name: str) -> Path:
+        names = chain([name], (f'{name}_{number}' for number in count(2)))
+        return next(path for path in map(self._root.joinpath, names) if not path.exists())

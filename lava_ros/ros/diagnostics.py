@@ -19,7 +19,7 @@ from collections.abc import Mapping
 import threading
 import time
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from lava_ros.errors import LavaError
 from lava_ros.ros.checkpoint_recording import LastCheckpoint
@@ -54,36 +54,48 @@ class InputLog:
         self._accepted: Counter[str] = Counter()
         self._rejected: Counter[str] = Counter()
         self._superseded = 0
+        self._arrived = 0
+        self._newest_judged: dict[str, int] = {}
         self._newest_is_bad: dict[str, bool] = {}
         self._last_error = ''
         self._logged: dict[str, tuple[str, float]] = {}
 
-    def accept(self, topic: str) -> None:
-        """Note a message that was taken."""
+    def arrive(self) -> int:
+        """Number a message whose judgement may come after that of a newer one."""
+        with self._lock:
+            self._arrived += 1
+            return self._arrived
+
+    def accept(self, topic: str, number: int | None = None) -> None:
+        """Note a message that was taken; the newest, or that of a number."""
         with self._lock:
             self._accepted[topic] += 1
-            self._newest_is_bad[topic] = False
+            self._judge(topic, number, is_bad=False)
             self._logged.pop(topic, None)
 
-    def supersede(self) -> None:
-        """Note a message that a newer one replaced before the simulation took it."""
+    def supersede(self, topic: str, number: int | None = None) -> None:
+        """Note a sound message that a newer one replaced before the simulation took it.
+
+        The newer one may have come on another topic: both clouds and images are terrain.
+        """
         with self._lock:
             self._superseded += 1
+            self._judge(topic, number, is_bad=False)
 
     def forgive(self, topic: str) -> None:
         """Leave it at a warning: nothing better can be expected on the topic to end an error."""
         with self._lock:
             self._newest_is_bad[topic] = False
 
-    def reject(self, topic: str, error: LavaError) -> bool:
-        """Note a message that was refused.
+    def reject(self, topic: str, error: LavaError, number: int | None = None) -> bool:
+        """Note a message that was refused; the newest, or that of a number.
 
         Returns:
             Whether to log it: not when the same thing was just said about the topic.
         """
         with self._lock:
             self._rejected[topic] += 1
-            self._newest_is_bad[topic] = True
+            self._judge(topic, number, is_bad=True)
             self._last_error = f'{topic}: {error}'
             now, text = time.monotonic(), str(error)
             last_text, last_time = self._logged.get(topic, ('', 0.0))
@@ -91,6 +103,14 @@ class InputLog:
                 return False
             self._logged[topic] = (text, now)
             return True
+
+    def _judge(self, topic: str, number: int | None, *, is_bad: bool) -> None:
+        if number is None:
+            self._arrived += 1
+            number = self._arrived
+        if number >= self._newest_judged.get(topic, 0):
+            self._newest_judged[topic] = number
+            self._newest_is_bad[topic] = is_bad
 
     def status(self) -> DiagnosticStatus:
         """ERROR while a topic's newest message was refused, WARN when an earlier one was."""
@@ -113,13 +133,19 @@ class InputLog:
 
 
 def simulation_status(
-    worker: WorkerStatus, snapshot: Snapshot | None, *, wet_cells: int, frame_stamp_ns: int
+    worker: WorkerStatus,
+    snapshot: Snapshot | None,
+    *,
+    is_active: bool,
+    wet_cells: int,
+    frame_stamp_ns: int,
 ) -> DiagnosticStatus:
     """Say how the simulation is doing.
 
     Args:
         worker: What the worker says.
         snapshot: The snapshot that was published last, None before the first.
+        is_active: Whether the node is: else nothing is published and time stands still.
         wet_cells: Its wet cells.
         frame_stamp_ns: The stamp it was published with [ns].
     """
@@ -130,6 +156,7 @@ def simulation_status(
         level, message = DiagnosticStatus.WARN, 'running slower than the clock asks for'
     values: dict[str, object] = {
         'state': worker.state.value,
+        'lifecycle': 'active' if is_active else 'inactive',
         'device': worker.device,
         'speed': f'{worker.speed:.4g}',
         'mean_speed': f'{worker.mean_speed:.4g}',
@@ -155,6 +182,8 @@ def simulation_status(
             'step_limit': steps.limit,
             'step_stages': steps.stages,
         }
+    if not is_active:
+        message = f'inactive: {message}'
     return _status('simulation', level, message, values)
 
 
@@ -188,13 +217,25 @@ def recorder_status(
     return _status('recorder', DiagnosticStatus.OK, recorder.state, values)
 
 
+def sign(message: DiagnosticArray, node: str) -> None:
+    """Put the node's name before the tasks: what gathers diagnostics knows statuses by names.
+
+    Args:
+        message: Statuses that have the names of their tasks.
+        node: Name of the node, with its namespace.
+    """
+    source = node.strip('/')
+    for status in message.status:
+        status.name = f'{source}: {status.name}'
+        status.hardware_id = source
+
+
 def _status(
     task: str, level: bytes, message: str, values: Mapping[str, object]
 ) -> DiagnosticStatus:
     return DiagnosticStatus(
         level=level,
-        name=f'lava: {task}',
+        name=task,
         message=message,
-        hardware_id='lava',
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
     )

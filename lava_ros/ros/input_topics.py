@@ -23,10 +23,11 @@ from typing import Any
 from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import MapMetaData
 from rclpy.clock import Clock
+from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.errors import LavaError
-from lava_ros.ros import inputs, qos
+from lava_ros.ros import grid_map, inputs, qos
 from lava_ros.ros.diagnostics import InputLog
 from lava_ros.ros.entities import Entities
 from lava_ros.ros.parameters import Settings
@@ -51,6 +52,7 @@ class InputTopics:
         *,
         settings: Callable[[], Settings],
         steady: Clock,
+        grid_maps: grid_map.Classes | None = None,
     ) -> None:
         """Subscribe.
 
@@ -59,6 +61,7 @@ class InputTopics:
             worker: What the inputs are for.
             settings: Gives the node's settings.
             steady: A clock that goes on whatever ``/clock`` does.
+            grid_maps: Classes of grid_map_msgs; None: that package's own, where it is installed.
         """
         self.log = InputLog()
         self._logger = entities.node.get_logger()
@@ -70,34 +73,39 @@ class InputTopics:
             transient_local=settings().terrain_subscribe_transient_local
         )
         command_qos = qos.ros_profile(qos.COMMANDS)
-        for message_class, topic, callback, profile in (
+        topics: list[tuple[Any, str, Callable[[Any], None], QoSProfile]] = [
             (Image, 'terrain', self._on_terrain, terrain_qos),
             (MapMetaData, 'terrain_info', self._on_terrain_info, terrain_qos),
             (PointCloud2, 'terrain_cloud', self._on_terrain_cloud, terrain_qos),
             (PointCloud2, 'vents', self._on_vents, command_qos),
             (PointStamped, 'clicked_point', self._on_clicked_point, command_qos),
-        ):
+        ]
+        grid_maps = grid_maps or grid_map.installed_classes()
+        if grid_maps is not None:
+            topics.append((grid_maps.map, 'terrain_grid', self._on_terrain_grid, terrain_qos))
+        for message_class, topic, callback, profile in topics:
             take = self._guarded(topic, message_class, callback)
             entities.subscription(message_class, topic, take, profile, raw=True)
         entities.timer(PAIRING_PERIOD, self._poll_pairing, clock=steady)
 
     def command(self, topic: str, future: 'Future[None]') -> None:
         """Report how a command for the worker ends; that is in the worker's thread."""
+        number = self.log.arrive()
 
         def report(done: 'Future[None]') -> None:
             error = None if done.cancelled() else done.exception()
             if isinstance(error, LavaError):
-                self.reject(topic, error)
+                self.reject(topic, error, number)
             elif done.cancelled():
-                self.log.supersede()
+                self.log.supersede(topic, number)
             elif error is None:
-                self.log.accept(topic)
+                self.log.accept(topic, number)
 
         future.add_done_callback(report)
 
-    def reject(self, topic: str, error: LavaError) -> None:
-        """Report an input that is refused."""
-        if self.log.reject(topic, error):
+    def reject(self, topic: str, error: LavaError, number: int | None = None) -> None:
+        """Report an input that is refused; the newest of its topic, or that of a number."""
+        if self.log.reject(topic, error, number):
             self._logger.error(f'{topic} refused: {error}')
 
     def report_callback(self, error: Exception) -> None:
@@ -147,6 +155,10 @@ class InputTopics:
     def _on_terrain_cloud(self, cloud: PointCloud2) -> None:
         terrain = inputs.terrain_from_cloud(cloud, self._settings().rules)
         self.command('terrain_cloud', self._worker.set_terrain(terrain))
+
+    def _on_terrain_grid(self, message: Any) -> None:
+        terrain = inputs.terrain_from_grid(message, self._settings().rules)
+        self.command('terrain_grid', self._worker.set_terrain(terrain))
 
     def _on_vents(self, cloud: PointCloud2) -> None:
         vents = inputs.vents_from_cloud(cloud, self._settings().rules)

@@ -16,8 +16,9 @@
 
 from dataclasses import dataclass
 import math
+from typing import Any
 
-from geometry_msgs.msg import PointStamped
+from geometry_msgs.msg import PointStamped, Pose
 from nav_msgs.msg import MapMetaData
 import numpy as np
 from sensor_msgs.msg import Image, PointCloud2
@@ -25,7 +26,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.layers import ZERO_CELSIUS
-from lava_ros.ros import codec
+from lava_ros.ros import codec, grid_map
 from lava_ros.scene import MAX_SIDE_CELLS, Terrain, Vent
 
 #: Fields a cloud of vents has to have; ``z`` is there for viewers.
@@ -81,20 +82,7 @@ def check_info(info: MapMetaData, rules: InputRules) -> None:
     """
     _check_cells('terrain_info.size', info.width, info.height, rules)
     validation.number('terrain_info.resolution', info.resolution, above=0.0, unit='m')
-    place, turn = info.origin.position, info.origin.orientation
-    for name in ('x', 'y'):
-        validation.number(f'terrain_info.origin.position.{name}', getattr(place, name), unit='m')
-    if place.z != 0.0:
-        raise LavaError(
-            'terrain_info.origin.position.z', place.z, '0: the elevations carry the height'
-        )
-    # The negation also catches NaN.
-    if not (max(abs(turn.x), abs(turn.y), abs(turn.z)) < 1e-6 and abs(abs(turn.w) - 1.0) < 1e-6):
-        raise LavaError(
-            'terrain_info.origin.orientation',
-            (turn.x, turn.y, turn.z, turn.w),
-            '(0, 0, 0, 1): rotated grids are not supported',
-        )
+    _check_pose('terrain_info.origin', info.origin)
 
 
 def terrain_from_image(image: Image, info: MapMetaData, rules: InputRules) -> Terrain:
@@ -155,6 +143,33 @@ def terrain_from_cloud(cloud: PointCloud2, rules: InputRules) -> Terrain:
         elevation=elevation,
         resolution=resolution,
         origin=(float(low[0]), float(low[1])),
+        epsg=rules.epsg,
+        offset=rules.offset,
+    )
+
+
+def terrain_from_grid(message: Any, rules: InputRules) -> Terrain:
+    """Make a terrain from the layer ``elevation`` of a grid_map_msgs/GridMap.
+
+    Raises:
+        LavaError: The map is not usable, or lacks the layer.
+    """
+    name = 'terrain_grid'
+    _check_frame(name, message.header.frame_id, rules)
+    _check_pose(f'{name}.info.pose', message.info.pose)
+    for array in message.data:
+        cells = len(array.data) - array.layout.data_offset
+        if cells > rules.max_terrain_cells:
+            right = f'at most {rules.max_terrain_cells} (max_terrain_cells)'
+            raise LavaError(f'{name}.data', f'{cells} cells', right)
+    elevation = grid_map.layer_values(message, grid_map.ELEVATION, name)
+    _check_cells(f'{name}.size', elevation.shape[1], elevation.shape[0], rules)
+    _check_elevation(name, elevation, rules)
+    info, centre = message.info, message.info.pose.position
+    return Terrain(
+        elevation=elevation,
+        resolution=info.resolution,
+        origin=(centre.x - 0.5 * info.length_x, centre.y - 0.5 * info.length_y),
         epsg=rules.epsg,
         offset=rules.offset,
     )
@@ -299,6 +314,21 @@ def _check_frame(name: str, frame_id: str, rules: InputRules) -> None:
     if frame_id != rules.frame_id:
         raise LavaError(
             f'{name}.header.frame_id', frame_id, f'{rules.frame_id!r}: nothing is transformed here'
+        )
+
+
+def _check_pose(name: str, pose: Pose) -> None:
+    place, turn = pose.position, pose.orientation
+    for axis in ('x', 'y'):
+        validation.number(f'{name}.position.{axis}', getattr(place, axis), unit='m')
+    if place.z != 0.0:
+        raise LavaError(f'{name}.position.z', place.z, '0: the elevations carry the height')
+    # The negation also catches NaN.
+    if not (max(abs(turn.x), abs(turn.y), abs(turn.z)) < 1e-6 and abs(abs(turn.w) - 1.0) < 1e-6):
+        raise LavaError(
+            f'{name}.orientation',
+            (turn.x, turn.y, turn.z, turn.w),
+            '(0, 0, 0, 1): rotated grids are not supported',
         )
 
 

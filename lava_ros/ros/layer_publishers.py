@@ -16,15 +16,34 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from nav_msgs.msg import OccupancyGrid
 from rclpy.publisher import Publisher
 
-from lava_ros.layers import Layer, OCCUPANCY_GRID
+from lava_ros.layers import Layer, load_layers, OCCUPANCY_GRID, switched
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.entities import Entities
+from lava_ros.ros.parameters import Settings
 from lava_ros.ros.recorder import Recorder
 from lava_ros.simulation.snapshot import Snapshot
+
+
+def published_layers(config: Path, settings: Settings) -> list[Layer]:
+    """The layers of a file that the node publishes.
+
+    Args:
+        config: A file of msg_configs/.
+        settings: The node's settings.
+
+    Raises:
+        LavaError: The file or a layer's name is wrong, or the package of a message is missing.
+    """
+    layers = switched(load_layers(config), on=settings.layers_on, off=settings.layers_off)
+    enabled = [layer for layer in layers if layer.enabled]
+    for layer in enabled:
+        outputs.message_class(layer)
+    return enabled
 
 
 @dataclass(eq=False)
@@ -38,7 +57,7 @@ class _Output:
 
 
 class LayerPublishers:
-    """The publishers of the enabled layers.
+    """The publishers of layers.
 
     Attributes:
         shown: The newest snapshot that was published, None before the first.
@@ -49,11 +68,11 @@ class LayerPublishers:
     def __init__(
         self, entities: Entities, layers: Sequence[Layer], recorder: Recorder, *, frame_id: str
     ) -> None:
-        """Create a publisher for every enabled layer.
+        """Create a publisher for every layer.
 
         Args:
             entities: Creates the publishers.
-            layers: What to publish.
+            layers: What to publish, by ``published_layers``.
             recorder: Where the layers that are recorded go.
             frame_id: Frame of the messages.
         """
@@ -63,13 +82,10 @@ class LayerPublishers:
             _Output(
                 layer,
                 entities.publisher(
-                    outputs.MESSAGE_CLASSES[layer.message],
-                    layer.topic,
-                    qos.ros_profile(layer.qos),
+                    outputs.message_class(layer), layer.topic, qos.ros_profile(layer.qos)
                 ),
             )
             for layer in layers
-            if layer.enabled
         ]
         self.rates = sorted({output.layer.rate for output in self._outputs})
         self.shown: Snapshot | None = None

@@ -15,6 +15,7 @@
 """The node `lava`: a managed node, from its parameters to an operation that does the work."""
 
 from collections.abc import Callable
+import gc
 import os
 import signal
 import sys
@@ -32,6 +33,7 @@ from rclpy.signals import SignalHandlerOptions
 from lava_ros.errors import LavaError
 from lava_ros.lava import Lava
 from lava_ros.ros import parameters, qos
+from lava_ros.ros.entities import Entities
 from lava_ros.ros.operation import Operation
 from lava_ros.ros.resume import adopt
 from lava_ros.ros.sources import load_sources, Sources
@@ -72,9 +74,13 @@ class LavaNode(LifecycleNode):
         self._operation: Operation | None = None
         self._values: dict[str, Any] = {}
         self._material: Lava | None = None
+        self._ending: Operation | None = None
         self.refusal = ''
+        self._answer_all_requests()
         declared = parameters.declare(self, parameters.LIFECYCLE)
         self._is_autostarting = bool(declared['autostart'])
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._apply_parameters)
 
     @property
     def failure(self) -> str:
@@ -99,7 +105,12 @@ class LavaNode(LifecycleNode):
             Whether its thread has ended.
         """
         operation, self._operation = self._operation, None
-        return operation.close() if operation is not None else True
+        if operation is not None:
+            self._ending = operation
+            operation.close()
+        if self._ending is not None and self._ending.has_ended():
+            self._ending = None
+        return self._ending is None
 
     def report_callback(self, error: Exception) -> None:
         """Report what a callback of the middleware itself raised."""
@@ -116,21 +127,19 @@ class LavaNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let time pass, and publish."""
-        assert self._operation is not None
-        return self._transition('activate', self._operation.activate)
+        return self._transition('activate', lambda: self._configured().activate())
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Hold time, and publish no more layers."""
-        assert self._operation is not None
-        return self._transition('deactivate', self._operation.deactivate)
+        return self._transition('deactivate', lambda: self._configured().deactivate())
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Finish the bag, end the simulation and leave the graph."""
-        return self._transition('cleanup', self._close)
+        return self._transition('clean up', self._close)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Finish the bag and end the simulation, from any state."""
-        return self._transition('shutdown', self._close)
+        return self._transition('shut down', self._close)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin anew, unconfigured, after an error nobody expected."""
@@ -153,53 +162,79 @@ class LavaNode(LifecycleNode):
         return TransitionCallbackReturn.SUCCESS
 
     def _configure(self) -> None:
+        if not self.close():
+            right = 'ended; configure again in a while'
+            raise LavaError('simulation', 'still in the last step before cleanup', right)
         sources = load_sources(self)
         settings = self._declare_parameters(sources)
-        self._operation = Operation(
-            self,
-            settings,
-            lambda: self._values,
-            sources,
-            make_simulation=self._make_simulation,
-        )
+        entities = Entities(self)
+        try:
+            self._operation = Operation(
+                self,
+                settings,
+                lambda: self._values,
+                sources,
+                entities=entities,
+                make_simulation=self._make_simulation,
+            )
+        except Exception:
+            entities.destroy()
+            raise
+
+    def _configured(self) -> Operation:
+        assert self._operation is not None
+        return self._operation
 
     def _close(self) -> None:
         if not self.close():
-            self.get_logger().warning('a step of the simulation was cut off')
+            self.get_logger().warning('a step of the simulation goes on until it has ended')
+        # Maps are in reference cycles, which an idle process would keep for long.
+        gc.collect()
+
+    def _answer_all_requests(self) -> None:
+        """Refuse a transition that the state does not have; rclpy would leave it unanswered."""
+        change = self._service_change_state
+        change_state = change.callback
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return change_state(request, response)
+            except Exception as error:
+                self.get_logger().error(f'no such transition now: {error}')
+                response.success = False
+                return response
+
+        change.callback = answer
 
     # parameters
 
     def _declare_parameters(self, sources: Sources) -> parameters.Settings:
         specs = parameters.PARAMETERS + parameters.lava_parameters(sources.lava)
-        is_first = not self._values
+        former, self._material = self._material, sources.lava
         self._values = parameters.declare(self, specs)
         if sources.checkpoint is not None:
             self._values |= adopt(self, sources.checkpoint, self._values, specs)
-        elif not is_first:
-            self._renew_material(sources.lava)
-        self._material = sources.lava
-        if is_first:
-            self.add_on_set_parameters_callback(self._check_parameters)
-            self.add_post_set_parameters_callback(self._apply_parameters)
+        elif former is not None:
+            self._renew_material(former, sources.lava)
         return parameters.settings_from(self._values)
 
-    def _renew_material(self, lava: Lava) -> None:
+    def _renew_material(self, former: Lava, lava: Lava) -> None:
         """Take constants from a scene file that has changed, but for those set by hand."""
-        assert self._material is not None
-        old = parameters.lava_values(self._material)
+        old = parameters.lava_values(former)
         changed = {
             name: value
             for name, value in parameters.lava_values(lava).items()
             if self._values[name] == old[name] != value
         }
-        self.set_parameters([Parameter(name, value=value) for name, value in changed.items()])
+        parameters.put(self, changed)
         self._values |= changed
 
     def _check_parameters(self, changed: list[Parameter]) -> SetParametersResult:
+        # Unconfigured, one wrong value after the other can be put right; configuring checks all.
+        if self._operation is None:
+            return SetParametersResult(successful=True)
         try:
-            new = parameters.settings_from(self._with(changed))
-            if self._operation is not None:
-                self._operation.check(new)
+            self._operation.check(parameters.settings_from(self._with(changed)))
         except LavaError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

@@ -26,13 +26,12 @@ from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
 from lava_ros.errors import LavaError
-from lava_ros.layers import load_layers
 from lava_ros.ros import codec, diagnostics, qos
 from lava_ros.ros.bag_folder import BagFolder
 from lava_ros.ros.checkpoint_recording import CheckpointRecording
 from lava_ros.ros.entities import Entities
 from lava_ros.ros.input_topics import InputTopics
-from lava_ros.ros.layer_publishers import LayerPublishers
+from lava_ros.ros.layer_publishers import LayerPublishers, published_layers
 from lava_ros.ros.markers import vent_markers
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.recorder import Recorder
@@ -69,6 +68,7 @@ class Operation:
         values: Callable[[], Mapping[str, Any]],
         sources: Sources,
         *,
+        entities: Entities,
         make_simulation: Callable[[Scene], SimulationLike] | None = None,
     ) -> None:
         """Join the graph, and start on what there is, with time standing still.
@@ -78,6 +78,7 @@ class Operation:
             settings: What its parameters say.
             values: Gives their values by name.
             sources: What to start with.
+            entities: Creates what the node has in the graph; empty, and destroyed by ``close``.
             make_simulation: Makes simulations in place of the settings' own.
 
         Raises:
@@ -86,11 +87,14 @@ class Operation:
         self._node = node
         self._settings = settings
         self.failure = ''
-        self._bag_folder = BagFolder(settings.bag_root, settings.bag_directory)
+        self._bag_folder = BagFolder(
+            settings.bag_root, settings.bag_directory, node=node.get_fully_qualified_name()
+        )
         config = find_file(settings.msg_config, 'msg_configs')
-        layers = load_layers(config)
+        layers = published_layers(config, settings)
         self._is_active = False
         self._is_paused = False
+        self._is_recording_wanted = settings.record
         self._reported_state = WorkerState.WAITING
         self._reported_recorder_error = ''
         self._recorder = Recorder()
@@ -101,7 +105,7 @@ class Operation:
             msg_config=config.read_text(encoding='utf-8'),
             parameters=values,
         )
-        self._entities = entities = Entities(node)
+        self._entities = entities
         snapshot_ready = entities.guard_condition(self._publish)
         self._worker = SimulationWorker(
             make_simulation or (lambda scene: new_simulation(scene, self._settings)),
@@ -134,8 +138,9 @@ class Operation:
         self._answers = Services(
             self, entities, worker=self._worker, inputs=self._inputs, layers=self._layers
         )
-        self._worker.start()
         self._begin(sources)
+        # The last thing: what fails before leaves no thread behind.
+        self._worker.start()
 
     @property
     def is_active(self) -> bool:
@@ -157,7 +162,7 @@ class Operation:
         if status.state is WorkerState.FAILED:
             raise LavaError('simulation', status.error, 'one that has not failed; ~/reset')
         is_busy = self._recorder.is_recording or self._recorder.is_armed
-        if self._settings.record and not is_busy:
+        if self._is_recording_wanted and not is_busy:
             self._arm_recorder()
         self._is_active = True
         self._worker.pause(self._is_paused)
@@ -174,11 +179,18 @@ class Operation:
         Returns:
             Whether the worker has ended.
         """
-        self._close_bag()
-        ended = self._worker.stop(STOP_TIMEOUT)
-        self._report_recorder()
-        self._entities.destroy()
+        self._is_active = False
+        try:
+            self._close_bag()
+            self._report_recorder()
+        finally:
+            ended = self._worker.stop(STOP_TIMEOUT)
+            self._entities.destroy()
         return ended
+
+    def has_ended(self) -> bool:
+        """Whether the thread that ``close`` has told to end is no longer in a step."""
+        return self._worker.stop(0.0)
 
     def check(self, settings: Settings) -> None:
         """Refuse settings that cannot be used now.
@@ -221,6 +233,7 @@ class Operation:
             LavaError: It cannot be.
         """
         directory = self._arm_recorder()
+        self._is_recording_wanted = True
         self._publish(repeat=True)
         if self._recorder.status.error:
             raise LavaError('bag_directory', str(directory), self._recorder.status.error)
@@ -228,6 +241,7 @@ class Operation:
 
     def stop_recording(self) -> str:
         """Finish the bag and give its name, empty when there was none."""
+        self._is_recording_wanted = False
         self._close_bag()
         self._report_recorder()
         return self._recorder.status.directory
@@ -323,13 +337,18 @@ class Operation:
             header=codec.header('', stamp_ns),
             status=[
                 diagnostics.simulation_status(
-                    worker, snapshot, wet_cells=wet, frame_stamp_ns=self._layers.shown_stamp_ns
+                    worker,
+                    snapshot,
+                    is_active=self._is_active,
+                    wet_cells=wet,
+                    frame_stamp_ns=self._layers.shown_stamp_ns,
                 ),
                 diagnostics.effects_status(self._worker.effects),
                 self._inputs.log.status(),
                 diagnostics.recorder_status(self._recorder.status, self._checkpoints.last),
             ],
         )
+        diagnostics.sign(message, self._node.get_fully_qualified_name())
         data = codec.serialise(message)
         self._diagnostics.publish(data)
         self._recorder.write(

@@ -20,13 +20,34 @@ from typing import Any
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from sensor_msgs.msg import Image, PointCloud2
 
-from lava_ros.layers import Layer, OCCUPANCY_GRID, ZERO_CELSIUS
-from lava_ros.ros import codec
+from lava_ros.errors import LavaError
+from lava_ros.layers import GRID_MAP, IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
+from lava_ros.ros import codec, grid_map
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.snapshot import Snapshot
 
 #: Class of each message type a layer can have.
-MESSAGE_CLASSES = {'nav_msgs/msg/OccupancyGrid': OccupancyGrid, 'sensor_msgs/msg/Image': Image}
+#: Messages of layers that every ROS installation has.
+MESSAGE_CLASSES = {OCCUPANCY_GRID: OccupancyGrid, IMAGE: Image, POINT_CLOUD: PointCloud2}
+
+
+def message_class(layer: Layer) -> Any:
+    """The class of a layer's message.
+
+    Raises:
+        LavaError: Its package is not installed.
+    """
+    if layer.message != GRID_MAP:
+        return MESSAGE_CLASSES[layer.message]
+    classes = grid_map.installed_classes()
+    if classes is None:
+        raise LavaError(
+            f'layers.{layer.name}.message',
+            layer.message,
+            'a message whose package is installed: install ros-jazzy-grid-map-msgs, '
+            f"or switch the layer off (layers_off: ['{layer.name}'])",
+        )
+    return classes.map
 
 
 def layer_message(layer: Layer, snapshot: Snapshot, *, frame_id: str, stamp_ns: int) -> Any:
@@ -35,6 +56,14 @@ def layer_message(layer: Layer, snapshot: Snapshot, *, frame_id: str, stamp_ns: 
     if layer.message == OCCUPANCY_GRID:
         info = codec.map_metadata(snapshot.terrain, stamp_ns)
         return codec.occupancy_grid(layer.grid_values(snapshot), info, message_header)
+    if layer.message == POINT_CLOUD:
+        return codec.point_cloud(layer.points(snapshot), message_header)
+    if layer.message == GRID_MAP:
+        classes = grid_map.installed_classes()
+        assert classes is not None
+        return grid_map.grid_map_message(
+            classes, layer.maps(snapshot), snapshot.terrain, message_header
+        )
     return codec.float_image(layer.raw_values(snapshot), message_header)
 
 

@@ -20,6 +20,7 @@ from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from lava_ros import validation
 from lava_ros.choice import CRITERIA, HORIZON
@@ -115,6 +116,20 @@ PARAMETERS = (
         'default.yaml',
         'How layers become messages: a path, or the name of a file in msg_configs/',
         read_only=True,
+    ),
+    ParameterSpec(
+        'layers_on',
+        [''],
+        'Layers of msg_config that are published whatever it says, such as lava_points',
+        read_only=True,
+        is_list=True,
+    ),
+    ParameterSpec(
+        'layers_off',
+        [''],
+        'Layers of msg_config that are not published whatever it says',
+        read_only=True,
+        is_list=True,
     ),
     ParameterSpec('frame_id', 'map', 'Frame of every message in and out (ENU)', read_only=True),
     ParameterSpec('time_scale', 1.0, 'Simulated seconds per second of the clock', (1e-3, 1e6)),
@@ -266,6 +281,18 @@ def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
     return {spec.name: plain(node.get_parameter(spec.name).value) for spec in specs}
 
 
+def put(node: Node, values: Mapping[str, Any]) -> None:
+    """Set parameters of a node, all or none.
+
+    Raises:
+        LavaError: One cannot have its value.
+    """
+    new = [Parameter(name, value=value) for name, value in values.items()]
+    result = node.set_parameters_atomically(new)
+    if not result.successful:
+        raise LavaError('parameters', dict(values), f'values that can be set ({result.reason})')
+
+
 def plain(value: Any) -> Any:
     """A parameter's value, with a list in place of any array."""
     return value if value is None or isinstance(value, str | bool | int | float) else list(value)
@@ -278,6 +305,8 @@ class Settings:
     Attributes:
         device: Name of the Warp device, None for automatic.
         msg_config: File of the layers.
+        layers_on: Names of layers that are published whatever the file says.
+        layers_off: Names of layers that are not.
         time_scale: Simulated seconds per second of the clock.
         end_time: Simulated time at which to stop [s], None for never.
         preset: Name of the accuracy's preset.
@@ -301,6 +330,8 @@ class Settings:
 
     device: str | None = None
     msg_config: str = 'default.yaml'
+    layers_on: tuple[str, ...] = ()
+    layers_off: tuple[str, ...] = ()
     time_scale: float = 1.0
     end_time: float | None = None
     preset: str = DEFAULT_PRESET
@@ -334,9 +365,12 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     rules = {item.name for item in fields(InputRules)} - {'epsg', 'offset'}
     lava = Lava(**{item.name: values[LAVA + item.name] for item in fields(Lava)})
     made = {'device', 'end_time', 'spacing', 'forced', 'horizon', 'rules', 'lava'}
+    made |= {'layers_on', 'layers_off'}
     return Settings(
         **{item.name: values[item.name] for item in fields(Settings) if item.name not in made},
         device=values['device'] or None,
+        layers_on=tuple(_texts('layers_on', values['layers_on'], 'layers', 'lava_points')),
+        layers_off=tuple(_texts('layers_off', values['layers_off'], 'layers', 'temperature')),
         end_time=values['end_time'] or None,
         spacing=values['spacing'] or None,
         forced=_forced(values['effects_on'], values['effects_off'], lava),
@@ -375,10 +409,15 @@ def _forced(on: object, off: object, lava: Lava) -> dict[str, bool]:
 
 
 def _names(field: str, value: object) -> list[str]:
+    names = _texts(field, value, 'effects', 'inertia')
+    return [validation.choice(field, name, EFFECTS) for name in names]
+
+
+def _texts(field: str, value: object, kind: str, example: str) -> list[str]:
     # ROS leaves a parameter unset that is an empty list at the start.
     if value is None:
         return []
     if not isinstance(value, list):
-        raise LavaError(field, value, "a list of effects, such as ['inertia']")
+        raise LavaError(field, value, f"a list of {kind}, such as ['{example}']")
     # A list with one empty text is how ROS writes an empty list of texts.
-    return [validation.choice(field, name, EFFECTS) for name in value if name != '']
+    return [name for name in value if name != '']

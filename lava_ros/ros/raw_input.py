@@ -33,6 +33,12 @@ OVERHEAD = 65_536
 #: Most fields of a point cloud.
 MAX_CLOUD_FIELDS = 1024
 
+#: Most layers of a grid map.
+MAX_GRID_LAYERS = 256
+
+#: Dimensions of a layer of a grid map.
+GRID_DIMENSIONS = 2
+
 _ENCAPSULATION = 4
 
 
@@ -52,6 +58,8 @@ def decode(data: bytes, message_class: Any, topic: str, *, max_bytes: int) -> An
         raise LavaError(topic, f'{len(data)} bytes', f'at most {max_bytes} (max_input_bytes)')
     if message_class is PointCloud2:
         _check_fields(data, topic)
+    elif message_class.__name__ == 'GridMap':
+        _check_layers(data, topic)
     try:
         return deserialize_message(data, message_class)
     # What rclpy raises for undecodable bytes is a RuntimeError without a public name.
@@ -60,15 +68,67 @@ def decode(data: bytes, message_class: Any, topic: str, *, max_bytes: int) -> An
         raise LavaError(topic, f'{len(data)} bytes', f'a serialised {name}') from error
 
 
+class _Parts:
+    """Walks over the parts of a serialised message: numbers, texts and lists are aligned."""
+
+    def __init__(self, data: bytes) -> None:
+        order = '<' if len(data) > 1 and data[1] & 1 else '>'
+        self._number = struct.Struct(f'{order}I')
+        self._body = memoryview(data)[_ENCAPSULATION:]
+        self._place = 0
+
+    def skip(self, size: int, *, alignment: int = 4) -> None:
+        """Pass over bytes that begin at a multiple of an alignment."""
+        self._place = -(-self._place // alignment) * alignment + size
+
+    def number(self) -> int:
+        """The next number: a length, or how many parts follow."""
+        self.skip(4)
+        (value,) = self._number.unpack_from(self._body, self._place - 4)
+        return int(value)
+
+    def skip_text(self) -> None:
+        """Pass over a text."""
+        self.skip(self.number(), alignment=1)
+
+
 def _check_fields(data: bytes, topic: str) -> None:
     """Check how many fields a point cloud announces, before memory is taken for them."""
-    order = '<' if len(data) > 1 and data[1] & 1 else '>'
-    body = memoryview(data)[_ENCAPSULATION:]
+    parts = _Parts(data)
     try:
-        (length,) = struct.unpack_from(f'{order}I', body, 8)
-        # The frame's name ends on a multiple of four bytes; height and width come before.
-        (count,) = struct.unpack_from(f'{order}I', body, (12 + length + 3) // 4 * 4 + 8)
+        parts.skip(8)
+        parts.skip_text()
+        parts.skip(8)
+        count = parts.number()
     except struct.error:
         return
     if count > MAX_CLOUD_FIELDS:
         raise LavaError(f'{topic}.fields', f'{count} fields', f'at most {MAX_CLOUD_FIELDS}')
+
+
+def _check_layers(data: bytes, topic: str) -> None:
+    """Check how many layers and dimensions a grid map announces, as for a cloud's fields."""
+    parts = _Parts(data)
+    try:
+        parts.skip(8)
+        parts.skip_text()
+        # resolution and two lengths, then the pose: all of them 8 bytes long
+        parts.skip(10 * 8, alignment=8)
+        for name in ('layers', 'basic_layers'):
+            for _ in range(_count(parts, f'{topic}.{name}', MAX_GRID_LAYERS)):
+                parts.skip_text()
+        for _ in range(_count(parts, f'{topic}.data', MAX_GRID_LAYERS)):
+            for _ in range(_count(parts, f'{topic}.data.layout.dim', GRID_DIMENSIONS)):
+                parts.skip_text()
+                parts.skip(8)
+            parts.skip(4)
+            parts.skip(4 * parts.number())
+    except struct.error:
+        return
+
+
+def _count(parts: _Parts, field: str, most: int) -> int:
+    count = parts.number()
+    if count > most:
+        raise LavaError(field, count, f'at most {most}')
+    return count

@@ -16,6 +16,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+import os
 from pathlib import Path
 
 from lava_ros.bag import BagWriter, QosProfile
@@ -97,6 +98,10 @@ class Recorder:
             raise LavaError('record', str(self._directory), 'one recording at a time')
         if directory.exists():
             raise LavaError('bag_directory', str(directory), 'a folder that does not exist yet')
+        # A disk may still refuse when the bag is opened, but what is known now is said now.
+        parent = next(path for path in directory.absolute().parents if path.exists())
+        if not (parent.is_dir() and os.access(parent, os.W_OK | os.X_OK)):
+            raise LavaError('bag_directory', str(directory), f'{parent} to be a writable folder')
         self._directory, self._is_armed = directory, True
         self._max_size, self._max_duration = max_size, max_duration
         self._files, self._messages, self._error = 0, 0, ''

@@ -20,13 +20,12 @@ import math
 from typing import Any
 
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 
 from lava_ros.checkpoint import Checkpoint
 from lava_ros.errors import LavaError
 from lava_ros.lava import Lava
 from lava_ros.presets import PRESETS
-from lava_ros.ros.parameters import LAVA, ParameterSpec
+from lava_ros.ros.parameters import LAVA, ParameterSpec, put
 
 
 def adopt(
@@ -50,7 +49,7 @@ def adopt(
         LavaError: A parameter was given and says otherwise than the checkpoint.
     """
     result = adopted(checkpoint, values, {spec.name: spec.default for spec in specs})
-    node.set_parameters([Parameter(name, value=value) for name, value in result.items()])
+    put(node, result)
     return result
 
 

@@ -212,8 +212,8 @@ class SimulationWorker:
         )
 
     def pause(self, paused: bool) -> 'Future[None]':
-        """Hold simulated time, or let it go on."""
-        return self._put(lambda: setattr(self, '_paused', paused))
+        """Hold simulated time, also in the middle of a step, or let it go on."""
+        return self._put(lambda: self._pause(paused))
 
     def reset(self) -> 'Future[None]':
         """Start the scene again at time 0, also after a failure; a pause stays."""
@@ -245,6 +245,8 @@ class SimulationWorker:
                 self._guard(self._update_status)
         self._status = replace(self._status, state=WorkerState.STOPPED, speed=0.0)
         self._cancel_commands()
+        # The device's memory is given back, whoever still holds the worker.
+        self._eruption.fail()
 
     def _run_commands(self) -> None:
         """Run what is queued; wait for it as long as there is nothing else to do."""
@@ -423,6 +425,10 @@ class SimulationWorker:
     def _set_effects(self, forced: Mapping[str, bool], horizon: float) -> None:
         self._eruption.set_effects(forced, horizon=horizon)
         self._renew_snapshot()
+
+    def _pause(self, paused: bool) -> None:
+        self._paused = paused
+        self._step_target = None
 
     def _begin_step(self, duration: float) -> None:
         if self._eruption.simulation is None or not self._paused:

@@ -162,8 +162,8 @@ def test_recorder_status():
 def test_what_was_replaced_or_forgiven_is_counted():
     """A message that a newer one replaced is neither taken nor refused; forgiven is a warning."""
     log = diagnostics.InputLog()
-    log.supersede()
-    log.supersede()
+    log.supersede('vents')
+    log.supersede('vents')
     assert log.status().level == OK
     assert _values(log.status())['superseded'] == '2'
     log.reject('message', LavaError('message', 'x', 'y'))
@@ -171,3 +171,23 @@ def test_what_was_replaced_or_forgiven_is_counted():
     log.forgive('message')
     assert log.status().level == WARN
     assert _values(log.status())['rejected.message'] == '1'
+
+
+def test_an_earlier_message_that_ends_later_changes_nothing():
+    """The newest message of a topic decides, in whatever order they are judged."""
+    log = diagnostics.InputLog()
+    first = log.arrive()
+    log.reject('vents', LavaError('vents.size', 9, 'at most 1'))
+    log.accept('vents', first)
+    assert log.status().level == ERROR
+    log.supersede('vents')
+    assert log.status().level == WARN
+
+
+def test_statuses_carry_the_name_of_their_node():
+    """Nodes in several namespaces keep apart for whoever gathers diagnostics."""
+    for node, source in (('/lava', 'lava'), ('/etna/lava2', 'etna/lava2')):
+        message = DiagnosticArray(status=[diagnostics.effects_status({})])
+        diagnostics.sign(message, node)
+        assert message.status[0].name == f'{source}: effects'
+        assert message.status[0].hardware_id == source
