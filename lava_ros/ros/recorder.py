@@ -96,12 +96,7 @@ class Recorder:
         """
         if self._is_armed or self.is_recording:
             raise LavaError('record', str(self._directory), 'one recording at a time')
-        if directory.exists():
-            raise LavaError('bag_directory', str(directory), 'a folder that does not exist yet')
-        # A disk may still refuse when the bag is opened, but what is known now is said now.
-        parent = next(path for path in directory.absolute().parents if path.exists())
-        if not (parent.is_dir() and os.access(parent, os.W_OK | os.X_OK)):
-            raise LavaError('bag_directory', str(directory), f'{parent} to be a writable folder')
+        _check_new(directory)
         self._directory, self._is_armed = directory, True
         self._max_size, self._max_duration = max_size, max_duration
         self._files, self._messages, self._error = 0, 0, ''
@@ -176,3 +171,17 @@ class Recorder:
         reason = f'recording to {self._directory} stopped: {error}'
         self.stop()
         self._error = reason
+
+
+def _check_new(directory: Path) -> None:
+    """Refuse a bag that cannot be made, as far as that is known before it is opened."""
+    name = str(directory)
+    try:
+        if directory.exists():
+            raise LavaError('bag_directory', name, 'a folder that does not exist yet')
+        parent = next(path for path in directory.absolute().parents if path.exists())
+        is_usable = parent.is_dir() and os.access(parent, os.W_OK | os.X_OK)
+    except OSError as error:
+        raise LavaError('bag_directory', name, f'a path ({error})') from error
+    if not is_usable:
+        raise LavaError('bag_directory', name, f'a new folder: {parent} cannot be written to')

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+import traceback
 from typing import Any, TYPE_CHECKING
 
 from nav_msgs.srv import GetMap
@@ -55,6 +56,7 @@ class Services:
             layers: What is published.
         """
         self._operation = operation
+        self._logger = entities.node.get_logger()
         self._worker = worker
         self._command = inputs.command
         self._layers = layers
@@ -65,7 +67,7 @@ class Services:
             (SetBool, 'pause', lambda request: self._pause(request.data)),
             (SetBool, 'record', lambda request: self._record(request.data)),
         ):
-            entities.service(service, f'~/{name}', _answering(action))
+            entities.service(service, f'~/{name}', self._answering(action))
         for topic in layers.grid_topics:
             entities.service(GetMap, f'~/{topic}/get_map', self._getting(topic))
 
@@ -102,6 +104,22 @@ class Services:
         if not self._operation.is_active:
             raise LavaError(name, 'inactive', 'an active node (ros2 lifecycle set ... activate)')
 
+    def _answering(self, action: Callable[[Any], str]) -> Callable[[Any, Any], Any]:
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                response.message = action(request)
+            except LavaError as error:
+                response.message = str(error)
+            except Exception as error:
+                # Raised from here, the caller would wait for an answer for ever.
+                self._logger.error(traceback.format_exc())
+                response.message = f'{type(error).__name__}: {error}'
+            else:
+                response.success = True
+            return response
+
+        return answer
+
     def _getting(self, topic: str) -> Callable[[Any, Any], Any]:
         def get(_: GetMap.Request, response: GetMap.Response) -> GetMap.Response:
             # Without a map there is one of no cells: this type has no other way to say so.
@@ -109,16 +127,3 @@ class Services:
             return response
 
         return get
-
-
-def _answering(action: Callable[[Any], str]) -> Callable[[Any, Any], Any]:
-    def answer(request: Any, response: Any) -> Any:
-        try:
-            response.message = action(request)
-        except LavaError as error:
-            response.message = str(error)
-        else:
-            response.success = True
-        return response
-
-    return answer

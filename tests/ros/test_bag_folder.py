@@ -79,3 +79,16 @@ def test_a_root_of_its_own(here):
     assert folder.path(str(root / 'second')) == root / 'second'
     with pytest.raises(LavaError, match='outside'):
         folder.path('bags/third')
+
+
+def test_nodes_that_share_a_folder(here):
+    """Bags named by the time never meet: not of two nodes, nor two of one node in one second."""
+    root = here / 'outside'
+    for node, end in (('/lava', ''), ('/etna/lava', '_etna_lava')):
+        folder = BagFolder(str(root), '', node=node)
+        first = folder.path('')
+        first.mkdir()
+        second = folder.path('')
+        assert first.name.removesuffix(end).count('_') == 0
+        assert second not in (first, here)
+        assert not second.exists()

@@ -14,7 +14,7 @@
 
 """What the node says about itself."""
 
-from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import pytest
 
@@ -46,10 +46,12 @@ def _snapshot(**budget):
     )
 
 
-def _simulation(state, snapshot=None, **changes):
+def _simulation(state, snapshot=None, *, is_active=True, **changes):
     fields = {'error': '', 'speed': 2.0, 'mean_speed': 3.0, 'is_behind': False, 'device': 'cpu'}
     worker = WorkerStatus(state=state, **fields | changes)
-    return diagnostics.simulation_status(worker, snapshot, wet_cells=7, frame_stamp_ns=99)
+    return diagnostics.simulation_status(
+        worker, snapshot, is_active=is_active, wet_cells=7, frame_stamp_ns=99
+    )
 
 
 def test_input_log_levels():
@@ -59,7 +61,7 @@ def test_input_log_levels():
     log.accept('terrain')
     assert log.reject('vents', LavaError('vents.size', 9, 'at most 1'))
     status = log.status()
-    assert (status.name, status.level) == ('lava: inputs', ERROR)
+    assert (status.name, status.level) == ('inputs', ERROR)
     assert 'vents: vents.size is 9, expected at most 1' in status.message
     assert _values(status)['rejected'] == _values(status)['rejected.vents'] == '1'
     log.accept('terrain')
@@ -85,6 +87,7 @@ def test_simulation_values():
     values = _values(_simulation(WorkerState.RUNNING, _snapshot()))
     assert values == {
         'state': 'running',
+        'lifecycle': 'active',
         'device': 'cpu',
         'speed': '2',
         'mean_speed': '3',
@@ -118,8 +121,17 @@ def test_simulation_values():
 def test_simulation_levels(state, changes, level):
     """The level follows the state, and a simulation that falls behind is a warning."""
     status = _simulation(state, **changes)
-    assert (status.name, status.level) == ('lava: simulation', level)
+    assert (status.name, status.level) == ('simulation', level)
     assert changes.get('error', '') in status.message
+
+
+def test_an_inactive_node_says_so():
+    """Whoever reads the diagnostics knows why no map comes."""
+    status = _simulation(WorkerState.PAUSED, is_active=False)
+    assert status.message == 'inactive: paused'
+    assert _values(status)['lifecycle'] == 'inactive'
+    failed = _simulation(WorkerState.FAILED, is_active=False, error='boom')
+    assert (failed.level, failed.message) == (ERROR, 'inactive: failed: boom')
 
 
 def test_lost_volume_is_an_error():
@@ -139,7 +151,7 @@ def test_effects_status():
     """The message names what is on; each effect is a value with its reason."""
     table = {'steep': 'on: slope = 0.8 > 0.12', 'green': 'off: never chosen', 'vft': 'on: forced'}
     status = diagnostics.effects_status(table)
-    assert (status.name, status.level, status.message) == ('lava: effects', OK, 'on: steep, vft')
+    assert (status.name, status.level, status.message) == ('effects', OK, 'on: steep, vft')
     assert _values(status) == table
     assert diagnostics.effects_status({}).message == 'not chosen yet'
     assert diagnostics.effects_status({'vft': 'off: forced'}).message == 'on: none'
@@ -148,7 +160,7 @@ def test_effects_status():
 def test_recorder_status():
     """A recording that failed is an error."""
     good = diagnostics.recorder_status(RecorderStatus('recording', 'bags/x', 1, 5, ''))
-    assert (good.name, good.level, good.message) == ('lava: recorder', OK, 'recording')
+    assert (good.name, good.level, good.message) == ('recorder', OK, 'recording')
     assert _values(good) == {
         'state': 'recording',
         'bag': 'bags/x',

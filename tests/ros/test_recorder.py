@@ -68,10 +68,14 @@ def test_one_bag_at_a_time(tmp_path):
 
 
 def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
-    """An error at the start of a recording is a status, not an exception."""
+    """What is known at once is refused; an error at the bag's opening is a status."""
     (tmp_path / 'file').write_text('')
     recorder = Recorder()
-    recorder.arm(tmp_path / 'file' / 'bag')
+    for name in ('file/bag', 300 * 'x', ''):
+        with pytest.raises(LavaError, match='bag_directory'):
+            recorder.arm(tmp_path / name)
+    recorder.arm(tmp_path / 'later' / 'bag')
+    (tmp_path / 'later').write_text('')
     recorder.begin({})
     assert recorder.status.state == 'off'
     assert 'cannot record to' in recorder.status.error
