@@ -29,7 +29,6 @@ import struct
 from typing import Any, NamedTuple
 
 import numpy as np
-import zstandard
 
 import lava_ros
 from lava_ros import validation
@@ -141,6 +140,8 @@ class Checkpoint:
             },
             allow_nan=False,
         ).encode()
+        import zstandard
+
         body = zstandard.compress(b''.join(_planes(item) for item in arrays.values()), _LEVEL)
         prefix = _PREFIX.pack(
             _MAGIC, VERSION, len(header), len(body), self.particle_count, self.time, bytes(8)
@@ -247,6 +248,8 @@ def _arrays(entries: list[dict[str, Any]], body: memoryview) -> dict[str, np.nda
         if min(shape, default=0) < 0:
             raise LavaError(f'checkpoint.{entry["name"]}', shape, 'a shape')
         layout.append((str(entry['name']), dtype, shape, math.prod(shape) * dtype.itemsize))
+    import zstandard
+
     size = sum(item[-1] for item in layout)
     if size > MAX_SIZE:
         raise LavaError('checkpoint', f'{size} bytes of arrays', f'at most {MAX_SIZE}')

@@ -15,6 +15,10 @@
 """The one exception this package raises for bad input."""
 
 
+#: Longest text of a value in a message [characters]; of a longer one the middle is left out.
+LONGEST_VALUE = 120
+
+
 class LavaError(ValueError):
     """Input that cannot be used.
 
@@ -33,6 +37,8 @@ class LavaError(ValueError):
         self.value = value
         self.expected = expected
         shown = repr(value)
-        if len(shown) > 80:
-            shown = shown[:77] + '...'
+        if len(shown) > LONGEST_VALUE:
+            # of a path the end says most
+            half = (LONGEST_VALUE - 3) // 2
+            shown = f'{shown[:half]}...{shown[-half:]}'
         super().__init__(f'{field} is {shown}, expected {expected}')

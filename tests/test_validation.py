@@ -62,5 +62,8 @@ def test_keys_names_unknown_and_missing_keys():
 
 
 def test_long_values_are_shortened():
-    """A message stays readable when the value is huge."""
-    assert len(str(LavaError('x', list(range(1000)), 'less'))) < 120
+    """A message stays readable when the value is huge, and shows where it begins and ends."""
+    text = str(LavaError('x', list(range(1000)), 'less'))
+    assert len(text) < 160
+    assert text.startswith('x is [0, 1, 2')
+    assert '998, 999], expected less' in text
