@@ -23,8 +23,8 @@ $(STAMP): setup.py setup.cfg pyproject.toml package.xml constraints.txt
 demo: $(STAMP)  ## Let lava flow down a mountain, live in ROS 2 (ARGS='--help' lists the options)
 	$(VENV)/bin/lava demo $(ARGS)
 
-test: $(STAMP)  ## Run every test (ARGS='-k bag' selects)
-	$(VENV)/bin/python -m pytest $(ARGS)
+test: $(STAMP)  ## Run every test, two at a time (ARGS='-k bag' selects)
+	$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile $(ARGS)
 
 hard: $(STAMP)  ## Run the hard scenes at every preset, 10 minutes on 2 cores (ARGS='--scene cliff')
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.run $(ARGS)

@@ -33,6 +33,7 @@ EXTRAS = {
         'hypothesis>=6.100,<7',
         'mcap-ros2-support>=0.5.5,<1',
         'pytest>=8,<10',
+        'pytest-xdist>=3.6,<4',
         'rosbags>=0.10.4,<0.12',
         'scipy>=1.11,<2',
     ],
