@@ -15,6 +15,7 @@
 """Layers: files of msg_configs/, and the values they make of a snapshot."""
 
 import copy
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,15 @@ import pytest
 import yaml
 
 from lava_ros.errors import LavaError
-from lava_ros.layers import IMAGE, layers_from_dict, load_layers, OCCUPANCY_GRID
+from lava_ros.layers import (
+    GRID_MAP,
+    IMAGE,
+    layers_from_dict,
+    load_layers,
+    OCCUPANCY_GRID,
+    POINT_CLOUD,
+    switched,
+)
 from lava_ros.scene import Terrain
 from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
 
@@ -108,6 +117,11 @@ def test_default_file():
     assert enabled == ['height', 'temperature', 'hazard']
     assert all(layers[name].message == OCCUPANCY_GRID for name in enabled)
     assert layers['height_raw'].message == layers['temperature_raw'].message == IMAGE
+    assert layers['lava_points'].message == POINT_CLOUD
+    assert layers['lava_grid_map'].message == GRID_MAP
+    # err on the safe side, with the same limits
+    assert layers['lava_grid_map'].threshold == layers['hazard'].threshold
+    assert layers['lava_grid_map'].hazard == layers['hazard'].hazard
     for layer in layers.values():
         assert (layer.qos.reliability, layer.qos.durability, layer.qos.depth) == (
             'reliable',
@@ -138,9 +152,97 @@ def test_every_example_file_loads():
     assert monitoring['hazard'].hazard.lethal_temperature == pytest.approx(373.15)
 
 
+def test_points_stand_on_the_wet_cells():
+    """There is a point for each wet cell alone, at its centre, on the surface of the lava."""
+    layer = _layer(source='lava', message='sensor_msgs/PointCloud2', range=None, threshold=0.09)
+    points = layer.points(SNAPSHOT)
+    assert list(points) == ['x', 'y', 'z', 'thickness', 'temperature']
+    assert {column.dtype for column in points.values()} == {np.dtype(np.float32)}
+    rows = np.stack(list(points.values()), axis=-1)
+    np.testing.assert_allclose(
+        rows,
+        [
+            [15.0, 5.0, 100.09, 0.09, 900.0],
+            [25.0, 5.0, 100.1, 0.1, 60.0],
+            [5.0, 15.0, 105.0, 5.0, 600.0],
+            [15.0, 15.0, 150.0, 50.0, 2000.0],
+        ],
+        rtol=1e-6,
+    )
+    above = dataclasses.replace(layer, threshold=1.0).points(SNAPSHOT)
+    assert above['thickness'].tolist() == [5.0, 50.0]
+    none = dataclasses.replace(layer, threshold=1e3).points(SNAPSHOT)
+    assert {len(column) for column in none.values()} == {0}
+
+
+def test_points_are_where_the_map_is():
+    """Origin and resolution of the terrain are those of the points."""
+    ground = Terrain([[3.0, 4.0], [5.0, 6.0]], 2.5, origin=(-10.0, 20.0))
+    snapshot = dataclasses.replace(
+        SNAPSHOT,
+        terrain=ground,
+        thickness=np.array([[0.0, 0.0], [0.0, 1.5]], dtype=np.float32),
+        temperature=np.full((2, 2), np.nan, dtype=np.float32),
+    )
+    layer = _layer(source='lava', message='sensor_msgs/PointCloud2', range=None)
+    (point,) = np.stack(list(layer.points(snapshot).values()), axis=-1)
+    assert point.tolist()[:4] == [-6.25, 23.75, 7.5, 1.5]
+    assert np.isnan(point[4])
+
+
+def test_maps_are_the_ground_and_every_quantity():
+    """Beside the elevation there is what an image of each source would show."""
+    layer = _layer(source='lava', message='grid_map_msgs/GridMap', range=None, hazard={})
+    maps = layer.maps(SNAPSHOT)
+    assert list(maps) == ['elevation', 'thickness', 'temperature', 'hazard']
+    np.testing.assert_array_equal(maps.pop('elevation'), SNAPSHOT.terrain.elevation)
+    for source, values in maps.items():
+        image = _layer(source=source, message='sensor_msgs/Image', range=None)
+        np.testing.assert_array_equal(values, image.raw_values(SNAPSHOT))
+    with pytest.raises(LavaError, match='one of thickness, temperature, hazard'):
+        layer.values(SNAPSHOT)
+
+
+def test_layers_are_switched_by_name():
+    """Named layers go on or off; all others stay as the file has them."""
+    layers = load_layers(CONFIGS / 'default.yaml')
+    enabled = {layer.name for layer in layers if layer.enabled}
+    changed = switched(layers, on=['lava_points', 'height'], off=['temperature', 'height_raw'])
+    now = {layer.name for layer in changed if layer.enabled}
+    assert now == enabled - {'temperature'} | {'lava_points'}
+    assert [layer.name for layer in changed] == [layer.name for layer in layers]
+    assert switched(layers, on=[], off=[]) == list(layers)
+
+
+@pytest.mark.parametrize(
+    ('on', 'off', 'sentence'),
+    [
+        (['points'], [], "layers_on is 'points', expected one of height, temperature, hazard,"),
+        ([], ['Height'], "layers_off is 'Height', expected one of height, temperature, hazard,"),
+        (['height'], ['height'], "layers_off is 'height', expected a layer that is not in"),
+    ],
+)
+def test_a_wrong_switch_is_refused(on, off, sentence):
+    """A name the file lacks is answered with those it has."""
+    with pytest.raises(LavaError) as caught:
+        switched(load_layers(CONFIGS / 'default.yaml'), on=on, off=off)
+    assert str(caught.value).startswith(sentence)
+    if 'not in' not in sentence:
+        assert 'lava_points' in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ('changes', 'field', 'words'),
     [
+        ({'source': 'lava'}, 'source', 'one of thickness, temperature, hazard'),
+        ({'message': 'sensor_msgs/PointCloud2'}, 'source', 'expected one of lava'),
+        ({'message': 'grid_map_msgs/GridMap'}, 'source', 'expected one of lava'),
+        ({'source': 'lava', 'message': 'sensor_msgs/PointCloud2'}, 'range', 'absent'),
+        (
+            {'source': 'lava', 'message': 'sensor_msgs/PointCloud2', 'range': None, 'hazard': {}},
+            'hazard',
+            'absent unless',
+        ),
         ({'source': 'depth'}, 'source', 'thickness, temperature, hazard'),
         ({'source': None}, 'source', 'required'),
         ({'message': 'std_msgs/String'}, 'message', 'nav_msgs/OccupancyGrid'),

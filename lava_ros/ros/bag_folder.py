@@ -15,6 +15,7 @@
 """Where bags may be written: what comes over the graph stays inside one folder."""
 
 from itertools import chain, count
+import os
 from pathlib import Path
 import time
 
@@ -65,4 +66,6 @@ class BagFolder:
 
     def _unused(self, name: str) -> Path:
         names = chain([name], (f'{name}_{number}' for number in count(2)))
-        return next(path for path in map(self._root.joinpath, names) if not path.exists())
+        paths = map(self._root.joinpath, names)
+        # Where nobody may look, there is nothing to be seen: opening the bag says why.
+        return next(path for path in paths if not os.path.exists(path))

@@ -62,6 +62,10 @@ class SceneFeed(Node):
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
+            # Other namespaces have eruptions of their own.
+            node, _, _ = status.name.rpartition(': ')
+            if node.rpartition('/')[0] != self.get_namespace().strip('/'):
+                continue
             for item in status.values:
                 if item.key == 'simulated_time_s':
                     self._time = float(item.value)

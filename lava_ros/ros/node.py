@@ -51,7 +51,11 @@ class LavaNode(LifecycleNode):
     deactivate   holds time; inputs are still taken and diagnostics told
     cleanup      finishes the bag, ends the simulation and leaves the graph
 
-    A transition that is refused leaves the node where it was and says why in the log.
+    A transition that is refused leaves the node where it was and says why in the log. One that
+    ends in an error nobody expected leaves it unconfigured.
+
+    Attributes:
+        refusal: Why a transition went wrong the last time that one did.
     """
 
     def __init__(
@@ -147,7 +151,6 @@ class LavaNode(LifecycleNode):
 
     def _transition(self, name: str, action: Callable[[], None]) -> TransitionCallbackReturn:
         # rclpy drops what a transition raises without a word.
-        self.refusal = ''
         try:
             action()
         except (LavaError, ParameterException) as error:
@@ -199,8 +202,10 @@ class LavaNode(LifecycleNode):
         def answer(request: Any, response: Any) -> Any:
             try:
                 return change_state(request, response)
-            except Exception as error:
-                self.get_logger().error(f'no such transition now: {error}')
+            except RuntimeError:
+                which = request.transition.label or f'of id {request.transition.id}'
+                _, state = self._state_machine.current_state
+                self.get_logger().error(f'no transition {which} from {state}')
                 response.success = False
                 return response
 

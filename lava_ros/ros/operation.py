@@ -33,7 +33,7 @@ from lava_ros.ros.entities import Entities
 from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.layer_publishers import LayerPublishers, published_layers
 from lava_ros.ros.markers import vent_markers
-from lava_ros.ros.parameters import Settings
+from lava_ros.ros.parameters import CHECKPOINT_PERIOD, Settings
 from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.scene_recording import SceneRecording
 from lava_ros.ros.services import Services
@@ -126,6 +126,7 @@ class Operation:
         latched = qos.ros_profile(qos.LATCHED)
         self._markers = entities.publisher(MarkerArray, 'vents_markers', latched)
         self._marked: object = None
+        self._marked_terrain: object = None
         self._diagnostics = entities.publisher(
             DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
         )
@@ -164,6 +165,8 @@ class Operation:
         is_busy = self._recorder.is_recording or self._recorder.is_armed
         if self._is_recording_wanted and not is_busy:
             self._arm_recorder()
+        # Once: what has ended since, by ~/record or a full disk, must not keep the maps back.
+        self._is_recording_wanted = False
         self._is_active = True
         self._worker.pause(self._is_paused)
         self._publish(repeat=True)
@@ -233,7 +236,6 @@ class Operation:
             LavaError: It cannot be.
         """
         directory = self._arm_recorder()
-        self._is_recording_wanted = True
         self._publish(repeat=True)
         if self._recorder.status.error:
             raise LavaError('bag_directory', str(directory), self._recorder.status.error)
@@ -252,17 +254,25 @@ class Operation:
         That is the bag that is being recorded, or else one of its own.
 
         Raises:
-            LavaError: There is nothing to save, or the bag cannot be.
+            LavaError: There is nothing to save, or the bag or its checkpoint cannot be.
         """
         if self._worker.latest is None:
             raise LavaError('save', 'no simulation yet', 'a terrain')
-        if not self._recorder.is_recording:
+        is_own = not self._recorder.is_recording
+        if is_own:
             self.start_recording()
-            return self.stop_recording()
-        self._publish(repeat=True)
-        self._write_last_checkpoint()
+        else:
+            self._publish(repeat=True)
+        # asked for by name, so also where checkpoint_period is 0
+        reason = self._checkpoints.finish(
+            CHECKPOINT_PERIOD, self._stamp_ns(), timeout=CHECKPOINT_TIMEOUT
+        )
         self._recorder.flush()
-        return self._recorder.status.directory
+        directory = self.stop_recording() if is_own else self._recorder.status.directory
+        reason = self._recorder.status.error or reason
+        if reason:
+            raise LavaError('save', reason, f'a checkpoint beside the maps in {directory}')
+        return directory
 
     def _begin(self, sources: Sources) -> None:
         checkpoint, command = sources.checkpoint, self._inputs.command
@@ -313,9 +323,11 @@ class Operation:
         self._report_recorder()
 
     def _publish_markers(self, scene: Scene, time: float, stamp_ns: int) -> None:
+        # by identity: a terrain is large, and another one even where it is equal to the last
         marked = scene.vents, tuple(vent.discharge_at(time) for vent in scene.vents)
-        if marked == self._marked:
+        if marked == self._marked and scene.terrain is self._marked_terrain:
             return
+        self._marked_terrain = scene.terrain
         self._marked = marked
         frame_id = self._settings.rules.frame_id
         self._markers.publish(
@@ -330,6 +342,7 @@ class Operation:
         if self._is_at_rest():
             # The end is not told before its frame is out.
             self._publish()
+        self._report_state(worker.state, worker.error)
         snapshot = self._layers.shown
         stamp_ns = self._stamp_ns()
         wet = 0 if snapshot is None else int((snapshot.thickness >= WET_THICKNESS).sum())
@@ -362,7 +375,6 @@ class Operation:
         period = self._settings.checkpoint_period
         self._report_checkpoint(self._checkpoints.poll(period, stamp_ns))
         self._report_recorder()
-        self._report_state(worker.state, worker.error)
 
     def _report_state(self, state: WorkerState, error: str) -> None:
         if state is self._reported_state:

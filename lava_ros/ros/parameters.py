@@ -132,7 +132,7 @@ PARAMETERS = (
         is_list=True,
     ),
     ParameterSpec('frame_id', 'map', 'Frame of every message in and out (ENU)', read_only=True),
-    ParameterSpec('time_scale', 1.0, 'Simulated seconds per second of the clock', (1e-3, 1e6)),
+    ParameterSpec('time_scale', 1.0, 'Simulated time per time of the clock [s/s]', (1e-3, 1e6)),
     ParameterSpec('end_time', 0.0, 'Simulated time [s] at which to stop; 0: never', (0.0, 1e10)),
     ParameterSpec(
         'preset',
@@ -177,10 +177,13 @@ PARAMETERS = (
         read_only=True,
     ),
     ParameterSpec(
-        'terrain_scale', _RULES.terrain_scale, 'Metres per unit of a terrain image', (1e-6, 1e6)
+        'terrain_scale',
+        _RULES.terrain_scale,
+        'Height of a unit of a terrain image [m]',
+        (1e-6, 1e6),
     ),
     ParameterSpec(
-        'terrain_offset', _RULES.terrain_offset, 'Metres added to terrain images', (-1e6, 1e6)
+        'terrain_offset', _RULES.terrain_offset, 'Height added to terrain images [m]', (-1e6, 1e6)
     ),
     ParameterSpec(
         'terrain_allow_holes',
@@ -204,7 +207,7 @@ PARAMETERS = (
         (1, 2**30),
     ),
     ParameterSpec(
-        'max_input_bytes', _RULES.max_input_bytes, 'Most bytes of data in a message', (64, 2**32)
+        'max_input_bytes', _RULES.max_input_bytes, 'Most data in a message [bytes]', (64, 2**32)
     ),
     ParameterSpec(
         'epsg',

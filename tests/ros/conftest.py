@@ -75,10 +75,15 @@ class Process:
 
     def line(self, timeout):
         """The next line of stdout."""
-        try:
-            return self._lines.get(timeout=timeout)
-        except queue.Empty:
-            raise AssertionError(f'silent for {timeout} s; stderr:\n{self.log}') from None
+        end = time.monotonic() + timeout
+        while True:
+            ended = self.child.poll() is not None
+            try:
+                return self._lines.get(timeout=min(1.0, max(0.0, end - time.monotonic())))
+            except queue.Empty:
+                if ended or time.monotonic() >= end:
+                    what = f'silent for {timeout} s, exit code {self.child.returncode}'
+                    raise AssertionError(f'{what}; stderr:\n{self.log}') from None
 
     def end(self, number=signal.SIGTERM, timeout=15.0):
         """Signal the process and return its exit code."""
@@ -92,16 +97,27 @@ class Process:
             raise
 
 
+def _ros_arguments(remap):
+    return ['--ros-args', *(word for rule in remap for word in ('-r', rule))]
+
+
 class Node(Process):
     """The node itself."""
 
-    def __init__(self, directory, aside=False, program=('-m', 'lava_ros.ros.node'), **parameters):
+    def __init__(
+        self,
+        directory,
+        aside=False,
+        program=('-m', 'lava_ros.ros.node'),
+        remap=(),
+        **parameters,
+    ):
         words = [
             word
             for name, value in parameters.items()
             for word in ('-p', f'{name}:={json.dumps(value)}')
         ]
-        super().__init__([*program, '--ros-args', *words], directory, aside)
+        super().__init__([*program, *_ros_arguments(remap), *words], directory, aside)
 
     def wait_for_log(self, text, timeout=60.0):
         """Wait until the node has logged a text."""
@@ -115,8 +131,9 @@ class Node(Process):
 class Publisher(Process):
     """A process that sends the node what a test tells it to."""
 
-    def __init__(self, directory, aside=False):
-        super().__init__([str(HERE / 'graph_publisher.py')], directory, aside)
+    def __init__(self, directory, aside=False, remap=()):
+        arguments = [str(HERE / 'graph_publisher.py'), *_ros_arguments(remap)]
+        super().__init__(arguments, directory, aside)
 
     def _order(self, **order):
         self.child.stdin.write(json.dumps(order) + '\n')
@@ -140,9 +157,45 @@ class Publisher(Process):
         """Call a service of the node and return its answer."""
         return self._order(call=service, data=data)
 
+    def map(self, topic):
+        """Get a map of the node: its shape, its stamp and the hash of its cells."""
+        return self._order(map=topic)
+
     def set(self, **values):
         """Set parameters of the node and return the answer."""
         return self._order(set={name.replace('__', '.'): item for name, item in values.items()})
+
+
+class Client(Process):
+    """A process that calls services of nodes, those of their lifecycle among them."""
+
+    def __init__(self, directory, aside=False):
+        super().__init__([str(HERE / 'graph_client.py')], directory, aside)
+
+    def _order(self, **order):
+        self.child.stdin.write(json.dumps(order) + '\n')
+        self.child.stdin.flush()
+        return json.loads(self.line(60.0))
+
+    def change(self, transition, **options):
+        """Ask for a transition and return whether it went well."""
+        return self._order(change=transition, **options)
+
+    def state(self, **options):
+        """The state that the node is in."""
+        return self._order(state=True, **options)
+
+    def names(self, **options):
+        """Topics and services of the node, once they have stopped changing."""
+        return self._order(names=True, **options)
+
+    def call(self, service, data=None, **options):
+        """Call a Trigger, or a SetBool with data, and return the answer."""
+        return self._order(call=service, data=data, **options)
+
+    def set(self, values, **options):
+        """Set parameters and return the answer."""
+        return self._order(set=values, **options)
 
 
 class Listener(Process):
@@ -169,12 +222,21 @@ class Listener(Process):
             lambda message: message['topic'] == topic and condition(message), timeout
         )
 
-    def wait_for_status(self, task, condition, timeout=20.0):
+    def wait_for_status(self, task, condition=lambda _: True, timeout=20.0, node='lava'):
         """Read diagnostics until a task's status fulfils a condition, and return that status."""
+        name = f'{node}: {task}'
         message = self.wait_for_topic(
-            'diagnostics', lambda item: condition(item['status'][f'lava: {task}']), timeout
+            'diagnostics',
+            lambda item: name in item['status'] and condition(item['status'][name]),
+            timeout,
         )
-        return message['status'][f'lava: {task}']
+        return message['status'][name]
+
+    def hear(self):
+        """Read everything that has come so far, and return how much that is in all."""
+        while not self._lines.empty():
+            self.seen.append(json.loads(self.line(1.0)))
+        return len(self.seen)
 
 
 class Graph:
@@ -197,9 +259,13 @@ class Graph:
         """Start a node with parameters; ``program`` runs another in its place."""
         return self._start(Node, aside=aside, **parameters)
 
-    def publisher(self, *, aside=False):
+    def publisher(self, *, aside=False, remap=()):
         """Start a process that publishes what it is told to."""
-        return self._start(Publisher, aside=aside)
+        return self._start(Publisher, aside=aside, remap=remap)
+
+    def client(self, *, aside=False):
+        """Start a process that calls services."""
+        return self._start(Client, aside=aside)
 
     def listener(self, *topics, aside=False):
         """Start a process that reports what it hears."""

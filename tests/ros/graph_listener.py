@@ -14,7 +14,7 @@
 
 """A process that subscribes to the node's topics and prints a JSON line for each message.
 
-Arguments: topic names, with ``:image`` behind those that carry images.
+Arguments: topic names; ``:image``, ``:cloud`` or ``:markers`` stands behind those without grids.
 """
 
 import hashlib
@@ -27,7 +27,11 @@ import numpy as np
 import rclpy
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import Image
+from sensor_msgs.msg import Image, PointCloud2
+from visualization_msgs.msg import MarkerArray
+
+#: Types of message by what stands behind a topic's name.
+KINDS = {'': OccupancyGrid, 'image': Image, 'cloud': PointCloud2, 'markers': MarkerArray}
 
 
 def main():
@@ -39,11 +43,13 @@ def main():
     def show(topic, kind):
         def take(data):
             message = deserialize_message(data, kind)
-            stamp = message.header.stamp
+            # what clears the markers comes first and is always there
+            header = message.markers[0].header if kind is MarkerArray else message.header
+            stamp = header.stamp
             line = {
                 'topic': topic,
                 'stamp_ns': stamp.sec * 10**9 + stamp.nanosec,
-                'frame_id': message.header.frame_id,
+                'frame_id': header.frame_id,
                 'sha256': hashlib.sha256(data).hexdigest(),
             }
             if kind is OccupancyGrid:
@@ -53,10 +59,24 @@ def main():
                 line['origin'] = [message.info.origin.position.x, message.info.origin.position.y]
                 line['min'], line['max'] = int(values.min()), int(values.max())
                 line['wet'] = int((values > 0).sum())
+                line['cells'] = hashlib.sha256(message.data).hexdigest()
             elif kind is Image:
                 values = np.frombuffer(message.data, np.float32)
                 line['shape'], line['encoding'] = [message.height, message.width], message.encoding
                 line['max'] = float(np.nanmax(values))
+            elif kind is PointCloud2:
+                names = [field.name for field in message.fields]
+                values = np.frombuffer(message.data, np.float32).reshape(-1, len(names))
+                line['points'] = message.width
+                line['mean'] = {
+                    name: float(values[:, index].mean()) if message.width else 0.0
+                    for index, name in enumerate(names)
+                }
+            elif kind is MarkerArray:
+                line['markers'] = [
+                    {'action': item.action, 'text': item.text, 'z': item.pose.position.z}
+                    for item in message.markers
+                ]
             else:
                 line['status'] = {
                     item.name: {
@@ -72,7 +92,7 @@ def main():
 
     for word in sys.argv[1:]:
         topic, _, kind = word.partition(':')
-        kind = Image if kind == 'image' else OccupancyGrid
+        kind = KINDS[kind]
         node.create_subscription(kind, topic, show(topic, kind), latched, raw=True)
     node.create_subscription(
         DiagnosticArray, '/diagnostics', show('diagnostics', DiagnosticArray), 10, raw=True

@@ -15,17 +15,19 @@
 """A process that publishes to the node what it is told to, one JSON line at a time.
 
 {"publish": NAME} sends a message of CASES; {"call": SERVICE, "data": BOOL} calls a service;
-{"set": {NAME: VALUE}} sets parameters; {"clock": SECONDS} publishes /clock; {"flood": COUNT,
-"rate": HERTZ, "last": DISCHARGE} sends vents, the last ones with that discharge. Each line is
-answered with a JSON line.
+{"map": TOPIC} gets a map; {"set": {NAME: VALUE}} sets parameters; {"clock": SECONDS} publishes
+/clock; {"flood": COUNT, "rate": HERTZ, "last": DISCHARGE} sends vents, the last ones with that
+discharge. Each line is answered with a JSON line.
 """
 
+import hashlib
 import json
 import sys
 import time
 
 from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import MapMetaData
+from nav_msgs.srv import GetMap
 import numpy as np
 from rcl_interfaces.srv import SetParametersAtomically
 import rclpy
@@ -45,7 +47,13 @@ TYPES = {
     'vents': (PointCloud2, QoSProfile(depth=10)),
     'clicked_point': (PointStamped, QoSProfile(depth=10)),
 }
-SERVICES = {'reset': Trigger, 'step': Trigger, 'pause': SetBool, 'record': SetBool}
+SERVICES = {
+    'reset': Trigger,
+    'step': Trigger,
+    'save': Trigger,
+    'pause': SetBool,
+    'record': SetBool,
+}
 
 
 def elevation():
@@ -224,6 +232,13 @@ def main():
             return {'published': order['publish']}
         if 'flood' in order:
             return {'seconds': send_flood(publishers['vents'], **order)}
+        if 'map' in order:
+            grid = call(GetMap, f"/lava/{order['map']}/get_map", GetMap.Request()).map
+            return {
+                'cells': hashlib.sha256(grid.data).hexdigest(),
+                'shape': [grid.info.height, grid.info.width],
+                'stamp_ns': grid.header.stamp.sec * 10**9 + grid.header.stamp.nanosec,
+            }
         if 'clock' in order:
             message = Clock()
             message.clock.sec = int(order['clock'])

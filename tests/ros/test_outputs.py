@@ -35,7 +35,7 @@ SNAPSHOT = Snapshot(
 
 
 def _message(**layer):
-    (made,) = layers_from_dict({'layers': {'one': {'source': 'thickness', **layer}}})
+    (made,) = layers_from_dict({'layers': {'one': {'source': 'thickness'} | layer}})
     return outputs.layer_message(made, SNAPSHOT, frame_id='map', stamp_ns=3_000_000_004)
 
 
@@ -53,6 +53,26 @@ def test_image_message():
     """An image has the raw values."""
     image = _message(message='sensor_msgs/Image', threshold=0.0)
     np.testing.assert_array_equal(codec.image_array(image, 'height'), SNAPSHOT.thickness)
+
+
+def test_points_message():
+    """A cloud has a point for each wet cell, under the names that viewers show."""
+    cloud = _message(source='lava', message='sensor_msgs/PointCloud2', threshold=0.05)
+    assert [field.name for field in cloud.fields] == ['x', 'y', 'z', 'thickness', 'temperature']
+    assert (cloud.header.frame_id, cloud.header.stamp.sec) == ('map', 3)
+    assert (cloud.height, cloud.width, cloud.is_dense) == (1, 4, True)
+    columns = codec.cloud_columns(cloud, 'lava_points', [field.name for field in cloud.fields])
+    assert columns['x'].tolist() == [115.0, 125.0, 105.0, 125.0]
+    assert columns['y'].tolist() == [205.0, 205.0, 215.0, 215.0]
+    assert columns['z'].tolist() == pytest.approx([2.0, 4.0, 6.0, 5.05])
+    assert columns['thickness'].tolist() == pytest.approx([1.0, 2.0, 3.0, 0.05])
+    assert columns['temperature'].tolist() == pytest.approx([1000.0] * 4)
+
+
+def test_no_points_message():
+    """Without lava there is a cloud without points: viewers take away what they showed."""
+    cloud = _message(source='lava', message='sensor_msgs/PointCloud2', threshold=100.0)
+    assert (cloud.width, len(cloud.data), len(cloud.fields)) == (0, 0, 5)
 
 
 def test_vents_message_reads_back():

@@ -81,9 +81,18 @@ def test_effects_are_forced_by_name():
         assert parameters.settings_from(_values(effects_on=empty)).forced == {}
 
 
+def test_layers_are_switched_by_name():
+    """Both lists are names; an empty list is empty however ROS writes it."""
+    settings = parameters.settings_from(_values(layers_on=['', 'a'], layers_off=['b', 'c']))
+    assert (settings.layers_on, settings.layers_off) == (('a',), ('b', 'c'))
+    for empty in ([], [''], None):
+        assert parameters.settings_from(_values(layers_on=empty)).layers_on == ()
+
+
 @pytest.mark.parametrize(
     ('changes', 'sentence'),
     [
+        ({'layers_on': 'lava_points'}, "layers_on is 'lava_points', expected a list of layers"),
         ({'effects_on': ['slope']}, "effects_on is 'slope', expected one of yielding, power_law"),
         ({'effects_off': ['Steep']}, "effects_off is 'Steep', expected one of yielding"),
         ({'effects_on': 'steep'}, "effects_on is 'steep', expected a list of effects"),
@@ -100,8 +109,8 @@ def test_effects_are_forced_by_name():
         ({'effects_on': ['arrhenius'], 'lava.vft_b': 5000.0}, "effects_on is 'arrhenius'"),
     ],
 )
-def test_wrong_effects_are_refused(changes, sentence):
-    """One that is unknown, contradictory or not of the material is named with what is known."""
+def test_wrong_names_are_refused(changes, sentence):
+    """What is no list, unknown, contradictory or not of the material is named."""
     with pytest.raises(LavaError) as caught:
         parameters.settings_from(_values(**changes))
     assert str(caught.value).startswith(sentence)

@@ -19,6 +19,7 @@ from pathlib import Path
 import re
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 import pytest
 import yaml
 
@@ -123,9 +124,11 @@ def test_foxglove_plots_what_the_diagnostics_say(foxglove):
     status = diagnostics.simulation_status(
         WorkerStatus(WorkerState.RUNNING, '', 1.0, 1.0, False, 'cpu'),
         SNAPSHOT,
+        is_active=True,
         wet_cells=1,
         frame_stamp_ns=0,
     )
+    diagnostics.sign(DiagnosticArray(status=[status]), '/lava')
     values = {item.key: item.value for item in status.values}
     plots = [panel for panel in foxglove['configById'].values() if 'paths' in panel]
     assert plots

@@ -19,16 +19,21 @@ The first argument is the file, the others are the node's. While the file names 
 - ``raise``: a step of the simulation raises, as when a device is lost;
 - ``memory``: there is no memory for more particles, as Warp says it, and more are wanted;
 - ``broken``: a particle's position becomes NaN in the next step, once;
-- ``map``: the map that the simulation shows has one NaN in it.
+- ``slow``: a step of the simulation takes as long as the fault, and says so by a file ``.slow``;
+- ``map``: the map that the simulation shows has one NaN in it;
+- ``configure``, ``activate``, ``deactivate``, ``cleanup``: that transition raises in its middle.
 """
 
 from dataclasses import replace
 from pathlib import Path
 import sys
+import time
 
 import numpy as np
 
+from lava_ros.ros import operation
 from lava_ros.ros.node import main
+from lava_ros.ros.operation import Operation
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.state import State
 
@@ -50,6 +55,9 @@ def faulty_advance(simulation, until, *, wall_limit=None):
     wanted, state = fault(), simulation._state
     if wanted == 'raise':
         raise RuntimeError('device lost')
+    while fault() == 'slow':
+        FAULT.with_suffix('.slow').touch()
+        time.sleep(0.05)
     if wanted == 'memory':
         state.grow(2 * state.capacity)
     if wanted == 'broken':
@@ -77,7 +85,26 @@ def faulty_allocate(state, capacity):
     allocate(state, capacity)
 
 
+def breaking(name, method):
+    """A method that raises while the fault has its name."""
+
+    def run(*arguments, **options):
+        if fault() == name:
+            raise RuntimeError(f'{name} went wrong')
+        return method(*arguments, **options)
+
+    return run
+
+
 if __name__ == '__main__':
+    operation.STOP_TIMEOUT = operation.CHECKPOINT_TIMEOUT = 1.0
+    for name, method in (
+        ('configure', '_begin'),
+        ('activate', '_publish'),
+        ('deactivate', 'deactivate'),
+        ('cleanup', '_close_bag'),
+    ):
+        setattr(Operation, method, breaking(name, getattr(Operation, method)))
     Simulation.advance = faulty_advance
     Simulation.snapshot = faulty_snapshot
     State._allocate = faulty_allocate

@@ -16,6 +16,7 @@
 
 from pathlib import Path
 import signal
+import time
 
 import pytest
 
@@ -98,6 +99,8 @@ def test_a_fault_is_told_and_the_last_maps_stay(faulty, fault, words):
     status = faulty.status(lambda status: status['state'] == 'failed')
     assert status['level'] == ERROR
     assert all(word in status['message'] for word in words), status['message']
+    # The pipe of the log is another than the graph.
+    time.sleep(0.2)
     error = [line for line in faulty.node.log.splitlines() if '[ERROR]' in line][-1]
     assert all(word in error for word in words), error
     assert '~/reset' in error

@@ -1,0 +1,93 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A process that prints, as JSON, everything a node shows of itself in the graph."""
+
+import json
+import sys
+import time
+
+from graph_endpoints import endpoints_of
+from lifecycle_msgs.srv import GetAvailableTransitions
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
+import rclpy
+from rclpy.parameter import Parameter, parameter_value_to_python
+
+
+def call(looking, kind, name, **fields):
+    """Call a service and return its answer."""
+    client = looking.create_client(kind, name)
+    assert client.wait_for_service(timeout_sec=30.0), name
+    future = client.call_async(kind.Request(**fields))
+    rclpy.spin_until_future_complete(looking, future, timeout_sec=30.0)
+    assert future.done(), name
+    return future.result()
+
+
+def parameters_of(looking, name):
+    """Value and description of each parameter, by its name."""
+    names = call(looking, ListParameters, f'/{name}/list_parameters').result.names
+    values = call(looking, GetParameters, f'/{name}/get_parameters', names=names).values
+    shown = call(looking, DescribeParameters, f'/{name}/describe_parameters', names=names)
+    found = {}
+    for item, value, descriptor in zip(names, values, shown.descriptors, strict=True):
+        limits = [*descriptor.floating_point_range, *descriptor.integer_range]
+        found[item] = {
+            'type': Parameter.Type(value.type).name.lower(),
+            'value': parameter_value_to_python(value),
+            'read_only': descriptor.read_only,
+            'description': descriptor.description,
+            'range': [limits[0].from_value, limits[0].to_value] if limits else None,
+        }
+    return found
+
+
+def transitions_of(looking, name):
+    """Label and states of each transition."""
+    answer = call(looking, GetAvailableTransitions, f'/{name}/get_transition_graph')
+    return sorted(
+        [item.transition.label, item.start_state.label, item.goal_state.label]
+        for item in answer.available_transitions
+    )
+
+
+def main():
+    """Wait until what the node has has stopped changing."""
+    rclpy.init()
+    looking = rclpy.create_node('test_looking_at_the_contract')
+    name, end = sys.argv[1], time.monotonic() + 60.0
+    seen = []
+    while len(seen) < 3 or not seen[-1][0]['publishers'] or seen[-1] != seen[-3]:
+        assert time.monotonic() < end, f'nothing steady of {name}: {seen[-1:]}'
+        time.sleep(0.5)
+        services = (
+            looking.get_service_names_and_types_by_node(name, '/')
+            if name in looking.get_node_names()
+            else []
+        )
+        seen.append((endpoints_of(looking, name), services))
+    endpoints, services = seen[-1]
+    found = {
+        **endpoints,
+        'services': dict(services),
+        'parameters': parameters_of(looking, name),
+        'transitions': transitions_of(looking, name),
+    }
+    print(json.dumps(found), flush=True)
+    looking.destroy_node()
+    rclpy.shutdown()
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,402 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Maps of grid_map: against the formulas of grid_map_core, with stand-ins for its messages.
+
+The package itself is not on PyPI: that its own classes pass through DDS cannot be seen here.
+"""
+
+from concurrent.futures import Future
+import sys
+import types
+
+from geometry_msgs.msg import Pose
+import numpy as np
+import pytest
+from rclpy.clock import Clock
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
+
+from lava_ros.errors import LavaError
+from lava_ros.layers import GRID_MAP, layers_from_dict
+from lava_ros.ros import codec, grid_map, inputs, outputs
+from lava_ros.ros.input_topics import InputTopics
+from lava_ros.ros.parameters import Settings
+from lava_ros.ros.raw_input import decode, MAX_GRID_LAYERS
+from lava_ros.scene import Terrain
+from test_masks import SNAPSHOT
+
+#: A terrain of 3 rows and 4 columns, each cell of another height.
+TERRAIN = Terrain(np.arange(12.0).reshape(3, 4), 2.0, origin=(100.0, -50.0))
+
+
+class GridMapInfo:
+    """Has the fields of grid_map_msgs/msg/GridMapInfo."""
+
+    def __init__(self):
+        self.resolution = self.length_x = self.length_y = 0.0
+        self.pose = Pose()
+
+
+class GridMap:
+    """Has the fields of grid_map_msgs/msg/GridMap."""
+
+    def __init__(self):
+        self.header, self.info = Header(), GridMapInfo()
+        self.layers, self.basic_layers, self.data = [], [], []
+        self.outer_start_index = self.inner_start_index = 0
+
+
+CLASSES = grid_map.Classes(GridMap, GridMapInfo)
+
+
+def position(message, row, column):
+    """Where a cell of the buffer is, as getPositionFromIndex of grid_map_core says."""
+    info, place = message.info, message.info.pose.position
+    sizes = round(info.length_x / info.resolution), round(info.length_y / info.resolution)
+    unwrapped = (
+        (row - message.outer_start_index) % sizes[0],
+        (column - message.inner_start_index) % sizes[1],
+    )
+    return tuple(
+        centre + 0.5 * length - 0.5 * info.resolution - info.resolution * index
+        for centre, length, index in zip(
+            (place.x, place.y), (info.length_x, info.length_y), unwrapped, strict=True
+        )
+    )
+
+
+def cells(message, layer):
+    """Values by position: Eigen reads a column after the other."""
+    array = message.data[message.layers.index(layer)]
+    columns, rows = (item.size for item in array.layout.dim)
+    assert [item.label for item in array.layout.dim] == ['column_index', 'row_index']
+    return {
+        position(message, row, column): array.data[column * rows + row]
+        for row in range(rows)
+        for column in range(columns)
+    }
+
+
+def expected(terrain, values):
+    """Values by the centres of the terrain's cells."""
+    return {
+        (
+            terrain.origin[0] + (column + 0.5) * terrain.resolution,
+            terrain.origin[1] + (row + 0.5) * terrain.resolution,
+        ): values[row, column]
+        for row, column in np.ndindex(terrain.shape)
+    }
+
+
+def made(terrain=TERRAIN, **maps):
+    """The map of a terrain."""
+    maps = {'elevation': terrain.elevation, **maps}
+    return grid_map.grid_map_message(CLASSES, maps, terrain, Header(frame_id='map'))
+
+
+def moved(outer, inner, *, row_major=False, offset=0):
+    """The same map with its buffer turned, as one that follows a robot has it."""
+    message = made()
+    # along x, along y: index 0 is at the largest
+    matrix = TERRAIN.elevation.T[::-1, ::-1]
+    matrix = np.roll(matrix, (outer, inner), axis=(0, 1)).astype(np.float32)
+    rows, columns = matrix.shape
+    array = Float32MultiArray()
+    array.layout.data_offset = offset
+    dimensions = [('column_index', columns), ('row_index', rows)]
+    array.layout.dim = [
+        MultiArrayDimension(label=label, size=size)
+        for label, size in (dimensions[::-1] if row_major else dimensions)
+    ]
+    array.data = [-1.0] * offset + matrix.ravel('C' if row_major else 'F').tolist()
+    message.data = [array]
+    message.outer_start_index, message.inner_start_index = outer, inner
+    return message
+
+
+def test_a_map_has_each_value_where_grid_map_looks_for_it():
+    """Every layer has the value of the terrain's cell at the position of its own cell."""
+    thickness = np.where(TERRAIN.elevation > 5.0, TERRAIN.elevation, np.nan)
+    message = made(thickness=thickness)
+    assert message.layers == ['elevation', 'thickness']
+    assert message.basic_layers == ['elevation']
+    for layer, values in (('elevation', TERRAIN.elevation), ('thickness', thickness)):
+        assert cells(message, layer) == pytest.approx(expected(TERRAIN, values), nan_ok=True)
+
+
+def test_place_and_layout_of_a_map():
+    """Lengths, centre, header and strides are those that grid_map writes."""
+    message = made()
+    info = message.info
+    assert (info.resolution, info.length_x, info.length_y) == (2.0, 8.0, 6.0)
+    assert (info.pose.position.x, info.pose.position.y, info.pose.position.z) == (104, -47, 0)
+    assert info.pose.orientation.w == 1.0
+    assert message.header == Header(frame_id='map')
+    assert (message.outer_start_index, message.inner_start_index) == (0, 0)
+    (array,) = message.data
+    # 4 cells along x are rows, 3 along y are columns
+    dimensions = [(item.label, item.size, item.stride) for item in array.layout.dim]
+    assert dimensions == [('column_index', 3, 12), ('row_index', 4, 4)]
+    assert array.layout.data_offset == 0
+    # the first value is at the largest x and y, the second at the next smaller x
+    assert list(array.data[:5]) == [11.0, 10.0, 9.0, 8.0, 7.0]
+
+
+@pytest.mark.parametrize('start', [(0, 0), (1, 0), (0, 2), (3, 1)])
+@pytest.mark.parametrize('row_major', [False, True])
+@pytest.mark.parametrize('offset', [0, 5])
+def test_a_terrain_is_read_from_any_start_of_the_buffer(start, row_major, offset):
+    """Wherever the circular buffer starts and however it is stored, the ground is the same."""
+    message = moved(*start, row_major=row_major, offset=offset)
+    if not row_major and not offset:
+        assert cells(message, 'elevation') == expected(TERRAIN, TERRAIN.elevation)
+    terrain = inputs.terrain_from_grid(message, inputs.InputRules(epsg=32633, offset=(5e5, 4e6)))
+    np.testing.assert_array_equal(terrain.elevation, TERRAIN.elevation)
+    assert (terrain.origin, terrain.resolution) == (TERRAIN.origin, TERRAIN.resolution)
+    assert (terrain.epsg, terrain.offset) == (32633, (5e5, 4e6))
+
+
+def spoilt(**changes):
+    """A map with fields replaced; names with _ in them lead into parts."""
+    message = moved(1, 1)
+    for path, value in changes.items():
+        *parts, name = path.split('__')
+        target = message
+        for part in parts:
+            target = target[int(part)] if part.isdigit() else getattr(target, part)
+        setattr(target, name, value)
+    return message
+
+
+@pytest.mark.parametrize(
+    ('changes', 'sentence'),
+    [
+        ({'header__frame_id': 'odom'}, "terrain_grid.header.frame_id is 'odom'"),
+        ({'layers': ['height']}, "terrain_grid.layers is ['height'], expected with the layer"),
+        ({'layers': ['elevation', 'more']}, "terrain_grid.data is '1 arrays', expected as many"),
+        ({'outer_start_index': 4}, 'terrain_grid.outer_start_index is 4, expected 0 to 3'),
+        ({'inner_start_index': 3}, 'terrain_grid.inner_start_index is 3, expected 0 to 2'),
+        ({'info__resolution': 0.0}, 'terrain_grid.info.resolution is 0.0'),
+        ({'info__resolution': float('nan')}, 'terrain_grid.info.resolution is nan'),
+        ({'info__length_x': 6.0}, 'terrain_grid.info.length_x is 6.0, expected 8 m: 4 cells'),
+        ({'info__length_y': float('nan')}, 'terrain_grid.info.length_y is nan, expected 6 m'),
+        ({'info__pose__position__x': float('inf')}, 'terrain_grid.info.pose.position.x is inf'),
+        ({'info__pose__position__z': 3.0}, 'terrain_grid.info.pose.position.z is 3.0'),
+        ({'info__pose__orientation__w': 0.5}, 'terrain_grid.info.pose.orientation is'),
+        ({'data__0__data': [1.0]}, "terrain_grid.data[0].data is '1 values', expected data_off"),
+        ({'data__0__layout__dim': []}, 'terrain_grid.data[0].layout.dim is []'),
+        ({'data__0__layout__dim__0__label': 'x'}, "terrain_grid.data[0].layout.dim is ['x', 'ro"),
+        ({'data__0__layout__dim__0__size': 0}, 'terrain_grid.data[0].layout.dim is [0, 4]'),
+        ({'data__0__data': [float('inf')] * 12}, 'terrain_grid.data is inf'),
+        ({'data__0__data': [1.0] * 11 + [float('nan')]}, "terrain_grid.data is '1 of 12 cells"),
+    ],
+)
+def test_a_map_that_contradicts_itself_is_refused(changes, sentence):
+    """The field, what it says and what would be right are named."""
+    with pytest.raises(LavaError) as caught:
+        inputs.terrain_from_grid(spoilt(**changes), inputs.InputRules())
+    assert str(caught.value).startswith(sentence)
+
+
+def test_a_map_that_is_too_large_is_refused():
+    """The limit of a terrain's cells holds for maps too."""
+    with pytest.raises(LavaError, match='max_terrain_cells'):
+        inputs.terrain_from_grid(made(), inputs.InputRules(max_terrain_cells=11))
+
+
+@pytest.fixture
+def installed(monkeypatch):
+    """A package grid_map_msgs on the import path."""
+    package, messages = types.ModuleType('grid_map_msgs'), types.ModuleType('grid_map_msgs.msg')
+    messages.GridMap, messages.GridMapInfo = GridMap, GridMapInfo
+    monkeypatch.setitem(sys.modules, 'grid_map_msgs', package)
+    monkeypatch.setitem(sys.modules, 'grid_map_msgs.msg', messages)
+
+
+@pytest.fixture
+def absent(monkeypatch):
+    """No package grid_map_msgs, also where there is one."""
+    monkeypatch.setitem(sys.modules, 'grid_map_msgs', None)
+    monkeypatch.setitem(sys.modules, 'grid_map_msgs.msg', None)
+
+
+def layer(**changes):
+    """The layer lava_grid_map, with keys changed."""
+    data = {'source': 'lava', 'message': 'grid_map_msgs/GridMap', 'threshold': 0.01, **changes}
+    return layers_from_dict({'layers': {'lava_grid_map': data}})[0]
+
+
+def test_the_layer_shows_ground_and_lava(installed):
+    """The message of a layer has the ground and each quantity, unscaled, and their stamp."""
+    assert outputs.message_class(layer()) is GridMap
+    message = outputs.layer_message(layer(), SNAPSHOT, frame_id='map', stamp_ns=3_000_000_004)
+    assert message.layers == ['elevation', 'thickness', 'temperature', 'hazard']
+    assert (message.header.frame_id, message.header.stamp.nanosec) == ('map', 4)
+    for source in ('thickness', 'temperature', 'hazard'):
+        (alone,) = layers_from_dict(
+            {
+                'layers': {
+                    'one': {'source': source, 'message': 'sensor_msgs/Image', 'threshold': 0.01}
+                }
+            }
+        )
+        again = grid_map.layer_values(message, source, 'lava_grid_map')
+        np.testing.assert_array_equal(again, alone.raw_values(SNAPSHOT))
+    ground = grid_map.layer_values(message, 'elevation', 'lava_grid_map')
+    np.testing.assert_array_equal(ground, SNAPSHOT.terrain.elevation.astype(np.float32))
+
+
+def test_the_hazard_of_the_layer_has_its_limits(installed):
+    """The key hazard of the file holds for the map as for a grid."""
+    milder = {'lethal_thickness': 1e3, 'safe_temperature': 1e3, 'lethal_temperature': 1e4}
+    messages = [
+        outputs.layer_message(item, SNAPSHOT, frame_id='map', stamp_ns=0)
+        for item in (layer(), layer(hazard=milder))
+    ]
+    lethal = [(grid_map.layer_values(item, 'hazard', 'map') == 100.0).sum() for item in messages]
+    # the cell whose temperature is unknown stays
+    assert lethal[0] > lethal[1] == 1
+
+
+def test_without_the_package_the_layer_is_refused(absent):
+    """One sentence says what is missing and what else to do; other layers need nothing."""
+    assert grid_map.installed_classes() is None
+    with pytest.raises(LavaError) as caught:
+        outputs.message_class(layer())
+    sentence = str(caught.value)
+    assert sentence.startswith(f"layers.lava_grid_map.message is '{GRID_MAP}', expected a message")
+    assert 'grid-map-msgs' in sentence
+    assert "layers_off: ['lava_grid_map']" in sentence
+    assert '\n' not in sentence
+
+
+class Bench:
+    """Takes what a node would: subscriptions and terrain."""
+
+    def __init__(self):
+        self.node, self.terrain = self, None
+        self.subscriptions = {}
+        self.lines = []
+
+    def get_logger(self):
+        """The log."""
+        return types.SimpleNamespace(error=self.lines.append)
+
+    def subscription(self, kind, topic, callback, profile, *, raw):
+        """Note a subscription."""
+        assert raw
+        self.subscriptions[topic] = (kind, callback, profile)
+
+    def timer(self, *_, **__):
+        """No timer is needed."""
+
+    def set_terrain(self, terrain):
+        """Note a terrain."""
+        self.terrain = terrain
+        done = Future()
+        done.set_result(None)
+        return done
+
+
+@pytest.mark.parametrize('classes', [None, CLASSES])
+def test_maps_are_subscribed_to_where_the_package_is(absent, classes):
+    """With the classes there is a latched topic terrain_grid, without them only the others."""
+    bench = Bench()
+    InputTopics(bench, bench, settings=Settings, steady=Clock(), grid_maps=classes)
+    usual = {'terrain', 'terrain_info', 'terrain_cloud', 'vents', 'clicked_point'}
+    assert set(bench.subscriptions) == (usual | {'terrain_grid'} if classes else usual)
+    if classes:
+        kind, _, profile = bench.subscriptions['terrain_grid']
+        assert kind is GridMap
+        assert profile == bench.subscriptions['terrain'][2]
+
+
+def test_a_map_becomes_the_terrain(monkeypatch):
+    """What comes on terrain_grid is given to the simulation, or refused in the log."""
+    bench = Bench()
+    InputTopics(bench, bench, settings=Settings, steady=Clock(), grid_maps=CLASSES)
+    take = bench.subscriptions['terrain_grid'][1]
+    arrived = []
+    monkeypatch.setattr('lava_ros.ros.input_topics.decode', lambda *_, **__: arrived[-1])
+    arrived.append(moved(1, 2))
+    take(b'')
+    np.testing.assert_array_equal(bench.terrain.elevation, TERRAIN.elevation)
+    before = bench.terrain
+    arrived.append(spoilt(layers=['height']))
+    take(b'')
+    assert bench.terrain is before
+    assert len(bench.lines) == 1
+    assert bench.lines[0].startswith('terrain_grid refused: terrain_grid.layers is')
+
+
+def wire(message, *, layers=None, arrays=None):
+    """A map as CDR, made of the serialised parts; counts may lie."""
+    assert codec.serialise(Header())[1] == 1
+    body = bytearray()
+
+    def text(value):
+        return number(len(value) + 1) + value.encode() + b'\0'
+
+    def number(value):
+        body_pad(4)
+        return int(value).to_bytes(4, 'little')
+
+    def body_pad(size):
+        body.extend(bytes(-len(body) % size))
+
+    body += serialize_message(message.header)[4:]
+    body_pad(8)
+    info, pose = message.info, message.info.pose
+    body += np.array([info.resolution, info.length_x, info.length_y], '<f8').tobytes()
+    body += serialize_message(pose)[4:]
+    for names, count in ((message.layers, layers), (message.basic_layers, None)):
+        body += number(len(names) if count is None else count)
+        for name in names:
+            body += text(name)
+    body += number(len(message.data) if arrays is None else arrays)
+    for array in message.data:
+        body += number(len(array.layout.dim))
+        for item in array.layout.dim:
+            body += text(item.label)
+            body += number(item.size)
+            body += number(item.stride)
+        body += number(array.layout.data_offset)
+        body += number(len(array.data))
+        body += np.asarray(array.data, '<f4').tobytes()
+    return b'\0\1\0\0' + bytes(body)
+
+
+@pytest.mark.parametrize(
+    ('counts', 'dimensions', 'sentence'),
+    [
+        ({}, 2, ''),
+        ({'layers': 2**31}, 2, 'terrain_grid.layers is 2147483648, expected at most'),
+        ({'arrays': MAX_GRID_LAYERS + 1}, 2, 'terrain_grid.data is 257, expected at most 256'),
+        ({}, 3, 'terrain_grid.data.layout.dim is 3, expected at most 2'),
+    ],
+)
+def test_what_a_map_announces_is_bounded(monkeypatch, counts, dimensions, sentence):
+    """Memory is not taken for layers and dimensions on a message's word."""
+    message = made(thickness=TERRAIN.elevation)
+    layout = message.data[1].layout
+    layout.dim = [*layout.dim, MultiArrayDimension(label='more', size=1)][:dimensions]
+    monkeypatch.setattr('lava_ros.ros.raw_input.deserialize_message', lambda *_: 'read')
+    data = wire(message, **counts)
+    if not sentence:
+        assert decode(data, GridMap, 'terrain_grid', max_bytes=1000) == 'read'
+        return
+    with pytest.raises(LavaError) as caught:
+        decode(data, GridMap, 'terrain_grid', max_bytes=1000)
+    assert str(caught.value).startswith(sentence)

@@ -1,0 +1,322 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The managed node in a real graph: transitions, those that fail, and what a state holds."""
+
+from pathlib import Path
+import time
+
+import numpy as np
+import pytest
+
+from lava_ros.bag import BagReader
+
+HERE = Path(__file__).parent
+GRIDS = ('/hazard', '/height', '/temperature')
+SCALE = 20.0
+
+
+class Managed:
+    """A node that waits for its manager, that manager, someone who feeds it and a listener."""
+
+    def __init__(self, graph):
+        self.directory = graph.directory
+        self.terrain = graph.directory / 'slope.npz'
+        self._fault = graph.directory / 'fault'
+        (graph.directory / 'bags' / 'there').mkdir(parents=True)
+        self.node = graph.node(
+            program=[str(HERE / 'faults' / 'faulty_node.py'), str(self._fault)],
+            autostart=False,
+            device='cpu',
+            time_scale=SCALE,
+            terrain_file=str(self.terrain),
+            record=True,
+            bag_root=str(graph.directory / 'bags'),
+            bag_directory=str(graph.directory / 'bags' / 'there'),
+        )
+        self.client = graph.client()
+        self.publisher = graph.publisher()
+        self.listener = graph.listener('height')
+
+    def begin(self, name):
+        """Switch a fault on."""
+        partial = self._fault.with_suffix('.partial')
+        partial.write_text(name, encoding='utf-8')
+        partial.replace(self._fault)
+
+    def end(self):
+        """Switch it off."""
+        self._fault.unlink()
+
+    def change(self, *names, state):
+        """Make transitions that go well, and see where they lead."""
+        for name in names:
+            assert self.client.change(name), self.node.log
+        assert self.client.state() == state
+
+    def refuse(self, name, *, state, words):
+        """Ask for a transition that goes wrong; the log says why."""
+        before = self.node.log
+        assert not self.client.change(name)
+        assert self.client.state() == state
+        new = self.node.log[len(before) :]
+        assert '[ERROR]' in new, new
+        assert words in new, new
+
+    def status(self, condition=lambda _: True):
+        """The simulation's status that comes next and fulfils a condition."""
+        self.listener.hear()
+        return self.listener.wait_for_status('simulation', condition)
+
+    def activate(self):
+        """Activate, and wait for the map that comes then."""
+        since = self.listener.hear()
+        self.change('activate', state='active')
+        self.listener.hear()
+        for message in self.listener.seen[since:]:
+            if message['topic'] == 'height':
+                return message
+        return self.listener.wait_for_topic('height', timeout=60.0)
+
+    def use_bag(self, name):
+        """Name the next bag."""
+        bag = self.directory / 'bags' / name
+        assert self.client.set({'bag_directory': str(bag) if name else ''})['success']
+        return bag
+
+    def resources(self):
+        """Threads, and resident memory [MiB]."""
+        status = Path(f'/proc/{self.node.child.pid}/status').read_text(encoding='utf-8')
+        values = dict(line.split(':') for line in status.splitlines())
+        return int(values['Threads']), int(values['VmRSS'].split()[0]) / 1024.0
+
+
+@pytest.fixture(scope='module')
+def managed(graph):
+    """One node for all tests here, one after the other."""
+    result = Managed(graph)
+    result.alone = result.client.names()
+    return result
+
+
+def test_unconfigured(managed):
+    """There is nothing of the simulation, and what the state does not have is refused."""
+    assert managed.client.state() == 'unconfigured'
+    assert '/lava/change_state' in managed.alone
+    assert not {*GRIDS, '/terrain', '/diagnostics', '/lava/step'} & {*managed.alone}
+    for name in ('activate', 'deactivate', 'cleanup'):
+        managed.refuse(name, state='unconfigured', words='no transition of id')
+
+
+def test_configuring_that_fails(managed):
+    """A missing file, or an error nobody expected: nothing stays, and it can be tried again."""
+    managed.refuse('configure', state='unconfigured', words='slope.npz')
+    _, x = np.mgrid[0:30, 0:40]
+    np.savez(managed.terrain, elevation=(300.0 - x).astype(np.float32), resolution=10.0)
+    threads, _ = managed.resources()
+    managed.begin('configure')
+    managed.refuse('configure', state='unconfigured', words='RuntimeError: configure went wrong')
+    assert managed.resources()[0] == threads
+    assert managed.client.names() == managed.alone
+    managed.end()
+    managed.change('configure', state='inactive')
+    assert {*GRIDS, '/terrain', '/diagnostics', '/lava/step'} < {*managed.client.names()}
+
+
+def test_inactive(managed):
+    """Inputs are taken and diagnostics told, a pause is remembered; no map, no step, no bag."""
+    managed.publisher.publish('vents', 'click')
+    inputs = managed.listener.wait_for_status('inputs', lambda item: int(item['accepted']) >= 3)
+    assert inputs['rejected'] == '0'
+    status = managed.status(lambda item: item['state'] == 'paused')
+    assert (status['lifecycle'], status['message']) == ('inactive', 'inactive: paused')
+    for name, data in (('step', None), ('save', None), ('record', True)):
+        answer = managed.client.call(name, data)
+        assert not answer['success']
+        assert f"{name} is 'inactive', expected an active node" in answer['message']
+    assert managed.client.call('pause', True)['success']
+    assert not [item for item in managed.listener.seen if item['topic'] == 'height']
+    managed.refuse('configure', state='inactive', words='no transition of id 1 from')
+
+
+def test_activating_that_fails(managed):
+    """A bag that is there already: inactive as before; another bag, and it goes."""
+    managed.refuse('activate', state='inactive', words='a folder that does not exist yet')
+    assert managed.status()['lifecycle'] == 'inactive'
+    managed.first_bag = managed.use_bag('first')
+    assert managed.activate()['wet'] == 0
+    status = managed.status()
+    # the pause of before
+    assert (status['lifecycle'], status['state']) == ('active', 'paused')
+    assert float(status['simulated_time_s']) == 0.0
+    assert managed.client.call('pause', False)['success']
+    managed.listener.wait_for_topic('height', lambda grid: grid['wet'] > 0, timeout=60.0)
+
+
+def test_time_stands_still_while_inactive(managed):
+    """Deactivated there is no map and no time; active again it goes on with no leap."""
+    managed.change('deactivate', state='inactive')
+    managed.status(lambda item: item['lifecycle'] == 'inactive')
+    since = managed.listener.hear()
+    managed.status()
+    before = managed.status()
+    assert 'height' not in {item['topic'] for item in managed.listener.seen[since:]}
+    recorder = managed.listener.seen[-1]['status']['lava: recorder']
+    assert (recorder['state'], recorder['bag']) == ('recording', str(managed.first_bag))
+    start = time.monotonic()
+    managed.activate()
+    after = managed.status(lambda item: item['simulated_time_s'] != before['simulated_time_s'])
+    passed = float(after['simulated_time_s']) - float(before['simulated_time_s'])
+    assert 0.0 < passed <= SCALE * (time.monotonic() - start)
+
+
+def test_a_step_ends_with_the_deactivation(managed):
+    """Inactive means that time stands still, also in the middle of a step."""
+    assert managed.client.call('pause', True)['success']
+    managed.status(lambda item: item['state'] == 'paused')
+    assert managed.client.set({'time_scale': 1e6})['success']
+    assert managed.client.call('step')['success']
+    managed.change('deactivate', state='inactive')
+    assert managed.client.set({'time_scale': SCALE})['success']
+    managed.change('activate', state='active')
+    first, second = managed.status(), managed.status()
+    assert float(first['simulated_time_s']) < 1e5
+    assert first['simulated_time_s'] == second['simulated_time_s']
+    assert managed.client.call('pause', False)['success']
+
+
+def test_a_failed_simulation_is_not_activated(managed):
+    """It says so until a reset, which an inactive node takes."""
+    managed.begin('raise')
+    managed.status(lambda item: item['state'] == 'failed')
+    managed.change('deactivate', state='inactive')
+    managed.refuse('activate', state='inactive', words='device lost')
+    managed.end()
+    assert managed.client.call('reset')['success']
+    status = managed.status(lambda item: item['state'] == 'paused')
+    assert status['message'] == 'inactive: paused'
+    managed.change('activate', state='active')
+    managed.status(lambda item: item['state'] == 'running')
+
+
+def test_cleaning_up(managed):
+    """The bag is finished, and nothing is left in the graph; it can be configured again."""
+    managed.change('deactivate', 'cleanup', state='unconfigured')
+    assert managed.client.names() == managed.alone
+    bag = BagReader(managed.first_bag)
+    assert not bag.recovered
+    assert {*GRIDS, '/vents', '/diagnostics'} < set(bag.topics)
+    managed.change('configure', state='inactive')
+    managed.refuse('activate', state='inactive', words='a folder that does not exist yet')
+
+
+def test_a_recording_that_was_ended_does_not_begin_again(managed):
+    """The bag that is there must not keep the node inactive."""
+    bag = managed.use_bag('second')
+    managed.activate()
+    answer = managed.client.call('record', False)
+    assert answer == {'success': True, 'message': f'recorded {bag}'}
+    managed.change('deactivate', state='inactive')
+    managed.change('activate', state='active')
+    managed.change('deactivate', state='inactive')
+    assert not BagReader(bag).recovered
+
+
+@pytest.mark.parametrize(
+    ('name', 'path'),
+    [
+        ('activate', ('activate',)),
+        ('deactivate', ('activate', 'deactivate')),
+        ('cleanup', ('activate', 'deactivate', 'cleanup')),
+    ],
+)
+def test_an_error_nobody_expected(managed, name, path):
+    """It leads to where one can begin anew: unconfigured, with nothing left in the graph."""
+    managed.use_bag(name)
+    managed.change(*path[:-1], state='active' if len(path) == 2 else 'inactive')
+    managed.begin(name)
+    managed.refuse(path[-1], state='unconfigured', words=f'RuntimeError: {name} went wrong')
+    managed.end()
+    assert managed.client.names() == managed.alone
+    managed.change('configure', state='inactive')
+
+
+def test_a_step_that_outlasts_the_cleanup(managed):
+    """No two simulations run beside each other: the next waits until the last is gone."""
+    managed.use_bag('slow')
+    managed.activate()
+    managed.status(lambda status: status['state'] == 'running')
+    managed.begin('slow')
+    end = time.monotonic() + 20.0
+    while not (managed.directory / 'fault.slow').exists():
+        assert time.monotonic() < end, managed.node.log
+        time.sleep(0.05)
+    managed.change('deactivate', state='inactive')
+    managed.change('cleanup', state='unconfigured')
+    assert managed.client.names() == managed.alone
+    managed.refuse('configure', state='unconfigured', words='configure again in a while')
+    managed.end()
+    time.sleep(0.2)
+    managed.change('configure', state='inactive')
+
+
+def test_many_cycles_leave_nothing_behind(managed):
+    """Threads and memory are given back, and bags named by the time do not meet."""
+    managed.use_bag('')
+    managed.change('cleanup', state='unconfigured')
+    used = []
+    for _ in range(12):
+        managed.change('configure', state='inactive')
+        managed.activate()
+        managed.change('deactivate', 'cleanup', state='unconfigured')
+        used.append(managed.resources())
+    threads, memory = zip(*used, strict=True)
+    assert threads[-1] <= threads[1]
+    assert memory[-1] - memory[1] < 8.0, memory
+    assert managed.client.names() == managed.alone
+
+
+def test_an_error_at_the_start_ends_the_process(managed, graph):
+    """With autostart nobody would see a node that waits unconfigured: 1, and the reason."""
+    managed.begin('configure')
+    program = [str(HERE / 'faults' / 'faulty_node.py'), str(graph.directory / 'fault')]
+    node = graph.node(aside=True, program=program, device='cpu')
+    assert node.child.wait(30.0) == 1
+    managed.end()
+    time.sleep(0.1)
+    reason = 'lava_node cannot start: RuntimeError: configure went wrong'
+    assert node.log.splitlines()[-1] == reason
+
+
+def test_shutdown(managed, graph):
+    """From each state it is final, the bag is finished, and SIGTERM ends the process with 0."""
+    others = {}
+    for state in ('unconfigured', 'inactive'):
+        others[state] = graph.node(remap=[f'__node:={state}'], autostart=False, device='cpu')
+    bag = managed.use_bag('last')
+    managed.change('configure', state='inactive')
+    managed.activate()
+    managed.change('shutdown', state='finalized')
+    assert not BagReader(bag).recovered
+    assert managed.client.names() == managed.alone
+    managed.refuse('configure', state='finalized', words='no transition of id 1 from')
+    assert managed.client.change('configure', node='/inactive')
+    for state in others:
+        assert managed.client.state(node=f'/{state}') == state
+        assert managed.client.change('shutdown', node=f'/{state}')
+        assert managed.client.state(node=f'/{state}') == 'finalized'
+    for node in (managed.node, *others.values()):
+        assert node.end() == 0
+        assert 'stopped' in node.log.splitlines()[-1]
+    assert 'Traceback' not in ''.join(node.log for node in others.values())
