@@ -5,10 +5,10 @@ STAMP := $(VENV)/.installed
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test docs look hard safeguards nightly soak lint types clean
+.PHONY: help setup demo test docs look hard hard-published safeguards nightly soak lint types clean
 
 help:  ## Say what can be made
-	@grep -hE '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /  make \1\t/'
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
 
 setup: $(STAMP)  ## Create .venv and install everything into it
 
@@ -29,11 +29,15 @@ test: $(STAMP)  ## Run every test, two at a time (ARGS='-k bag' selects)
 hard: $(STAMP)  ## Run the hard scenes at every preset, 10 minutes on 2 cores (ARGS='--scene cliff')
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.run $(ARGS)
 
-nightly: $(STAMP)  ## Try 2,000 random scenes and messages, kill 20 recordings; figures in build/fuzz.json (ARGS='--hypothesis-seed=1')
+hard-published: $(STAMP)  ## Run the hard scenes at the paper's settings, 10 s each: what breaks there
+	PYTHONPATH=tests $(VENV)/bin/python -m hard.run --published $(ARGS)
+
+nightly: $(STAMP)  ## Try 2,000 random scenes and messages, kill 20 recordings, install the node elsewhere; figures in build/fuzz.json (ARGS='--hypothesis-seed=1')
 	@mkdir -p build
 	LAVA_FUZZ_FIGURES=build/fuzz.json $(VENV)/bin/python -m pytest tests/fuzz --hypothesis-profile=nightly \
 	  --hypothesis-show-statistics $(ARGS)
 	LAVA_KILLS=20 $(VENV)/bin/python -m pytest tests/ros/faults
+	$(VENV)/bin/python tests/install/installed_node.py
 
 soak: $(STAMP)  ## Keep a node busy for 30 minutes and judge memory, deadlines and bag (ARGS='--minutes 5')
 	PYTHONPATH=tests $(VENV)/bin/python -m soak.soak $(ARGS)

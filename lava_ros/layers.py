@@ -144,7 +144,13 @@ class Layer:
         Returns:
             float32, shape [rows, columns]: thickness [m], temperature [Celsius] or hazard 0..100.
             Dry cells are 0, or NaN for temperature; cells outside the terrain are NaN.
+
+        Raises:
+            LavaError: The layer shows several quantities.
         """
+        if self.source not in SOURCES:
+            right = f'one of {", ".join(SOURCES)}; maps and points have them all'
+            raise LavaError(f'layers.{self.name}.source', self.source, right)
         return self._raw(self.source, snapshot)
 
     def maps(self, snapshot: 'Snapshot') -> dict[str, np.ndarray]:
