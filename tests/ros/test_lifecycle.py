@@ -166,11 +166,16 @@ def test_activating_that_fails(managed):
 
 def test_time_stands_still_while_inactive(managed):
     """Deactivated there is no map and no time; active again it goes on with no leap."""
+    # The map of a pause is that of its moment: diagnostics tell the time of the last map.
+    assert managed.client.call('pause', True)['success']
+    managed.status(lambda item: item['state'] == 'paused')
     managed.change('deactivate', state='inactive')
-    managed.status(lambda item: item['lifecycle'] == 'inactive')
+    assert managed.client.call('pause', False)['success']
+    paused = managed.status(lambda item: item['lifecycle'] == 'inactive')
     since = managed.listener.hear()
     managed.status()
     before = managed.status()
+    assert before['simulated_time_s'] == paused['simulated_time_s']
     assert 'height' not in {item['topic'] for item in managed.listener.seen[since:]}
     recorder = managed.listener.seen[-1]['status']['lava: recorder']
     assert (recorder['state'], recorder['bag']) == ('recording', str(managed.first_bag))
