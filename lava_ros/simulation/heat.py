@@ -60,6 +60,27 @@ class HeatConstants:
     liquidus: wp.float64
 
 
+#: Steps in which lava freezes at the soonest: a column freezes at the end of a step, on average
+#: half a step late, and goes as much too far.
+_FREEZING_STEPS = 16
+
+#: What lava is taken to be above its solidus at least [K]: what is nearer freezes at its vent.
+_LEAST_ABOVE = 10.0
+
+
+def freezing_step(scene: Scene, thickness: float) -> float:
+    """Longest step that resolves how lava of a thickness [m] freezes after it has come out [s]."""
+    constants = heat_constants(scene)
+    soonest = math.inf
+    for vent in scene.vents:
+        hot, air = vent.temperature, constants.ambient
+        rate = constants.radiation * (hot**4 - air**4) + constants.convection * (hot - air)
+        if rate > 0.0 and hot > constants.solidus:
+            above = max(hot - constants.solidus, _LEAST_ABOVE)
+            soonest = min(soonest, thickness * above / rate)
+    return soonest / _FREEZING_STEPS
+
+
 def heat_constants(scene: Scene) -> HeatConstants:
     """Collect the constants from a scene."""
     lava = scene.lava

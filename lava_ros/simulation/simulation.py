@@ -34,7 +34,7 @@ from lava_ros.simulation.automatic import device_of, formulated, resolved_accura
 from lava_ros.simulation.checkpoint import put_back, take
 from lava_ros.simulation.effects import after_step, load
 from lava_ros.simulation.flow import compute_flow, flow_constants, flow_kernels, THICKEST
-from lava_ros.simulation.heat import heat_constants
+from lava_ros.simulation.heat import freezing_step, heat_constants
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.published import publish_velocity
 from lava_ros.simulation.raster import Raster
@@ -56,7 +56,7 @@ from lava_ros.simulation.state import (
     TIME,
 )
 from lava_ros.simulation.terrain import StaggeredTerrain
-from lava_ros.simulation.timestep import choose_stage, finish_stage, LIMITS, move_particles
+from lava_ros.simulation.timestep import choose_stage, FEW, finish_stage, LIMITS, move_particles
 from lava_ros.simulation.vents import VentSet
 
 #: Particles there is room for at the start; room doubles whenever half of it is taken.
@@ -426,7 +426,9 @@ class Simulation:
         """Take one stage of a time step: algorithm 1 of the paper."""
         self._neighbors.rebuild(self._state)
         self._compute_velocity()
-        choose_stage(self._state, self._longest_step(), self.accuracy.fixed_step)
+        few = int(FEW * self.accuracy.refinement)
+        longest, fixed = self._longest_step(), self.accuracy.fixed_step
+        choose_stage(self._state, longest, fixed, self._vents.due, few)
         if self.effects.inertia:
             self._momentum.accelerate(self._state, self._neighbors)
         move_particles(self._state, self._terrain, self._flow, self._heat)
@@ -462,6 +464,8 @@ class Simulation:
 
     def _longest_step(self) -> float:
         longest = min(self.accuracy.longest_step, self._vents.longest_step(self._thickness))
+        if self.effects.solidification:
+            longest = min(longest, freezing_step(self.scene, self._thickness))
         if self.effects.inertia:
             # what has just come out is as fast as its vent says
             fastest = max((math.hypot(*vent.velocity) for vent in self.scene.vents), default=0.0)

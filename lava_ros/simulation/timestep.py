@@ -72,6 +72,36 @@ def _b(j: int) -> wp.float64:
     return (square - wp.float64(2.0)) / (wp.float64(2.0) * square)
 
 
+#: Particles up to which steps end as one comes out, at a refinement of 1. One that is late changes
+#: the volume of n by 1/n and the radius by 1/(2 n): with more of them by less than the error of
+#: the edge that the presets state, 0.004 at standard, 0.008 at draft.
+FEW = 128
+
+#: Share of a step by which it goes on after a particle is due, lest rounding keep it back.
+_AFTERWARDS = 1e-6
+
+
+@wp.func
+def up_to_one(due: wp.array(dtype=wp.vec2d), time: wp.float64, step: wp.float64) -> wp.float64:
+    """Return a step that ends as particles come out, if they do so at one moment of it.
+
+    Particles come out at the ends of steps. Where steps are shorter than the time between two of
+    them they would be late, and the flow with them, by up to a step.
+    """
+    least = wp.float64(_AFTERWARDS) * step
+    end = time + step
+    first = end
+    last = time
+    for v in range(due.shape[0]):
+        for n in range(2):
+            if due[v][n] > time + least and due[v][n] < end:
+                first = wp.min(first, due[v][n])
+                last = wp.max(last, due[v][n])
+    if first < end and last - first < least:
+        return wp.min(first - time + least, step)
+    return step
+
+
 @lru_cache
 def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool) -> Any:
     @wp.kernel(module='unique', enable_backward=False)
@@ -79,6 +109,8 @@ def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool) -> Any:
         longest: wp.float64,
         fixed: wp.float64,
         rates: wp.array(dtype=real),
+        due: wp.array(dtype=wp.vec2d),
+        few: int,
         clock: wp.array(dtype=wp.float64),
         counts: wp.array(dtype=wp.int32),
         stage: wp.array(dtype=real),
@@ -123,6 +155,8 @@ def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool) -> Any:
             elif remaining < wp.float64(2.0) * step and fixed == wp.float64(0.0):
                 # two equal steps rather than a full one and a sliver
                 step = wp.float64(0.5) * remaining
+            if fixed == wp.float64(0.0) and counts[PARTICLES] < few:
+                step = up_to_one(due, clock[TIME], step)
             clock[STEP] = step
             stages = 1
             if wp.static(is_staged):
@@ -199,6 +233,7 @@ def _guard_function(real: Any) -> Any:
 def _move_kernel(real: Any, effects: Effects, is_staged: bool, is_guarded: bool) -> Any:
     vec2 = wp.types.vector(2, real)
     guarded = _guard_function(real)
+    gradient_at, _, height_at, _ = terrain_functions(real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     temperature_after = temperature_function(real, effects)
@@ -291,6 +326,12 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool, is_guarded: bool)
                 drop = real(0.0)
                 if wp.static(falls):
                     drop = -wp.dot(slope[i], vec2(dx, dy))
+                    if wp.static(not effects.inertia):
+                        # what the ground falls by, however steep it is where the step begins
+                        ground = gradient_at(elevation, terrain, p[0], p[1])
+                        drop += wp.dot(ground, vec2(dx, dy))
+                        drop += height_at(elevation, terrain, x, y)
+                        drop -= height_at(elevation, terrain, x + dx, y + dy)
                 temperature = temperature_after(heat, f[0], temperature, time_out, drop, step)
                 if wp.static(has_age):
                     age[i] = time_out + step
@@ -319,18 +360,22 @@ def _finish_kernel() -> Any:
     return finish_stage
 
 
-def choose_stage(state: State, longest: float, fixed: float | None) -> None:
+def choose_stage(
+    state: State, longest: float, fixed: float | None, due: Any, few: int
+) -> None:
     """Begin a step, bounded by the rates in the state, or go on to its next stage.
 
     Args:
         state: The particles.
         longest: Longest step [s].
         fixed: Step to take whatever the limits say [s], None to follow them.
+        due: Times at which the next particles of each vent come out, and those after them [s].
+        few: Particles up to which steps end as one comes out.
     """
     wp.launch(
         _stage_kernel(state.real, state.is_staged, state.has_velocity),
         dim=1,
-        inputs=[longest, fixed or 0.0, state.rates],
+        inputs=[longest, fixed or 0.0, state.rates, due, few],
         outputs=[state.clock, state.counts, state.stage],
         device=state.device,
     )

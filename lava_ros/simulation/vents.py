@@ -31,9 +31,8 @@ _DISC_GROUP, _FISSURE_GROUP = 8, 4
 
 
 @lru_cache
-def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool) -> Any:
-    vec2 = wp.types.vector(2, real)
-    vec4 = wp.types.vector(4, real)
+def _due_functions(symmetric: bool) -> tuple[Any, Any, Any]:
+    """Particles of a vent that come out at once, when the next do, and a kernel for all vents."""
 
     @wp.func
     def group_of(shape: wp.array2d(dtype=wp.float64), v: int) -> int:
@@ -42,6 +41,69 @@ def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool) -> An
                 shape[v, 6] > wp.float64(0.0), wp.static(_FISSURE_GROUP), wp.static(_DISC_GROUP)
             )
         return 1
+
+    @wp.func
+    def due_at(
+        volume: wp.float64,
+        first: int,
+        last: int,
+        times: wp.array(dtype=wp.float64),
+        fluxes: wp.array(dtype=wp.float64),
+        volumes: wp.array(dtype=wp.float64),
+    ) -> wp.float64:
+        """Time at which a vent has given a volume, infinite when it never will."""
+        for k in range(first, last):
+            if fluxes[k] > wp.float64(0.0):
+                time = times[k] + wp.max(volume - volumes[k], wp.float64(0.0)) / fluxes[k]
+                if k + 1 == last or time <= times[k + 1]:
+                    return time
+        return wp.float64(wp.inf)
+
+    @wp.func
+    def next_two(
+        v: int,
+        released: int,
+        shape: wp.array2d(dtype=wp.float64),
+        starts: wp.array(dtype=wp.int32),
+        times: wp.array(dtype=wp.float64),
+        fluxes: wp.array(dtype=wp.float64),
+        volumes: wp.array(dtype=wp.float64),
+        particle_volume: wp.float64,
+    ) -> wp.vec2d:
+        """When the next particles come out of a vent, and those after them."""
+        group = group_of(shape, v)
+        following = particle_volume * wp.float64(released + group)
+        after = particle_volume * wp.float64(released + 2 * group)
+        return wp.vec2d(
+            due_at(following, starts[v], starts[v + 1], times, fluxes, volumes),
+            due_at(after, starts[v], starts[v + 1], times, fluxes, volumes),
+        )
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def foresee(
+        shape: wp.array2d(dtype=wp.float64),
+        starts: wp.array(dtype=wp.int32),
+        times: wp.array(dtype=wp.float64),
+        fluxes: wp.array(dtype=wp.float64),
+        volumes: wp.array(dtype=wp.float64),
+        particle_volume: wp.float64,
+        released: wp.array(dtype=wp.int32),
+        due: wp.array(dtype=wp.vec2d),
+    ):
+        v = wp.tid()
+        due[v] = next_two(
+            v, released[v], shape, starts, times, fluxes, volumes, particle_volume
+        )
+
+    return group_of, next_two, foresee
+
+
+@lru_cache
+def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool) -> Any:
+    vec2 = wp.types.vector(2, real)
+    vec4 = wp.types.vector(4, real)
+
+    group_of, next_two, _ = _due_functions(symmetric)
 
     @wp.func
     def place_of(shape: wp.array2d(dtype=wp.float64), v: int, n: int) -> vec2:
@@ -109,6 +171,7 @@ def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool) -> An
         clock: wp.array(dtype=wp.float64),
         capacity: int,
         emitted: wp.array(dtype=wp.int32),
+        due_times: wp.array(dtype=wp.vec2d),
         counts: wp.array(dtype=wp.int32),
         particle: wp.array(dtype=vec4),
         remainder: wp.array(dtype=vec2),
@@ -150,6 +213,9 @@ def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool) -> An
                     )
                 if due > 0:
                     emitted[v] = emitted[v] + due
+                    due_times[v] = next_two(
+                        v, emitted[v], shape, starts, times, fluxes, volumes, particle_volume
+                    )
 
     return emit
 
@@ -160,6 +226,8 @@ class VentSet:
     Attributes:
         vents: The vents.
         since: Time from which they emit [s].
+        due: Times at which the next particles of each vent come out, and those after them [s],
+            float64, shape [vents, 2].
     """
 
     def __init__(
@@ -217,6 +285,8 @@ class VentSet:
         self._fluxes = wp.array(fluxes, dtype=wp.float64, device=device)
         self._volumes = wp.array(volumes, dtype=wp.float64, device=device)
         self._released = wp.zeros(max(1, len(self.vents)), dtype=wp.int32, device=device)
+        self.due = wp.zeros(len(self.vents), dtype=wp.vec2d, device=device)
+        self._foresee()
 
     def emit(self, state: State) -> None:
         """Append to the state's particles what is due at its time."""
@@ -240,10 +310,30 @@ class VentSet:
             ],
             outputs=[
                 self._released,
+                self.due,
                 state.counts,
                 state.particle,
                 *state.optional('remainder', 'velocity', 'age'),
             ],
+            device=self._device,
+        )
+
+    def _foresee(self) -> None:
+        if not self.vents:
+            return
+        wp.launch(
+            _due_functions(self._symmetric)[2],
+            dim=len(self.vents),
+            inputs=[
+                self._shape,
+                self._starts,
+                self._times,
+                self._fluxes,
+                self._volumes,
+                self._particle_volume,
+                self._released,
+            ],
+            outputs=[self.due],
             device=self._device,
         )
 
@@ -256,6 +346,7 @@ class VentSet:
         """Go on after as many particles as ``save`` has found released."""
         if len(released):
             self._released.assign(released)
+            self._foresee()
 
     def emitted(self, time: float) -> float:
         """Volume [m3] the vents have given from ``since`` to ``time``."""

@@ -47,7 +47,8 @@ from lava_ros import validation
 #:     60.
 #: slope_flux: arrival 1.2, 0.6, 0.3; speed 1.2, 0.4, 0.8: a front advances by rows of particles.
 #: lister: x 1.7, 0.9, 0.3; y 4.7, 1.0, 0.5, and at standard 1.5 on a GPU: the spacing at the thin
-#:     edge, and two digits of the reference.
+#:     edge, and two digits of the reference. At draft x at 20 T is one of two cells of the map:
+#:     1.5 or 3.7, as chance has it.
 #: smith: half-width 3.0, 0.8, 0.4; spread 0.6, 0.3, 0.1; axis 1.0, 0.4, 0.2: the kernel radius, a
 #:     third, a sixth and a twelfth of the half-width, and chance at the edge, about 0.3 in the
 #:     spread at standard; what the solution leaves out is 0.2, 0.2 and 0.2 by then.
@@ -153,7 +154,7 @@ BOUNDS: dict[str, dict[str, dict[str, float]]] = {
         'speed': {'draft': 0.02, 'standard': 0.015, 'fine': 0.015},
     },
     'lister': {
-        'x at 20 T': {'draft': 0.03, 'standard': 0.015, 'fine': 0.006},
+        'x at 20 T': {'draft': 0.055, 'standard': 0.015, 'fine': 0.006},
         'y at 20 T': {'draft': 0.06, 'standard': 0.03, 'fine': 0.015},
         'x at 50 T': {'draft': 0.025, 'standard': 0.015, 'fine': 0.006},
         'y at 50 T': {'draft': 0.07, 'standard': 0.03, 'fine': 0.015},

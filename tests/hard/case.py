@@ -16,8 +16,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+import math
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,10 @@ PHYSICS: dict[str, Effects] = {
         cooling=False, crust=True, ground=True, latent_heat=True, solidification=True
     ),
     'lateral': Effects(helmholtz=True),
+    'heating': Effects(arrhenius=False, cooling=False, viscous_heating=True),
+    'heating_inertia': Effects(
+        arrhenius=False, cooling=False, viscous_heating=True, inertia=True
+    ),
 }
 
 #: Cell of most scenes [m], and cells of a side.
@@ -76,12 +81,17 @@ class HardScene:
         thickness: Expected thickness, from which a particle's volume follows [m]; None: automatic.
         events: What happens to it, in the order of time.
         mirrored: Whether scene and events are the same seen from left to right.
+        mirrored_until: Time until which the flow has to be its own mirror image [s]. Lava that
+            is pressed together, or runs over an edge, doubles a difference again and again until
+            rounding shows: measured, and given where it shows before the end.
         dry: Positions where lava must never be.
         still: Whether nothing may move at all.
         distinct: Whether no two particles may be in one place.
-        most_evaluations: Velocity evaluations that the standard preset may take; 0: any number.
+        closed: Whether nothing may leave the map.
+        most_steps: Steps that a preset may take, by its name: noise in the speeds makes more.
         reaches: Distance from (0, 0) that lava has reached at the end, at least [m].
         since: Time at which the clock starts [s].
+        longest_step: Longest step in place of the presets' [s], where theirs would take an age.
         halved: Whether the run with steps half as long is compared; not where runs are long, or
             where there is no footprint to compare.
     """
@@ -96,12 +106,15 @@ class HardScene:
     thickness: float | None = None
     events: tuple[Event, ...] = field(default=())
     mirrored: bool = False
+    mirrored_until: float = math.inf
     dry: Callable[[np.ndarray], np.ndarray] | None = None
     still: bool = False
     distinct: bool = False
-    most_evaluations: int = 0
+    closed: bool = False
+    most_steps: Mapping[str, int] = field(default_factory=dict)
     reaches: float = 0.0
     since: float = 0.0
+    longest_step: float | None = None
     halved: bool = True
 
 

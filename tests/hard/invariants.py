@@ -146,6 +146,7 @@ class Watch:
         self.largest: dict[str, float] = {}
         self.smallest_step = math.inf
         self.highest_cost = 0.0
+        self._thickest = 0.0
         self._hottest = -math.inf
         self._coldest = math.inf
         self._top = -math.inf
@@ -233,7 +234,10 @@ class Watch:
         fall = 0.0
         if self._simulation.effects.viscous_heating:
             ground = scene.terrain.elevation
-            relief = float(np.nanmax(ground) - np.nanmin(ground) + sample.thickness.max())
+            self._thickest = max(self._thickest, float(sample.thickness.max()))
+            # lava that came out since the last frame was thicker than any frame shows: granted
+            # is twice of that
+            relief = float(np.nanmax(ground) - np.nanmin(ground)) + 2.0 * self._thickest
             fall = scene.gravity / scene.lava.specific_heat * relief
         above = float(sample.temperature.max()) - self._hottest
         below = self._coldest - float(sample.temperature.min())

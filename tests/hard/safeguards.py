@@ -61,11 +61,46 @@ SOLVER = 'lava_ros/simulation'
 
 SAFEGUARDS: tuple[Safeguard, ...] = (
     Safeguard(
-        'guard', 'lava thrown across cells and up walls by a slope that it meets within a step',
-        f'{SOLVER}/state.py',
-        'self.is_guarded = accuracy.fixed_step is None',
-        'self.is_guarded = False',
-        'gorge', 'standard', 'climb',
+        'rise', 'lava thrown up walls by a slope that it meets within a step',
+        f'{SOLVER}/timestep.py',
+        'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top:',
+        'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top + real(1e30):',
+        'spike', 'draft', 'climb',
+    ),
+    Safeguard(
+        'reach', 'lava thrown across the map by a cliff whose edge it creeps over within a step',
+        f'{SOLVER}/timestep.py',
+        'if size > most:',
+        'if size > most + real(1e30):',
+        'brink', 'fine', 'place',
+    ),
+    Safeguard(
+        'onward', 'lava that slows down within a step and is put back, again and again',
+        f'{SOLVER}/timestep.py',
+        'if short > real(0.0):',
+        'if short > real(1e30):',
+        'column_200_m', 'fine', 'energy',
+    ),
+    Safeguard(
+        'due', 'lava that comes out of its vent late by as long as a step',
+        f'{SOLVER}/timestep.py',
+        'counts[PARTICLES] < few',
+        'counts[PARTICLES] < 0',
+        'vent_1e5_narrow', 'draft', 'halving',
+    ),
+    Safeguard(
+        'thickest', 'steps for lateral stress that the sweeps leave out in thick lava',
+        f'{SOLVER}/flow.py',
+        'constants.thickest = THICKEST * accuracy.thickness',
+        'constants.thickest = math.inf',
+        'piled_higher_lateral', 'fine', 'cost',
+    ),
+    Safeguard(
+        'heat', 'lava at the foot of a cliff that drag heats by more than its fall gave',
+        f'{SOLVER}/effects/inertia.py',
+        'if work > given:',
+        'if work > given + real(1e30):',
+        'heated_by_fall_inertia', 'standard', 'temperature',
     ),
     Safeguard(
         'bend', 'lava that swings from side to side of a hollow in ever shorter steps',
@@ -79,7 +114,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
         f'{SOLVER}/timestep.py',
         'if wp.float64(rates[0]) * longest > one:',
         'if wp.float64(rates[0]) * longest > wp.float64(1e30):',
-        'viscosity_1_block', 'standard', 'energy',
+        'thick_200_m', 'standard', 'energy',
     ),
     Safeguard(
         'apart', 'particles in one place, that never part',

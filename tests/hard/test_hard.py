@@ -29,6 +29,8 @@ from lava_ros.simulation import Particles, Simulation
 HARDEST = (
     'viscosity_mixed',
     'viscosity_1_inertia',
+    'viscosity_two_vents',
+    'column_200_m',
     'dam_onto_film',
     'thick_200_m',
     'spike',
@@ -43,6 +45,7 @@ HARDEST = (
     'piled_up_lateral',
     'leaving_corner',
     'freezes_in_noise',
+    'heated_by_fall_inertia',
     'held_by_strength',
     'chilled_at_once',
     'late',

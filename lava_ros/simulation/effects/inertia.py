@@ -118,7 +118,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
     power = _EXCESS_POWERS.get(kernel_name, 1.0)
-    gradient_at, bend_at, *_ = terrain_functions(real)
+    gradient_at, bend_at, height_at, _ = terrain_functions(real)
     block_around = cell_functions(real).block_around
     viscosity = viscosity_function(real, effects)
     is_newtonian = speed_function(real, effects) is None
@@ -241,6 +241,17 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
             slope[i] = vec2()
             if fall > real(0.0):
                 slope[i] = (new - free) / fall
+                # and no more than weight and motion give: speeds on the map do not know that
+                # lava which runs from level ground into a wall has to turn
+                way = step * new
+                surface = -kick[i] / (g * share_of(ground))
+                given = height_at(elevation, terrain, p[0], p[1])
+                given -= height_at(elevation, terrain, p[0] + way.x, p[1] + way.y)
+                given += wp.dot(ground - surface, way)
+                given += real(0.5) * (wp.dot(old[i], old[i]) - wp.dot(new, new)) / g
+                work = -wp.dot(slope[i], way)
+                if work > given:
+                    slope[i] *= wp.max(given, real(0.0)) / work
 
     @wp.kernel(module='unique', enable_backward=False)
     def adopt(

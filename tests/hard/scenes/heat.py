@@ -40,6 +40,10 @@ def _hot_on_cold(spacing: float) -> Particles:
     )
 
 
+def _cliff(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return 0.1 * y + np.where(y > 0.0, 1000.0, 0.0)
+
+
 SCENES = (
     HardScene(
         'freezes_at_vent', 'lava that is all but solid when it comes out',
@@ -60,11 +64,11 @@ SCENES = (
         'freezes_in_noise', 'lava that freezes on noise of 5 m',
         scene(lambda x, y: 5.0 * np.random.default_rng(5).normal(size=x.shape),
               (vent(0.0, 0.0, 1.0, temperature=1250.0),), BASALT),
-        7200.0, 'freezing',
+        3600.0, 'freezing',
     ),
     HardScene(
         'reheated', 'hot lava onto cold, then cold onto hot',
-        scene(None, (), replace(BASALT, solidus=0.0, latent_heat=0.0, crust=False)), 600.0,
+        scene(None, (), replace(BASALT, solidus=0.0, latent_heat=0.0, crust=False)), 300.0,
         lava=_hot_on_cold, thickness=1.0,
     ),
     HardScene(
@@ -80,6 +84,16 @@ SCENES = (
         200.0, mirrored=True,
     ),
     HardScene(
+        'heated_by_fall', 'lava that its fall over a cliff of 1000 m warms, and nothing cools',
+        scene(_cliff, (vent(0.0, 40.0, 20.0),), material(viscosity=1.0)), 20.0, 'heating',
+        mirrored=True, mirrored_until=6.0,
+    ),
+    HardScene(
+        'heated_by_fall_inertia', 'the same with inertia: into the foot of the cliff at speed',
+        scene(_cliff, (vent(0.0, 40.0, 20.0),), material(viscosity=1.0)), 40.0,
+        'heating_inertia', mirrored=True,
+    ),
+    HardScene(
         'held_by_strength', 'a yield strength that holds everything where it is',
         scene(plane(0.3), (), material(viscosity=1.0, yield_strength=1e6)), 1e4, 'strong',
         lava=block(40.0, 40.0, 2.0), thickness=2.0, mirrored=True, still=True,
@@ -87,12 +101,12 @@ SCENES = (
     HardScene(
         'held_at_vent', 'lava that cannot leave its vent until it is piled up',
         scene(plane(0.1), (vent(0.0, 0.0, 2.0),), material(viscosity=10.0, yield_strength=3e4)),
-        200.0, 'strong', mirrored=True,
+        100.0, 'strong', mirrored=True,
     ),
     HardScene(
         'strength_from_cliff', 'strong lava over a cliff of 100 m',
         scene(lambda x, y: np.where(y > 0.0, 100.0 + 0.3 * y, 0.0), (vent(0.0, 40.0, 20.0),),
               material(viscosity=10.0, yield_strength=3e3)),
-        40.0, 'strong', mirrored=True,
+        20.0, 'strong', mirrored=True, mirrored_until=12.0,
     ),
 )

@@ -70,7 +70,7 @@ SCENES = (
     HardScene(
         'month', 'a dome for 30 days',
         scene(None, (vent(0.0, 0.0, 0.004),), material(viscosity=1e9)), MONTH, frames=3,
-        mirrored=True, halved=False,
+        mirrored=True, halved=False, longest_step=600.0,
     ),
     HardScene(
         'late', 'an eruption that begins after 30 years: a float32 of the time has 64 s',
@@ -118,7 +118,7 @@ SCENES = (
     ),
     HardScene(
         'ground_drops', 'the ground becomes a field of pits of 100 m under the flow',
-        scene(plane(0.1), (vent(0.0, 50.0),)), 200.0, events=(Event(100.0, _drop_the_ground),),
+        scene(plane(0.1), (vent(0.0, 50.0),)), 150.0, events=(Event(100.0, _drop_the_ground),),
     ),
     HardScene(
         'ground_drops_inertia', 'the same with inertia',

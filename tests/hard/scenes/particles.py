@@ -80,12 +80,17 @@ SCENES = (
     ),
     HardScene(
         'coincident_lateral', 'the same with lateral stress',
-        scene(), 0.5, 'lateral', lava=_in_one_place(100, 10.0), thickness=1.0,
+        scene(), 0.2, 'lateral', lava=_in_one_place(100, 10.0), thickness=1.0,
     ),
     HardScene(
         'piled_up_lateral', 'a pile fifty times as thick as was expected, with lateral stress',
         scene(), 10.0, 'lateral', lava=block(10.0, 10.0, 50.0), thickness=1.0,
         dry=lambda places: np.hypot(*places.T) > 60.0, mirrored=True,
+    ),
+    HardScene(
+        'piled_higher_lateral', 'a pile a thousand times as thick as was expected, likewise',
+        scene(), 3.0, 'lateral', lava=block(30.0, 30.0, 100.0), thickness=0.1, mirrored=True,
+        mirrored_until=0.3, most_steps={'fine': 90},
     ),
     HardScene(
         'coincident_pairs', 'every particle twice in its place',
@@ -106,7 +111,7 @@ SCENES = (
     ),
     HardScene(
         'volumes_far_apart', 'particles of a millionth and of a hundred times the usual volume',
-        scene(plane(0.05)), 100.0, lava=_far_apart, thickness=1.0,
+        scene(plane(0.05)), 10.0, lava=_far_apart, thickness=1.0,
     ),
     HardScene(
         'two_by_two_cells', 'the smallest terrain there is',
@@ -124,13 +129,13 @@ SCENES = (
     ),
     HardScene(
         'leaving_everywhere', 'a layer over the whole map runs off at each border',
-        scene(None, (), material(viscosity=100.0)), 30.0, lava=block(160.0, 160.0, 5.0),
-        thickness=5.0, mirrored=True,
+        scene(None, (), material(viscosity=100.0)), 5.0, lava=block(160.0, 160.0, 5.0),
+        thickness=5.0, mirrored=True, mirrored_until=0.2,
     ),
     HardScene(
         'leaving_into_a_hole', 'lava around cells without data runs in',
         Scene(_hole(), (), material()), 60.0, lava=_around_the_hole, thickness=3.0,
-        mirrored=True,
+        mirrored=True, mirrored_until=15.0,
     ),
     HardScene(
         'leaving_inertia', 'lava shoots over the border',

@@ -45,6 +45,12 @@ def _gorge(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.where(y > 0.0, 200.0 + 0.01 * y, np.where(y > -20.0, 0.0, 500.0))
 
 
+def _brink(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A level shelf 200 m over a level floor, with walls all around."""
+    walls = (np.abs(x) > 70.0) | (np.abs(y) > 70.0)
+    return np.where(y > 0.0, 200.0 + 0.01 * y, 0.0) + 300.0 * walls
+
+
 def _with_holes() -> Terrain:
     ground = terrain(plane(0.1)).elevation.copy()
     random = np.random.default_rng(11)
@@ -96,11 +102,11 @@ SCENES = (
         scene(_single(-100.0), (TOP,)), 150.0, 'inertia', mirrored=True,
     ),
     HardScene(
-        'canyon', 'a canyon as wide as a cell, 50 m deep', scene(_canyon(50.0), (TOP,)), 300.0
+        'canyon', 'a canyon as wide as a cell, 50 m deep', scene(_canyon(50.0), (TOP,)), 150.0
     ),
     HardScene(
         'canyon_level', 'the same, thickness taken in plan',
-        scene(_canyon(50.0), (TOP,)), 300.0, 'level',
+        scene(_canyon(50.0), (TOP,)), 150.0, 'level',
     ),
     HardScene(
         'canyon_film', 'a few drops in the canyon, thickness taken in plan',
@@ -110,7 +116,14 @@ SCENES = (
     HardScene(
         'gorge', 'drops that creep to the edge of a gorge of four cells, thickness in plan',
         scene(_gorge), 1000.0, 'level', lava=block(100.0, 5.0, 1.0, centre=(0.0, 7.5)),
-        thickness=1.0, mirrored=True, dry=lambda places: places[:, 1] < -25.0,
+        thickness=1.0, mirrored=True, mirrored_until=75.0,
+        dry=lambda places: places[:, 1] < -25.0,
+    ),
+    HardScene(
+        'brink', 'drops that creep over the edge of a shelf 200 m high, thickness in plan',
+        scene(_brink), 1000.0, 'level', lava=block(100.0, 5.0, 1.0, centre=(0.0, 7.5)),
+        thickness=1.0, mirrored=True, mirrored_until=100.0, closed=True,
+        dry=lambda places: places[:, 1] < -60.0,
     ),
     HardScene(
         'knife_ridge', 'a ridge one cell wide and 30 m high across the flow',
@@ -118,7 +131,7 @@ SCENES = (
     ),
     HardScene(
         'terraces', 'steps of 10 m', scene(lambda x, y: 10.0 * np.floor(y / 20.0), (TOP,)),
-        200.0, mirrored=True,
+        200.0, mirrored=True, mirrored_until=120.0,
     ),
     HardScene(
         'terraces_level', 'the same, thickness taken in plan',
@@ -141,15 +154,15 @@ SCENES = (
     ),
     HardScene(
         'slope_89_degrees_level', 'the same, thickness taken in plan',
-        scene(plane(57.29), (TOP,)), 10.0, 'level', mirrored=True,
+        scene(plane(57.29), (TOP,)), 10.0, 'level', mirrored=True, mirrored_until=5.0,
     ),
     HardScene(
         'holes', 'a tenth of the cells have no data', scene(_with_holes(), (TOP,)), 150.0
     ),
-    HardScene('noise', 'noise of 5 m from cell to cell', scene(_noise(5.0), (TOP,)), 300.0),
+    HardScene('noise', 'noise of 5 m from cell to cell', scene(_noise(5.0), (TOP,)), 150.0),
     HardScene(
         'noise_level', 'the same, thickness taken in plan',
-        scene(_noise(5.0), (TOP,)), 300.0, 'level', most_evaluations=5000,
+        scene(_noise(5.0), (TOP,)), 150.0, 'level', most_steps={'standard': 250},
     ),
     HardScene(
         'noise_film', 'a film on noise of 50 m',

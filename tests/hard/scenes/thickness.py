@@ -54,13 +54,14 @@ SCENES = (
     ),
     HardScene(
         'thick_200_m_lateral', 'the same block, held by lateral stress',
-        scene(None, (), material(viscosity=1e8)), 10.0, 'lateral',
+        scene(None, (), material(viscosity=1e8)), 0.4, 'lateral',
         lava=block(20.0, 20.0, 200.0), thickness=200.0, mirrored=True,
     ),
     HardScene(
         'dam_wall', 'a dam of 50 m breaks',
         scene(None, (), material(viscosity=1e5)), 5.0,
         lava=block(60.0, 50.0, 50.0, centre=(0.0, 40.0)), thickness=50.0, mirrored=True,
+        mirrored_until=2.5,
     ),
     HardScene(
         'dam_wall_inertia', 'a dam of 50 m breaks, with inertia',
@@ -70,7 +71,7 @@ SCENES = (
     HardScene(
         'dam_onto_film', 'a dam of 50 m breaks onto a film of a millimetre',
         scene(None, (), material(viscosity=1e5)), 5.0,
-        lava=_dam_and_film, thickness=50.0, mirrored=True,
+        lava=_dam_and_film, thickness=50.0, mirrored=True, mirrored_until=1.0,
     ),
     HardScene(
         'column_200_m', 'a column as wide as a cell, 200 m high',

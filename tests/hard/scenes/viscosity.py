@@ -62,6 +62,7 @@ SCENES = (
         'viscosity_jump', 'half of a block a million times stiffer than the other',
         scene(None, (), material(viscosity=100.0, arrhenius=MILLION)), 200.0,
         lava=block(50.0, 50.0, 3.0, temperature=_halves), thickness=3.0, mirrored=True,
+        mirrored_until=20.0,
     ),
     HardScene(
         'viscosity_jump_inertia', 'the same with inertia',
@@ -70,12 +71,12 @@ SCENES = (
     ),
     HardScene(
         'viscosity_mixed', 'neighbours that differ a million times, anywhere',
-        scene(plane(0.1), (), material(viscosity=100.0, arrhenius=MILLION)), 60.0,
+        scene(plane(0.1), (), material(viscosity=100.0, arrhenius=MILLION)), 20.0,
         lava=block(50.0, 50.0, 3.0, temperature=_mixed), thickness=3.0,
     ),
     HardScene(
         'viscosity_mixed_lateral', 'the same with lateral stress',
-        scene(plane(0.1), (), material(viscosity=100.0, arrhenius=MILLION)), 5.0, 'lateral',
+        scene(plane(0.1), (), material(viscosity=100.0, arrhenius=MILLION)), 0.3, 'lateral',
         lava=block(30.0, 30.0, 10.0, temperature=_mixed), thickness=10.0,
     ),
     HardScene(

@@ -92,7 +92,7 @@ def test_first_step_may_be_of_any_length(still_columns):
 
 
 def test_temperature_stays_between_ground_and_vent_for_any_step(device, still_columns):
-    """Steps of thirty years, a thousand in all, end between the ground's temperature and its own."""
+    """After a thousand years in long steps it is between the ground's temperature and its own."""
     ((temperature, _),) = still_columns(
         LAVA, GROUND, [1423.0, 300.0, 250.0], [3e10], longest_step=1e9, device=device
     )
