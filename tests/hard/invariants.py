@@ -326,6 +326,9 @@ class Watch:
         self.smallest_step = min(self.smallest_step, span / steps)
         self.highest_cost = max(self.highest_cost, evaluations / span)
         most = COST * (max(now.cost, self._last.cost) * span + 2 * MOST_STAGES)
+        # while there are few particles a step ends as one comes out: two stages for each
+        came = (now.given - self._last.given) / self._simulation.particle_volume
+        most += COST * 2.0 * came
         if self._simulation.accuracy.fixed_step is None:
             bound('cost', evaluations, most, 'evaluations in the frame')
 

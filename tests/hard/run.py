@@ -207,7 +207,7 @@ def _plain(item: Outcome) -> dict[str, object]:
 def write_csv(path: Path, outcomes: Iterable[Outcome]) -> None:
     """Write the outcomes; what was not measured is empty."""
     with path.open('w', newline='', encoding='utf-8') as file:
-        writer = csv.DictWriter(file, COLUMNS)
+        writer = csv.DictWriter(file, COLUMNS, lineterminator='\n')
         writer.writeheader()
         for item in outcomes:
             row = _plain(item)
