@@ -326,9 +326,11 @@ class Watch:
         self.smallest_step = min(self.smallest_step, span / steps)
         self.highest_cost = max(self.highest_cost, evaluations / span)
         most = COST * (max(now.cost, self._last.cost) * span + 2 * MOST_STAGES)
-        # while there are few particles a step ends as one comes out: two stages for each
+        # what comes out may run across the map and off it between two frames: no frame shows it
         came = (now.given - self._last.given) / self._simulation.particle_volume
-        most += COST * 2.0 * came
+        x0, y0, x1, y1 = self._simulation.scene.terrain.extent
+        across = math.hypot(x1 - x0, y1 - y0)
+        most += COST * came * (2.0 + across / self._simulation._flow.reach)
         if self._simulation.accuracy.fixed_step is None:
             bound('cost', evaluations, most, 'evaluations in the frame')
 
