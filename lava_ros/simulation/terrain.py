@@ -115,17 +115,23 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         return real(0.5) * side * side
 
     @wp.func
-    def gradient_at(
-        height: wp.array2d(dtype=real), frame: TerrainFrame, x: real, y: real
-    ) -> vec2:
+    def cell_at(frame: TerrainFrame, x: real, y: real):
+        """Row and column of the cell at a place, and the place in it from its centre [cells]."""
         inverse = real(1.0) / real(frame.resolution)
         column = (x - real(frame.x0)) * inverse
         row = (y - real(frame.y0)) * inverse
         i = wp.clamp(int(wp.floor(row)), 0, frame.rows - 1)
         j = wp.clamp(int(wp.floor(column)), 0, frame.columns - 1)
-        # place in the cell, from its centre
         s = wp.clamp(column - real(j) - real(0.5), real(-0.5), real(0.5))
         t = wp.clamp(row - real(i) - real(0.5), real(-0.5), real(0.5))
+        return i, j, s, t
+
+    @wp.func
+    def gradient_at(
+        height: wp.array2d(dtype=real), frame: TerrainFrame, x: real, y: real
+    ) -> vec2:
+        inverse = real(1.0) / real(frame.resolution)
+        i, j, s, t = cell_at(frame, x, y)
         before_s = real(0.5) - s
         after_s = real(0.5) + s
         before_t = real(0.5) - t
@@ -143,12 +149,7 @@ def terrain_functions(real: Any) -> TerrainFunctions:
     def bend_at(height: wp.array2d(dtype=real), frame: TerrainFrame, x: real, y: real) -> real:
         """Largest curvature of the surface whose gradient is ``gradient_at``, 0 on a dome."""
         inverse = real(1.0) / real(frame.resolution)
-        column = (x - real(frame.x0)) * inverse
-        row = (y - real(frame.y0)) * inverse
-        i = wp.clamp(int(wp.floor(row)), 0, frame.rows - 1)
-        j = wp.clamp(int(wp.floor(column)), 0, frame.columns - 1)
-        s = wp.clamp(column - real(j) - real(0.5), real(-0.5), real(0.5))
-        t = wp.clamp(row - real(i) - real(0.5), real(-0.5), real(0.5))
+        i, j, s, t = cell_at(frame, x, y)
         along = real(0.0)
         across = real(0.0)
         twist = real(0.0)
@@ -172,13 +173,7 @@ def terrain_functions(real: Any) -> TerrainFunctions:
     @wp.func
     def height_at(height: wp.array2d(dtype=real), frame: TerrainFrame, x: real, y: real) -> real:
         """Height of the surface whose gradient is ``gradient_at``."""
-        inverse = real(1.0) / real(frame.resolution)
-        column = (x - real(frame.x0)) * inverse
-        row = (y - real(frame.y0)) * inverse
-        i = wp.clamp(int(wp.floor(row)), 0, frame.rows - 1)
-        j = wp.clamp(int(wp.floor(column)), 0, frame.columns - 1)
-        s = wp.clamp(column - real(j) - real(0.5), real(-0.5), real(0.5))
-        t = wp.clamp(row - real(i) - real(0.5), real(-0.5), real(0.5))
+        i, j, s, t = cell_at(frame, x, y)
         total = real(0.0)
         for m in range(3):
             for n in range(3):
