@@ -37,10 +37,18 @@ import warp as wp
 from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
-from lava_ros.simulation.effects import load
+from lava_ros.simulation.compiled import (
+    load2,
+    load4,
+    quick_kernel,
+    raise_to,
+    store4,
+    sum_over,
+)
+from lava_ros.simulation.effects import load as load_effect
 from lava_ros.simulation.kernels import bessel, smoothing_kernel
-from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
-from lava_ros.simulation.rheology import Rheology, speed_function, viscosity_function
+from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
+from lava_ros.simulation.rheology import rheology_type, speed_function, viscosity_function
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
 
@@ -48,8 +56,8 @@ from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, Ter
 THICKEST = 2.0
 
 
-@wp.struct
-class FlowConstants:
+@lru_cache
+def flow_constants_of(real: Any) -> Any:
     """What the flow's equations need beside the particles.
 
     ``radius`` is the kernel's [m], ``weight`` is rho g [N/m3], ``stiffness`` the rate at which
@@ -59,19 +67,23 @@ class FlowConstants:
     the lateral stress is solved for in full [m].
     """
 
-    radius: wp.float64
-    weight: wp.float64
-    stiffness: wp.float64
-    share: wp.float64
-    reach: wp.float64
-    gravity: wp.float64
-    thickest: wp.float64
+    @wp.struct
+    class FlowConstants:
+        radius: real
+        weight: real
+        stiffness: real
+        share: real
+        reach: real
+        gravity: real
+        thickest: real
+
+    return FlowConstants
 
 
-def flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -> FlowConstants:
+def flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -> Any:
     """Collect the constants from a scene, its accuracy and the kernel's radius [m]."""
     kernel = smoothing_kernel(accuracy.kernel, real, accuracy.ratio)
-    constants = FlowConstants()
+    constants = flow_constants_of(real)()
     constants.radius = radius
     constants.weight = scene.lava.density * scene.gravity
     constants.reach = accuracy.courant_number * min(radius, scene.terrain.resolution)
@@ -96,12 +108,15 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     """Return the device function from a surface gradient to velocity, drive and rates."""
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    store = store4(real)
     viscosity = viscosity_function(real, effects)
     x_k1 = bessel(real).x_k1
     green, helmholtz = effects.green, effects.helmholtz
-    steep = load('steep').factor(real) if effects.steep else None
-    along = load('steep').along(real) if effects.steep else None
+    steep = load_effect('steep').factor(real) if effects.steep else None
+    along = load_effect('steep').along(real) if effects.steep else None
     speed = speed_function(real, effects)
+    raised = raise_to(real)
 
     @wp.func
     def balance(
@@ -112,10 +127,10 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         surface: vec2,
         ground: vec2,
         bend: real,
-        law: Rheology,
-        constants: FlowConstants,
+        law: rheology_type(real),
+        constants: flow_constants_of(real),
         flow: wp.array(dtype=vec3),
-        drive: wp.array(dtype=vec3),
+        drive: wp.array(dtype=vec4),
         rates: wp.array(dtype=real),
         slope_of: wp.array(dtype=vec2),
     ):
@@ -152,7 +167,10 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             thick = real(wp.static(stiffness / 3.0)) * stressed * stressed / (radius * radius)
             reduced = rate / (real(1.0) + thick)
             if wp.static(green):
-                drive[i] = vec3(height * velocity[0], height * velocity[1], volume / height)
+                area = volume / height
+                # K0 is that of a particle's own disc within it: (radius / 2)^2
+                near = area * real(wp.static(0.25 / math.pi))
+                store(drive, i, vec4(volume * velocity[0], volume * velocity[1], area, near))
                 # as far as the Green's function is not cut off
                 whole = real(1.0) - x_k1(real(wp.static(math.sqrt(3.0))) * radius / height)
                 reduced = wp.min(rate, reduced / whole)
@@ -163,65 +181,74 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             # the balance of momentum (effects/inertia.py) wants the slope, and has its own limits
             flow[i] = vec3(height, surface.x, surface.y)
         else:
-            wp.atomic_max(rates, DIFFUSION, rate)
-            wp.atomic_max(rates, ADVECTION, wp.length(velocity) / real(constants.reach))
+            raised(rates, DIFFUSION, rate)
+            raised(rates, ADVECTION, wp.length(velocity) / real(constants.reach))
 
     return balance
 
 
 @lru_cache
 def flow_kernels(
-    real: Any, kernel_name: str, ratio: float, gradient: str, effects: Effects
+    real: Any, kernel_name: str, ratio: float, gradient: str, effects: Effects, lanes: int = 1
 ) -> FlowKernels:
-    """Return the kernels that compute thickness and local velocity, for one set of effects."""
+    """Return the kernels that compute thickness and local velocity, for one set of effects.
+
+    ``lanes`` is the number of threads that share a particle's neighbours.
+    """
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     mat22 = wp.types.matrix((2, 2), real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
+    terms, factor = kernel.terms, kernel.factor
     gradient_at, bend_at, height_at, _ = terrain_functions(real)
-    block_around = cell_functions(real).block_around
+    _, _, rows_around, range_in = cell_functions(real)
+    load, load_pair = load4(real), load2(real)
     balance = _balance_function(real, kernel.stiffness, effects)
+    total = sum_over(real, lanes)
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def thickness_and_velocity(
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
-        cells: CellFrame,
+        cells: cell_frame(real),
         elevation: wp.array2d(dtype=real),
         terrain: TerrainFrame,
-        law: Rheology,
-        constants: FlowConstants,
+        law: rheology_type(real),
+        constants: flow_constants_of(real),
         flow: wp.array(dtype=vec3),
-        drive: wp.array(dtype=vec3),
+        drive: wp.array(dtype=vec4),
         rates: wp.array(dtype=real),
         slope_of: wp.array(dtype=vec2),
     ):
-        i = wp.tid()
+        i = wp.tid() // lanes
+        lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
             return
-        p = ordered[i]
-        inverse = real(1.0) / real(constants.radius)
+        p = load(ordered, i)
+        radius = real(constants.radius)
+        inverse = real(1.0) / radius
         height = real(0.0)
         rise_x = real(0.0)
         rise_y = real(0.0)
-        block = block_around(cells, p[0], p[1])
-        for r in range(block[2], block[3]):
-            for j in range(
-                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
-            ):
-                other = ordered[j]
-                dx = (p[0] - other[0]) * inverse
-                dy = (p[1] - other[1]) * inverse
-                square = dx * dx + dy * dy
-                if square < real(1.0):
-                    q = wp.sqrt(square)
-                    height += other[2] * shape(q)
-                    pull = other[2] * slope(q)
-                    rise_x += pull * dx
-                    rise_y += pull * dy
+        rows = rows_around(cells, p[1], radius)
+        for r in range(rows[0] + lane, rows[1], lanes):
+            near = range_in(cells, starts, r, p[0], p[1], radius)
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
+                dx = p[0] - other[0]
+                dy = p[1] - other[1]
+                part = terms(other[2], wp.sqrt(dx * dx + dy * dy) * inverse)
+                height += part[0]
+                rise_x += part[1] * dx
+                rise_y += part[1] * dy
+        height = total(height)
+        rise_x = total(rise_x) * inverse * real(wp.static(factor))
+        rise_y = total(rise_y) * inverse * real(wp.static(factor))
+        if lane > 0:
+            return
         scale = real(wp.static(norm)) * inverse * inverse
         height *= scale
         height *= real(1.0) - excess(p[2] * inverse * inverse / height)
@@ -233,82 +260,89 @@ def flow_kernels(
             slope_of,
         )
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def elevate(
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
-        cells: CellFrame,
+        cells: cell_frame(real),
         elevation: wp.array2d(dtype=real),
         terrain: TerrainFrame,
-        constants: FlowConstants,
+        constants: flow_constants_of(real),
         surface: wp.array(dtype=vec2),
         flow: wp.array(dtype=vec3),
     ):
         """Thickness, the surface's elevation and the area V / h of each particle."""
-        i = wp.tid()
+        i = wp.tid() // lanes
+        lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
             return
-        p = ordered[i]
-        inverse = real(1.0) / real(constants.radius)
+        p = load(ordered, i)
+        radius = real(constants.radius)
+        inverse = real(1.0) / radius
         height = real(0.0)
-        block = block_around(cells, p[0], p[1])
-        for r in range(block[2], block[3]):
-            for j in range(
-                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
-            ):
-                other = ordered[j]
-                dx = (p[0] - other[0]) * inverse
-                dy = (p[1] - other[1]) * inverse
-                square = dx * dx + dy * dy
-                if square < real(1.0):
-                    height += other[2] * shape(wp.sqrt(square))
-        height *= real(wp.static(norm)) * inverse * inverse
+        rows = rows_around(cells, p[1], radius)
+        for r in range(rows[0] + lane, rows[1], lanes):
+            near = range_in(cells, starts, r, p[0], p[1], radius)
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
+                dx = p[0] - other[0]
+                dy = p[1] - other[1]
+                height += other[2] * shape(wp.sqrt(dx * dx + dy * dy) * inverse)
+        height = total(height) * real(wp.static(norm)) * inverse * inverse
+        if lane > 0:
+            return
         height *= real(1.0) - excess(p[2] * inverse * inverse / height)
         surface[i] = vec2(height + height_at(elevation, terrain, p[0], p[1]), p[2] / height)
         flow[i] = vec3(height, real(0.0), real(0.0))
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def velocity_of_differences(
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
-        cells: CellFrame,
+        cells: cell_frame(real),
         elevation: wp.array2d(dtype=real),
         terrain: TerrainFrame,
-        law: Rheology,
-        constants: FlowConstants,
+        law: rheology_type(real),
+        constants: flow_constants_of(real),
         surface: wp.array(dtype=vec2),
         flow: wp.array(dtype=vec3),
-        drive: wp.array(dtype=vec3),
+        drive: wp.array(dtype=vec4),
         rates: wp.array(dtype=real),
         slope_of: wp.array(dtype=vec2),
     ):
-        i = wp.tid()
+        i = wp.tid() // lanes
+        lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
             return
-        p = ordered[i]
-        inverse = real(1.0) / real(constants.radius)
+        p = load(ordered, i)
+        radius = real(constants.radius)
+        inverse = real(1.0) / radius
         own = surface[i][0]
         # sums over the neighbours' areas: differences, their second moments, and V grad W
         rise = vec2()
         moment = mat22()
         push = vec2()
-        block = block_around(cells, p[0], p[1])
-        for r in range(block[2], block[3]):
-            for j in range(
-                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
-            ):
-                other = ordered[j]
+        rows = rows_around(cells, p[1], radius)
+        for r in range(rows[0] + lane, rows[1], lanes):
+            near = range_in(cells, starts, r, p[0], p[1], radius)
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
                 d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
-                square = wp.dot(d, d)
-                if square < real(1.0):
-                    there = surface[j]
-                    pull = slope(wp.sqrt(square)) * d
-                    rise += there[1] * (there[0] - own) * pull
-                    moment -= there[1] * wp.outer(d, pull)
-                    if wp.static(gradient == 'balanced'):
-                        push += other[2] * pull
+                there = load_pair(surface, j)
+                pull = slope(wp.length(d)) * d
+                rise += there[1] * (there[0] - own) * pull
+                moment -= there[1] * wp.outer(d, pull)
+                if wp.static(gradient == 'balanced'):
+                    push += other[2] * pull
+        rise = vec2(total(rise.x), total(rise.y))
+        push = vec2(total(push.x), total(push.y))
+        moment = mat22(
+            total(moment[0, 0]), total(moment[0, 1]), total(moment[1, 0]), total(moment[1, 1])
+        )
+        if lane > 0:
+            return
         scale = real(wp.static(norm)) * inverse * inverse
         moment *= scale
         rise *= scale * inverse
@@ -338,12 +372,11 @@ def compute_flow(
     state: State,
     neighbors: NeighborGrid,
     terrain: StaggeredTerrain,
-    law: Rheology,
-    constants: FlowConstants,
+    law: Any,
+    constants: Any,
     kernels: FlowKernels,
 ) -> None:
     """Fill ``state.flow`` (and ``state.drive``) of the ordered particles and raise the rates."""
-    state.rates.zero_()
     ground = [
         state.ordered,
         state.counts,
@@ -355,18 +388,18 @@ def compute_flow(
     if state.has_surface:
         wp.launch(
             kernels.elevate,
-            dim=state.capacity,
+            dim=state.capacity * state.lanes,
             inputs=[*ground, constants],
             outputs=[state.surface, state.flow],
             device=state.device,
         )
     wp.launch(
         kernels.flow,
-        dim=state.capacity,
+        dim=state.capacity * state.lanes,
         inputs=[*ground, law, constants, *((state.surface,) if state.has_surface else ())],
         outputs=[
             state.flow,
-            state.drive if state.effects.green else state.flow,
+            *state.optional('drive'),
             state.rates,
             *state.optional('slope'),
         ],

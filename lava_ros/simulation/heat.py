@@ -39,8 +39,8 @@ from lava_ros.simulation.effects import load
 HEAT_EFFECTS = ('cooling', 'crust', 'ground', 'viscous_heating')
 
 
-@wp.struct
-class HeatConstants:
+@lru_cache
+def heat_constants_of(real: Any) -> Any:
     """Constants of the heat balance.
 
     ``radiation`` is eps sigma / (rho c), ``convection`` lambda / (rho c), ``ambient`` Ta [K],
@@ -49,15 +49,19 @@ class HeatConstants:
     ``liquidus`` [K].
     """
 
-    radiation: wp.float64
-    convection: wp.float64
-    ambient: wp.float64
-    diffusivity: wp.float64
-    contact: wp.float64
-    fall: wp.float64
-    latent: wp.float64
-    solidus: wp.float64
-    liquidus: wp.float64
+    @wp.struct
+    class HeatConstants:
+        radiation: real
+        convection: real
+        ambient: real
+        diffusivity: real
+        contact: real
+        fall: real
+        latent: real
+        solidus: real
+        liquidus: real
+
+    return HeatConstants
 
 
 #: Steps in which lava freezes at the soonest: a column freezes at the end of a step, on average
@@ -81,11 +85,11 @@ def freezing_step(scene: Scene, thickness: float) -> float:
     return soonest / _FREEZING_STEPS
 
 
-def heat_constants(scene: Scene) -> HeatConstants:
+def heat_constants(scene: Scene, real: Any = wp.float64) -> Any:
     """Collect the constants from a scene."""
     lava = scene.lava
     capacity = lava.density * lava.specific_heat
-    constants = HeatConstants()
+    constants = heat_constants_of(real)()
     constants.radiation = lava.emissivity * STEFAN_BOLTZMANN / capacity
     constants.convection = lava.convection / capacity
     constants.ambient = scene.ambient_temperature
@@ -127,7 +131,7 @@ def temperature_function(real: Any, effects: Effects) -> Any:
 
     @wp.func
     def temperature_after(
-        constants: HeatConstants,
+        constants: heat_constants_of(real),
         thickness: real,
         temperature: real,
         age: real,
@@ -151,7 +155,11 @@ def _sum(real: Any, first: Any, second: Any) -> Any:
 
     @wp.func
     def both(
-        constants: HeatConstants, thickness: real, temperature: real, age: real, drop: real
+        constants: heat_constants_of(real),
+        thickness: real,
+        temperature: real,
+        age: real,
+        drop: real,
     ) -> vec2:
         return first(constants, thickness, temperature, age, drop) + second(
             constants, thickness, temperature, age, drop
@@ -166,7 +174,7 @@ def _relaxed(real: Any) -> Any:
 
     @wp.func
     def relaxed(
-        constants: HeatConstants, temperature: real, rate: real, source: real, step: real
+        constants: heat_constants_of(real), temperature: real, rate: real, source: real, step: real
     ) -> real:
         return relaxation(temperature, rate, source, step)
 

@@ -12,73 +12,174 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The neighbour grid (section 3.2.1): particles sorted by cells as wide as the kernel radius.
+"""The neighbour grid (section 3.2.1): particles sorted by cells narrower than the kernel radius.
 
-Cells are numbered row by row, so the 3 x 3 cells around a particle are three contiguous ranges of
-the ordered particles.
+Cells are numbered row by row, so what is around a particle is a contiguous range of the ordered
+particles in each of some rows. Each range is as wide as the disc is in its row. With cells as wide
+as the radius, and all nine around a particle, one would look at twice as many.
+
+Large terrains are covered only where lava is: what is beyond the window is found in its outermost
+cells, as what is beyond the terrain is, and the window follows. It is made of whole cells of the
+terrain's own grid, so the particles' order does not depend on it.
 """
 
 from functools import lru_cache
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
 import warp as wp
 
 from lava_ros.errors import LavaError
-from lava_ros.simulation.state import PARTICLES, STAGE, State
+from lava_ros.simulation.compiled import load2, load4, load_int, quick_kernel, store2, store4
+from lava_ros.simulation.state import ADVECTION, BEYOND, DIFFUSION, PARTICLES, STAGE, State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
 
-#: Most particles in a cell, where evenly spread lava has 9 to 16 of them. The sums over neighbours
+#: Cells to a kernel radius. Fewer hold more that is out of reach, more cost more look-ups.
+CELLS_PER_RADIUS = 3
+
+#: Cells up to which the whole terrain is covered.
+WHOLE = 2**14
+
+#: What a window has on each side of the lava, over the lava's own extent, and at least [radii].
+MARGIN, LEAST_MARGIN = 0.25, 8.0
+
+#: Most particles in a cell, where evenly spread lava has one. The sums over neighbours
 #: then take no more than this often as long as lava that is spread out.
 MOST_IN_CELL = 2**15
 
 
-@wp.struct
-class CellFrame:
-    """Where the cells lie, relative to the terrain's centre."""
+@lru_cache
+def cell_frame(real: Any) -> Any:
+    """Where the cells lie, relative to the terrain's centre.
 
-    x0: wp.float64
-    y0: wp.float64
-    size: wp.float64
-    rows: wp.int32
-    columns: wp.int32
+    ``size`` is a cell's side [m], ``per_metre`` one over it. ``first_row`` and ``first_column``
+    are the window's in the grid of ``all_rows`` and ``all_columns``.
+    """
+
+    @wp.struct
+    class CellFrame:
+        x0: real
+        y0: real
+        size: real
+        per_metre: real
+        first_row: wp.int32
+        first_column: wp.int32
+        rows: wp.int32
+        columns: wp.int32
+        all_rows: wp.int32
+        all_columns: wp.int32
+
+    return CellFrame
 
 
 class CellFunctions(NamedTuple):
-    """Device functions that find cells."""
+    """Device functions that find cells, and what is in them.
+
+    ``column_of(cells, x)`` and ``row_of(cells, y)`` are clamped to the grid. ``rows_around(cells,
+    y, reach)`` gives the first row that a disc reaches, and the one after the last;
+    ``range_in(cells, starts, row, x, y, reach)`` the first of the ordered particles there that it
+    may reach, and the one after the last.
+    """
 
     column_of: Any
     row_of: Any
-    block_around: Any
+    rows_around: Any
+    range_in: Any
 
 
 @lru_cache
 def cell_functions(real: Any) -> CellFunctions:
-    """Return the column and row of the cell at a position, clamped, and the cells around it."""
+    """Return the device functions that find cells."""
 
     @wp.func
-    def column_of(frame: CellFrame, x: real) -> int:
-        column = int(wp.floor((x - real(frame.x0)) / real(frame.size)))
-        return wp.clamp(column, 0, frame.columns - 1)
+    def column_of(cells: cell_frame(real), x: real) -> int:
+        column = int(wp.floor((x - cells.x0) * cells.per_metre)) - cells.first_column
+        return wp.clamp(column, 0, cells.columns - 1)
 
     @wp.func
-    def row_of(frame: CellFrame, y: real) -> int:
-        row = int(wp.floor((y - real(frame.y0)) / real(frame.size)))
-        return wp.clamp(row, 0, frame.rows - 1)
+    def row_of(cells: cell_frame(real), y: real) -> int:
+        row = int(wp.floor((y - cells.y0) * cells.per_metre)) - cells.first_row
+        return wp.clamp(row, 0, cells.rows - 1)
 
     @wp.func
-    def block_around(frame: CellFrame, x: real, y: real) -> wp.vec4i:
-        """First and last column, first row and the one after the last, of the 3 x 3 cells."""
-        column = column_of(frame, x)
-        row = row_of(frame, y)
-        return wp.vec4i(
-            wp.max(column - 1, 0),
-            wp.min(column + 1, frame.columns - 1),
-            wp.max(row - 1, 0),
-            wp.min(row + 2, frame.rows),
+    def rows_around(cells: cell_frame(real), y: real, reach: real) -> wp.vec2i:
+        return wp.vec2i(row_of(cells, y - reach), row_of(cells, y + reach) + 1)
+
+    @wp.func
+    def range_in(
+        cells: cell_frame(real),
+        starts: wp.array(dtype=wp.int32),
+        row: int,
+        x: real,
+        y: real,
+        reach: real,
+    ) -> wp.vec2i:
+        # the outermost rows hold what is beyond them too
+        south = (y - cells.y0) - real(row + cells.first_row) * cells.size
+        past = real(0.0)
+        if south < real(0.0) and row > 0:
+            past = south
+        elif south > cells.size and row < cells.rows - 1:
+            past = south - cells.size
+        half = wp.sqrt(wp.max(reach * reach - past * past, real(0.0)))
+        first = row * cells.columns
+        return wp.vec2i(
+            load_int(starts, first + column_of(cells, x - half)),
+            load_int(starts, first + column_of(cells, x + half) + 1),
         )
 
-    return CellFunctions(column_of, row_of, block_around)
+    return CellFunctions(column_of, row_of, rows_around, range_in)
+
+
+@lru_cache
+def bin_function(real: Any, has_empty: bool) -> Any:
+    """Return the device function that puts a particle into its cell."""
+    vec4 = wp.types.vector(4, real)
+    is_known = terrain_functions(real).is_known
+    column_of, row_of, _, _ = cell_functions(real)
+
+    @wp.func
+    def is_beyond(cells: cell_frame(real), x: real, y: real) -> bool:
+        """Whether a place is on the terrain's grid and not in the window."""
+        column = int(wp.floor((x - cells.x0) * cells.per_metre))
+        row = int(wp.floor((y - cells.y0) * cells.per_metre))
+        if column < 0 or row < 0 or column >= cells.all_columns or row >= cells.all_rows:
+            return False
+        column -= cells.first_column
+        row -= cells.first_row
+        return column < 0 or row < 0 or column >= cells.columns or row >= cells.rows
+
+    @wp.func
+    def place(
+        i: int,
+        p: vec4,
+        counts: wp.array(dtype=wp.int32),
+        known: wp.array2d(dtype=wp.uint8),
+        terrain: TerrainFrame,
+        cells: cell_frame(real),
+        cell: wp.array(dtype=wp.int32),
+        rank: wp.array(dtype=wp.int32),
+        sizes: wp.array(dtype=wp.int32),
+        left: wp.array(dtype=wp.float64),
+    ):
+        """Find a particle's cell and its rank there; what left the terrain goes last."""
+        c = cells.rows * cells.columns
+        if not (wp.static(has_empty) and p[2] == real(0.0)):
+            # between the stages of a step nothing leaves: a stage may overshoot the border
+            number = p[0] + p[1] + p[3]
+            if counts[STAGE] > 0 or (wp.isfinite(number) and is_known(known, terrain, p[0], p[1])):
+                c = row_of(cells, p[1]) * cells.columns + column_of(cells, p[0])
+                if is_beyond(cells, p[0], p[1]):
+                    counts[BEYOND] = 1
+            else:
+                # what is no number any more must not leave as if it had flowed off: it marks
+                # the sum
+                wp.atomic_add(left, 0, wp.float64(p[2] + real(0.0) * number))
+        cell[i] = c
+        rank[i] = wp.atomic_add(sizes, c, 1)
+
+    return place
 
 
 @lru_cache
@@ -87,51 +188,38 @@ def _kernels(
 ) -> tuple[Any, ...]:
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
-    is_known = terrain_functions(real).is_known
-    column_of, row_of, _ = cell_functions(real)
+    load, store = load4(real), store4(real)
+    load_pair, store_pair = load2(real), store2(real)
 
-    @wp.kernel(module='unique', enable_backward=False)
+    place = bin_function(real, has_empty)
+
+    @quick_kernel
     def bin_particles(
         particle: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         known: wp.array2d(dtype=wp.uint8),
         terrain: TerrainFrame,
-        cells: CellFrame,
+        cells: cell_frame(real),
         cell: wp.array(dtype=wp.int32),
         rank: wp.array(dtype=wp.int32),
         sizes: wp.array(dtype=wp.int32),
         left: wp.array(dtype=wp.float64),
     ):
-        """Find each particle's cell and its rank there; what left the terrain goes last."""
         i = wp.tid()
-        if i >= counts[PARTICLES]:
-            return
-        p = particle[i]
-        c = cells.rows * cells.columns
-        if wp.static(has_empty):  # noqa: SIM102, the static test decides what is compiled
-            if p[2] == real(0.0):
-                cell[i] = c
-                rank[i] = wp.atomic_add(sizes, c, 1)
-                return
-        # between the stages of a step nothing leaves: a stage may overshoot the border
-        number = p[0] + p[1] + p[3]
-        if counts[STAGE] > 0 or (
-            wp.isfinite(number) and is_known(known, terrain, p[0], p[1])
-        ):
-            c = row_of(cells, p[1]) * cells.columns + column_of(cells, p[0])
-        else:
-            # what is no number any more must not leave as if it had flowed off: it marks the sum
-            wp.atomic_add(left, 0, wp.float64(p[2] + real(0.0) * number))
-        cell[i] = c
-        rank[i] = wp.atomic_add(sizes, c, 1)
+        if i < counts[PARTICLES]:
+            p = load(particle, i)
+            place(i, p, counts, known, terrain, cells, cell, rank, sizes, left)
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def order_particles(
         particle: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
+        last: int,
         cell: wp.array(dtype=wp.int32),
         rank: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
+        sizes: wp.array(dtype=wp.int32),
+        counts: wp.array(dtype=wp.int32),
+        rates: wp.array(dtype=real),
         ordered: wp.array(dtype=vec4),
         remainder: wp.array(dtype=vec2),
         ordered_remainder: wp.array(dtype=vec2),
@@ -144,27 +232,28 @@ def _kernels(
         age: wp.array(dtype=real),
         ordered_age: wp.array(dtype=real),
     ):
+        """Gather the particles of each cell, and make ready for the next sums over them."""
         i = wp.tid()
-        if i >= counts[PARTICLES]:
+        if i == 0:
+            counts[PARTICLES] = starts[last]
+            rates[DIFFUSION] = real(0.0)
+            rates[ADVECTION] = real(0.0)
+        if i >= starts[last + 1]:
             return
-        place = starts[cell[i]] + rank[i]
-        ordered[place] = particle[i]
+        c = load_int(cell, i)
+        sizes[c] = 0
+        place = load_int(starts, c) + load_int(rank, i)
+        store(ordered, place, load(particle, i))
         if wp.static(real is wp.float32):
-            ordered_remainder[place] = remainder[i]
+            store_pair(ordered_remainder, place, load_pair(remainder, i))
         if wp.static(has_velocity):
-            ordered_velocity[place] = velocity[i]
+            store_pair(ordered_velocity, place, load_pair(velocity, i))
         if wp.static(has_age):
             ordered_age[place] = age[i]
         if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
             if counts[STAGE] > 0:
-                ordered_base[place] = base[i]
-                ordered_drift[place] = drift[i]
-
-    @wp.kernel(module='unique', enable_backward=False)
-    def count_inside(
-        starts: wp.array(dtype=wp.int32), last: int, counts: wp.array(dtype=wp.int32)
-    ):
-        counts[PARTICLES] = starts[last]
+                store(ordered_base, place, load(base, i))
+                store(ordered_drift, place, load(drift, i))
 
     @wp.kernel(module='unique', enable_backward=False)
     def list_cells(
@@ -192,7 +281,7 @@ def _kernels(
         if i < counts[PARTICLES]:
             rank[values[i]] = i - starts[keys[i]]
 
-    return bin_particles, order_particles, count_inside, list_cells, rank_sorted
+    return bin_particles, order_particles, list_cells, rank_sorted
 
 
 def _kernels_of(state: State) -> tuple[Any, ...]:
@@ -206,60 +295,93 @@ class NeighborGrid:
 
     Attributes:
         frame: Where the cells lie.
-        starts: Index of each cell's first ordered particle, shape [cells + 1]; the entry after the
-            last cell is the number of particles on the terrain.
+        starts: Index of each cell's first ordered particle, shape [cells + 2]; the entry after the
+            last cell is the number of particles on the terrain, the one after it that of all.
+        is_binned: Whether the particles are in their cells already. Then those that have left are
+            counted as such, though they are not dropped yet.
     """
 
     def __init__(self, terrain: StaggeredTerrain, radius: float, device: Any) -> None:
-        """Cover the terrain with cells of the given size [m]."""
+        """Cover the terrain with cells for a kernel radius [m]."""
         self._terrain = terrain
-        self.frame = CellFrame()
+        self._radius = radius
+        self._device = device
+        self.frame = cell_frame(terrain.height.dtype)()
         self.frame.x0, self.frame.y0 = terrain.frame.x0, terrain.frame.y0
-        self.frame.size = radius
-        side = terrain.frame.resolution
-        self.frame.rows = max(1, math.ceil(terrain.frame.rows * side / radius))
-        self.frame.columns = max(1, math.ceil(terrain.frame.columns * side / radius))
-        self._cell_count = self.frame.rows * self.frame.columns
-        self._sizes = wp.zeros(self._cell_count + 1, dtype=wp.int32, device=device)
-        self.starts = wp.zeros(self._cell_count + 1, dtype=wp.int32, device=device)
+        self.frame.size = radius / CELLS_PER_RADIUS
+        self.frame.per_metre = CELLS_PER_RADIUS / radius
+        side = terrain.frame.resolution * CELLS_PER_RADIUS / radius
+        self.frame.all_rows = max(1, math.ceil(terrain.frame.rows * side))
+        self.frame.all_columns = max(1, math.ceil(terrain.frame.columns * side))
+        self.fit(np.zeros((0, 2)))
 
-    def rebuild(self, state: State) -> None:
-        """Sort ``state.particle`` into ``state.ordered`` and drop what left the terrain."""
-        bin_particles, order_particles, count_inside, *_ = _kernels_of(state)
-        self._sizes.zero_()
+    def fit(self, places: np.ndarray) -> None:
+        """Cover the surroundings of some places, or the whole of a small terrain.
+
+        What is binned is forgotten.
+
+        Args:
+            places: Places from the terrain's centre [m], shape [count, 2].
+        """
+        frame = self.frame
+        first, last = np.zeros(2, dtype=int), np.array((frame.all_columns, frame.all_rows))
+        if last.prod() > WHOLE:
+            places = places[np.isfinite(places).all(axis=1)]
+            low, high = (places.min(axis=0), places.max(axis=0)) if len(places) else (0.0, 0.0)
+            margin = np.maximum(MARGIN * (high - low), LEAST_MARGIN * self._radius)
+            origin = np.array((frame.x0, frame.y0))
+            low = np.floor((low - margin - origin) * frame.per_metre).astype(int)
+            high = np.ceil((high + margin - origin) * frame.per_metre).astype(int)
+            first, last = np.clip(low, 0, last - 1), np.clip(high, low + 1, last)
+        frame.first_column, frame.first_row = (int(value) for value in first)
+        frame.columns, frame.rows = (int(value) for value in np.maximum(last - first, 1))
+        self._cell_count = frame.rows * frame.columns
+        self.is_binned = False
+        # 0 but while particles are binned
+        self._sizes = wp.zeros(self._cell_count + 2, dtype=wp.int32, device=self._device)
+        self.starts = wp.zeros(self._cell_count + 2, dtype=wp.int32, device=self._device)
+
+    def bin(self, state: State) -> None:
+        """Put each particle into its cell, as ``place_in`` lets the motion do."""
         wp.launch(
-            bin_particles,
+            _kernels_of(state)[0],
             dim=state.capacity,
-            inputs=[
-                state.particle,
-                state.counts,
-                self._terrain.known,
-                self._terrain.frame,
-                self.frame,
-            ],
-            outputs=[state.cell, state.rank, self._sizes, state.left],
+            inputs=[state.particle, state.counts],
+            outputs=self.place_in(state),
             device=state.device,
         )
+        self.is_binned = True
+
+    def place_in(self, state: State) -> list[Any]:
+        """What ``bin_function`` takes from ``known`` on; whoever uses it sets ``is_binned``."""
+        terrain = self._terrain
+        grid = [terrain.known, terrain.frame, self.frame]
+        return [*grid, state.cell, state.rank, self._sizes, state.left]
+
+    def rebuild(self, state: State) -> None:
+        """Sort ``state.particle`` into ``state.ordered`` and drop what left the terrain.
+
+        Sets ``state.rates`` to 0, to be raised by what is summed over the neighbours.
+        """
+        if not self.is_binned:
+            self.bin(state)
+        self.is_binned = False
         wp.utils.array_scan(self._sizes, self.starts, inclusive=False)
         if state.is_deterministic:
             self._rank_by_order(state)
         wp.launch(
-            order_particles,
+            _kernels_of(state)[1],
             dim=state.capacity,
-            inputs=[state.particle, state.counts, state.cell, state.rank, self.starts],
+            inputs=[state.particle, self._cell_count, state.cell, state.rank, self.starts],
             outputs=[
+                self._sizes,
+                state.counts,
+                state.rates,
                 state.ordered,
                 *state.optional('remainder', 'ordered_remainder'),
                 *state.optional('base', 'drift', 'ordered_base', 'ordered_drift'),
                 *state.optional('velocity', 'ordered_velocity', 'age', 'ordered_age'),
             ],
-            device=state.device,
-        )
-        wp.launch(
-            count_inside,
-            dim=1,
-            inputs=[self.starts, self._cell_count],
-            outputs=[state.counts],
             device=state.device,
         )
 
@@ -269,11 +391,11 @@ class NeighborGrid:
         Raises:
             LavaError: There are more than ``MOST_IN_CELL`` particles in one cell.
         """
-        most = int(self._sizes.numpy()[: self._cell_count].max())
+        most = int(np.diff(self.starts.numpy()[: self._cell_count + 1]).max())
         if most > MOST_IN_CELL:
-            size = self.frame.size
-            right = f'at most {MOST_IN_CELL} in {size:g} m: give it room, or a larger spacing'
-            raise LavaError('particles', f'{most} in {size:g} m', right)
+            size = f'{self._radius / CELLS_PER_RADIUS:g} m'
+            right = f'at most {MOST_IN_CELL} in {size}: give it room, or a larger spacing'
+            raise LavaError('particles', f'{most} in {size}', right)
 
     def _rank_by_order(self, state: State) -> None:
         """Replace the ranks that atomics gave, which vary on a GPU, by a stable sort's."""

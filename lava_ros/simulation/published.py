@@ -26,7 +26,8 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
+from lava_ros.simulation.compiled import load4, quick_kernel
+from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 
 
@@ -34,47 +35,48 @@ from lava_ros.simulation.state import PARTICLES, State
 def _kernel(real: Any) -> Any:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    block_around = cell_functions(real).block_around
+    _, _, rows_around, range_in = cell_functions(real)
+    load = load4(real)
 
     @wp.func
     def series(r: real) -> real:
         log = wp.log(real(2.0) / r) - real(0.577216)
         return log + real(0.25) * r * r * (log + real(1.0))
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def published_velocity(
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
-        cells: CellFrame,
+        cells: cell_frame(real),
         support: wp.float64,
         viscosity: wp.float64,
-        drive: wp.array(dtype=vec3),
+        drive: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
     ):
         i = wp.tid()
         if i >= counts[PARTICLES]:
             return
-        p = ordered[i]
+        p = load(ordered, i)
         height = flow[i][0]
         limit = real(support) * real(support)
         total = real(0.0)
         x = real(0.0)
         y = real(0.0)
-        block = block_around(cells, p[0], p[1])
-        for r in range(block[2], block[3]):
-            for j in range(
-                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
-            ):
-                other = ordered[j]
+        rows = rows_around(cells, p[1], real(support))
+        for r in range(rows[0], rows[1]):
+            near = range_in(cells, starts, r, p[0], p[1], real(support))
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
                 dx = p[0] - other[0]
                 dy = p[1] - other[1]
                 square = dx * dx + dy * dy
                 if square < limit:
                     weight = series(wp.max(wp.sqrt(square), real(1.0e-3)))
                     total += weight
-                    x += weight * drive[j][0]
-                    y += weight * drive[j][1]
+                    source = load(drive, j)
+                    x += weight * source[0] / source[2]
+                    y += weight * source[1] / source[2]
         # drive is h u_local = -h^3 rho g grad S / (3 f): b is 3 / mu of it
         scale = real(3.0) / real(viscosity) * height * height * height / total
         flow[i] = vec3(height, scale * x, scale * y)
@@ -88,7 +90,7 @@ def publish_velocity(
     """Replace the local velocity in ``state.flow`` by that of the printed formulas.
 
     Args:
-        state: The particles; ``state.drive`` holds thickness times local velocity.
+        state: The particles; ``state.drive`` holds volume times local velocity, and area.
         neighbors: Their neighbour grid, built.
         support: Kernel radius l [m].
         viscosity: The constant mu [Pa s].

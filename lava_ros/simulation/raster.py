@@ -26,8 +26,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from lava_ros.simulation.compiled import load4
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
+from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import State
 from lava_ros.simulation.terrain import StaggeredTerrain, TerrainFrame
 
@@ -40,14 +41,15 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     norm, shape, *_ = smoothing_kernel(kernel_name, real, ratio)
-    column_of, row_of, _ = cell_functions(real)
+    _, _, rows_around, range_in = cell_functions(real)
+    load = load4(real)
 
     @wp.kernel(module='unique', enable_backward=False)
     def raster(
         ordered: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
         starts: wp.array(dtype=wp.int32),
-        cells: CellFrame,
+        cells: cell_frame(real),
         terrain: TerrainFrame,
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
@@ -59,16 +61,14 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
         y = real(terrain.y0 + (wp.float64(i) + wp.float64(0.5)) * terrain.resolution)
         reach = real(radius)
         inverse = real(1.0) / reach
-        first = column_of(cells, x - reach)
-        last = column_of(cells, x + reach)
         height = real(0.0)
         cover = real(0.0)
         heat = real(0.0)
-        for r in range(row_of(cells, y - reach), row_of(cells, y + reach) + 1):
-            for k in range(
-                starts[r * cells.columns + first], starts[r * cells.columns + last + 1]
-            ):
-                p = ordered[k]
+        rows = rows_around(cells, y, reach)
+        for r in range(rows[0], rows[1]):
+            near = range_in(cells, starts, r, x, y, reach)
+            for k in range(near[0], near[1]):
+                p = load(ordered, k)
                 dx = (x - p[0]) * inverse
                 dy = (y - p[1]) * inverse
                 square = dx * dx + dy * dy

@@ -30,28 +30,32 @@ VISCOSITY_LAWS = ('arrhenius', 'vft')
 CRYSTAL_EXPONENTS = {'none': 0.0, 'einstein-roscoe': 2.5, 'maron-pierce': 2.0}
 
 
-@wp.struct
-class Rheology:
+@lru_cache
+def rheology_type(real: Any) -> Any:
     """Constants of the laws of flow: the fields of ``Lava``, and the crystals' law as numbers."""
 
-    viscosity: wp.float64
-    reference_temperature: wp.float64
-    arrhenius: wp.float64
-    vft_a: wp.float64
-    vft_b: wp.float64
-    vft_c: wp.float64
-    liquidus: wp.float64
-    solidus: wp.float64
-    crystals_over_packing: wp.float64
-    crystal_exponent: wp.float64
-    yield_strength: wp.float64
-    yield_rate: wp.float64
-    flow_index: wp.float64
+    @wp.struct
+    class Rheology:
+        viscosity: real
+        reference_temperature: real
+        arrhenius: real
+        vft_a: real
+        vft_b: real
+        vft_c: real
+        liquidus: real
+        solidus: real
+        crystals_over_packing: real
+        crystal_exponent: real
+        yield_strength: real
+        yield_rate: real
+        flow_index: real
+
+    return Rheology
 
 
-def rheology_of(lava: Lava) -> Rheology:
+def rheology_of(lava: Lava, real: Any = wp.float64) -> Any:
     """Collect the constants the laws need."""
-    constants = Rheology()
+    constants = rheology_type(real)()
     constants.viscosity = lava.viscosity
     constants.reference_temperature = lava.reference_temperature
     constants.arrhenius = lava.arrhenius
@@ -73,7 +77,7 @@ def viscosity_function(real: Any, effects: Effects) -> Any:
     """Return the device function mu(T) [Pa s]: an effect's law, or a constant; with crystals."""
 
     @wp.func
-    def constant(law: Rheology, temperature: real) -> real:
+    def constant(law: rheology_type(real), temperature: real) -> real:
         return real(law.viscosity)
 
     viscosity = constant

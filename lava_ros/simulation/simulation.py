@@ -16,6 +16,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, replace
+from functools import partial
 import math
 import time as wall_clock
 from typing import Any
@@ -30,36 +31,33 @@ from lava_ros.choice import decide, Decision, effects_for, HORIZON
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
+from lava_ros.simulation import timestep
 from lava_ros.simulation.automatic import device_of, formulated, resolved_accuracy
 from lava_ros.simulation.checkpoint import put_back, take
 from lava_ros.simulation.effects import after_step, load
 from lava_ros.simulation.flow import compute_flow, flow_constants, flow_kernels, THICKEST
-from lava_ros.simulation.heat import freezing_step, heat_constants
+from lava_ros.simulation.heat import heat_constants
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.published import publish_velocity
 from lava_ros.simulation.raster import Raster
 from lava_ros.simulation.rheology import rheology_of
-from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+from lava_ros.simulation.snapshot import Snapshot, VolumeBudget
 from lava_ros.simulation.state import (
+    BEYOND,
     centre_of,
-    EVALUATIONS,
-    FULL_STEP,
-    LIMIT,
     Particles,
     ParticleSample,
     rows_of,
     STAGE,
-    STAGES,
     State,
     STEPS,
     TARGET,
     TIME,
 )
 from lava_ros.simulation.terrain import StaggeredTerrain
-from lava_ros.simulation.timestep import choose_stage, FEW, finish_stage, LIMITS, move_particles
-from lava_ros.simulation.vents import VentSet
+from lava_ros.simulation.vents import vent_set, VentSet
 
-#: Particles there is room for at the start; room doubles whenever half of it is taken.
+#: Particles there is room for at the start.
 _FIRST_CAPACITY = 4096
 
 #: Stages between two looks at the clock: on CUDA they are one graph launch.
@@ -164,6 +162,8 @@ class Simulation:
             self._run_stages()
             if self._state.make_room():
                 self._graph = None
+            if self._state.is_beyond:
+                self._cover()
         self._finish_step()
         return self.time
 
@@ -182,26 +182,20 @@ class Simulation:
         temperature[unknown] = np.nan
         if frozen is not None:
             frozen[unknown] = np.nan
-        clock, counts = self._state.clock.numpy(), self._state.counts.numpy()
         return Snapshot(
-            time=float(clock[TIME]),
+            time=self.time,
             terrain=self.scene.terrain,
             thickness=thickness,
             temperature=temperature,
             budget=self.budget(),
             particle_count=self.particle_count,
-            steps=StepReport(
-                count=int(counts[STEPS]),
-                evaluations=int(counts[EVALUATIONS]),
-                stages=int(counts[STAGES]),
-                length=float(clock[FULL_STEP]),
-                limit=LIMITS[int(counts[LIMIT])],
-            ),
+            steps=timestep.step_report(self._state),
             frozen=frozen,
         )
 
     def budget(self) -> VolumeBudget:
         """Account for the volume: emitted by the integral of Q(t), held by summing particles."""
+        self._settle()
         time = self.time
         pending = float(self._vents.pending(time).sum())
         return VolumeBudget(
@@ -246,6 +240,7 @@ class Simulation:
         vents = check_vents(vents, self.scene.terrain)
         if vents == self._vents.vents:
             return
+        self._settle()
         scene = replace(self.scene, vents=vents)
         now = self.time
         conduits: dict[Any, float] = {}
@@ -278,6 +273,7 @@ class Simulation:
             LavaError: A vent does not lie on the new terrain; the old one stays.
         """
         scene = replace(self.scene, terrain=terrain)
+        self._settle()
         rows = self._state.read_particles()
         rows[:, :2] += centre_of(self.scene.terrain) - centre_of(terrain)
         pending = self._vents.pending(self.time)
@@ -285,6 +281,7 @@ class Simulation:
         self.scene = scene
         self._place(terrain)
         self._state.write_particles(rows)
+        self._cover()
         self._vents = self._vent_set(scene.vents, since=self.time, carried=pending)
         self._decide()
         self._sort()
@@ -310,6 +307,7 @@ class Simulation:
 
     def checkpoint(self) -> Checkpoint:
         """Copy all that is needed to go on from here."""
+        self._settle()
         return take(self)
 
     @classmethod
@@ -344,6 +342,7 @@ class Simulation:
             effects = replace(effects, solidification=True)
         if effects == self.effects:
             return
+        self._settle()
         former = self._state
         self.effects = effects
         self._state = State(former.capacity, effects, self.accuracy, self._device)
@@ -359,8 +358,8 @@ class Simulation:
         self._raster = Raster(
             self._terrain, output_radius, accuracy.kernel, accuracy.ratio, self._device
         )
-        self._law = rheology_of(self.scene.lava)
-        self._heat = heat_constants(self.scene)
+        self._law = rheology_of(self.scene.lava, self._state.real)
+        self._heat = heat_constants(self.scene, self._state.real)
         former = self._after_step
         self._after_step = {
             name: module.AfterStep(self.scene, accuracy, self._terrain, self._state)
@@ -370,8 +369,8 @@ class Simulation:
             self._after_step['solidification'].take_over(former['solidification'], self._state)
         self._flow = flow_constants(self.scene, accuracy, self.radius, self._state.real)
         gradient = accuracy.gradient if self._state.has_surface else 'energy'
-        self._flow_kernels = flow_kernels(
-            self._state.real, accuracy.kernel, accuracy.ratio, gradient, self.effects
+        self._flow_kernels = partial(
+            flow_kernels, self._state.real, accuracy.kernel, accuracy.ratio, gradient, self.effects
         )
         if self.effects.inertia:
             self._momentum = load('inertia').Momentum(
@@ -384,7 +383,7 @@ class Simulation:
                 ratio=accuracy.ratio,
                 effects=self.effects,
             )
-        self._graph = None
+        self._cover()
 
     def _start_with(self, particles: Particles | None) -> None:
         if particles is None:
@@ -394,6 +393,7 @@ class Simulation:
         self._append(rows.tolist())
         if self.effects.inertia:
             self._state.velocity[: len(rows)].assign(particles.velocity)
+        self._cover()
         self._emitted_before = float(self._state.read_particles()[:, 2].sum())
         self._sort()
 
@@ -409,37 +409,31 @@ class Simulation:
     def _vent_set(
         self, vents: tuple[Vent, ...], *, since: float, carried: Iterable[float]
     ) -> VentSet:
-        spacing = self.accuracy.spacing
-        assert spacing is not None
-        return VentSet(
-            vents,
-            since=since,
-            carried=list(carried),
-            centre=centre_of(self.scene.terrain),
-            particle_volume=self.particle_volume,
-            least_radius=spacing,
-            symmetric=self.accuracy.symmetric,
-            device=self._device,
+        terrain, volume = self.scene.terrain, self.particle_volume
+        return vent_set(
+            vents, terrain, self.accuracy, volume, self._device, since=since, carried=carried
         )
 
     def _stage(self) -> None:
         """Take one stage of a time step: algorithm 1 of the paper."""
         self._neighbors.rebuild(self._state)
         self._compute_velocity()
-        few = int(FEW * self.accuracy.refinement)
-        longest, fixed = self._longest_step(), self.accuracy.fixed_step
-        choose_stage(self._state, longest, fixed, self._vents.due, few)
+        longest = timestep.longest_step(
+            self.scene, self.accuracy, self.effects, self._vents, self._flow.reach
+        )
+        timestep.choose_stage(self._state, longest, self.accuracy, self._vents.due)
         if self.effects.inertia:
             self._momentum.accelerate(self._state, self._neighbors)
-        move_particles(self._state, self._terrain, self._flow, self._heat)
+        around = self._neighbors, self._terrain
+        timestep.move_particles(self._state, *around, self._flow, self._heat)
         for effect in self._after_step.values():
             effect.apply(self._state, self._neighbors)
-        self._vents.emit(self._state)
-        finish_stage(self._state)
+        self._vents.emit(self._state, self._neighbors)
 
     def _compute_flow(self) -> None:
+        kernels = self._flow_kernels(self._state.lanes)
         compute_flow(
-            self._state, self._neighbors, self._terrain, self._law, self._flow, self._flow_kernels
+            self._state, self._neighbors, self._terrain, self._law, self._flow, kernels
         )
 
     def _compute_velocity(self) -> None:
@@ -462,16 +456,6 @@ class Simulation:
                 ratio=self.accuracy.ratio,
             )
 
-    def _longest_step(self) -> float:
-        longest = min(self.accuracy.longest_step, self._vents.longest_step(self._thickness))
-        if self.effects.solidification:
-            longest = min(longest, freezing_step(self.scene, self._thickness))
-        if self.effects.inertia:
-            # what has just come out is as fast as its vent says
-            fastest = max((math.hypot(*vent.velocity) for vent in self.scene.vents), default=0.0)
-            longest = min(longest, self._flow.reach / max(fastest, 1e-9))
-        return longest
-
     def _run_stages(self) -> None:
         """Take one stage on the CPU, a graph of several on a GPU; past the target they idle."""
         if not self._device.is_cuda:
@@ -483,6 +467,8 @@ class Simulation:
                 for _ in range(_GRAPH_STAGES):
                     self._stage()
             self._graph = capture.graph
+        if self._state.bins_in_motion and not self._neighbors.is_binned:
+            self._neighbors.bin(self._state)
         wp.capture_launch(self._graph)
 
     def _finish_step(self) -> None:
@@ -490,6 +476,22 @@ class Simulation:
         self._state.write_clock(TARGET, self.time)
         while self._state.counts.numpy()[STAGE]:
             self._run_stages()
+
+    def _cover(self) -> None:
+        """Let the neighbour grid cover the lava and the vents."""
+        if not self._state.counts.numpy()[STAGE]:
+            # between stages nothing has left
+            self._settle()
+        self._state.write_count(BEYOND, 0)
+        ends = [end for vent in self.scene.vents for end in (vent.position, vent.end) if end]
+        places = np.reshape(ends, (-1, 2)) - centre_of(self.scene.terrain)
+        self._neighbors.fit(np.concatenate([self._state.read_particles()[:, :2], places]))
+        self._graph = None
+
+    def _settle(self) -> None:
+        """Drop what has left and is counted as such already, before anyone looks or changes."""
+        if self._neighbors.is_binned:
+            self._sort()
 
     def _sort(self) -> None:
         """Bring the particles into the order of their cells and drop those that have left."""

@@ -16,6 +16,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+import math
 from typing import Any
 
 import numpy as np
@@ -48,13 +49,22 @@ STAGE = wp.constant(4)
 STAGES = wp.constant(5)
 IS_LAST = wp.constant(6)
 EVALUATIONS = wp.constant(7)
+CURRENT = wp.constant(8)
+BEYOND = wp.constant(9)
 
 # Places in State.rates: reciprocals of the longest step each limit allows [1/s].
 DIFFUSION = wp.constant(0)
 ADVECTION = wp.constant(1)
 
-#: Most blocks of a kernel that rarely has anything to do: it costs little when it has not.
-RARE_BLOCKS = 1024
+#: Threads on a GPU of a kernel that rarely has anything to do: it costs little when it has not.
+RARE_THREADS = 65536
+
+#: Share of the room for particles from which more is made. Threads without a particle cost time,
+#: so there is not much to spare; a vent that finds none waits until there is.
+FULLEST = 0.875
+
+#: Threads to a particle on a GPU, and the room for particles up to which they pay.
+SHARED_LANES, SHARED_UP_TO = 4, 50_000
 
 REAL = {'float32': wp.float32, 'float64': wp.float64}
 
@@ -129,12 +139,14 @@ def rows_of(particles: Particles, terrain: Terrain, spacing: float) -> np.ndarra
         LavaError: A particle is not on the terrain.
     """
     places = particles.position.copy()
-    for index, place in enumerate(places):
-        if not terrain.covers(*place):
-            raise LavaError(
-                f'particles.position[{index}]', tuple(place), 'a place on the terrain'
-            )
-    _, which = np.unique(places, axis=0, return_inverse=True)
+    for index in np.flatnonzero(~terrain.covered(places))[:1]:
+        raise LavaError(
+            f'particles.position[{index}]', tuple(places[index]), 'a place on the terrain'
+        )
+    # as complex numbers: a sort of rows takes ten times as long
+    _, which = np.unique(places[:, 0] + 1j * places[:, 1], return_inverse=True)
+    if which.size == 0 or which.max() == which.size - 1:
+        return np.column_stack([places, particles.volume, particles.temperature])
     order = np.argsort(which.ravel(), kind='stable')
     group = which.ravel()[order]
     begin = np.flatnonzero(np.diff(group, prepend=-1))
@@ -143,9 +155,9 @@ def rows_of(particles: Particles, terrain: Terrain, spacing: float) -> np.ndarra
     turn = 2.399963 * number
     way = np.stack([np.cos(turn), np.sin(turn)], axis=1) * np.sqrt(number)[:, None]
     way *= _APART * spacing
-    for index, copy in zip(order[number > 0], way[number > 0], strict=True):
-        onto = terrain.covers(*(places[index] + copy))
-        places[index] += copy if onto else -copy
+    copies, way = order[number > 0], way[number > 0]
+    onto = terrain.covered(places[copies] + way)
+    places[copies] += np.where(onto[:, None], way, -way)
     return np.column_stack([places, particles.volume, particles.temperature])
 
 
@@ -193,8 +205,9 @@ class State:
         flow: Thickness [m], velocity x and y [m/s], of each ordered particle, shape [capacity].
         surface: Only where the gradient takes differences: elevation of the surface [m] and the
             area V/h [m2] of each ordered particle, shape [capacity].
-        drive: Only with the Green's function: thickness times local velocity, x and y [m2/s], and
-            the area V/h [m2] of each ordered particle, shape [capacity].
+        drive: Only with the Green's function: volume times local velocity, x and y [m4/s], area
+            V/h [m2] and a quarter of its squared radius [m2] of each ordered particle, shape
+            [capacity].
         slope: Only with viscous heating: gradient of the surface at each ordered particle, shape
             [capacity].
         exchange, warmth: Only with lateral conduction: rate at which each ordered particle
@@ -210,11 +223,13 @@ class State:
         clock: Simulated time, step, target time, latest full step and, with inertia, the step
             before [s], float64.
         counts: Particles, steps, what limited the step, whether the capacity was reached; then the
-            stage at hand (0 between steps), the stages of the step, whether it is the last one,
-            and the velocity evaluations so far.
+            stage at hand (0 from the last one on), the stages of the step, whether it is the last
+            one, the velocity evaluations so far, the stage at hand, the last one included,
+            and whether a particle is beyond the neighbour grid.
         stage: Weights of the stage at hand.
         rates: Reciprocal of the step each limit allows [1/s].
         left: Volume that has left the terrain [m3], float64.
+        cold: Only with solidification: 1 when a particle got colder than the solidus in this step.
         frozen: Only with solidification: volume that has frozen [m3], float64.
     """
 
@@ -241,11 +256,13 @@ class State:
         self.has_age = effects.crust or effects.ground
         # what froze or was merged into another has no volume and is dropped
         self.has_empty = effects.solidification or effects.merging
+        # no pass comes after the motion: it puts the particles into their cells at once
+        self.bins_in_motion = not self.has_empty
         # with inertia the pairs of the energy's gradient keep the momentum: a bore needs that
         self.has_surface = accuracy.gradient != 'energy' and not effects.inertia
         self.device = device
         self.clock = wp.zeros(5, dtype=wp.float64, device=device)
-        self.counts = wp.zeros(8, dtype=wp.int32, device=device)
+        self.counts = wp.zeros(10, dtype=wp.int32, device=device)
         self.rates = wp.zeros(2, dtype=self.real, device=device)
         self.stage = wp.zeros(4, dtype=self.real, device=device)
         if effects.merging:
@@ -254,6 +271,7 @@ class State:
             self.waited = wp.zeros(2, dtype=wp.float64, device=device)
         self.left = wp.zeros(1, dtype=wp.float64, device=device)
         if effects.solidification:
+            self.cold = wp.zeros(1, dtype=wp.int32, device=device)
             self.frozen = wp.zeros(1, dtype=wp.float64, device=device)
         self.capacity = 0
         self._allocate(capacity)
@@ -300,17 +318,30 @@ class State:
         if self.has_surface:
             self.surface = wp.zeros(capacity, dtype=self.vec2, device=self.device)
         if self.effects.green:
-            self.drive = wp.zeros(capacity, dtype=self.vec3, device=self.device)
+            self.drive = wp.zeros(capacity, dtype=self.vec4, device=self.device)
+
+    @property
+    def lanes(self) -> int:
+        """Threads that share a particle's neighbours: few particles alone do not fill a GPU."""
+        return SHARED_LANES if self.device.is_cuda and self.capacity <= SHARED_UP_TO else 1
+
+    @property
+    def rare_threads(self) -> int:
+        """Threads of a kernel that rarely has anything to do; each takes every so many-th."""
+        return RARE_THREADS if self.device.is_cuda else 1
 
     def make_room(self) -> bool:
-        """Double the room for particles when it is half full or a vent found none.
+        """Make more room for particles when it is almost full or a vent found none.
+
+        Notes in ``is_beyond`` whether one is beyond the neighbour grid.
 
         Returns:
             Whether it has: the arrays are others then.
         """
         counts = self.counts.numpy()
-        if counts[FULL] or 2 * counts[PARTICLES] > self.capacity:
-            self.grow(2 * self.capacity)
+        self.is_beyond = bool(counts[BEYOND])
+        if counts[FULL] or counts[PARTICLES] > FULLEST * self.capacity:
+            self.grow(max(room_for(int(counts[PARTICLES])), room_for(self.capacity)))
             return True
         return False
 
@@ -321,7 +352,7 @@ class State:
             RuntimeError: There is no memory for as many; the state stays as it was.
         """
         former = dict(vars(self))
-        names = ['particle', *self._carried]
+        names = ['particle', 'cell', 'rank', *self._carried]
         names += ['base', 'drift'] if self.is_staged else []
         kept = {name: getattr(self, name) for name in names}
         count = self.count
@@ -333,9 +364,7 @@ class State:
         for name, values in kept.items():
             if count:
                 wp.copy(getattr(self, name), values, count=count)
-        counts = self.counts.numpy()
-        counts[FULL] = 0
-        self.counts.assign(counts)
+        self.write_count(FULL, 0)
 
     @property
     def _carried(self) -> list[str]:
@@ -354,6 +383,12 @@ class State:
         clock[place] = value
         self.clock.assign(clock)
 
+    def write_count(self, place: int, value: int) -> None:
+        """Replace one of the ``counts``."""
+        counts = self.counts.numpy()
+        counts[place] = value
+        self.counts.assign(counts)
+
     @property
     def count(self) -> int:
         """Number of particles (read back from the device)."""
@@ -370,8 +405,8 @@ class State:
             for name in self._carried
             if name != 'remainder'
         }
-        if len(values) > self.capacity:
-            self._allocate(len(values))
+        if len(values) > FULLEST * self.capacity:
+            self._allocate(room_for(len(values)))
         if len(values):
             rows = wp.array(values, dtype=self.vec4, device=self.device)
             wp.copy(self.particle, rows, count=len(values))
@@ -382,9 +417,7 @@ class State:
                 array = getattr(self, name)
                 rows = wp.array(former, dtype=array.dtype, device=self.device)
                 wp.copy(array, rows, count=count)
-        counts = self.counts.numpy()
-        counts[PARTICLES] = len(values)
-        self.counts.assign(counts)
+        self.write_count(PARTICLES, len(values))
 
     def take_over(self, former: 'State') -> None:
         """Go on from another state, of other effects: what both have is kept."""
@@ -446,6 +479,11 @@ class State:
     def read_particles(self) -> np.ndarray:
         """Rows of (x, y, volume, temperature), float64, x and y from the centre."""
         return self.particle.numpy()[: self.count].astype(np.float64)
+
+
+def room_for(count: int) -> int:
+    """Capacity to take for some particles: whole blocks of threads, a third of them to spare."""
+    return 256 * math.ceil(max(4 * count / 3, 1) / 256)
 
 
 def centre_of(terrain: Terrain) -> np.ndarray:

@@ -27,6 +27,7 @@ import numpy as np
 import warp as wp
 
 from lava_ros.scene import Terrain
+from lava_ros.simulation.compiled import load9
 from lava_ros.simulation.state import centre_of, REAL
 
 
@@ -105,6 +106,7 @@ class TerrainFunctions(NamedTuple):
 def terrain_functions(real: Any) -> TerrainFunctions:
     """Return the sampling of gradient, bend and height, and the test for cells with data."""
     vec2 = wp.types.vector(2, real)
+    patch = load9(real)
 
     @wp.func
     def spline(n: int, t: real) -> real:
@@ -137,11 +139,12 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         before_t = real(0.5) - t
         after_t = real(0.5) + t
         rise = vec2()
+        around = patch(height, i, j)
         for n in range(3):
-            east = before_s * (height[i + n, j + 1] - height[i + n, j])
-            east += after_s * (height[i + n, j + 2] - height[i + n, j + 1])
-            north = before_t * (height[i + 1, j + n] - height[i, j + n])
-            north += after_t * (height[i + 2, j + n] - height[i + 1, j + n])
+            east = before_s * (around[n, 1] - around[n, 0])
+            east += after_s * (around[n, 2] - around[n, 1])
+            north = before_t * (around[1, n] - around[0, n])
+            north += after_t * (around[2, n] - around[1, n])
             rise += vec2(spline(n, t) * east, spline(n, s) * north)
         return rise * inverse
 
@@ -153,11 +156,12 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         along = real(0.0)
         across = real(0.0)
         twist = real(0.0)
+        around = patch(height, i, j)
         for n in range(3):
-            west = height[i + n, j + 1] - height[i + n, j]
-            east = height[i + n, j + 2] - height[i + n, j + 1]
-            south = height[i + 1, j + n] - height[i, j + n]
-            north = height[i + 2, j + n] - height[i + 1, j + n]
+            west = around[n, 1] - around[n, 0]
+            east = around[n, 2] - around[n, 1]
+            south = around[1, n] - around[0, n]
+            north = around[2, n] - around[1, n]
             along += spline(n, t) * (east - west)
             across += spline(n, s) * (north - south)
             # the derivative of the spline's weight
@@ -175,9 +179,10 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         """Height of the surface whose gradient is ``gradient_at``."""
         i, j, s, t = cell_at(frame, x, y)
         total = real(0.0)
+        around = patch(height, i, j)
         for m in range(3):
             for n in range(3):
-                total += spline(m, t) * spline(n, s) * height[i + m, j + n]
+                total += spline(m, t) * spline(n, s) * around[m, n]
         return total
 
     @wp.func

@@ -22,15 +22,22 @@ kernels is one stage, so the host needs to know neither.
 """
 
 from functools import lru_cache
+import math
 from typing import Any
 
 import warp as wp
 
+from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
-from lava_ros.simulation.flow import FlowConstants
-from lava_ros.simulation.heat import HeatConstants, temperature_function
+from lava_ros.scene import Scene
+from lava_ros.simulation.compiled import load2, load4, quick_kernel, store2, store4
+from lava_ros.simulation.flow import flow_constants_of
+from lava_ros.simulation.heat import freezing_step, heat_constants_of, temperature_function
+from lava_ros.simulation.neighbors import bin_function, cell_frame, NeighborGrid
+from lava_ros.simulation.snapshot import StepReport
 from lava_ros.simulation.state import (
     BEFORE_FORMER,
+    CURRENT,
     EVALUATIONS,
     FIRST_VELOCITY,
     FORMER,
@@ -49,6 +56,7 @@ from lava_ros.simulation.state import (
     VELOCITY,
 )
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+from lava_ros.simulation.vents import VentSet
 
 #: What can bound a step, by its number in ``State.counts[LIMIT]``.
 LIMITS = ('longest', 'diffusion', 'advection', 'fixed', 'waves')
@@ -103,7 +111,7 @@ def up_to_one(due: wp.array(dtype=wp.vec2d), time: wp.float64, step: wp.float64)
 
 
 @lru_cache
-def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool) -> Any:
+def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool, freezes: bool) -> Any:
     @wp.kernel(module='unique', enable_backward=False)
     def choose_stage(
         longest: wp.float64,
@@ -114,9 +122,12 @@ def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool) -> Any:
         clock: wp.array(dtype=wp.float64),
         counts: wp.array(dtype=wp.int32),
         stage: wp.array(dtype=real),
+        cold: wp.array(dtype=wp.int32),
     ):
         """Begin a step or go on to its next stage; the last stage advances the clock."""
         one = wp.float64(1.0)
+        if wp.static(freezes):
+            cold[0] = 0
         if wp.static(has_velocity):
             clock[FORMER_STEP] = clock[STEP]
         if counts[STAGE] == 0:
@@ -167,6 +178,7 @@ def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool) -> Any:
         j = counts[STAGE] + 1
         s = counts[STAGES]
         counts[STAGE] = j
+        counts[CURRENT] = j
         counts[EVALUATIONS] = counts[EVALUATIONS] + 1
         if s == 1:
             stage[VELOCITY] = real(clock[STEP])
@@ -184,6 +196,7 @@ def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool) -> Any:
         counts[IS_LAST] = 0
         if j == s:
             counts[IS_LAST] = 1
+            counts[STAGE] = 0
             clock[TIME] = clock[TIME] + clock[STEP]
             if clock[TARGET] - clock[TIME] < wp.float64(1e-9) * clock[STEP]:
                 clock[TIME] = clock[TARGET]
@@ -230,9 +243,14 @@ def _guard_function(real: Any) -> Any:
 
 
 @lru_cache
-def _move_kernel(real: Any, effects: Effects, is_staged: bool, is_guarded: bool) -> Any:
+def _move_kernel(
+    real: Any, effects: Effects, is_staged: bool, is_guarded: bool, bins: bool
+) -> Any:
     vec2 = wp.types.vector(2, real)
     guarded = _guard_function(real)
+    place = bin_function(real, False)
+    load, store = load4(real), store4(real)
+    load_pair, store_pair = load2(real), store2(real)
     gradient_at, _, height_at, _ = terrain_functions(real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
@@ -241,7 +259,7 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool, is_guarded: bool)
     has_age = effects.crust or effects.ground
     falls = effects.viscous_heating
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def move(
         ordered: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
@@ -250,8 +268,8 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool, is_guarded: bool)
         stage: wp.array(dtype=real),
         elevation: wp.array2d(dtype=real),
         terrain: TerrainFrame,
-        constants: FlowConstants,
-        heat: HeatConstants,
+        constants: flow_constants_of(real),
+        heat: heat_constants_of(real),
         ordered_base: wp.array(dtype=vec4),
         ordered_drift: wp.array(dtype=vec4),
         ordered_remainder: wp.array(dtype=vec2),
@@ -262,11 +280,19 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool, is_guarded: bool)
         slope: wp.array(dtype=vec2),
         ordered_age: wp.array(dtype=real),
         age: wp.array(dtype=real),
+        cold: wp.array(dtype=wp.int32),
+        known: wp.array2d(dtype=wp.uint8),
+        frame: TerrainFrame,
+        cells: cell_frame(real),
+        cell: wp.array(dtype=wp.int32),
+        rank: wp.array(dtype=wp.int32),
+        sizes: wp.array(dtype=wp.int32),
+        left: wp.array(dtype=wp.float64),
     ):
         i = wp.tid()
         if i >= counts[PARTICLES]:
             return
-        p = ordered[i]
+        p = load(ordered, i)
         f = flow[i]
         x = p[0]
         y = p[1]
@@ -276,9 +302,9 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool, is_guarded: bool)
         start = vec2(f[1], f[2])
         if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
             # displacements, not positions, are combined: a float32 keeps their digits
-            if counts[STAGE] > 1:
-                b = ordered_base[i]
-                d = ordered_drift[i]
+            if counts[CURRENT] > 1:
+                b = load(ordered_base, i)
+                d = load(ordered_drift, i)
                 dx += (
                     stage[FORMER] * d[0]
                     + stage[BEFORE_FORMER] * b[2]
@@ -294,7 +320,7 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool, is_guarded: bool)
                 before = vec2(d[0], d[1])
                 start = vec2(d[2], d[3])
         if wp.static(is_staged and is_guarded):  # noqa: SIM102, the static test decides
-            if counts[STAGE] == 2 and counts[STAGES] == 2:
+            if counts[CURRENT] == 2 and counts[STAGES] == 2:
                 # 3/2 of this stage's velocity less 1/2 of the first one's: where lava slows down
                 # to a third that leads back, and never on
                 speed = wp.length(start)
@@ -306,15 +332,15 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool, is_guarded: bool)
         if wp.static(is_guarded):
             rise = f[0]
             if wp.static(effects.inertia):
-                rise += (f[1] * f[1] + f[2] * f[2]) / real(wp.float64(2.0) * constants.gravity)
+                rise += (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * real(constants.gravity))
             way = guarded(
                 elevation, terrain, real(constants.reach), x, y, vec2(dx, dy), rise
             )
             dx = way[0]
             dy = way[1]
         if wp.static(is_staged):
-            base[i] = vec4(x, y, before[0], before[1])
-            drift[i] = vec4(dx, dy, start[0], start[1])
+            store(base, i, vec4(x, y, before[0], before[1]))
+            store(drift, i, vec4(dx, dy, start[0], start[1]))
         temperature = p[3]
         time_out = real(0.0)
         if wp.static(has_age):
@@ -335,58 +361,98 @@ def _move_kernel(real: Any, effects: Effects, is_staged: bool, is_guarded: bool)
                 temperature = temperature_after(heat, f[0], temperature, time_out, drop, step)
                 if wp.static(has_age):
                     age[i] = time_out + step
+        if wp.static(effects.solidification):  # noqa: SIM102, the static test decides
+            if counts[IS_LAST] == 1 and temperature < heat.solidus:
+                cold[0] = 1
         if wp.static(real is wp.float32):
-            rest = ordered_remainder[i]
+            rest = load_pair(ordered_remainder, i)
             dx += rest[0]
             dy += rest[1]
             new = vec2(x + dx, y + dy)
             if counts[IS_LAST] == 1:
                 rest = vec2(dx - (new[0] - x), dy - (new[1] - y))
-            remainder[i] = rest
-            particle[i] = vec4(new[0], new[1], p[2], temperature)
+            store_pair(remainder, i, rest)
+            p = vec4(new[0], new[1], p[2], temperature)
         else:
-            particle[i] = vec4(x + dx, y + dy, p[2], temperature)
+            p = vec4(x + dx, y + dy, p[2], temperature)
+        store(particle, i, p)
+        if wp.static(bins):
+            place(i, p, counts, known, frame, cells, cell, rank, sizes, left)
 
     return move
 
 
-@lru_cache
-def _finish_kernel() -> Any:
-    @wp.kernel(module='unique', enable_backward=False)
-    def finish_stage(counts: wp.array(dtype=wp.int32)):
-        if counts[IS_LAST] == 1:
-            counts[STAGE] = 0
+def longest_step(
+    scene: Scene, accuracy: Accuracy, effects: Effects, vents: VentSet, reach: float
+) -> float:
+    """Longest step [s] whatever the flow: what the user, vents and freezing allow.
 
-    return finish_stage
+    Args:
+        scene: The scene.
+        accuracy: The resolution, resolved.
+        effects: The physics.
+        vents: The scene's vents as they emit.
+        reach: Largest displacement in a step [m].
+    """
+    assert accuracy.thickness is not None
+    longest = min(accuracy.longest_step, vents.longest_step(accuracy.thickness))
+    if effects.solidification:
+        longest = min(longest, freezing_step(scene, accuracy.thickness))
+    if effects.inertia:
+        # what has just come out is as fast as its vent says
+        fastest = max((math.hypot(*vent.velocity) for vent in scene.vents), default=0.0)
+        longest = min(longest, reach / max(fastest, 1e-9))
+    return longest
 
 
-def choose_stage(
-    state: State, longest: float, fixed: float | None, due: Any, few: int
-) -> None:
+def step_report(state: State) -> StepReport:
+    """Read back how the latest step was chosen, and what it cost so far."""
+    clock, counts = state.clock.numpy(), state.counts.numpy()
+    return StepReport(
+        count=int(counts[STEPS]),
+        evaluations=int(counts[EVALUATIONS]),
+        stages=int(counts[STAGES]),
+        length=float(clock[FULL_STEP]),
+        limit=LIMITS[int(counts[LIMIT])],
+    )
+
+
+def choose_stage(state: State, longest: float, accuracy: Accuracy, due: Any) -> None:
     """Begin a step, bounded by the rates in the state, or go on to its next stage.
 
     Args:
         state: The particles.
         longest: Longest step [s].
-        fixed: Step to take whatever the limits say [s], None to follow them.
+        accuracy: Says whether steps are fixed, and up to how many particles they wait for one.
         due: Times at which the next particles of each vent come out, and those after them [s].
-        few: Particles up to which steps end as one comes out.
     """
+    few = int(FEW * accuracy.refinement)
     wp.launch(
-        _stage_kernel(state.real, state.is_staged, state.has_velocity),
+        _stage_kernel(
+            state.real, state.is_staged, state.has_velocity, state.effects.solidification
+        ),
         dim=1,
-        inputs=[longest, fixed or 0.0, state.rates, due, few],
-        outputs=[state.clock, state.counts, state.stage],
+        inputs=[longest, accuracy.fixed_step or 0.0, state.rates, due, few],
+        outputs=[state.clock, state.counts, state.stage, *state.optional('cold')],
         device=state.device,
     )
 
 
 def move_particles(
-    state: State, terrain: StaggeredTerrain, constants: FlowConstants, heat: HeatConstants
+    state: State,
+    neighbors: NeighborGrid,
+    terrain: StaggeredTerrain,
+    constants: Any,
+    heat: Any,
 ) -> None:
-    """Move the ordered particles over the stage, heat or cool them at the end of the step."""
+    """Move the ordered particles over the stage, heat or cool them at the end of the step.
+
+    Where no pass comes after it, they are put into the cells where they have arrived.
+    """
     wp.launch(
-        _move_kernel(state.real, state.effects, state.is_staged, state.is_guarded),
+        _move_kernel(
+            state.real, state.effects, state.is_staged, state.is_guarded, state.bins_in_motion
+        ),
         dim=state.capacity,
         inputs=[
             state.ordered,
@@ -402,12 +468,9 @@ def move_particles(
         ],
         outputs=[
             state.particle,
-            *state.optional('base', 'drift', 'remainder', 'slope', 'ordered_age', 'age'),
+            *state.optional('base', 'drift', 'remainder', 'slope', 'ordered_age', 'age', 'cold'),
+            *neighbors.place_in(state),
         ],
         device=state.device,
     )
-
-
-def finish_stage(state: State) -> None:
-    """After the last stage of a step, stand between steps."""
-    wp.launch(_finish_kernel(), dim=1, outputs=[state.counts], device=state.device)
+    neighbors.is_binned = state.bins_in_motion

@@ -15,7 +15,7 @@
 """Vents: particles of constant volume, as many as the integral of the discharge asks for."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 import math
 from typing import Any
@@ -23,8 +23,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from lava_ros.scene import Vent
-from lava_ros.simulation.state import FULL, IS_LAST, PARTICLES, State, TIME
+from lava_ros.accuracy import Accuracy
+from lava_ros.scene import Terrain, Vent
+from lava_ros.simulation.neighbors import bin_function, cell_frame, NeighborGrid
+from lava_ros.simulation.state import centre_of, FULL, IS_LAST, PARTICLES, State, TIME
+from lava_ros.simulation.terrain import TerrainFrame
 
 #: Particles that come out of a disc and of a fissure at once, so that they have its symmetries.
 _DISC_GROUP, _FISSURE_GROUP = 8, 4
@@ -99,11 +102,12 @@ def _due_functions(symmetric: bool) -> tuple[Any, Any, Any]:
 
 
 @lru_cache
-def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool) -> Any:
+def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool, bins: bool) -> Any:
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
 
     group_of, next_two, _ = _due_functions(symmetric)
+    put = bin_function(real, False)
 
     @wp.func
     def place_of(shape: wp.array2d(dtype=wp.float64), v: int, n: int) -> vec2:
@@ -177,6 +181,13 @@ def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool) -> An
         remainder: wp.array(dtype=vec2),
         velocity: wp.array(dtype=vec2),
         age: wp.array(dtype=real),
+        known: wp.array2d(dtype=wp.uint8),
+        terrain: TerrainFrame,
+        cells: cell_frame(real),
+        cell: wp.array(dtype=wp.int32),
+        rank: wp.array(dtype=wp.int32),
+        sizes: wp.array(dtype=wp.int32),
+        left: wp.array(dtype=wp.float64),
     ):
         """Release the whole particles that the discharge up to now makes and are not out yet."""
         if counts[IS_LAST] == 0:
@@ -208,9 +219,10 @@ def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool) -> An
                     if wp.static(has_age):
                         age[slot + n] = real(0.0)
                     place = place_of(shape, v, emitted[v] + n)
-                    particle[slot + n] = vec4(
-                        place[0], place[1], real(particle_volume), real(shape[v, 5])
-                    )
+                    p = vec4(place[0], place[1], real(particle_volume), real(shape[v, 5]))
+                    particle[slot + n] = p
+                    if wp.static(bins):
+                        put(slot + n, p, counts, known, terrain, cells, cell, rank, sizes, left)
                 if due > 0:
                     emitted[v] = emitted[v] + due
                     due_times[v] = next_two(
@@ -288,14 +300,20 @@ class VentSet:
         self.due = wp.zeros(len(self.vents), dtype=wp.vec2d, device=device)
         self._foresee()
 
-    def emit(self, state: State) -> None:
+    def emit(self, state: State, neighbors: NeighborGrid) -> None:
         """Append to the state's particles what is due at its time."""
         if not self.vents:
             return
         # one thread for all vents gives their particles the same order in every run
         span = len(self.vents) if state.is_deterministic else 1
         wp.launch(
-            _kernel(state.real, self._symmetric, state.has_velocity, state.has_age),
+            _kernel(
+                state.real,
+                self._symmetric,
+                state.has_velocity,
+                state.has_age,
+                state.bins_in_motion,
+            ),
             dim=len(self.vents) // span,
             inputs=[
                 span,
@@ -314,6 +332,7 @@ class VentSet:
                 state.counts,
                 state.particle,
                 *state.optional('remainder', 'velocity', 'age'),
+                *neighbors.place_in(state),
             ],
             device=self._device,
         )
@@ -365,3 +384,27 @@ class VentSet:
             flux = max(value for _, value in vent.series)
             strongest = max(strongest, flux / area)
         return 0.5 * thickness / strongest if strongest > 0.0 else math.inf
+
+
+def vent_set(
+    vents: tuple[Vent, ...],
+    terrain: Terrain,
+    accuracy: Accuracy,
+    particle_volume: float,
+    device: Any,
+    *,
+    since: float,
+    carried: Iterable[float],
+) -> VentSet:
+    """Lay out the vents of a simulation; arguments as those of ``VentSet``."""
+    assert accuracy.spacing is not None
+    return VentSet(
+        vents,
+        since=since,
+        carried=list(carried),
+        centre=centre_of(terrain),
+        particle_volume=particle_volume,
+        least_radius=accuracy.spacing,
+        symmetric=accuracy.symmetric,
+        device=device,
+    )

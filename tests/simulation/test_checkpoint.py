@@ -154,7 +154,7 @@ def test_what_is_chosen_and_changed_later_is_the_same(device):
 
 def test_room_that_was_made_is_kept(device):
     """The arrays grow at the same moment to the same size."""
-    scene = Scene(hill(), (Vent((95.0, 150.0), ((0.0, 1.0), (215.0, 6e3)), radius=40.0),), LAVA)
+    scene = Scene(hill(), (Vent((95.0, 150.0), ((0.0, 1.0), (215.0, 7.2e3)), radius=40.0),), LAVA)
     accuracy = Accuracy(spacing=2.0, thickness=0.5, deterministic=True, longest_step=20.0)
     simulation = Simulation(scene, effects=Effects(), accuracy=accuracy, device=device)
     simulation.advance(STOP)

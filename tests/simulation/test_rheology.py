@@ -22,7 +22,7 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.lava import Lava
-from lava_ros.simulation.rheology import Rheology, rheology_of, speed_function
+from lava_ros.simulation.rheology import rheology_of, rheology_type, speed_function
 from lava_ros.verification import exact
 
 WEIGHT = 2500.0 * 9.81
@@ -34,7 +34,7 @@ def responses(effects, lava, slopes, thickness, device):
 
     @wp.kernel(module='unique', enable_backward=False)
     def evaluate(
-        law: Rheology, depth: wp.float64, slope: wp.array(dtype=wp.float64),
+        law: rheology_type(wp.float64), depth: wp.float64, slope: wp.array(dtype=wp.float64),
         found: wp.array(dtype=wp.vec2d),
     ):
         i = wp.tid()

@@ -23,7 +23,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.rheology import Rheology
+from lava_ros.simulation.rheology import rheology_type
 
 
 @lru_cache
@@ -31,7 +31,7 @@ def viscosity(real: Any) -> Any:
     """Return the device function mu(T) [Pa s]."""
 
     @wp.func
-    def arrhenius(law: Rheology, temperature: real) -> real:
+    def arrhenius(law: rheology_type(real), temperature: real) -> real:
         return real(law.viscosity) * wp.exp(
             real(law.arrhenius) * (real(law.reference_temperature) - temperature)
         )

@@ -43,11 +43,12 @@ import warp as wp
 from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
-from lava_ros.simulation.effects import load
-from lava_ros.simulation.heat import heat_constants, HeatConstants
+from lava_ros.simulation.compiled import load4, quick_kernel
+from lava_ros.simulation.effects import load as load_effect
+from lava_ros.simulation.heat import heat_constants, heat_constants_of
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
-from lava_ros.simulation.state import IS_LAST, PARTICLES, RARE_BLOCKS, State, STEP
+from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
+from lava_ros.simulation.state import IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
 
 #: Exchange rate of a particle over kappa / l^2 up to which sweeps are counted: an even layer has
@@ -62,14 +63,17 @@ MOST_SWEEPS = 64
 
 
 @lru_cache
-def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tuple[Any, ...]:
+def _kernels(
+    real: Any, kernel_name: str, ratio: float, effects: Effects, threads: int
+) -> tuple[Any, ...]:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, slope = kernel.norm, kernel.slope
-    block_around = cell_functions(real).block_around
+    _, _, rows_around, range_in = cell_functions(real)
+    load = load4(real)
     latent = effects.latent_heat
-    warmed = load('latent_heat').warmed(real) if latent else None
+    warmed = load_effect('latent_heat').warmed(real) if latent else None
 
     @wp.func
     def scale(radius: wp.float64, diffusivity: wp.float64) -> real:
@@ -77,7 +81,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         square = radius * radius
         return -real(wp.float64(wp.static(4.0 * norm)) * diffusivity / (square * square))
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def wait(
         counts: wp.array(dtype=wp.int32),
         clock: wp.array(dtype=wp.float64),
@@ -92,14 +96,14 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
                 waited[1] = waited[0]
                 waited[0] = wp.float64(0.0)
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def add_rates(
         ordered: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
         particle: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
-        cells: CellFrame,
+        cells: cell_frame(real),
         radius: wp.float64,
         diffusivity: wp.float64,
         waited: wp.array(dtype=wp.float64),
@@ -107,83 +111,81 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tup
         warmth: wp.array(dtype=real),
     ):
         """Sum a particle's exchange rates with its neighbours [1/s]."""
-        i = wp.tid()
-        if i >= counts[PARTICLES] or waited[1] == wp.float64(0.0):
+        if waited[1] == wp.float64(0.0):
             return
-        p = ordered[i]
-        height = flow[i][0]
-        inverse = real(1.0) / real(radius)
-        total = real(0.0)
-        block = block_around(cells, p[0], p[1])
-        for r in range(block[2], block[3]):
-            for j in range(
-                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
-            ):
-                other = ordered[j]
-                dx = (p[0] - other[0]) * inverse
-                dy = (p[1] - other[1]) * inverse
-                square = dx * dx + dy * dy
-                if j != i and square < real(1.0):
-                    total += other[2] * slope(wp.sqrt(square)) / (height + flow[j][0])
-        exchange[i] = scale(radius, diffusivity) * total
-        warmth[i] = particle[i][3]
+        for i in range(wp.tid(), counts[PARTICLES], threads):
+            p = load(ordered, i)
+            height = flow[i][0]
+            inverse = real(1.0) / real(radius)
+            total = real(0.0)
+            rows = rows_around(cells, p[1], real(radius))
+            for r in range(rows[0], rows[1]):
+                near = range_in(cells, starts, r, p[0], p[1], real(radius))
+                for j in range(near[0], near[1]):
+                    other = load(ordered, j)
+                    dx = (p[0] - other[0]) * inverse
+                    dy = (p[1] - other[1]) * inverse
+                    square = dx * dx + dy * dy
+                    if j != i and square < real(1.0):
+                        total += other[2] * slope(wp.sqrt(square)) / (height + flow[j][0])
+            exchange[i] = scale(radius, diffusivity) * total
+            warmth[i] = particle[i][3]
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def exchange_heat(
         ordered: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
-        cells: CellFrame,
+        cells: cell_frame(real),
         radius: wp.float64,
         diffusivity: wp.float64,
         waited: wp.array(dtype=wp.float64),
         share: wp.float64,
-        constants: HeatConstants,
+        constants: heat_constants_of(real),
         exchange: wp.array(dtype=real),
         warmth: wp.array(dtype=real),
         particle: wp.array(dtype=vec4),
     ):
         """Exchange heat over a share of the step."""
-        i = wp.tid()
-        if i >= counts[PARTICLES] or waited[1] == wp.float64(0.0):
+        if waited[1] == wp.float64(0.0):
             return
-        p = ordered[i]
-        height = flow[i][0]
-        own = warmth[i]
-        inverse = real(1.0) / real(radius)
-        step = real(waited[1] * share)
-        most = wp.max(real(1.0), step * exchange[i])
-        rise = real(0.0)
-        block = block_around(cells, p[0], p[1])
-        for r in range(block[2], block[3]):
-            for j in range(
-                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
-            ):
-                other = ordered[j]
-                dx = (p[0] - other[0]) * inverse
-                dy = (p[1] - other[1]) * inverse
-                square = dx * dx + dy * dy
-                if j != i and square < real(1.0):
-                    weight = other[2] * slope(wp.sqrt(square)) / (height + flow[j][0])
-                    rise += weight / wp.max(most, step * exchange[j]) * (warmth[j] - own)
-        rise *= step * scale(radius, diffusivity)
-        now = particle[i]
-        if wp.static(latent):
-            particle[i] = vec4(now[0], now[1], now[2], warmed(constants, own, rise))
-        else:
-            particle[i] = vec4(now[0], now[1], now[2], own + rise)
+        for i in range(wp.tid(), counts[PARTICLES], threads):
+            p = load(ordered, i)
+            height = flow[i][0]
+            own = warmth[i]
+            inverse = real(1.0) / real(radius)
+            step = real(waited[1] * share)
+            most = wp.max(real(1.0), step * exchange[i])
+            rise = real(0.0)
+            rows = rows_around(cells, p[1], real(radius))
+            for r in range(rows[0], rows[1]):
+                near = range_in(cells, starts, r, p[0], p[1], real(radius))
+                for j in range(near[0], near[1]):
+                    other = load(ordered, j)
+                    dx = (p[0] - other[0]) * inverse
+                    dy = (p[1] - other[1]) * inverse
+                    square = dx * dx + dy * dy
+                    if j != i and square < real(1.0):
+                        weight = other[2] * slope(wp.sqrt(square)) / (height + flow[j][0])
+                        rise += weight / wp.max(most, step * exchange[j]) * (warmth[j] - own)
+            rise *= step * scale(radius, diffusivity)
+            now = particle[i]
+            if wp.static(latent):
+                particle[i] = vec4(now[0], now[1], now[2], warmed(constants, own, rise))
+            else:
+                particle[i] = vec4(now[0], now[1], now[2], own + rise)
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def keep(
         counts: wp.array(dtype=wp.int32),
         particle: wp.array(dtype=vec4),
         waited: wp.array(dtype=wp.float64),
         warmth: wp.array(dtype=real),
     ):
-        i = wp.tid()
-        if i < counts[PARTICLES] and waited[1] > wp.float64(0.0):
-            warmth[i] = particle[i][3]
+        if waited[1] > wp.float64(0.0):
+            for i in range(wp.tid(), counts[PARTICLES], threads):
+                warmth[i] = particle[i][3]
 
     return wait, add_rates, exchange_heat, keep
 
@@ -203,8 +205,10 @@ class AfterStep:
         lava = scene.lava
         self._radius = accuracy.ratio * accuracy.spacing
         self._diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
-        self._constants = heat_constants(scene)
-        self._kernels = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)
+        self._constants = heat_constants(scene, state.real)
+        self._kernels = _kernels(
+            state.real, accuracy.kernel, accuracy.ratio, state.effects, state.rare_threads
+        )
         longest = accuracy.fixed_step or accuracy.longest_step
         self._rate = LARGEST_RATE * self._diffusivity / self._radius**2
         self.sweeps = min(MOST_SWEEPS, max(1, math.ceil(longest * self._rate)))
@@ -222,8 +226,7 @@ class AfterStep:
         grid = [neighbors.starts, neighbors.frame, self._radius, self._diffusivity, state.waited]
         wp.launch(
             add_rates,
-            dim=state.capacity,
-            max_blocks=RARE_BLOCKS,
+            dim=state.rare_threads,
             inputs=[state.ordered, state.flow, state.particle, state.counts, *grid],
             outputs=[state.exchange, state.warmth],
             device=state.device,
@@ -232,16 +235,14 @@ class AfterStep:
             if sweep:
                 wp.launch(
                     keep,
-                    dim=state.capacity,
-                    max_blocks=RARE_BLOCKS,
+                    dim=state.rare_threads,
                     inputs=[state.counts, state.particle, state.waited],
                     outputs=[state.warmth],
                     device=state.device,
                 )
             wp.launch(
                 exchange_heat,
-                dim=state.capacity,
-                max_blocks=RARE_BLOCKS,
+                dim=state.rare_threads,
                 inputs=[
                     state.ordered,
                     state.flow,

@@ -22,7 +22,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.heat import HeatConstants
+from lava_ros.simulation.heat import heat_constants_of
 
 
 @lru_cache
@@ -32,7 +32,11 @@ def terms(real: Any) -> Any:
 
     @wp.func
     def cooling(
-        constants: HeatConstants, thickness: real, temperature: real, age: real, drop: real
+        constants: heat_constants_of(real),
+        thickness: real,
+        temperature: real,
+        age: real,
+        drop: real,
     ) -> vec2:
         ambient = real(constants.ambient)
         square = temperature * temperature + ambient * ambient

@@ -40,7 +40,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.heat import HeatConstants
+from lava_ros.simulation.heat import heat_constants_of
 
 #: Newton steps to the surface's temperature: it then changes by less than 1e-4 of the flux.
 NEWTON_STEPS = 4
@@ -52,7 +52,9 @@ def terms(real: Any) -> Any:
     vec2 = wp.types.vector(2, real)
 
     @wp.func
-    def resistance(constants: HeatConstants, thickness: real, age: real, power: real) -> real:
+    def resistance(
+        constants: heat_constants_of(real), thickness: real, age: real, power: real
+    ) -> real:
         """R times rho c [s/m], for a surface that cools as a power of time."""
         # Gamma(1 + m) / Gamma(1/2 + m), to 1e-3 for m from 0 to 1/2
         c = real(0.5642) + power * (real(0.76) - real(0.232) * power)
@@ -63,7 +65,11 @@ def terms(real: Any) -> Any:
 
     @wp.func
     def crust(
-        constants: HeatConstants, thickness: real, temperature: real, age: real, drop: real
+        constants: heat_constants_of(real),
+        thickness: real,
+        temperature: real,
+        age: real,
+        drop: real,
     ) -> vec2:
         radiation = real(constants.radiation)
         convection = real(constants.convection)

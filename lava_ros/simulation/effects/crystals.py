@@ -25,7 +25,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.rheology import Rheology
+from lava_ros.simulation.rheology import rheology_type
 
 #: Smallest 1 - phi / phi_m: a factor of 3e7 (Einstein-Roscoe) or 1e6 (Maron-Pierce).
 LEAST_ROOM = 1e-3
@@ -41,7 +41,7 @@ def stiffening(real: Any, viscosity: Any) -> Any:
     """
 
     @wp.func
-    def stiffened(law: Rheology, temperature: real) -> real:
+    def stiffened(law: rheology_type(real), temperature: real) -> real:
         share = (real(law.liquidus) - temperature) / real(law.liquidus - law.solidus)
         share = wp.clamp(share, real(0.0), real(1.0))
         room = wp.max(real(1.0) - share * real(law.crystals_over_packing), real(LEAST_ROOM))

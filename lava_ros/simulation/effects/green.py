@@ -36,63 +36,72 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.compiled import load4, quick_kernel, sum_over
 from lava_ros.simulation.kernels import bessel
-from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
+from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 
 
 @lru_cache
-def _kernel(real: Any) -> Any:
+def _kernel(real: Any, lanes: int) -> Any:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    block_around = cell_functions(real).block_around
+    _, _, rows_around, range_in = cell_functions(real)
+    load = load4(real)
     k0, x_k1 = bessel(real)
+    sum_up = sum_over(real, lanes)
 
-    # on a GPU the fast exponential and logarithm are good to the polynomials' own digits
-    fast = {'fast_math': True, 'enable_backward': False}
-
-    @wp.kernel(module='unique', module_options=fast)
+    @quick_kernel
     def green_velocity(
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
-        cells: CellFrame,
+        cells: cell_frame(real),
         support: wp.float64,
-        drive: wp.array(dtype=vec3),
+        drive: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
     ):
-        i = wp.tid()
+        i = wp.tid() // lanes
+        lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
             return
-        p = ordered[i]
+        p = load(ordered, i)
         height = flow[i][0]
         k = real(wp.static(math.sqrt(3.0))) / height
         quarter = real(0.25) * k * k
         limit = real(support) * real(support)
-        own = drive[i]
-        # k times the radius of the disc of area V / h
-        ka = k * wp.sqrt(own[2] / real(wp.pi))
-        weight = own[2] * real(2.0) / (ka * ka) * (real(1.0) - x_k1(ka))
-        total = weight
-        x = weight * own[0]
-        y = weight * own[1]
-        block = block_around(cells, p[0], p[1])
-        for r in range(block[2], block[3]):
-            for j in range(
-                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
-            ):
-                other = ordered[j]
+        total = real(0.0)
+        x = real(0.0)
+        y = real(0.0)
+        rows = rows_around(cells, p[1], real(support))
+        for r in range(rows[0] + lane, rows[1], lanes):
+            near = range_in(cells, starts, r, p[0], p[1], real(support))
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
                 dx = p[0] - other[0]
                 dy = p[1] - other[1]
                 square = dx * dx + dy * dy
-                if j != i and square < limit:
-                    source = drive[j]
-                    # inside the other's own disc K0 takes the value at that disc's edge
-                    nearest = source[2] * real(wp.static(0.25 / math.pi))
-                    weight = source[2] * k0(quarter * wp.max(square, nearest))
-                    total += weight
-                    x += weight * source[0]
-                    y += weight * source[1]
+                source = load(drive, j)
+                # inside the other's own disc K0 takes the value at that disc's edge
+                weight = k0(quarter * wp.max(square, source[3]))
+                if square >= limit:
+                    weight = real(0.0)
+                total += weight * source[2]
+                x += weight * source[0]
+                y += weight * source[1]
+        total = sum_up(total)
+        x = sum_up(x)
+        y = sum_up(y)
+        if lane > 0:
+            return
+        own = load(drive, i)
+        # k times the radius of the disc of area V / h
+        ka = k * wp.sqrt(own[2] / real(wp.pi))
+        # in place of what it counted as its own neighbour
+        weight = real(2.0) / (ka * ka) * (real(1.0) - x_k1(ka)) - k0(quarter * own[3])
+        total += weight * own[2]
+        x += weight * own[0]
+        y += weight * own[1]
         flow[i] = vec3(height, x / (total * height), y / (total * height))
 
     return green_velocity
@@ -102,13 +111,13 @@ def spread_velocity(state: State, neighbors: NeighborGrid, support: float) -> No
     """Replace the local velocity in ``state.flow`` by the Green's function's.
 
     Args:
-        state: The particles; ``state.drive`` holds thickness times local velocity.
+        state: The particles; ``state.drive`` holds volume times local velocity, and area.
         neighbors: Their neighbour grid, built.
         support: Radius at which the Green's function is cut off [m], at most the cells' size.
     """
     wp.launch(
-        _kernel(state.real),
-        dim=state.capacity,
+        _kernel(state.real, state.lanes),
+        dim=state.capacity * state.lanes,
         inputs=[
             state.ordered,
             state.counts,

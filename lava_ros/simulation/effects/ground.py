@@ -39,7 +39,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.heat import HeatConstants
+from lava_ros.simulation.heat import heat_constants_of
 
 
 @lru_cache
@@ -49,7 +49,11 @@ def terms(real: Any) -> Any:
 
     @wp.func
     def ground(
-        constants: HeatConstants, thickness: real, temperature: real, age: real, drop: real
+        constants: heat_constants_of(real),
+        thickness: real,
+        temperature: real,
+        age: real,
+        drop: real,
     ) -> vec2:
         b = real(constants.contact) / thickness
         root = wp.sqrt(age)

@@ -31,8 +31,9 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.compiled import load4, quick_kernel
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
+from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 
 #: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
@@ -49,9 +50,10 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
     vec4 = wp.types.vector(4, real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, slope = kernel.norm, kernel.slope
-    block_around = cell_functions(real).block_around
+    _, _, rows_around, range_in = cell_functions(real)
+    load = load4(real)
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def start(
         counts: wp.array(dtype=wp.int32),
         flow: wp.array(dtype=vec3),
@@ -63,12 +65,12 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
             solution[i] = vec2(flow[i][1], flow[i][2])
             correction[i] = vec2()
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def sweep(
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
-        cells: CellFrame,
+        cells: cell_frame(real),
         radius: wp.float64,
         momentum: wp.float64,
         relaxation: wp.float64,
@@ -81,20 +83,19 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         i = wp.tid()
         if i >= counts[PARTICLES]:
             return
-        p = ordered[i]
+        p = load(ordered, i)
         f = flow[i]
         u = solution[i]
         inverse = real(1.0) / real(radius)
         drag = real(3.0) / f[0]
         diagonal = drag
         pull = drag * (vec2(f[1], f[2]) - u)
-        block = block_around(cells, p[0], p[1])
         scale = -real(wp.static(norm)) * inverse * inverse * inverse * inverse
-        for r in range(block[2], block[3]):
-            for j in range(
-                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
-            ):
-                other = ordered[j]
+        rows = rows_around(cells, p[1], real(radius))
+        for r in range(rows[0], rows[1]):
+            near = range_in(cells, starts, r, p[0], p[1], real(radius))
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
                 dx = (p[0] - other[0]) * inverse
                 dy = (p[1] - other[1]) * inverse
                 square = dx * dx + dy * dy
@@ -108,7 +109,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         correction[i] = change
         next_solution[i] = u + change
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def finish(
         counts: wp.array(dtype=wp.int32),
         solution: wp.array(dtype=vec2),

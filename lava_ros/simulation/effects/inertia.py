@@ -43,11 +43,12 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.simulation.effects import load
-from lava_ros.simulation.flow import FlowConstants
+from lava_ros.simulation.compiled import load4, quick_kernel, raise_to
+from lava_ros.simulation.effects import load as load_effect
+from lava_ros.simulation.flow import flow_constants_of
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
-from lava_ros.simulation.rheology import Rheology, speed_function, viscosity_function
+from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
+from lava_ros.simulation.rheology import rheology_type, speed_function, viscosity_function
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, FORMER_STEP, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
 
@@ -73,7 +74,7 @@ def _drag_function(real: Any, effects: Effects) -> Any:
     vec2 = wp.types.vector(2, real)
     viscosity = viscosity_function(real, effects)
     speed = speed_function(real, effects)
-    along = load('steep').along(real) if effects.steep else None
+    along = load_effect('steep').along(real) if effects.steep else None
 
     @wp.func
     def slowed(
@@ -82,7 +83,7 @@ def _drag_function(real: Any, effects: Effects) -> Any:
         height: real,
         temperature: real,
         ground: vec2,
-        law: Rheology,
+        law: rheology_type(real),
         weight: real,
     ) -> vec2:
         """The velocity after the time in which a slope of 1 changes it by ``fall`` [m/s]."""
@@ -119,7 +120,9 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
     norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
     power = _EXCESS_POWERS.get(kernel_name, 1.0)
     gradient_at, bend_at, height_at, _ = terrain_functions(real)
-    block_around = cell_functions(real).block_around
+    _, _, rows_around, range_in = cell_functions(real)
+    raised = raise_to(real)
+    load = load4(real)
     viscosity = viscosity_function(real, effects)
     is_newtonian = speed_function(real, effects) is None
     slowed = _drag_function(real, effects)
@@ -132,15 +135,15 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
             return real(1.0) / (real(1.0) + wp.dot(ground, ground))
         return real(1.0)
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def synchronize(
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         clock: wp.array(dtype=wp.float64),
         elevation: wp.array2d(dtype=real),
         terrain: TerrainFrame,
-        law: Rheology,
-        constants: FlowConstants,
+        law: rheology_type(real),
+        constants: flow_constants_of(real),
         gravity: wp.float64,
         number: wp.float64,
         velocity: wp.array(dtype=vec2),
@@ -152,7 +155,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         i = wp.tid()
         if i >= counts[PARTICLES]:
             return
-        p = ordered[i]
+        p = load(ordered, i)
         height = flow[i][0]
         ground = gradient_at(elevation, terrain, p[0], p[1])
         weight = real(constants.weight)
@@ -176,20 +179,20 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
             drag * drag + real(4.0) * real(number) * square * mobility * mobility
         )
         advection = wp.length(u) / real(constants.reach)
-        wp.atomic_max(rates, DIFFUSION, real(2.0) * square * mobility / (drag + root) + advection)
-        wp.atomic_max(rates, ADVECTION, advection)
+        raised(rates, DIFFUSION, real(2.0) * square * mobility / (drag + root) + advection)
+        raised(rates, ADVECTION, advection)
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def accelerate(
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
-        cells: CellFrame,
+        cells: cell_frame(real),
         clock: wp.array(dtype=wp.float64),
         elevation: wp.array2d(dtype=real),
         terrain: TerrainFrame,
-        law: Rheology,
-        constants: FlowConstants,
+        law: rheology_type(real),
+        constants: flow_constants_of(real),
         gravity: wp.float64,
         flow: wp.array(dtype=vec3),
         kick: wp.array(dtype=vec2),
@@ -200,19 +203,18 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         i = wp.tid()
         if i >= counts[PARTICLES]:
             return
-        p = ordered[i]
+        p = load(ordered, i)
         f = flow[i]
         inverse = real(1.0) / real(constants.radius)
         g = real(gravity)
         push = vec2()
         lift = vec2()
         own = excess(p[2] * inverse * inverse / f[0])
-        block = block_around(cells, p[0], p[1])
-        for r in range(block[2], block[3]):
-            for j in range(
-                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
-            ):
-                other = ordered[j]
+        rows = rows_around(cells, p[1], real(constants.radius))
+        for r in range(rows[0], rows[1]):
+            near = range_in(cells, starts, r, p[0], p[1], real(constants.radius))
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
                 d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
                 square = wp.dot(d, d)
                 if square < real(1.0) and square > real(0.0):
@@ -253,7 +255,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
                 if work > given:
                     slope[i] *= wp.max(given, real(0.0)) / work
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def adopt(
         counts: wp.array(dtype=wp.int32),
         velocity: wp.array(dtype=vec2),
@@ -272,8 +274,8 @@ class Momentum:
     def __init__(
         self,
         terrain: StaggeredTerrain,
-        law: Rheology,
-        constants: FlowConstants,
+        law: Any,
+        constants: Any,
         *,
         gravity: float,
         number: float,

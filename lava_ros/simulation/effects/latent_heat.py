@@ -27,7 +27,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.heat import HeatConstants, relaxation_function
+from lava_ros.simulation.heat import heat_constants_of, relaxation_function
 
 
 @lru_cache
@@ -37,7 +37,7 @@ def relaxed(real: Any) -> Any:
 
     @wp.func
     def relaxed(
-        constants: HeatConstants, temperature: real, rate: real, source: real, step: real
+        constants: heat_constants_of(real), temperature: real, rate: real, source: real, step: real
     ) -> real:
         solidus = real(constants.solidus)
         liquidus = real(constants.liquidus)
@@ -88,7 +88,7 @@ def warmed(real: Any) -> Any:
     """Return the device function that gives the temperature after heat worth a rise is added."""
 
     @wp.func
-    def warmed(constants: HeatConstants, temperature: real, rise: real) -> real:
+    def warmed(constants: heat_constants_of(real), temperature: real, rise: real) -> real:
         solidus = real(constants.solidus)
         latent = real(constants.latent)
         width = real(constants.liquidus) - solidus

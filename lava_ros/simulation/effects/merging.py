@@ -33,8 +33,9 @@ import warp as wp
 
 from lava_ros.accuracy import Accuracy
 from lava_ros.scene import Scene
-from lava_ros.simulation.neighbors import cell_functions, CellFrame, NeighborGrid
-from lava_ros.simulation.state import ADVECTION, FULL, IS_LAST, PARTICLES, RARE_BLOCKS, State, STEP
+from lava_ros.simulation.compiled import load4, quick_kernel
+from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
+from lava_ros.simulation.state import ADVECTION, FULL, IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
 
 #: Displacement of the fastest particle, over the longest in a step, from one pass to the next.
@@ -51,47 +52,50 @@ STRETCHED = 2.5
 
 
 @lru_cache
-def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
+def _kernels(
+    real: Any, has_velocity: bool, has_age: bool, is_ordered: bool, threads: int
+) -> tuple[Any, ...]:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     vec2d = wp.types.vector(2, wp.float64)
-    block_around = cell_functions(real).block_around
+    _, _, rows_around, range_in = cell_functions(real)
+    load = load4(real)
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
     def wait(
         counts: wp.array(dtype=wp.int32),
         clock: wp.array(dtype=wp.float64),
         rates: wp.array(dtype=real),
         every: wp.float64,
         moved: wp.array(dtype=wp.float64),
+        slots: wp.array(dtype=wp.int32),
     ):
         """Add up how far the fastest particle goes; ``moved[1]`` is 1 when it is far enough."""
         moved[1] = wp.float64(0.0)
+        slots[0] = 0
         if counts[IS_LAST] == 1 and clock[STEP] > wp.float64(0.0):
             moved[0] = moved[0] + wp.float64(rates[ADVECTION]) * clock[STEP]
             if moved[0] >= every:
                 moved[0] = wp.float64(0.0)
                 moved[1] = wp.float64(1.0)
 
-    @wp.kernel(module='unique', enable_backward=False)
-    def choose(
+    @wp.func
+    def seek(
+        i: int,
         ordered: wp.array(dtype=vec4),
         particle: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
-        moved: wp.array(dtype=wp.float64),
         starts: wp.array(dtype=wp.int32),
-        cells: CellFrame,
+        cells: cell_frame(real),
+        radius: wp.float64,
         area: wp.float64,
         least: wp.float64,
         partner: wp.array(dtype=wp.int32),
         births: wp.array(dtype=wp.int32),
     ):
-        """Find who each particle would merge with, or, to split, its nearest neighbour."""
-        i = wp.tid()
-        if moved[1] == wp.float64(0.0):
-            return
+        """Find who a particle would merge with, or, to split, its nearest neighbour."""
         births[i] = 0
         partner[i] = -1
         if i >= counts[PARTICLES]:
@@ -103,13 +107,13 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
         splits = own > real(wp.static(STRETCHED)) * real(area) and p[2] >= real(least + least)
         if not splits and own > real(wp.static(WIDEST)) * real(area):
             return
+        here = load(ordered, i)
         nearest = partner[i]
         shortest = real(0.0)
-        block = block_around(cells, ordered[i][0], ordered[i][1])
-        for r in range(block[2], block[3]):
-            for j in range(
-                starts[r * cells.columns + block[0]], starts[r * cells.columns + block[1] + 1]
-            ):
+        rows = rows_around(cells, here[1], real(radius))
+        for r in range(rows[0], rows[1]):
+            near = range_in(cells, starts, r, here[0], here[1], real(radius))
+            for j in range(near[0], near[1]):
                 other = particle[j]
                 if j != i and other[2] > real(0.0):
                     dx = other[0] - p[0]
@@ -135,25 +139,38 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
         else:
             partner[i] = nearest
 
-    @wp.kernel(module='unique', enable_backward=False)
-    def merge(
+    @quick_kernel
+    def choose(
+        ordered: wp.array(dtype=vec4),
+        particle: wp.array(dtype=vec4),
+        flow: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
         moved: wp.array(dtype=wp.float64),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        radius: wp.float64,
+        area: wp.float64,
+        least: wp.float64,
         partner: wp.array(dtype=wp.int32),
+        births: wp.array(dtype=wp.int32),
+    ):
+        if moved[1] > wp.float64(0.0):
+            for i in range(wp.tid(), births.shape[0], threads):
+                seek(
+                    i, ordered, particle, flow, counts, starts, cells, radius, area, least,
+                    partner, births
+                )
+
+    @wp.func
+    def unite(
+        i: int,
+        j: int,
         particle: wp.array(dtype=vec4),
         remainder: wp.array(dtype=vec2),
         velocity: wp.array(dtype=vec2),
         age: wp.array(dtype=real),
     ):
-        """Make one of two that chose each other; the other is left without volume."""
-        i = wp.tid()
-        if i >= counts[PARTICLES] or moved[1] == wp.float64(0.0):
-            return
-        j = partner[i]
-        if j <= i:
-            return
-        if partner[j] != i:
-            return
+        """Make one of two; the other is left without volume."""
         p = particle[i]
         o = particle[j]
         both = p[2] + o[2]
@@ -178,12 +195,29 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
         particle[i] = vec4(real(place[0]), real(place[1]), both, real(temperature))
         particle[j] = vec4(o[0], o[1], real(0.0), o[3])
 
-    @wp.kernel(module='unique', enable_backward=False)
-    def split(
+    @quick_kernel
+    def merge(
         counts: wp.array(dtype=wp.int32),
         moved: wp.array(dtype=wp.float64),
+        partner: wp.array(dtype=wp.int32),
+        particle: wp.array(dtype=vec4),
+        remainder: wp.array(dtype=vec2),
+        velocity: wp.array(dtype=vec2),
+        age: wp.array(dtype=real),
+    ):
+        """Unite those that chose each other."""
+        if moved[1] > wp.float64(0.0):
+            for i in range(wp.tid(), counts[PARTICLES], threads):
+                j = partner[i]
+                # no index below 0 is read
+                if j > i and partner[wp.max(j, 0)] == i:
+                    unite(i, j, particle, remainder, velocity, age)
+
+    @wp.func
+    def halve(
+        i: int,
+        counts: wp.array(dtype=wp.int32),
         flow: wp.array(dtype=vec3),
-        births: wp.array(dtype=wp.int32),
         slots: wp.array(dtype=wp.int32),
         partner: wp.array(dtype=wp.int32),
         particle: wp.array(dtype=vec4),
@@ -192,10 +226,11 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
         age: wp.array(dtype=real),
     ):
         """Halve a particle; the second half goes behind the particles there are."""
-        i = wp.tid()
-        if moved[1] == wp.float64(0.0) or births[i] == 0:
-            return
-        slot = counts[PARTICLES] + slots[i]
+        slot = counts[PARTICLES]
+        if wp.static(is_ordered):
+            slot += slots[i]
+        else:
+            slot += wp.atomic_add(slots, 0, 1)
         if slot >= particle.shape[0]:
             # it splits when the host has made room
             counts[FULL] = 1
@@ -219,7 +254,27 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
         if wp.static(has_age):
             age[slot] = age[i]
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
+    def split(
+        counts: wp.array(dtype=wp.int32),
+        moved: wp.array(dtype=wp.float64),
+        flow: wp.array(dtype=vec3),
+        births: wp.array(dtype=wp.int32),
+        slots: wp.array(dtype=wp.int32),
+        partner: wp.array(dtype=wp.int32),
+        particle: wp.array(dtype=vec4),
+        remainder: wp.array(dtype=vec2),
+        velocity: wp.array(dtype=vec2),
+        age: wp.array(dtype=real),
+    ):
+        if moved[1] > wp.float64(0.0):
+            for i in range(wp.tid(), births.shape[0], threads):
+                if births[i] > 0:
+                    halve(
+                        i, counts, flow, slots, partner, particle, remainder, velocity, age
+                    )
+
+    @quick_kernel
     def count(
         moved: wp.array(dtype=wp.float64),
         births: wp.array(dtype=wp.int32),
@@ -229,7 +284,10 @@ def _kernels(real: Any, has_velocity: bool, has_age: bool) -> tuple[Any, ...]:
         if moved[1] == wp.float64(0.0):
             return
         last = births.shape[0] - 1
-        counts[PARTICLES] = wp.min(counts[PARTICLES] + slots[last] + births[last], last + 1)
+        new = slots[0]
+        if wp.static(is_ordered):
+            new = slots[last] + births[last]
+        counts[PARTICLES] = wp.min(counts[PARTICLES] + new, last + 1)
 
     return wait, choose, merge, split, count
 
@@ -242,26 +300,30 @@ class AfterStep:
     ) -> None:
         """Take the spacing and the volume that particles are meant to have."""
         assert accuracy.spacing is not None and accuracy.thickness is not None
+        self._radius = accuracy.ratio * accuracy.spacing
         self._area = accuracy.spacing**2
         self._least = float(np.float32(self._area * accuracy.thickness))
 
     def apply(self, state: State, neighbors: NeighborGrid) -> None:
         """Merge what has come together and split what has been stretched."""
         wait, choose, merge, split, count = _kernels(
-            state.real, state.has_velocity, state.has_age
+            state.real,
+            state.has_velocity,
+            state.has_age,
+            state.is_deterministic,
+            state.rare_threads,
         )
         carried = state.optional('remainder', 'velocity', 'age')
         wp.launch(
             wait,
             dim=1,
             inputs=[state.counts, state.clock, state.rates, EVERY],
-            outputs=[state.moved],
+            outputs=[state.moved, state.slots],
             device=state.device,
         )
         wp.launch(
             choose,
-            dim=state.capacity,
-            max_blocks=RARE_BLOCKS,
+            dim=state.rare_threads,
             inputs=[
                 state.ordered,
                 state.particle,
@@ -270,6 +332,7 @@ class AfterStep:
                 state.moved,
                 neighbors.starts,
                 neighbors.frame,
+                self._radius,
                 self._area,
                 self._least,
             ],
@@ -278,17 +341,17 @@ class AfterStep:
         )
         wp.launch(
             merge,
-            dim=state.capacity,
-            max_blocks=RARE_BLOCKS,
+            dim=state.rare_threads,
             inputs=[state.counts, state.moved, state.partner],
             outputs=[state.particle, *carried],
             device=state.device,
         )
-        wp.utils.array_scan(state.births, state.slots, inclusive=False)
+        if state.is_deterministic:
+            # in the order of the particles, not of the threads
+            wp.utils.array_scan(state.births, state.slots, inclusive=False)
         wp.launch(
             split,
-            dim=state.capacity,
-            max_blocks=RARE_BLOCKS,
+            dim=state.rare_threads,
             inputs=[
                 state.counts,
                 state.moved,

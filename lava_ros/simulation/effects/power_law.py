@@ -36,7 +36,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.rheology import Rheology
+from lava_ros.simulation.rheology import rheology_type
 
 #: Slope below which lava with n > 1 gets no easier to move.
 LEAST_SLOPE = 1e-3
@@ -59,7 +59,7 @@ def speed(real: Any, viscosity: Any, strength: Any) -> Any:
 
     @wp.func
     def herschel_bulkley(
-        law: Rheology, weight: real, depth: real, slope: real, temperature: real
+        law: rheology_type(real), weight: real, depth: real, slope: real, temperature: real
     ) -> vec2:
         one = real(1.0)
         n = real(law.flow_index)

@@ -39,8 +39,9 @@ import warp as wp
 from lava_ros.accuracy import Accuracy
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain
+from lava_ros.simulation.compiled import quick_kernel
 from lava_ros.simulation.neighbors import NeighborGrid
-from lava_ros.simulation.state import IS_LAST, PARTICLES, RARE_BLOCKS, State, STEP
+from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
 
 #: What the frozen lava's thickness is counted in [m]; its largest thickness is 2^63 of them.
@@ -48,7 +49,7 @@ _PART = 2.0**-44
 
 
 @lru_cache
-def _kernels(real: Any) -> tuple[Any, Any]:
+def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     is_known = terrain_functions(real).is_known
@@ -92,12 +93,11 @@ def _kernels(real: Any) -> tuple[Any, Any]:
             wp.min(int(wp.floor(north + one)), frame.rows + 1),
         )
 
-    @wp.kernel(module='unique', enable_backward=False)
-    def freeze(
-        flow: wp.array(dtype=vec3),
-        counts: wp.array(dtype=wp.int32),
-        clock: wp.array(dtype=wp.float64),
-        solidus: wp.float64,
+    @wp.func
+    def lay_down(
+        i: int,
+        p: vec4,
+        height: real,
         widest: wp.float64,
         known: wp.array2d(dtype=wp.uint8),
         frame: TerrainFrame,
@@ -105,15 +105,7 @@ def _kernels(real: Any) -> tuple[Any, Any]:
         deposit: wp.array2d(dtype=wp.int64),
         frozen: wp.array(dtype=wp.float64),
     ):
-        """Lay down what is colder than the solidus; its volume turns negative until it is seen."""
-        i = wp.tid()
-        if i >= counts[PARTICLES] or counts[IS_LAST] == 0 or clock[STEP] == wp.float64(0.0):
-            return
-        p = particle[i]
-        # what is off the terrain has left
-        if wp.float64(p[3]) >= solidus or not is_known(known, frame, p[0], p[1]):
-            return
-        width = width_of(p[2], flow[i][0], frame, widest)
+        width = width_of(p[2], height, frame, widest)
         patch = patch_of(frame, p[0], p[1], width)
         total = wp.float64(0.0)
         for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
@@ -130,10 +122,33 @@ def _kernels(real: Any) -> tuple[Any, Any]:
         wp.atomic_add(frozen, 0, wp.float64(p[2]))
         particle[i] = vec4(p[0], p[1], -p[2], p[3])
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel
+    def freeze(
+        flow: wp.array(dtype=vec3),
+        counts: wp.array(dtype=wp.int32),
+        cold: wp.array(dtype=wp.int32),
+        solidus: wp.float64,
+        widest: wp.float64,
+        known: wp.array2d(dtype=wp.uint8),
+        frame: TerrainFrame,
+        particle: wp.array(dtype=vec4),
+        deposit: wp.array2d(dtype=wp.int64),
+        frozen: wp.array(dtype=wp.float64),
+    ):
+        """Lay down what is colder than the solidus; its volume turns negative until it is seen."""
+        if cold[0] == 0:
+            return
+        for i in range(wp.tid(), counts[PARTICLES], threads):
+            p = particle[i]
+            # what is off the terrain has left
+            if wp.float64(p[3]) < solidus and is_known(known, frame, p[0], p[1]):
+                lay_down(i, p, flow[i][0], widest, known, frame, particle, deposit, frozen)
+
+    @quick_kernel
     def raise_ground(
         flow: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
+        cold: wp.array(dtype=wp.int32),
         widest: wp.float64,
         frame: TerrainFrame,
         ground: wp.array2d(dtype=real),
@@ -142,18 +157,19 @@ def _kernels(real: Any) -> tuple[Any, Any]:
         height: wp.array2d(dtype=real),
     ):
         """Renew the heights under what has just frozen, and empty it."""
-        i = wp.tid()
-        if i >= counts[PARTICLES] or counts[IS_LAST] == 0:
+        if cold[0] == 0:
             return
-        p = particle[i]
-        if p[2] >= real(0.0):
-            return
-        patch = patch_of(frame, p[0], p[1], width_of(-p[2], flow[i][0], frame, widest))
-        for row in range(patch[2] + 1, patch[3] + 1):
-            for column in range(patch[0] + 1, patch[1] + 1):
-                thickness = wp.float64(deposit[row, column]) * wp.float64(wp.static(_PART))
-                height[row, column] = real(wp.float64(ground[row, column]) + thickness)
-        particle[i] = vec4(p[0], p[1], real(0.0), p[3])
+        for i in range(wp.tid(), counts[PARTICLES], threads):
+            p = particle[i]
+            if p[2] < real(0.0):
+                width = width_of(-p[2], flow[i][0], frame, widest)
+                patch = patch_of(frame, p[0], p[1], width)
+                for row in range(patch[2] + 1, patch[3] + 1):
+                    for column in range(patch[0] + 1, patch[1] + 1):
+                        parts = wp.float64(deposit[row, column])
+                        top = wp.float64(ground[row, column]) + parts * wp.float64(_PART)
+                        height[row, column] = real(top)
+                particle[i] = vec4(p[0], p[1], real(0.0), p[3])
 
     return freeze, raise_ground
 
@@ -175,15 +191,14 @@ class AfterStep:
 
     def apply(self, state: State, neighbors: NeighborGrid) -> None:
         """Turn the columns that are colder than the solidus into terrain."""
-        freeze, raise_ground = _kernels(state.real)
+        freeze, raise_ground = _kernels(state.real, state.rare_threads)
         wp.launch(
             freeze,
-            dim=state.capacity,
-            max_blocks=RARE_BLOCKS,
+            dim=state.rare_threads,
             inputs=[
                 state.flow,
                 state.counts,
-                state.clock,
+                state.cold,
                 self._solidus,
                 self._widest,
                 self._terrain.known,
@@ -194,11 +209,11 @@ class AfterStep:
         )
         wp.launch(
             raise_ground,
-            dim=state.capacity,
-            max_blocks=RARE_BLOCKS,
+            dim=state.rare_threads,
             inputs=[
                 state.flow,
                 state.counts,
+                state.cold,
                 self._widest,
                 self._terrain.frame,
                 self._ground,

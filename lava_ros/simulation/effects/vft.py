@@ -25,7 +25,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.rheology import Rheology
+from lava_ros.simulation.rheology import rheology_type
 
 #: Decimal logarithm of the largest viscosity [Pa s].
 LARGEST = 15.0
@@ -41,7 +41,7 @@ def viscosity(real: Any) -> Any:
     """Return the device function mu(T) [Pa s]."""
 
     @wp.func
-    def vft(law: Rheology, temperature: real) -> real:
+    def vft(law: rheology_type(real), temperature: real) -> real:
         distance = wp.max(temperature - real(law.vft_c), real(LEAST_DISTANCE))
         power = wp.min(real(law.vft_a) + real(law.vft_b) / distance, real(LARGEST))
         return wp.exp(real(_LOG_10) * power)

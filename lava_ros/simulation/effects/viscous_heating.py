@@ -27,7 +27,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.heat import HeatConstants
+from lava_ros.simulation.heat import heat_constants_of
 
 
 @lru_cache
@@ -37,7 +37,11 @@ def terms(real: Any) -> Any:
 
     @wp.func
     def heating(
-        constants: HeatConstants, thickness: real, temperature: real, age: real, drop: real
+        constants: heat_constants_of(real),
+        thickness: real,
+        temperature: real,
+        age: real,
+        drop: real,
     ) -> vec2:
         return vec2(real(0.0), real(constants.fall) * drop)
 

@@ -33,7 +33,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.rheology import Rheology
+from lava_ros.simulation.rheology import rheology_type
 
 #: Largest exponent of the strength's law: what is stronger never moves, and a float32 holds it.
 _LARGEST_EXPONENT = 60.0
@@ -44,7 +44,7 @@ def strength(real: Any) -> Any:
     """Return the device function tau_y(T) [Pa]."""
 
     @wp.func
-    def yield_strength(law: Rheology, temperature: real) -> real:
+    def yield_strength(law: rheology_type(real), temperature: real) -> real:
         value = real(law.yield_strength)
         if law.yield_rate > wp.float64(0.0):
             exponent = real(law.yield_rate) * (real(law.reference_temperature) - temperature)
@@ -66,7 +66,9 @@ def speed(real: Any, viscosity: Any) -> Any:
     yield_strength = strength(real)
 
     @wp.func
-    def bingham(law: Rheology, weight: real, depth: real, slope: real, temperature: real) -> vec2:
+    def bingham(
+        law: rheology_type(real), weight: real, depth: real, slope: real, temperature: real
+    ) -> vec2:
         stress = weight * depth * slope
         resisted = yield_strength(law, temperature)
         if stress <= resisted:

@@ -1,0 +1,207 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How the kernels of a stage are compiled, and the few words that only the hardware knows.
+
+What is done, why, and what it gains is in docs/PERFORMANCE.md:
+
+* ``quick_kernel``: no loop over the grid (a thread has one particle, or its own loop), no adjoint,
+  and on CUDA the hardware's own division, root and exponential in float32. Those are good to 2e-7,
+  as is float32; a float64 is not touched by it, so the reference is not either.
+* ``load4``, ``store4``: Warp knows no alignment and reads a vec4 as four numbers; here it is one
+  16-byte access. Reads go through the read-only cache: never read so what the kernel writes.
+* ``raise_to``: a maximum over all particles. Each thread comparing and swapping one address is
+  slower than the rest of the kernel; a warp of 32 finds its own maximum and asks once.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+#: The C++ of ``load4`` and ``store4`` on CUDA: a float4 is one access, a double4 is two.
+_LOAD = {
+    wp.float32: """
+    const float4 v = __ldg(reinterpret_cast<const float4*>(values.data) + i);
+    return wp::vec_t<4, wp::float32>(v.x, v.y, v.z, v.w);""",
+    wp.float64: """
+    const double2 a = __ldg(reinterpret_cast<const double2*>(values.data) + 2 * i);
+    const double2 b = __ldg(reinterpret_cast<const double2*>(values.data) + 2 * i + 1);
+    return wp::vec_t<4, wp::float64>(a.x, a.y, b.x, b.y);""",
+}
+_STORE = {
+    wp.float32: """
+    reinterpret_cast<float4*>(values.data)[i] = make_float4(v[0], v[1], v[2], v[3]);""",
+    wp.float64: """
+    reinterpret_cast<double2*>(values.data)[2 * i] = make_double2(v[0], v[1]);
+    reinterpret_cast<double2*>(values.data)[2 * i + 1] = make_double2(v[2], v[3]);""",
+}
+_LOAD_PAIR = {
+    wp.float32: """
+    const float2 v = __ldg(reinterpret_cast<const float2*>(values.data) + i);
+    return wp::vec_t<2, wp::float32>(v.x, v.y);""",
+    wp.float64: """
+    const double2 v = __ldg(reinterpret_cast<const double2*>(values.data) + i);
+    return wp::vec_t<2, wp::float64>(v.x, v.y);""",
+}
+_STORE_PAIR = {
+    wp.float32: """
+    reinterpret_cast<float2*>(values.data)[i] = make_float2(v[0], v[1]);""",
+    wp.float64: """
+    reinterpret_cast<double2*>(values.data)[i] = make_double2(v[0], v[1]);""",
+}
+#: Strides of a 2-D array are bytes.
+_PATCH = """
+    wp::mat_t<3, 3, NUMBER> patch;
+    for (int n = 0; n < 3; ++n) {
+        const NUMBER* row = reinterpret_cast<const NUMBER*>(
+            reinterpret_cast<const char*>(values.data) + size_t(i + n) * values.strides[0]) + j;
+        for (int m = 0; m < 3; ++m) {
+#if defined(__CUDA_ARCH__)
+            patch.data[n][m] = __ldg(row + m);
+#else
+            patch.data[n][m] = row[m];
+#endif
+        }
+    }
+    return patch;
+"""
+#: The threads of a particle are neighbours in a warp, and all of them are there.
+_SUM = """
+#if defined(__CUDA_ARCH__)
+    const unsigned mask = ((1u << LANES) - 1u) << (threadIdx.x & 31u & ~(LANES - 1u));
+    for (int apart = LANES / 2; apart > 0; apart /= 2)
+        value += __shfl_xor_sync(mask, value, apart);
+#endif
+    return value;
+"""
+#: What is no number raises nothing: positive floats are in the order of their bits.
+_RAISE = {
+    wp.float32: """
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
+    const unsigned mask = __activemask();
+    const unsigned bits = value > 0.0f ? __float_as_uint(value) : 0u;
+    const unsigned most = __reduce_max_sync(mask, bits);
+    unsigned* place = reinterpret_cast<unsigned*>(values.data + i);
+    if ((threadIdx.x & 31u) == static_cast<unsigned>(__ffs(mask)) - 1u && most > __ldcg(place))
+        atomicMax(place, most);
+#else
+    wp::atomic_max(values.data + i, value > 0.0f ? value : 0.0f);
+#endif
+""",
+    wp.float64: """
+    wp::atomic_max(values.data + i, value > 0.0 ? value : 0.0);""",
+}
+
+
+def quick_kernel(function: Callable[..., None]) -> Any:
+    """Make a kernel of a function of one thread a particle; a decorator."""
+    kernel: Any = wp.kernel(
+        function,
+        module='unique',
+        enable_backward=False,
+        grid_stride=False,
+        module_options={'fast_math': True, 'enable_backward': False},
+    )
+    return kernel
+
+
+def _on_cuda(snippet: str, otherwise: str) -> str:
+    return f'#if defined(__CUDA_ARCH__)\n{snippet}\n#else\n    {otherwise}\n#endif\n'
+
+
+@lru_cache
+def load4(real: Any) -> Any:
+    """Return the device function that reads item i of an array of vec4, which nothing writes."""
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func_native(_on_cuda(_LOAD[real], 'return values.data[i];'))
+    def load(values: wp.array(dtype=vec4), i: int) -> vec4: ...
+
+    return load
+
+
+@lru_cache
+def store4(real: Any) -> Any:
+    """Return the device function that writes item i of an array of vec4."""
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func_native(_on_cuda(_STORE[real], 'values.data[i] = v;'))
+    def store(values: wp.array(dtype=vec4), i: int, v: vec4): ...
+
+    return store
+
+
+@lru_cache
+def load2(real: Any) -> Any:
+    """Return the device function that reads item i of an array of vec2, which nothing writes."""
+    vec2 = wp.types.vector(2, real)
+
+    @wp.func_native(_on_cuda(_LOAD_PAIR[real], 'return values.data[i];'))
+    def load(values: wp.array(dtype=vec2), i: int) -> vec2: ...
+
+    return load
+
+
+@lru_cache
+def store2(real: Any) -> Any:
+    """Return the device function that writes item i of an array of vec2."""
+    vec2 = wp.types.vector(2, real)
+
+    @wp.func_native(_on_cuda(_STORE_PAIR[real], 'values.data[i] = v;'))
+    def store(values: wp.array(dtype=vec2), i: int, v: vec2): ...
+
+    return store
+
+
+@wp.func_native(_on_cuda('return __ldg(values.data + i);', 'return values.data[i];'))
+def load_int(values: wp.array(dtype=wp.int32), i: int) -> int:
+    """Read item i >= 0 of an array of integers, which nothing writes; a device function."""
+    ...
+
+
+@lru_cache
+def load9(real: Any) -> Any:
+    """Return the device function that reads rows i to i + 2, columns j to j + 2 of a 2-D array."""
+    mat33 = wp.types.matrix((3, 3), real)
+
+    @wp.func_native(_PATCH.replace('NUMBER', f'wp::{real.__name__}'))
+    def load(values: wp.array2d(dtype=real), i: int, j: int) -> mat33: ...
+
+    return load
+
+
+@lru_cache
+def sum_over(real: Any, lanes: int) -> Any:
+    """Return the device function that sums a value over the threads that share a particle."""
+
+    @wp.func_native(_SUM.replace('LANES', str(lanes)))
+    def total(value: real) -> real: ...
+
+    @wp.func
+    def itself(value: real) -> real:
+        return value
+
+    return itself if lanes == 1 else total
+
+
+@lru_cache
+def raise_to(real: Any) -> Any:
+    """Return the device function that raises item i of an array to a value, if that is larger."""
+
+    @wp.func_native(_RAISE[real])
+    def raised(values: wp.array(dtype=real), i: int, value: real): ...
+
+    return raised
