@@ -135,6 +135,7 @@ def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool, freezes: bool)
             if remaining <= wp.float64(0.0):
                 clock[STEP] = wp.float64(0.0)
                 counts[IS_LAST] = 1
+                counts[CURRENT] = 0
                 stage[VELOCITY] = real(0.0)
                 return
             step = longest
@@ -198,7 +199,7 @@ def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool, freezes: bool)
             counts[IS_LAST] = 1
             counts[STAGE] = 0
             clock[TIME] = clock[TIME] + clock[STEP]
-            if clock[TARGET] - clock[TIME] < wp.float64(1e-9) * clock[STEP]:
+            if wp.abs(clock[TARGET] - clock[TIME]) < wp.float64(1e-9) * clock[STEP]:
                 clock[TIME] = clock[TARGET]
 
     return choose_stage

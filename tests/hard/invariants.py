@@ -54,7 +54,7 @@ from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation, Snapshot
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.state import EVALUATIONS, ParticleSample, STEPS
-from lava_ros.simulation.timestep import MOST_STAGES
+from lava_ros.simulation.timestep import longest_step, MOST_STAGES
 
 #: Largest share of the lava that may be unaccounted for.
 VOLUME = 1e-5
@@ -405,7 +405,8 @@ def _not_finite(sample: ParticleSample, snapshot: Snapshot) -> dict[str, int]:
 def _cost(simulation: Simulation, sample: ParticleSample, ground: Ground) -> float:
     """Evaluations in a second that the lava calls for as it is, with steps at their limits."""
     accuracy, scene = simulation.accuracy, simulation.scene
-    longest = simulation._longest_step()
+    vents, reach = simulation._vents, simulation._flow.reach
+    longest = longest_step(scene, accuracy, simulation.effects, vents, reach)
     if not len(sample.volume):
         return 3.0 / longest
     lava = scene.lava
