@@ -5,7 +5,7 @@ STAMP := $(VENV)/.installed
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test docs look hard hard-published safeguards nightly soak lint types clean
+.PHONY: help setup demo test coverage docs look hard hard-published safeguards nightly soak lint types clean
 
 help:  ## Say what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -52,6 +52,13 @@ safeguards: $(STAMP)  ## Take out each safeguard in a copy of the package and se
 docs: $(STAMP)  ## Build the pages of docs/, API reference included, into build/docs
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --requirement docs/requirements.txt
 	$(VENV)/bin/python -m sphinx -W --keep-going --quiet --builder html docs build/docs
+
+coverage: $(STAMP)  ## Run every test and list the lines that none of them runs
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'coverage==7.17.3'
+	$(VENV)/bin/python -m coverage erase
+	$(VENV)/bin/python -m coverage run -m pytest --numprocesses 2 --dist loadfile $(ARGS)
+	$(VENV)/bin/python -m coverage combine --quiet
+	$(VENV)/bin/python -m coverage report
 
 lint: types  ## Check style and types, as the hooks of pre-commit do
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'ruff==0.17.5'

@@ -28,7 +28,9 @@ EXTRAS = {
     ],
     'terrain': ['rasterio>=1.3.10,<2'],
     'plot': ['matplotlib>=3.8,<4', 'mcap-ros2-support>=0.5.5,<1', 'pillow>=10,<14'],
+    'hindcast': ['scipy>=1.11,<2'],
     'completion': ['shtab>=1.7,<2'],
+    'ensemble': ['dask>=2025.1,<2027', 'distributed>=2025.1,<2027', 'scipy>=1.11,<2'],
     'test': [
         'hypothesis>=6.100,<7',
         'mcap-ros2-support>=0.5.5,<1',
@@ -62,7 +64,7 @@ setup(
     keywords=['ROS', 'lava', 'hazard', 'simulation', 'Warp'],
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
-        NAME: ['py.typed'],
+        NAME: ['py.typed', 'materials.yaml'],
         f'{NAME}.report': ['report.css', 'report.html', 'report.js'],
     },
     data_files=[

@@ -15,6 +15,7 @@
 """Start the lava node, or a replay in its place, and RViz.
 
 ros2 launch lava_ros lava.launch.py scene:=etna.yaml time_scale:=60.0 rviz:=true
+ros2 launch lava_ros lava.launch.py resume:=bags/etna record:=true
 ros2 launch lava_ros lava.launch.py replay:=bags/demo rviz:=true
 ros2 launch lava_ros lava.launch.py --show-args
 """
@@ -36,6 +37,7 @@ from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
 PARAMETERS = (
     ('scene', '', str, 'Scene file (YAML) to start with; empty: terrain and vents from topics'),
     ('terrain_file', '', str, 'Terrain to start with (GeoTIFF, ESRI ASCII grid, npz)'),
+    ('resume', '', str, 'Bag to go on from its newest checkpoint, in place of a scene'),
     ('msg_config', 'default.yaml', str, 'How layers become messages: a path, or a name'),
     ('preset', 'standard', str, 'Accuracy: draft, standard, fine or reference'),
     ('device', '', str, 'cpu, cuda:0, ...; empty: the first GPU, else the CPU'),
@@ -43,6 +45,8 @@ PARAMETERS = (
     ('end_time', '0.0', float, 'Simulated time to stop at [s]; 0.0: never'),
     ('record', 'false', bool, 'Record from the first terrain on'),
     ('bag_directory', '', str, 'Bag to record to, a new folder; empty: bags/<date and time>'),
+    ('bag_max_size', '0', int, 'Size [bytes] at which the bag goes on in a new file; 0: never'),
+    ('bag_max_duration', '0.0', float, 'Time [s] at which it goes on in a new file; 0.0: never'),
     ('use_sim_time', 'false', bool, 'Follow /clock'),
 )
 

@@ -37,6 +37,7 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.lava import Lava
 from lava_ros.scene import Scene, scene_to_dict, Terrain, Vent
+from lava_ros.uncertainty import uncertainty_from_dict
 
 #: Version of the format; a reader takes its own and those before.
 VERSION = 1
@@ -223,6 +224,7 @@ def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkp
         lava=Lava(**data['lava']),
         ambient_temperature=data['ambient_temperature'],
         gravity=data['gravity'],
+        uncertainty=uncertainty_from_dict(data.get('uncertainty', {})),
     )
     forced = header['forced']
     return Checkpoint(

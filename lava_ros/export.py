@@ -16,23 +16,25 @@
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import lava_ros
 from lava_ros import validation
 from lava_ros.arrival import Arrival, check_threshold, rounding, THICKNESS
 from lava_ros.errors import LavaError
 from lava_ros.frames import Frame, LayerFrame, Recording
+from lava_ros.geotiff import (
+    coordinate_system,
+    NODATA,
+    NODATA_BYTE,
+    require_rasterio,
+    write_map,
+)
 
 #: What can be exported.
 MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
-
-#: Value of cells without data in files of floating-point numbers, and in those of bytes.
-NODATA, NODATA_BYTE = -9999.0, 255
 
 #: Thickness from which on lava has arrived [m].
 THRESHOLD = 0.1
@@ -118,7 +120,7 @@ def export_bag(
     for name in maps:
         validation.choice('maps', name, MAPS)
     threshold = validation.number('threshold', threshold, above=0.0, unit='m')
-    _require_rasterio(directory)
+    require_rasterio(directory)
     recording = Recording(path)
     placement = placement_of(recording.scene, epsg=epsg, offset=offset)
     _check_time(recording, time)
@@ -126,7 +128,7 @@ def export_bag(
     for layer in recording.layers.values():
         if wants_history and layer.source == THICKNESS:
             check_threshold(threshold, layer)
-    crs = _coordinate_system(placement)
+    crs = coordinate_system(placement.epsg)
     target = _empty_directory(Path(directory))
     writer = _Writer(target, crs, placement.offset, Path(path).name, threshold)
     current = [name for name in MAPS if name in maps and name in _SOURCES]
@@ -208,29 +210,6 @@ def _empty_directory(directory: Path) -> Path:
     return directory
 
 
-def _require_rasterio(directory: str | Path) -> None:
-    try:
-        import rasterio  # noqa: F401
-    except ImportError as error:
-        raise LavaError(
-            'export', str(directory), "rasterio: pip install 'lava_ros[terrain]'"
-        ) from error
-
-
-def _coordinate_system(placement: Placement) -> Any:
-    """What rasterio calls the coordinate system, None without one."""
-    from rasterio.crs import CRS
-    from rasterio.errors import CRSError
-
-    if placement.epsg is None:
-        return None
-    try:
-        return CRS.from_epsg(placement.epsg)
-    except CRSError as error:
-        right = f'a coordinate system GDAL knows ({error})'
-        raise LavaError('epsg', placement.epsg, right) from error
-
-
 class _Writer:
     """Writes the files, and knows which."""
 
@@ -289,46 +268,18 @@ class _Writer:
     def _write(
         self, name: str, values: np.ndarray, frame: Frame, file_name: str, tags: dict[str, str]
     ) -> None:
-        import rasterio
-        from rasterio.errors import RasterioError
-        from rasterio.transform import from_origin
-
-        rows, columns = values.shape
-        easting, northing = self._offset
-        west = easting + frame.origin[0]
-        north = northing + frame.origin[1] + rows * frame.resolution
         path = self._directory / file_name
-        partial = path.with_suffix('.partial.tif')
-        is_byte = values.dtype == np.uint8
-        try:
-            with rasterio.open(
-                partial,
-                'w',
-                driver='GTiff',
-                width=columns,
-                height=rows,
-                count=1,
-                dtype=values.dtype.name,
-                crs=self._crs,
-                transform=from_origin(west, north, frame.resolution, frame.resolution),
-                nodata=NODATA_BYTE if is_byte else NODATA,
-                compress='deflate',
-                predictor=2 if is_byte else 3,
-                bigtiff='if_safer',
-            ) as file:
-                # Row 0 is the southernmost here and the northernmost in the file.
-                file.write(values[::-1], 1)
-                file.set_band_description(1, name)
-                file.set_band_unit(1, _UNITS[name])
-                file.update_tags(
-                    TIFFTAG_SOFTWARE=f'lava_ros {lava_ros.__version__}',
-                    TIFFTAG_IMAGEDESCRIPTION=f'{name} [{_UNITS[name]}]: {_MEANINGS[name]}',
-                    bag=self._bag,
-                    **tags,
-                )
-            os.replace(partial, path)
-        except (OSError, RasterioError) as error:
-            raise LavaError('output', str(path), f'a file to write ({error})') from error
+        write_map(
+            path,
+            values,
+            corner=(self._offset[0] + frame.origin[0], self._offset[1] + frame.origin[1]),
+            resolution=frame.resolution,
+            crs=self._crs,
+            name=name,
+            unit=_UNITS[name],
+            meaning=_MEANINGS[name],
+            tags={'bag': self._bag, **tags},
+        )
         self.written.append(path)
 
 

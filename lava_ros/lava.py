@@ -160,14 +160,15 @@ class Lava:
         """Viscosity [Pa s] at a temperature [K], crystals included."""
         if self.is_vft:
             above = max(temperature - self.vft_c, 1.0)
-            viscosity = 10.0 ** min(self.vft_a + self.vft_b / above, 15.0)
+            viscosity: float = 10.0 ** min(self.vft_a + self.vft_b / above, 15.0)
         else:
             power = self.arrhenius * (self.reference_temperature - temperature)
             viscosity = self.viscosity * math.exp(max(min(power, 60.0), -60.0))
         if self.crystal_law == 'none':
             return viscosity
         free = max(1.0 - self.crystal_fraction(temperature) / self.packing, 1e-3)
-        return viscosity * free ** (-2.5 if self.crystal_law == 'einstein-roscoe' else -2.0)
+        power = -2.5 if self.crystal_law == 'einstein-roscoe' else -2.0
+        return float(viscosity * free**power)
 
     def yield_strength_at(self, temperature: float) -> float:
         """Yield strength [Pa] at a temperature [K]."""

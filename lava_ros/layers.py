@@ -24,12 +24,16 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.forecast.forecast import Forecast, UNKNOWN
 from lava_ros.hazard import hazard, LETHAL_TEMPERATURE, LETHAL_THICKNESS, SAFE_TEMPERATURE
 from lava_ros.margin import within
 
 if TYPE_CHECKING:
     # The solver's package loads Warp, which files and messages do not need.
     from lava_ros.simulation.snapshot import Snapshot
+
+    #: What a layer shows: the flow of now, or the largest of what comes.
+    Shown = Snapshot | Forecast
 
 #: 0 C in kelvin.
 ZERO_CELSIUS = 273.15
@@ -54,6 +58,15 @@ MESSAGES = {
 #: Quantities that a message may show alone.
 SOURCES = ('thickness', 'temperature', 'hazard')
 
+#: The source that says when lava comes.
+ARRIVAL = 'arrival'
+
+#: What stands before a source of ``SOURCES`` for the worst of it within a forecast's horizon.
+PEAK = 'peak_'
+
+#: Quantities of a forecast, each shown alone.
+FORECAST_SOURCES = (ARRIVAL, *(PEAK + source for source in SOURCES))
+
 #: The source of messages that show several quantities side by side.
 LAVA = 'lava'
 RELIABILITIES = ('reliable', 'best_effort')
@@ -62,7 +75,7 @@ DURABILITIES = ('transient_local', 'volatile')
 #: Widest margin around lava [m].
 MOST_MARGIN = 1000.0
 
-_UNITS = {'thickness': 'm', 'temperature': 'Celsius', 'hazard': 'hazard'}
+_UNITS = {'thickness': 'm', 'temperature': 'Celsius', 'hazard': 'hazard', ARRIVAL: 's'}
 
 _TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
 
@@ -105,12 +118,15 @@ class Layer:
         name: The layer's key in its file.
         topic: Relative topic name.
         source: ``thickness``, ``temperature`` or ``hazard``; in point clouds and grid maps
-            ``lava``, which is all of them.
+            ``lava``, which is all of them. Of a forecast ``arrival`` or ``peak_thickness``,
+            ``peak_temperature``, ``peak_hazard``.
         message: Full name of the message type.
-        range: Values that map to the two ends of ``scale`` [m, Celsius, or hazard]; None for what
-            is not scaled and for masks with a step.
+        range: Values that map to the two ends of ``scale`` [m, Celsius, hazard, or s]; None for
+            what is not scaled and for masks with a step, and for the arrival, whose range is that
+            of its forecast.
         scale: Grid values at the ends of ``range``; the second may be the smaller.
-        step: Value from which on a cell is 100, and 0 below it: a mask; None for a scale.
+        step: Value from which on a cell is 100, and 0 below it: a mask; for the arrival up to
+            which, and 0 beyond it; None for a scale.
         margin: Distance from lava [m] up to which a cell without lava counts as the mildest lava,
             or, with a step, as one beyond it.
         threshold: Thickness below which a cell counts as dry [m].
@@ -138,27 +154,33 @@ class Layer:
     qos: Qos = field(default_factory=Qos)
     hazard: HazardLimits = field(default_factory=HazardLimits)
 
-    def raw_values(self, snapshot: 'Snapshot') -> np.ndarray:
+    @property
+    def is_forecast(self) -> bool:
+        """Whether it shows a forecast in place of a snapshot."""
+        return self.source in FORECAST_SOURCES
+
+    def raw_values(self, snapshot: 'Shown') -> np.ndarray:
         """Return the layer's quantity on the terrain's cells.
 
         Returns:
-            float32, shape [rows, columns]: thickness [m], temperature [Celsius] or hazard 0..100.
-            Dry cells are 0, or NaN for temperature; cells outside the terrain are NaN.
+            float32, shape [rows, columns]: thickness [m], temperature [Celsius], hazard 0..100 or
+            arrival [s]. Dry cells are 0, or NaN for temperature and arrival; cells of which
+            nothing is known, as outside the terrain, are NaN, and for the arrival ``UNKNOWN``.
 
         Raises:
             LavaError: The layer shows several quantities.
         """
-        if self.source not in SOURCES:
+        if self.source not in (*SOURCES, *FORECAST_SOURCES):
             right = f'one of {", ".join(SOURCES)}; maps and points have them all'
             raise LavaError(f'layers.{self.name}.source', self.source, right)
-        return self._raw(self.source, snapshot)
+        return self._raw(self.source.removeprefix(PEAK), snapshot)
 
-    def maps(self, snapshot: 'Snapshot') -> dict[str, np.ndarray]:
+    def maps(self, snapshot: 'Shown') -> dict[str, np.ndarray]:
         """Return the ground's elevation [m] and each of ``SOURCES`` as ``raw_values`` does."""
         elevation = np.asarray(snapshot.terrain.elevation, dtype=np.float32)
         return {'elevation': elevation} | {name: self._raw(name, snapshot) for name in SOURCES}
 
-    def points(self, snapshot: 'Snapshot') -> dict[str, np.ndarray]:
+    def points(self, snapshot: 'Shown') -> dict[str, np.ndarray]:
         """Return a point on the lava's surface for each wet cell, row by row.
 
         Returns:
@@ -177,7 +199,7 @@ class Layer:
         }
         return {name: np.asarray(column, dtype=np.float32) for name, column in values.items()}
 
-    def grid_values(self, snapshot: 'Snapshot') -> np.ndarray:
+    def grid_values(self, snapshot: 'Shown') -> np.ndarray:
         """Return the layer's quantity on the scale of an occupancy grid.
 
         Returns:
@@ -189,44 +211,54 @@ class Layer:
             LavaError: The layer has neither a range nor a step.
         """
         wet = self.wet(snapshot)
-        quantity = self._quantity(
-            self.source, snapshot.thickness[wet], snapshot.temperature[wet]
-        )
+        if isinstance(snapshot, Forecast) and self.source == ARRIVAL:
+            quantity, default = snapshot.arrival[wet], (0.0, snapshot.horizon)
+        else:
+            source, default = self.source.removeprefix(PEAK), None
+            quantity = self._quantity(
+                source, snapshot.thickness[wet], snapshot.temperature[wet]
+            )
         distance = self.margin / snapshot.terrain.resolution
         values = np.zeros(snapshot.thickness.shape, dtype=np.int8)
         if self.step is not None:
             reached = wet.copy()
             # The comparison is false for what is unknown.
-            reached[wet] = ~(quantity < np.float32(self.step))
+            is_below = quantity < np.float32(self.step)
+            reached[wet] = quantity <= np.float32(self.step) if default else ~is_below
             values[within(reached, distance)] = 100
         else:
             values[within(wet, distance)] = max(1, self.scale[0])
-            values[wet] = self._scaled(quantity)
+            values[wet] = self._scaled(quantity, self.range or default)
         values[np.isnan(snapshot.thickness)] = self.outside
         return values
 
-    def values(self, snapshot: 'Snapshot') -> np.ndarray:
+    def values(self, snapshot: 'Shown') -> np.ndarray:
         """Return what a grid or an image carries: grid values or raw values by message type."""
         if self.message == OCCUPANCY_GRID:
             return self.grid_values(snapshot)
         return self.raw_values(snapshot)
 
-    def wet(self, snapshot: 'Snapshot') -> np.ndarray:
+    def wet(self, snapshot: 'Shown') -> np.ndarray:
         """Where this layer sees lava, bool, shape [rows, columns]."""
+        if isinstance(snapshot, Forecast) and self.source == ARRIVAL:
+            return np.isfinite(snapshot.arrival)
         return (snapshot.thickness > 0.0) & (snapshot.thickness >= self.threshold)
 
-    def _scaled(self, quantity: np.ndarray) -> np.ndarray:
+    def _scaled(self, quantity: np.ndarray, ends: tuple[float, float] | None) -> np.ndarray:
         """Grid values of the quantity in wet cells, never 0."""
-        if self.range is None:
+        if ends is None:
             raise LavaError(f'layers.{self.name}.range', None, 'two numbers [low, high]')
-        low, high = self.range
+        low, high = ends
         first, last = self.scale
         gain = np.float32((last - first) / (high - low))
         scaled = np.rint(np.float32(first) + (quantity - np.float32(low)) * gain)
         least, most = sorted(self.scale)
         return np.clip(np.where(np.isnan(scaled), last, scaled), max(1, least), most)
 
-    def _raw(self, source: str, snapshot: 'Snapshot') -> np.ndarray:
+    def _raw(self, source: str, snapshot: 'Shown') -> np.ndarray:
+        if isinstance(snapshot, Forecast) and source == ARRIVAL:
+            unknown = np.isnan(snapshot.thickness)
+            return np.where(unknown, np.float32(UNKNOWN), snapshot.arrival)
         wet = self.wet(snapshot)
         dry_value = np.nan if source == 'temperature' else 0.0
         values = np.full(snapshot.thickness.shape, dry_value, dtype=np.float32)
@@ -318,7 +350,7 @@ def _layer(name: str, entry: object) -> Layer:
     allowed = [item.name for item in fields(Layer) if item.name != 'name']
     data = validation.keys(where, entry, allowed=allowed, required=['source', 'message'])
     message = MESSAGES[validation.choice(f'{where}.message', data['message'], MESSAGES)]
-    sources = (LAVA,) if message in (POINT_CLOUD, GRID_MAP) else SOURCES
+    sources = (LAVA,) if message in (POINT_CLOUD, GRID_MAP) else (*SOURCES, *FORECAST_SOURCES)
     source = validation.choice(f'{where}.source', data['source'], sources)
     topic = data.get('topic', name)
     if not isinstance(topic, str) or not _TOPIC.fullmatch(topic):
@@ -345,10 +377,13 @@ def _layer(name: str, entry: object) -> Layer:
             result['step'] = _step(where, source, data)
         else:
             result['range'] = _range(where, source, data)
-            result['scale'] = _scale(f'{where}.scale', data.get('scale', (0, 100)))
+            usual = (100, 0) if source == ARRIVAL else (0, 100)
+            result['scale'] = _scale(f'{where}.scale', data.get('scale', usual))
         result['margin'] = validation.number(
             f'{where}.margin', data.get('margin', 0.0), at_least=0.0, at_most=MOST_MARGIN, unit='m'
         )
+        if source == ARRIVAL and result['margin'] and 'step' not in data:
+            raise LavaError(f'{where}.margin', result['margin'], 'absent, or beside step')
         result['outside'] = _integer(
             f'{where}.outside', data.get('outside', -1), lowest=-1, highest=100
         )
@@ -358,7 +393,7 @@ def _layer(name: str, entry: object) -> Layer:
                 raise LavaError(
                     f'{where}.{key}', data[key], 'absent: only a grid scales the values'
                 )
-    if source == 'hazard' or message == GRID_MAP:
+    if source.endswith('hazard') or message == GRID_MAP:
         result['hazard'] = _hazard_limits(f'{where}.hazard', data.get('hazard', {}))
     elif 'hazard' in data:
         right = 'absent unless source is hazard or the message a GridMap'
@@ -370,7 +405,7 @@ def _step(where: str, source: str, data: Mapping[str, object]) -> float:
     for key in ('range', 'scale'):
         if key in data:
             raise LavaError(f'{where}.{key}', data[key], 'absent beside step')
-    return validation.number(f'{where}.step', data['step'], unit=_UNITS[source])
+    return validation.number(f'{where}.step', data['step'], unit=_unit(source))
 
 
 def _scale(where: str, value: object) -> tuple[int, int]:
@@ -385,9 +420,15 @@ def _scale(where: str, value: object) -> tuple[int, int]:
     return (first, last)
 
 
-def _range(where: str, source: str, data: Mapping[str, object]) -> tuple[float, float]:
-    unit = _UNITS[source]
-    if source == 'hazard' and 'range' not in data:
+def _unit(source: str) -> str:
+    return _UNITS[source.removeprefix(PEAK)]
+
+
+def _range(where: str, source: str, data: Mapping[str, object]) -> tuple[float, float] | None:
+    unit = _unit(source)
+    if 'range' not in data and source == ARRIVAL:
+        return None
+    if 'range' not in data and source.endswith('hazard'):
         return (0.0, 100.0)
     value = data.get('range')
     if not isinstance(value, (list, tuple)) or len(value) != 2:

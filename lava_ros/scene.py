@@ -29,7 +29,8 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.lava import Lava
+from lava_ros.lava import Lava as Lava
+from lava_ros.uncertainty import Uncertainty, uncertainty_from_dict, uncertainty_to_dict
 
 #: Most cells along one side: nav_msgs/MapMetaData consumers index cells with 16-bit integers.
 MAX_SIDE_CELLS = 32767
@@ -175,6 +176,14 @@ class Terrain:
         cell = self.cell_at(x, y)
         return cell is not None and bool(self.has_data[cell])
 
+    def covered(self, places: np.ndarray) -> np.ndarray:
+        """Which of the map positions, shape [count, 2], lie on a cell with data: bool, [count]."""
+        cells = np.floor((places - np.asarray(self.origin)) / self.resolution)
+        rows, columns = self.shape
+        on_grid = ((cells >= 0) & (cells < (columns, rows))).all(axis=1)
+        column, row = np.where(on_grid[:, None], cells, 0).astype(np.int64).T
+        return on_grid & self.has_data[row, column]
+
     def to_map(self, easting: float, northing: float) -> tuple[float, float]:
         """Turn projected coordinates [m] into map coordinates [m]."""
         return (easting - self.offset[0], northing - self.offset[1])
@@ -292,6 +301,7 @@ class Scene:
         lava: The material.
         ambient_temperature: Temperature of the air [K].
         gravity: Acceleration of gravity [m/s2].
+        uncertainty: What differs from member to member of an ensemble.
     """
 
     terrain: Terrain
@@ -299,6 +309,7 @@ class Scene:
     lava: Lava = field(default_factory=Lava)
     ambient_temperature: float = 300.0
     gravity: float = 9.81
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
 
     def __post_init__(self) -> None:
         """Validate the parts together.
@@ -308,10 +319,14 @@ class Scene:
                 solid.
         """
         put = object.__setattr__
-        for name, kind in (('terrain', Terrain), ('lava', Lava)):
+        kinds = (('terrain', Terrain), ('lava', Lava), ('uncertainty', Uncertainty))
+        for name, kind in kinds:
             if not isinstance(getattr(self, name), kind):
                 raise LavaError(f'scene.{name}', getattr(self, name), f'a {kind.__name__}')
         put(self, 'vents', check_vents(self.vents, self.terrain))
+        if self.uncertainty.yield_strength is not None and not self.lava.yield_strength:
+            right = 'absent: lava.yield_strength is 0'
+            raise LavaError('uncertainty.yield_strength', self.uncertainty.yield_strength, right)
         for index, vent in enumerate(self.vents):
             if vent.temperature <= self.lava.solidus:
                 right = f'above lava.solidus, {self.lava.solidus:g} K: colder lava is solid'
@@ -370,11 +385,18 @@ def check_vents(vents: Iterable[Vent], terrain: Terrain) -> tuple[Vent, ...]:
     return result
 
 
-def vents_from_list(items: object, terrain: Terrain) -> tuple[Vent, ...]:
+def vents_from_list(
+    items: object, terrain: Terrain, *, temperature: object = None
+) -> tuple[Vent, ...]:
     """Build vents from the plain data of a YAML file.
 
     Each item is a mapping with the fields of ``Vent``; ``projected: [easting, northing]`` may
     stand in place of ``position`` (and ``projected_end`` of ``end``).
+
+    Args:
+        items: The data.
+        terrain: The ground.
+        temperature: Temperature of vents that have none of their own [K], None for the usual one.
 
     Raises:
         LavaError: The data is not such a list.
@@ -396,6 +418,8 @@ def vents_from_list(items: object, terrain: Terrain) -> tuple[Vent, ...]:
         if 'position' not in data:
             raise LavaError(f'{where}.position', None, 'a value: this key is required')
         data.setdefault('name', f'vent {index}')
+        if temperature is not None:
+            data.setdefault('temperature', temperature)
         vents.append(Vent(**data))  # type: ignore[arg-type]
     return check_vents(vents, terrain)
 
@@ -404,8 +428,9 @@ def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scen
     """Read a scene file.
 
     The file has the keys ``terrain`` (a mapping: ``file``, relative to the scene file, and the
-    options of ``terrain_files.load_terrain``), ``vents``, ``lava``, ``ambient_temperature`` and
-    ``gravity``; all but the terrain may be left out.
+    options of ``terrain_files.load_terrain``), ``vents``, ``lava`` (fields of ``Lava``, and maybe
+    ``material``, a name of ``lava materials`` whose constants they replace),
+    ``ambient_temperature``, ``gravity`` and ``uncertainty``; all but the terrain may be left out.
 
     Args:
         path: The YAML file.
@@ -416,6 +441,7 @@ def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scen
     """
     import yaml
 
+    from lava_ros.materials import lava_from_dict
     from lava_ros.terrain_files import load_terrain
 
     path = Path(path)
@@ -423,7 +449,7 @@ def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scen
         data = yaml.safe_load(path.read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise LavaError('scene', str(path), f'a readable YAML file ({error})') from error
-    names = ['terrain', 'vents', 'lava', 'ambient_temperature', 'gravity']
+    names = ['terrain', 'vents', 'lava', 'ambient_temperature', 'gravity', 'uncertainty']
     data = validation.keys('scene', data, allowed=names)
     if terrain is None:
         options = validation.keys(
@@ -436,15 +462,16 @@ def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scen
         if not isinstance(name, str):
             raise LavaError('scene.terrain.file', name, 'the name of a file, text')
         terrain = load_terrain(path.parent / name, **options)  # type: ignore[arg-type]
-    lava_names = [item.name for item in fields(Lava)]
-    lava = validation.keys('scene.lava', data.get('lava', {}), allowed=lava_names)
+    lava, material = lava_from_dict('scene.lava', data.get('lava', {}))
+    usual = None if material is None else material.vent_temperature.value
     rest: Mapping[str, Any] = {
         name: data[name] for name in ('ambient_temperature', 'gravity') if name in data
     }
     return Scene(
         terrain=terrain,
-        vents=vents_from_list(data.get('vents', []), terrain),
-        lava=Lava(**lava),  # type: ignore[arg-type]
+        vents=vents_from_list(data.get('vents', []), terrain, temperature=usual),
+        lava=lava,
+        uncertainty=uncertainty_from_dict(data.get('uncertainty', {})),
         **rest,
     )
 
@@ -467,4 +494,5 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
         'lava': asdict(scene.lava),
         'ambient_temperature': scene.ambient_temperature,
         'gravity': scene.gravity,
+        'uncertainty': uncertainty_to_dict(scene.uncertainty),
     }

@@ -316,7 +316,7 @@ def _target_epsg(raster: _Raster) -> int | None:
             'terrain latitude', latitude, 'at most 84 degrees north or south, or metres'
         )
     zone = math.floor((longitude + 180.0) / 6.0) % 60 + 1
-    return (32600 if latitude >= 0.0 else 32700) + zone
+    return int((32600 if latitude >= 0.0 else 32700) + zone)
 
 
 def _warped(raster: _Raster, target: int | None, resolution: float | None) -> _Raster:

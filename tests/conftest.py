@@ -14,7 +14,18 @@
 
 """Fixtures for every test."""
 
+import signal
+
 import pytest
+
+
+def pytest_configure() -> None:
+    """Let Ctrl+C reach the programs that tests start.
+
+    A shell without job control has what it starts with ``&`` ignore it, and so would they.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _devices() -> list[str]:

@@ -29,6 +29,7 @@ A document that changes the package changes a copy, in which its other blocks th
 """
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 import os
 from pathlib import Path
@@ -45,6 +46,7 @@ import rasterio
 from rasterio.transform import from_origin
 import yaml
 
+from eruption import write_case
 from lava_ros.scene import scene_from_yaml
 
 ROOT = Path(__file__).parents[1]
@@ -116,15 +118,17 @@ def shop(tmp_path: Path) -> Path:
 
 
 def _furnish(folder: Path) -> None:
-    """Write a mountain (GeoTIFF, ESRI grid), a scene, a bag and a bag that was cut off."""
+    """Write a mountain, scenes, an outline, a bag and one that was cut off."""
     easting, northing, cell = 499000.0, 4180000.0, 50.0
     y, x = np.mgrid[140:0:-1, 0:60] * cell
     elevation = (1500.0 - 0.15 * y + 20.0 * np.sin(x / 400.0)).astype('float32')
-    with rasterio.open(
-        folder / 'etna.tif', 'w', driver='GTiff', width=60, height=140, count=1, dtype='float32',
-        crs='EPSG:32633', transform=from_origin(easting, northing, cell, cell),
-    ) as file:
-        file.write(elevation, 1)
+    near = (np.hypot(x - 1500.0, y - 6100.0) < 200.0).astype('float32')
+    for name, values in (('etna.tif', elevation), ('seen.tif', near)):
+        with rasterio.open(
+            folder / name, 'w', driver='GTiff', width=60, height=140, count=1, dtype='float32',
+            crs='EPSG:32633', transform=from_origin(easting, northing, cell, cell),
+        ) as file:
+            file.write(values, 1)
     header = f'ncols 60\nnrows 140\nxllcorner {easting}\nyllcorner {northing - 140 * cell}\n'
     rows = '\n'.join(' '.join(f'{value:.2f}' for value in row) for row in elevation)
     (folder / 'etna.asc').write_text(f'{header}cellsize {cell}\nNODATA_value -9999\n{rows}\n')
@@ -134,6 +138,10 @@ def _furnish(folder: Path) -> None:
         'lava': {'viscosity': 1e4},
     }
     (folder / 'etna.yaml').write_text(yaml.safe_dump(scene))
+    lognormal = {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5}
+    uncertain = {**scene, 'uncertainty': {'discharge': lognormal, 'position': {'radius': 50.0}}}
+    (folder / 'uncertain.yaml').write_text(yaml.safe_dump(uncertain))
+    write_case(folder / 'valley', hours=0.5)
     shutil.copytree(ROOT / 'bags/sample', folder / 'bags/demo')
     whole = (ROOT / 'bags/sample/sample_0.mcap').read_bytes()
     (folder / 'broken.mcap').write_bytes(whole[: len(whole) * 2 // 3])
@@ -260,11 +268,8 @@ def _run_together(commands: list[str], folder: Path, environment: dict[str, str]
             )
             time.sleep(1.0)
         time.sleep(TOGETHER)
-        for process in running:
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
+        _interrupt(running)
         for process, command, log in zip(running, commands, logs, strict=True):
-            process.wait(30.0)
             log.seek(0)
             assert process.returncode in (0, 130, -signal.SIGINT), f'{command}\n{log.read()}'
     finally:
@@ -272,6 +277,18 @@ def _run_together(commands: list[str], folder: Path, environment: dict[str, str]
             process.kill()
         for log in logs:
             log.close()
+
+
+def _interrupt(running: list[subprocess.Popen[bytes]]) -> None:
+    """Press Ctrl+C until all have ended: while it imports Python may pass over the first."""
+    end = time.monotonic() + 60.0
+    while any(process.poll() is None for process in running):
+        assert time.monotonic() < end, [process.args for process in running]
+        for process in running:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(10.0)
 
 
 @pytest.mark.parametrize(

@@ -392,4 +392,4 @@ def _parse(opcode: int, content: bytes) -> list[McapRecord]:
         size = zstandard.frame_content_size(chunk.data)
         if size not in (-1, chunk.uncompressed_size):
             raise McapError(f'a chunk of {chunk.uncompressed_size} bytes that holds {size}')
-    return breakup_chunk(chunk, validate_crc=True)
+    return list(breakup_chunk(chunk, validate_crc=True))

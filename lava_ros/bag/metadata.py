@@ -219,4 +219,5 @@ def _time_span(start_ns: int | None, end_ns: int | None) -> dict[str, Any]:
 
 def _dump(data: Mapping[str, Any]) -> str:
     # Lines are not folded, so that a long value stays as it is for every YAML reader.
-    return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=2**31)
+    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=2**31)
+    return text

@@ -107,7 +107,8 @@ LATCHED = QosProfile(depth=1, durability='transient_local')
 
 def profiles_to_yaml(profiles: Iterable[QosProfile]) -> str:
     """The YAML list that a channel's ``offered_qos_profiles`` holds."""
-    return yaml.safe_dump([item.to_dict() for item in profiles], sort_keys=False).strip()
+    text: str = yaml.safe_dump([item.to_dict() for item in profiles], sort_keys=False)
+    return text.strip()
 
 
 def profiles_from_yaml(text: str) -> tuple[QosProfile, ...]:

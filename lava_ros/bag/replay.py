@@ -74,7 +74,12 @@ class Step(NamedTuple):
 
 
 def schedule(
-    bag: Bag, *, rate: float = 1.0, loop: bool = False, start_offset: float = 0.0
+    bag: Bag,
+    *,
+    rate: float = 1.0,
+    loop: bool = False,
+    start_offset: float = 0.0,
+    first_ns: int | None = None,
 ) -> Iterator[Due]:
     """Say when each message of a bag is to be published.
 
@@ -86,6 +91,7 @@ def schedule(
         rate: Bag time that passes in a second of wall time [s/s].
         loop: Whether to start over at the end, for ever.
         start_offset: Where to start, from the bag's first message [s of bag time].
+        first_ns: Where the first round starts when it starts elsewhere [ns of bag time].
 
     Raises:
         LavaError: An argument is out of range, or the bag has no messages.
@@ -98,23 +104,23 @@ def schedule(
     if begin > bag.end_ns:
         length = (bag.end_ns - bag.start_ns) / 1e9
         raise LavaError('start_offset', start_offset, f'at most the {length:g} s the bag lasts')
-    return _schedule(bag, rate, loop, begin)
+    return _schedule(bag, rate, loop, begin, begin if first_ns is None else first_ns)
 
 
-def _schedule(bag: Bag, rate: float, loop: bool, begin: int) -> Iterator[Due]:
+def _schedule(bag: Bag, rate: float, loop: bool, begin: int, first: int) -> Iterator[Due]:
     assert bag.end_ns is not None
     latched = [name for name, topic in bag.topics.items() if topic.qos.is_latched]
-    period = (bag.end_ns - begin) / 1e9 / rate + LOOP_PAUSE
-    count = 0
+    count, base, start = 0, 0.0, first
     while True:
-        base = count * period
-        for message in bag.newest(latched, begin):
-            yield Due(base, begin, message, count)
-        for message in bag.messages(start_ns=begin):
-            at = base + (message.stamp_ns - begin) / 1e9 / rate
+        for message in bag.newest(latched, start):
+            yield Due(base, start, message, count)
+        for message in bag.messages(start_ns=start):
+            at = base + (message.stamp_ns - start) / 1e9 / rate
             yield Due(at, message.stamp_ns, message, count)
         if not loop:
             return
+        base += (bag.end_ns - start) / 1e9 / rate + LOOP_PAUSE
+        start = begin
         count += 1
 
 

@@ -124,7 +124,8 @@ def _dependencies(text: str, package: str) -> list[str]:
 def _type_hash(message_type: str, path: Path) -> str:
     try:
         hashes = json.loads(path.read_text(encoding='utf-8'))['type_hashes']
-        return next(item['hash_string'] for item in hashes if item['type_name'] == message_type)
+        found = (item['hash_string'] for item in hashes if item['type_name'] == message_type)
+        return str(next(found))
     except (OSError, ValueError, KeyError, TypeError, StopIteration) as error:
         raise LavaError(
             'message_type',

@@ -36,6 +36,10 @@ _SCENE = 'scene'
 # Which effects were on from when on, a list in JSON; see ros/scene_recording.py.
 _EFFECTS = 'effects'
 
+# Bag, simulated time and ROS time of the checkpoint that the recorded simulation has gone on from,
+# in JSON.
+_RESUMED = 'resumed_from'
+
 _SHOWN_CHECKPOINTS = 5
 
 
@@ -108,6 +112,7 @@ def _as_dict(bag: BagReader) -> dict[str, Any]:
             for topic in bag.topics.values()
         ],
         'simulation': _simulation(bag),
+        'resumed_from': _resumed(bag.custom_data),
         'checkpoints': [item._asdict() for item in checkpoints_of(bag.path)],
         'scene': _scene(bag.custom_data),
         'effects': _effects(bag.custom_data),
@@ -127,6 +132,9 @@ def _lines(bag: BagReader) -> list[str]:
         lines.append(f'duration   {bag.duration_ns / 1e9:.3f} s')
     count = bag.message_count
     lines.append(f'messages   {"unknown" if count is None else count}')
+    resumed = _resumed(bag.custom_data)
+    if resumed is not None:
+        lines.append(f'resumed    at {resumed["time"]:.3f} s simulated, from {resumed["bag"]}')
     lines += _simulation_lines(bag)
     lines += _topic_lines(list(bag.topics.values()))
     lines += _checkpoint_lines(bag)
@@ -136,7 +144,7 @@ def _lines(bag: BagReader) -> list[str]:
     effects = _effects(bag.custom_data)
     if effects is not None:
         lines += ['', 'effects', *_effect_lines(effects)]
-    shown = {_SCENE: scene, _EFFECTS: effects}
+    shown = {_SCENE: scene, _EFFECTS: effects, _RESUMED: resumed}
     rest = {
         key: value
         for key, value in sorted(bag.custom_data.items())
@@ -244,6 +252,20 @@ def _scene_lines(scene: Mapping[str, Any]) -> list[str]:
         else:
             lines.append(f'  {name}: {_inline(value)}')
     return lines
+
+
+def _resumed(custom_data: Mapping[str, str]) -> dict[str, Any] | None:
+    """What the bag has gone on from, None for one that began at time 0 or does not say."""
+    try:
+        origin = json.loads(custom_data.get(_RESUMED, ''))
+    except ValueError:
+        return None
+    is_origin = (
+        isinstance(origin, dict)
+        and isinstance(origin.get('bag'), str)
+        and isinstance(origin.get('time'), int | float)
+    )
+    return origin if is_origin else None
 
 
 def _effects(custom_data: Mapping[str, str]) -> list[dict[str, Any]] | None:

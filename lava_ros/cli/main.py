@@ -25,15 +25,21 @@ import lava_ros
 from lava_ros.cli import (
     accuracy,
     animate,
+    barrier,
     bench,
+    calibrate,
     completion,
     demo,
     doctor,
     effects,
+    ensemble,
     export,
     feed,
+    hindcast,
     info,
+    materials,
     node,
+    plan,
     plot,
     recover,
     replay,
@@ -50,10 +56,10 @@ _ROS_ARGS = '--ros-args'
 
 #: The commands under the headings of the manual page.
 GROUPS = (
-    ('run', (demo, node, feed)),
+    ('run', (demo, node, feed, ensemble)),
     ('record', (replay, info, recover)),
-    ('look', (report, plot, animate, export, effects)),
-    ('measure', (accuracy, verify, bench)),
+    ('look', (report, plot, animate, export, effects, materials, barrier)),
+    ('measure', (hindcast, calibrate, plan, accuracy, verify, bench)),
     ('set up', (doctor, completion)),
 )
 
@@ -78,7 +84,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     args.ros_args = ros_args
     args.parser = parser
     try:
-        return args.run(args)
+        return int(args.run(args))
     except LavaError as error:
         # Libraries explain themselves over several lines.
         print(f'lava {args.command}: {" ".join(str(error).split())}', file=sys.stderr)

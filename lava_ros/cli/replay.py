@@ -17,13 +17,16 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import ExitStack
 import sys
 from typing import TYPE_CHECKING
 
+from lava_ros.cli.keys import is_at_terminal, keys_of
 from lava_ros.cli.ros import require_ros
 
 if TYPE_CHECKING:
     from lava_ros.bag.replay import Step
+    from lava_ros.bag.transport import Transport
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -32,7 +35,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         'replay',
         help='publish a recorded bag into the ROS graph',
         description='Publish a recorded bag with the QoS it was recorded with, and its time on '
-        '/clock. Bags whose recording was cut off are played up to the last whole message.',
+        '/clock. Bags whose recording was cut off are played up to the last whole message. '
+        'Keys in a terminal: space holds it and lets it go on, left and right go back and ahead '
+        'by 5 s (of bag time times the rate), up and down double and halve the speed, q ends it.',
     )
     parser.add_argument('bag', help='bag directory or .mcap file')
     parser.add_argument('--rate', type=float, default=1.0, help='speed, 2 is twice as fast')
@@ -69,6 +74,7 @@ def run(args: argparse.Namespace) -> int:
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from lava_ros.bag.reader import BagReader
+    from lava_ros.bag.transport import Transport
 
     bag = BagReader(args.bag)
     require_ros()
@@ -79,11 +85,21 @@ def run(args: argparse.Namespace) -> int:
         TextColumn('replay'),
         BarColumn(),
         TextColumn('{task.completed:.1f} of {task.total:.1f} s'),
+        TextColumn('{task.fields[state]}'),
         TextColumn('{task.description}'),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, disable=not sys.stdout.isatty(), transient=True) as progress:
-        task = progress.add_task('', total=total)
+    with ExitStack() as stack:
+        progress = stack.enter_context(
+            Progress(*columns, disable=not sys.stdout.isatty(), transient=True)
+        )
+        task = progress.add_task('', total=total, state='')
+        transport = None
+        if is_at_terminal():
+            keys = stack.enter_context(keys_of(sys.stdin.fileno()))
+            transport = Transport(
+                keys.read, on_change=lambda item: progress.update(task, state=_state(item))
+            )
 
         def show(step: Step) -> None:
             seconds = (step.clock_ns - (bag.start_ns or 0)) / 1e9
@@ -98,6 +114,12 @@ def run(args: argparse.Namespace) -> int:
             clock=args.clock,
             wait_for_subscribers=args.wait_for_subscribers,
             on_step=show,
+            transport=transport,
         )
     print(f'{count} messages published')
     return 0
+
+
+def _state(transport: Transport) -> str:
+    speed = f'x{transport.speed:g}' if transport.speed != 1.0 else ''
+    return ' '.join(filter(None, ['held' if transport.is_paused else '', speed]))

@@ -58,14 +58,14 @@ def header(frame_id: str, stamp_ns: int) -> Header:
     return Header(frame_id=frame_id, stamp=time_message(stamp_ns))
 
 
-def message_array(values: np.ndarray, typecode: str) -> array.array:
+def message_array(values: np.ndarray, typecode: str) -> 'array.array[int]':
     """Copy an array into the kind of array that message fields hold: 100 times faster than a list.
 
     Args:
         values: The values; their bytes are taken as they lie in memory.
         typecode: Type code of the field's elements, ``b`` for int8[] and ``B`` for uint8[].
     """
-    result = array.array(typecode)
+    result: array.array[int] = array.array(typecode)
     # A view of no elements cannot be cast.
     if values.size:
         result.frombytes(np.ascontiguousarray(values).data.cast('B'))
@@ -134,7 +134,9 @@ def image_array(image: Image, name: str) -> np.ndarray:
             f'{len(image.data)} bytes',
             f'step x height = {image.step * rows} bytes',
         )
-    return np.ndarray((rows, columns), dtype, image.data, strides=(image.step, dtype.itemsize))
+    strides = (image.step, dtype.itemsize)
+    pixels: np.ndarray = np.ndarray((rows, columns), dtype, image.data, strides=strides)
+    return pixels
 
 
 def cloud_columns(
@@ -233,4 +235,5 @@ def point_cloud(columns: Mapping[str, Any], message_header: Header) -> PointClou
 
 def serialise(message: Any) -> bytes:
     """Turn a message into the bytes that go over the wire, and into a bag."""
-    return serialize_message(message)
+    data: bytes = serialize_message(message)
+    return data

@@ -20,10 +20,12 @@ import threading
 import time
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.ros.checkpoint_recording import LastCheckpoint
 from lava_ros.ros.effect_table import is_on
+from lava_ros.ros.forecaster import ForecasterStatus, LiveForecast
 from lava_ros.ros.recorder import RecorderStatus
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.simulation.snapshot import Snapshot
@@ -196,6 +198,44 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
     names = ', '.join(name for name, text in effects.items() if is_on(text)) or 'none'
     message = f'on: {names}' if effects else 'not chosen yet'
     return _status('effects', DiagnosticStatus.OK, message, effects)
+
+
+def forecast_status(
+    forecaster: ForecasterStatus, latest: LiveForecast | None, *, age: float, staleness: str
+) -> DiagnosticStatus:
+    """Say how the forecasts are doing.
+
+    Args:
+        forecaster: What the forecaster says.
+        latest: The newest forecast, None before the first.
+        age: Simulated time since its start [s].
+        staleness: Why it says nothing about what comes, empty when it does.
+    """
+    values: dict[str, object] = {
+        'forecasts': forecaster.count,
+        'share': f'{forecaster.share:.2g}',
+        'progress': '' if forecaster.progress is None else f'{forecaster.progress:.2f}',
+    }
+    if latest is not None:
+        forecast = latest.forecast
+        values |= {
+            'start_time_s': repr(forecast.time),
+            'horizon_s': repr(forecast.horizon),
+            'duration_s': f'{forecast.duration:.3g}',
+            'age_s': f'{age:.6g}',
+            'is_stale': str(bool(staleness)).lower(),
+            'frame_stamp_ns': latest.stamp_ns,
+            'particles': forecast.particle_count,
+            'cells_reached': int(np.isfinite(forecast.arrival).sum()),
+        }
+    if forecaster.error:
+        return _status('forecast', DiagnosticStatus.ERROR, forecaster.error, values)
+    if latest is None:
+        return _status('forecast', DiagnosticStatus.OK, staleness, values)
+    if staleness:
+        message = f'stale, withdrawn: {staleness}'
+        return _status('forecast', DiagnosticStatus.WARN, message, values)
+    return _status('forecast', DiagnosticStatus.OK, 'up to date', values)
 
 
 def recorder_status(

@@ -16,7 +16,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import Protocol, TYPE_CHECKING
+from typing import NamedTuple, Protocol, TYPE_CHECKING
 
 import numpy as np
 
@@ -34,6 +34,36 @@ if TYPE_CHECKING:
 
 class SimulationError(Exception):
     """The simulation cannot go on; says why, and what helps."""
+
+
+class Origin(NamedTuple):
+    """The checkpoint that a simulation has gone on from.
+
+    Attributes:
+        bag: The bag that has it.
+        time: Its simulated time [s].
+        stamp_ns: ROS time at which it was taken [ns].
+    """
+
+    bag: str
+    time: float
+    stamp_ns: int
+
+
+class Fork(NamedTuple):
+    """A copy of the state, from which another simulation can go on.
+
+    Attributes:
+        checkpoint: The copy.
+        changes: Changes of scene or effects up to then.
+        clock: Time on the clock that simulated time follows [s].
+        wall_time: How long the copy took [s].
+    """
+
+    checkpoint: Checkpoint
+    changes: int
+    clock: float
+    wall_time: float
 
 
 class SimulationLike(Protocol):
@@ -85,8 +115,10 @@ class Eruption:
     Attributes:
         simulation: The simulation, None before there is a terrain or after a failure.
         scene: The scene in use, None before there is a terrain.
+        origin: The checkpoint that the simulation has gone on from, None when it began at time 0.
         latest: The newest snapshot, None before the first; it stays after a failure.
         effects: The table of effects (``effect_table``), empty before there is a simulation.
+        changes: How often what comes has become another: by a start, vents, terrain, effects.
         max_particles: Most particles, beyond which the simulation does not go on.
     """
 
@@ -110,8 +142,10 @@ class Eruption:
         self._is_changed = False
         self.simulation: SimulationLike | None = None
         self.scene: Scene | None = None
+        self.origin: Origin | None = None
         self.latest: Snapshot | None = None
         self.effects: Mapping[str, str] = {}
+        self.changes = 0
 
     @property
     def time(self) -> float:
@@ -128,16 +162,23 @@ class Eruption:
         # A scene that is refused here leaves the old simulation in place.
         self.go_on_with(self._make_simulation(scene), scene)
 
-    def go_on_with(self, simulation: SimulationLike, scene: Scene) -> None:
+    def go_on_with(
+        self, simulation: SimulationLike, scene: Scene, origin: Origin | None = None
+    ) -> None:
         """Take a simulation of a scene, at any time, in place of what there was."""
         self.simulation, self.scene, self._lava = simulation, scene, scene.lava
+        self.origin = origin
         self._note_change()
 
     def checkpoint(self) -> bytes:
         """Serialise all that is needed to go on from here."""
+        return self.copy().to_bytes()
+
+    def copy(self) -> Checkpoint:
+        """Copy all that is needed to go on from here."""
         if self.simulation is None:
             raise LavaError('checkpoint', 'no simulation', 'one that has started and not failed')
-        return self.simulation.checkpoint().to_bytes()
+        return self.simulation.checkpoint()
 
     def begin(self, terrain: Terrain, vents: tuple[Vent, ...]) -> None:
         """Start on the first terrain."""
@@ -216,6 +257,7 @@ class Eruption:
     def fail(self) -> None:
         """Give the simulation up; scene and last snapshot stay."""
         self.simulation = None
+        self.changes += 1
 
     def renew_snapshot(self) -> bool:
         """Bring ``latest`` up to date and say whether it changed.
@@ -237,6 +279,7 @@ class Eruption:
         assert self.simulation is not None
         self.effects = effect_table(self.simulation.effects, self.simulation.decisions())
         self._is_changed = True
+        self.changes += 1
 
     def _is_without_lava(self) -> bool:
         self.renew_snapshot()

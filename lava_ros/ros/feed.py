@@ -83,4 +83,4 @@ class SceneFeed(Node):
         self._readers = readers
 
     def _stamp_ns(self) -> int:
-        return self.get_clock().now().nanoseconds
+        return int(self.get_clock().now().nanoseconds)

@@ -74,15 +74,15 @@ def check_image(image: Image, rules: InputRules) -> None:
     _check_elevation('terrain', codec.image_array(image, 'terrain'), rules)
 
 
-def check_info(info: MapMetaData, rules: InputRules) -> None:
-    """Check a terrain_info by itself.
+def check_info(info: MapMetaData, rules: InputRules, *, name: str = 'terrain_info') -> None:
+    """Check the description of a grid by itself.
 
     Raises:
         LavaError: Size, resolution or origin is not usable.
     """
-    _check_cells('terrain_info.size', info.width, info.height, rules)
-    validation.number('terrain_info.resolution', info.resolution, above=0.0, unit='m')
-    _check_pose('terrain_info.origin', info.origin)
+    _check_cells(f'{name}.size', info.width, info.height, rules)
+    validation.number(f'{name}.resolution', info.resolution, above=0.0, unit='m')
+    _check_pose(f'{name}.origin', info.origin)
 
 
 def terrain_from_image(image: Image, info: MapMetaData, rules: InputRules) -> Terrain:
@@ -229,19 +229,24 @@ class TerrainPairing:
     Either may come first. Two that are both new make a terrain at once when their sizes agree. A
     single new one of the old size gives its partner ``settle`` seconds to come and then pairs with
     the old partner, so that a publisher that sends both never shows the new elevations at the old
-    place. Halves that find no partner of their size within ``patience`` seconds are an error,
-    reported once.
+    place. Halves of different sizes are an error after ``patience`` seconds, one without any
+    partner after ``absence`` seconds: a machine with too much to do may hear of one publisher
+    seconds after the other, which is no mistake of theirs. Each is reported once.
     """
 
-    def __init__(self, *, settle: float = 0.5, patience: float = 2.0) -> None:
+    def __init__(
+        self, *, settle: float = 0.5, patience: float = 2.0, absence: float = 10.0
+    ) -> None:
         """Start with nothing.
 
         Args:
             settle: Time the partner of a single new half has to come [s].
-            patience: Time after which a half without partner is reported [s].
+            patience: Time after which a half of another size than its partner is reported [s].
+            absence: Time after which a half without any partner is reported [s].
         """
         self._settle = settle
         self._patience = patience
+        self._absence = absence
         self._image: Image | None = None
         self._info: MapMetaData | None = None
         self._image_is_new = False
@@ -279,7 +284,8 @@ class TerrainPairing:
             if fits and (both_new or now - self._changed >= self._settle):
                 self._image_is_new = self._info_is_new = False
                 return image, info
-        if now - self._changed < self._patience:
+        is_alone = image is None or info is None
+        if now - self._changed < (self._absence if is_alone else self._patience):
             return None
         self._reported = True
         if image is None:

@@ -17,10 +17,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from nav_msgs.msg import OccupancyGrid
 from rclpy.publisher import Publisher
 
+from lava_ros.errors import LavaError
+from lava_ros.forecast.forecast import Forecast
 from lava_ros.layers import Layer, load_layers, OCCUPANCY_GRID, switched
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.entities import Entities
@@ -28,39 +31,61 @@ from lava_ros.ros.parameters import Settings
 from lava_ros.ros.recorder import Recorder
 from lava_ros.simulation.snapshot import Snapshot
 
+#: What layers show.
+Shown = TypeVar('Shown', Snapshot, Forecast)
 
-def published_layers(config: Path, settings: Settings) -> list[Layer]:
-    """The layers of a file that the node publishes.
+
+def published_layers(config: Path, forecast: Path | None, settings: Settings) -> list[Layer]:
+    """The layers that the node publishes.
 
     Args:
-        config: A file of msg_configs/.
+        config: The file of msg_configs/ for the flow of now.
+        forecast: The one for forecasts, None without forecasts.
         settings: The node's settings.
 
     Raises:
-        LavaError: The file or a layer's name is wrong, or the package of a message is missing.
+        LavaError: A file or a layer's name is wrong, or the package of a message is missing.
     """
-    layers = switched(load_layers(config), on=settings.layers_on, off=settings.layers_off)
+    known = _layers_of(config, is_forecast=False)
+    if forecast is not None:
+        known += _layers_of(forecast, is_forecast=True)
+    topics = [layer.topic for layer in known]
+    for layer in known:
+        if topics.count(layer.topic) > 1:
+            right = 'a topic that msg_config and forecast_config do not share'
+            raise LavaError(f'layers.{layer.name}.topic', layer.topic, right)
+    layers = switched(known, on=settings.layers_on, off=settings.layers_off)
     enabled = [layer for layer in layers if layer.enabled]
     for layer in enabled:
         outputs.message_class(layer)
     return enabled
 
 
+def _layers_of(config: Path, *, is_forecast: bool) -> tuple[Layer, ...]:
+    layers = load_layers(config)
+    for layer in layers:
+        if layer.is_forecast is not is_forecast:
+            right = 'one of a forecast' if is_forecast else 'one of now; those of a forecast have'
+            right += '' if is_forecast else ' a file of their own, forecast_config'
+            raise LavaError(f'layers.{layer.name}.source', layer.source, right)
+    return layers
+
+
 @dataclass(eq=False)
-class _Output:
+class _Output(Generic[Shown]):
     """A layer, its publisher and what was sent last."""
 
     layer: Layer
     publisher: Publisher
     is_due: bool = True
-    published: Snapshot | None = None
+    published: Shown | None = None
 
 
-class LayerPublishers:
+class LayerPublishers(Generic[Shown]):
     """The publishers of layers.
 
     Attributes:
-        shown: The newest snapshot that was published, None before the first.
+        shown: What was published last, None before the first.
         shown_stamp_ns: Its stamp [ns].
         rates: The rates the layers ask for [Hz], each once.
     """
@@ -78,8 +103,8 @@ class LayerPublishers:
         """
         self._recorder = recorder
         self._frame_id = frame_id
-        self._outputs = [
-            _Output(
+        self._outputs: list[_Output[Shown]] = [
+            _Output[Shown](
                 layer,
                 entities.publisher(
                     outputs.message_class(layer), layer.topic, qos.ros_profile(layer.qos)
@@ -87,8 +112,8 @@ class LayerPublishers:
             )
             for layer in layers
         ]
-        self.rates = sorted({output.layer.rate for output in self._outputs})
-        self.shown: Snapshot | None = None
+        self.rates: list[float] = sorted({output.layer.rate for output in self._outputs})
+        self.shown: Shown | None = None
         self.shown_stamp_ns = 0
 
     @property
@@ -112,22 +137,31 @@ class LayerPublishers:
             output.is_due |= output.layer.rate == rate
 
     def publish(
-        self, snapshot: Snapshot, stamp_ns: int, *, also_not_due: bool, repeat: bool
+        self,
+        snapshot: Shown,
+        stamp_ns: int,
+        *,
+        also_not_due: bool,
+        repeat: bool,
+        recorded_ns: int | None = None,
     ) -> None:
-        """Publish a snapshot on the layers that have not had it.
+        """Publish a snapshot or a forecast on the layers that have not had it.
 
         Args:
             snapshot: What to publish.
             stamp_ns: ROS time of the messages [ns].
+            recorded_ns: ROS time at which the bag has them [ns]; None for the same.
             also_not_due: Whether layers take it whose time has not come.
             repeat: Whether layers take it that have had it.
         """
         for output in self._outputs:
             is_new = snapshot is not output.published and (output.is_due or also_not_due)
             if is_new or repeat:
-                self._publish(output, snapshot, stamp_ns)
+                self._publish(output, snapshot, stamp_ns, recorded_ns or stamp_ns)
 
-    def _publish(self, output: _Output, snapshot: Snapshot, stamp_ns: int) -> None:
+    def _publish(
+        self, output: _Output[Shown], snapshot: Shown, stamp_ns: int, recorded_ns: int
+    ) -> None:
         layer = output.layer
         output.is_due = False
         output.published = snapshot
@@ -147,6 +181,6 @@ class LayerPublishers:
                 output.publisher.topic_name,
                 layer.message,
                 data,
-                stamp_ns,
+                recorded_ns,
                 qos=qos.bag_profile(layer.qos),
             )

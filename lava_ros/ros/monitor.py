@@ -24,7 +24,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from lava_ros.ros import qos
-from lava_ros.ros.worker import WorkerState
+from lava_ros.ros.worker_status import WorkerState
 
 
 @dataclass(frozen=True)

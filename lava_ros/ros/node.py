@@ -34,11 +34,11 @@ from lava_ros.errors import LavaError
 from lava_ros.lava import Lava
 from lava_ros.ros import parameters, qos
 from lava_ros.ros.entities import Entities
+from lava_ros.ros.eruption import SimulationLike
 from lava_ros.ros.operation import Operation
 from lava_ros.ros.resume import adopt
 from lava_ros.ros.sources import load_sources, Sources
 from lava_ros.ros.spinning import spin
-from lava_ros.ros.worker import SimulationLike
 from lava_ros.scene import Scene
 
 
@@ -100,7 +100,7 @@ class LavaNode(LifecycleNode):
         good = TransitionCallbackReturn.SUCCESS
         if not self._is_autostarting:
             return True
-        return self.trigger_configure() == good and self.trigger_activate() == good
+        return bool(self.trigger_configure() == good and self.trigger_activate() == good)
 
     def close(self) -> bool:
         """Finish the bag and end the simulation.

@@ -30,6 +30,8 @@ from lava_ros.ros import codec, diagnostics, qos
 from lava_ros.ros.bag_folder import BagFolder
 from lava_ros.ros.checkpoint_recording import CheckpointRecording
 from lava_ros.ros.entities import Entities
+from lava_ros.ros.eruption import SimulationLike
+from lava_ros.ros.forecast_topics import ForecastTopics
 from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.layer_publishers import LayerPublishers, published_layers
 from lava_ros.ros.markers import vent_markers
@@ -39,10 +41,11 @@ from lava_ros.ros.scene_recording import SceneRecording
 from lava_ros.ros.services import Services
 from lava_ros.ros.simulations import new_simulation, resumed_simulation
 from lava_ros.ros.sources import Sources
-from lava_ros.ros.worker import SimulationLike, SimulationWorker
+from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
 from lava_ros.scene import Scene
 from lava_ros.share import find_file
+from lava_ros.simulation.snapshot import Snapshot
 
 #: Thickness from which a cell counts as wet in the diagnostics [m].
 WET_THICKNESS = 0.1
@@ -91,7 +94,10 @@ class Operation:
             settings.bag_root, settings.bag_directory, node=node.get_fully_qualified_name()
         )
         config = find_file(settings.msg_config, 'msg_configs')
-        layers = published_layers(config, settings)
+        forecast_config: Path | None = None
+        if settings.forecast_horizon:
+            forecast_config = find_file(settings.forecast_config, 'msg_configs')
+        layers = published_layers(config, forecast_config, settings)
         self._is_active = False
         self._is_paused = False
         self._is_recording_wanted = settings.record
@@ -103,6 +109,9 @@ class Operation:
             self._recorder,
             frame_id=settings.rules.frame_id,
             msg_config=config.read_text(encoding='utf-8'),
+            forecast_config=(
+                forecast_config.read_text(encoding='utf-8') if forecast_config else ''
+            ),
             parameters=values,
         )
         self._entities = entities
@@ -118,10 +127,21 @@ class Operation:
             on_snapshot=snapshot_ready.trigger,
         )
         self._checkpoints = CheckpointRecording(self._recorder, self._worker.checkpoint)
-        self._layers = LayerPublishers(
-            entities, layers, self._recorder, frame_id=settings.rules.frame_id
+        self._layers = LayerPublishers[Snapshot](
+            entities,
+            [layer for layer in layers if not layer.is_forecast],
+            self._recorder,
+            frame_id=settings.rules.frame_id,
         )
-        for rate in self._layers.rates:
+        self._forecasts = ForecastTopics(
+            entities,
+            [layer for layer in layers if layer.is_forecast],
+            self._recorder,
+            worker=self._worker,
+            settings=lambda: self._settings,
+        )
+        publishers: list[LayerPublishers[Any]] = [self._layers, self._forecasts.layers]
+        for rate in sorted({rate for item in publishers for rate in item.rates}):
             entities.timer(1.0 / rate, lambda rate=rate: self._make_due(rate))
         latched = qos.ros_profile(qos.LATCHED)
         self._markers = entities.publisher(MarkerArray, 'vents_markers', latched)
@@ -137,11 +157,12 @@ class Operation:
             entities, self._worker, settings=lambda: self._settings, steady=steady
         )
         self._answers = Services(
-            self, entities, worker=self._worker, inputs=self._inputs, layers=self._layers
+            self, entities, worker=self._worker, inputs=self._inputs, layers=publishers
         )
         self._begin(sources)
         # The last thing: what fails before leaves no thread behind.
         self._worker.start()
+        self._forecasts.start()
 
     @property
     def is_active(self) -> bool:
@@ -169,11 +190,13 @@ class Operation:
         self._is_recording_wanted = False
         self._is_active = True
         self._worker.pause(self._is_paused)
+        self._forecasts.activate(True)
         self._publish(repeat=True)
 
     def deactivate(self) -> None:
         """Let time stand still, and publish no layers; inputs are taken, diagnostics told."""
         self._is_active = False
+        self._forecasts.activate(False)
         self._worker.pause(True)
 
     def close(self) -> bool:
@@ -187,6 +210,7 @@ class Operation:
             self._close_bag()
             self._report_recorder()
         finally:
+            self._forecasts.stop()
             ended = self._worker.stop(STOP_TIMEOUT)
             self._entities.destroy()
         return ended
@@ -278,7 +302,9 @@ class Operation:
         checkpoint, command = sources.checkpoint, self._inputs.command
         if checkpoint is not None:
             going_on = self._worker.go_on_with(
-                lambda: resumed_simulation(checkpoint, self._settings), checkpoint.scene
+                lambda: resumed_simulation(checkpoint, self._settings),
+                checkpoint.scene,
+                sources.origin,
             )
             going_on.add_done_callback(self._note_failure)
         elif sources.scene is not None:
@@ -297,6 +323,7 @@ class Operation:
         if not self._is_active:
             return
         self._layers.make_due(rate)
+        self._forecasts.make_due(rate)
         self._worker.request_snapshot()
         if self._is_at_rest():
             self._publish()
@@ -313,12 +340,14 @@ class Operation:
                 snapshot,
                 stamp_ns,
                 effects=self._worker.effects,
+                origin=self._worker.origin,
                 device=self._worker.status.device,
             )
             self._publish_markers(scene, snapshot.time, stamp_ns)
         self._layers.publish(
             snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat
         )
+        self._forecasts.publish(repeat=repeat)
         self._recorder.flush()
         self._report_recorder()
 
@@ -359,6 +388,7 @@ class Operation:
                 diagnostics.effects_status(self._worker.effects),
                 self._inputs.log.status(),
                 diagnostics.recorder_status(self._recorder.status, self._checkpoints.last),
+                *self._forecasts.statuses(),
             ],
         )
         diagnostics.sign(message, self._node.get_fully_qualified_name())
@@ -387,7 +417,7 @@ class Operation:
             self._node.get_logger().info(f'simulation {state.value}')
 
     def _stamp_ns(self) -> int:
-        return self._node.get_clock().now().nanoseconds
+        return int(self._node.get_clock().now().nanoseconds)
 
     # recording
 

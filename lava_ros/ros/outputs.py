@@ -21,6 +21,7 @@ from nav_msgs.msg import MapMetaData, OccupancyGrid
 from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.errors import LavaError
+from lava_ros.forecast.forecast import Forecast
 from lava_ros.layers import GRID_MAP, IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
 from lava_ros.ros import codec, grid_map
 from lava_ros.scene import Terrain, Vent
@@ -50,7 +51,9 @@ def message_class(layer: Layer) -> Any:
     return classes.map
 
 
-def layer_message(layer: Layer, snapshot: Snapshot, *, frame_id: str, stamp_ns: int) -> Any:
+def layer_message(
+    layer: Layer, snapshot: Snapshot | Forecast, *, frame_id: str, stamp_ns: int
+) -> Any:
     """Make the message of a layer."""
     message_header = codec.header(frame_id, stamp_ns)
     if layer.message == OCCUPANCY_GRID:

@@ -161,6 +161,33 @@ PARAMETERS = (
         (1e-3, 1e5),
     ),
     ParameterSpec(
+        'forecast_horizon',
+        0.0,
+        'How far ahead forecasts look, made again and again beside the simulation [h]; 0: none',
+        (0.0, 1e5),
+        read_only=True,
+    ),
+    ParameterSpec(
+        'forecast_config',
+        'forecast.yaml',
+        'How forecasts become messages: a path, or the name of a file in msg_configs/',
+        read_only=True,
+    ),
+    ParameterSpec(
+        'forecast_max_age',
+        0.0,
+        'Simulated time after which a forecast is withdrawn unless there is a newer one [s]; '
+        '0: half of forecast_horizon',
+        (0.0, 1e10),
+    ),
+    ParameterSpec(
+        'forecast_share',
+        1.0,
+        'Largest share of the time that the device computes forecasts; less while the simulation '
+        'falls behind the clock [s/s]',
+        (0.01, 1.0),
+    ),
+    ParameterSpec(
         'default_discharge', 10.0, 'Discharge of a vent opened by a click [m3/s]', (0.0, 1e6)
     ),
     ParameterSpec(
@@ -253,6 +280,7 @@ PARAMETERS = (
     ),
 )
 
+
 def lava_parameters(lava: Lava) -> tuple[ParameterSpec, ...]:
     """The parameters ``lava.*``, with a material's values as defaults."""
     return tuple(
@@ -316,6 +344,10 @@ class Settings:
         spacing: Distance between particles [m] in place of the preset's, None for that.
         forced: Effects forced on or off by name.
         horizon: How far ahead the choice of effects looks [s].
+        forecast_horizon: How far ahead forecasts look [s], 0 for none.
+        forecast_config: File of their layers.
+        forecast_max_age: Simulated time after which a forecast is withdrawn [s].
+        forecast_share: Largest share of the time that the device computes forecasts.
         default_discharge: Discharge of a vent opened by a click [m3/s].
         default_temperature: Its temperature [Celsius].
         default_radius: Its radius [m].
@@ -341,6 +373,10 @@ class Settings:
     spacing: float | None = None
     forced: Mapping[str, bool] = field(default_factory=dict)
     horizon: float = HORIZON
+    forecast_horizon: float = 0.0
+    forecast_config: str = 'forecast.yaml'
+    forecast_max_age: float = 0.0
+    forecast_share: float = 1.0
     default_discharge: float = 10.0
     default_temperature: float = 1150.0
     default_radius: float = 10.0
@@ -368,7 +404,8 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     rules = {item.name for item in fields(InputRules)} - {'epsg', 'offset'}
     lava = Lava(**{item.name: values[LAVA + item.name] for item in fields(Lava)})
     made = {'device', 'end_time', 'spacing', 'forced', 'horizon', 'rules', 'lava'}
-    made |= {'layers_on', 'layers_off'}
+    made |= {'layers_on', 'layers_off', 'forecast_horizon', 'forecast_max_age'}
+    ahead = 3600.0 * values['forecast_horizon']
     return Settings(
         **{item.name: values[item.name] for item in fields(Settings) if item.name not in made},
         device=values['device'] or None,
@@ -378,6 +415,8 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
         spacing=values['spacing'] or None,
         forced=_forced(values['effects_on'], values['effects_off'], lava),
         horizon=3600.0 * values['horizon'],
+        forecast_horizon=ahead,
+        forecast_max_age=values['forecast_max_age'] or 0.5 * ahead,
         rules=InputRules(
             **{name: values[name] for name in rules},
             epsg=values['epsg'] or None,

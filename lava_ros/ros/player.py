@@ -16,6 +16,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 import importlib
 import signal
 import threading
@@ -42,6 +43,7 @@ from lava_ros import validation
 from lava_ros.bag import replay
 from lava_ros.bag.qos import INFINITE_NS, QosProfile
 from lava_ros.bag.reader import BagReader
+from lava_ros.bag.transport import Transport
 from lava_ros.errors import LavaError
 from lava_ros.ros.codec import time_message
 
@@ -130,6 +132,7 @@ class Player:
         loop: bool = False,
         start_offset: float = 0.0,
         on_step: OnStep | None = None,
+        transport: Transport | None = None,
     ) -> None:
         """Publish the bag from start to end, or until stopped.
 
@@ -139,23 +142,44 @@ class Player:
             loop: Whether to start over at the end, for ever.
             start_offset: Where to start, from the bag's first message [s of bag time].
             on_step: Called after every message and clock tick.
+            transport: Holds, quickens and moves the replay; None lets it run.
 
         Raises:
             LavaError: An argument is out of range, or the bag is empty or damaged.
         """
-        dues = replay.schedule(self._bag, rate=rate, loop=loop, start_offset=start_offset)
         tick = QUIET_TICK if self._clock is None else replay.TICK
-        steps = replay.pace(dues, rate=rate, now=time.monotonic, wait=stop.wait, tick=tick)
-        for step in steps:
-            if self._clock is not None:
-                self._clock.publish(Clock(clock=time_message(step.clock_ns)))
-            if step.message is not None and step.message.topic in self._publishers:
-                self._publishers[step.message.topic].publish(step.message.data)
-                self.published += 1
-            if on_step is not None:
-                on_step(step)
+        now, wait = time.monotonic, stop.wait
+        if transport is not None:
+            now, wait = transport.now, partial(transport.wait, stop=stop)
+        first_ns: int | None = None
+        while True:
+            dues = replay.schedule(
+                self._bag, rate=rate, loop=loop, start_offset=start_offset, first_ns=first_ns
+            )
+            for step in replay.pace(dues, rate=rate, now=now, wait=wait, tick=tick):
+                self._publish(step)
+                first_ns = step.clock_ns
+                if on_step is not None:
+                    on_step(step)
+            jump = 0.0 if transport is None else transport.take_jump()
+            if jump == 0.0:
+                break
+            first_ns = self._place(first_ns, jump * rate)
         if not stop.is_set():
             self._wait_until_acknowledged()
+
+    def _publish(self, step: replay.Step) -> None:
+        if self._clock is not None:
+            self._clock.publish(Clock(clock=time_message(step.clock_ns)))
+        if step.message is not None and step.message.topic in self._publishers:
+            self._publishers[step.message.topic].publish(step.message.data)
+            self.published += 1
+
+    def _place(self, from_ns: int | None, jump: float) -> int:
+        """Bag time at a distance [s] from a bag time, inside the bag [ns]."""
+        start, end = self._bag.start_ns or 0, self._bag.end_ns or 0
+        here = start if from_ns is None else from_ns
+        return min(max(here + round(jump * 1e9), start), end)
 
     def _wait_until_acknowledged(self) -> None:
         deadline = time.monotonic() + ACKNOWLEDGE_TIMEOUT
@@ -174,6 +198,7 @@ def play(
     clock: bool = True,
     wait_for_subscribers: float = 0.0,
     on_step: OnStep | None = None,
+    transport: Transport | None = None,
 ) -> int:
     """Replay a bag in this process until its end, SIGINT or SIGTERM.
 
@@ -188,6 +213,7 @@ def play(
         wait_for_subscribers: Longest time to wait until every topic has a subscriber [s]; the
             replay starts then in any case.
         on_step: Called after every message and clock tick.
+        transport: Holds, quickens and moves the replay; None lets it run.
 
     Returns:
         How many messages were published.
@@ -201,7 +227,14 @@ def play(
         player = Player(node, bag, clock=clock)
         if wait > 0.0:
             player.wait_for_subscribers(wait, stop)
-        player.run(stop, rate=rate, loop=loop, start_offset=start_offset, on_step=on_step)
+        player.run(
+            stop,
+            rate=rate,
+            loop=loop,
+            start_offset=start_offset,
+            on_step=on_step,
+            transport=transport,
+        )
         return player.published
 
 
@@ -218,7 +251,8 @@ def message_class(message_type: str) -> type[Any]:
     if not package.isidentifier() or not name.isidentifier():
         raise LavaError('message_type', message_type, 'a name such as nav_msgs/msg/OccupancyGrid')
     try:
-        return getattr(importlib.import_module(f'{package}.msg'), name)
+        found: type[Any] = getattr(importlib.import_module(f'{package}.msg'), name)
+        return found
     except (ImportError, AttributeError) as error:
         raise LavaError(
             'message_type', message_type, f'a type that is installed here ({error})'

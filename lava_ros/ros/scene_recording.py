@@ -24,16 +24,23 @@ import yaml
 import lava_ros
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.effect_table import is_on
+from lava_ros.ros.eruption import Origin
 from lava_ros.ros.recorder import Recorder
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.simulation.snapshot import Snapshot
+
+#: ROS time after which terrain and vents are written again [ns]: players that start in the middle
+#: of a bag pass over what is latched from before.
+REPEAT_PERIOD_NS = 60 * 10**9
 
 
 class SceneRecording:
     """Opens an armed bag, and writes terrain and vents into it whenever they have changed.
 
+    They are written again from time to time, though never so often that they are most of the bag.
     What describes the bag is replaced when the scene changes, all but the effects: their list has
-    one entry for the start and one for each time that some went on or off, in JSON.
+    one entry for the start and one for each time that some went on or off, in JSON. A bag that
+    begins in the middle of an eruption names the checkpoint it has gone on from, in JSON.
     """
 
     def __init__(
@@ -44,6 +51,7 @@ class SceneRecording:
         frame_id: str,
         msg_config: str,
         parameters: Callable[[], Mapping[str, Any]],
+        forecast_config: str = '',
     ) -> None:
         """Write nothing yet.
 
@@ -53,15 +61,20 @@ class SceneRecording:
             frame_id: Frame of the messages.
             msg_config: Text of the file that says how layers become messages.
             parameters: Gives the node's parameters by name.
+            forecast_config: That for the layers of forecasts, empty without forecasts.
         """
         self._node = node
         self._recorder = recorder
         self._frame_id = frame_id
-        self._msg_config = msg_config
+        self._configs = {'msg_config': msg_config}
+        if forecast_config:
+            self._configs['forecast_config'] = forecast_config
         self._parameters = parameters
         self._scene: Scene | None = None
+        self._origin: Origin | None = None
         self._terrain: Terrain | None = None
         self._vents: list[tuple[float, ...]] | None = None
+        self._told_ns = self._told_size = 0
         self._effects: dict[str, str] = {}
         self._history: list[dict[str, Any]] = []
 
@@ -72,6 +85,7 @@ class SceneRecording:
         stamp_ns: int,
         *,
         effects: Mapping[str, str],
+        origin: Origin | None,
         device: str,
     ) -> None:
         """Write what has changed since the last time.
@@ -81,12 +95,13 @@ class SceneRecording:
             snapshot: The snapshot about to be published.
             stamp_ns: Its ROS time [ns].
             effects: The table of effects (``effect_table``).
+            origin: The checkpoint that the simulation has gone on from.
             device: Name of the simulation's device.
         """
         if not (self._recorder.is_armed or self._recorder.is_recording):
             return
         if self._recorder.is_armed:
-            self._effects, self._history = {}, []
+            self._effects, self._history, self._origin = {}, [], origin
             self._note_effects(effects, snapshot, stamp_ns)
             self._recorder.begin(self._description(scene, device))
             self._scene = scene
@@ -94,6 +109,8 @@ class SceneRecording:
         if self._note_effects(effects, snapshot, stamp_ns) or scene is not self._scene:
             self._recorder.describe(self._description(scene, device))
             self._scene = scene
+        if self._is_to_repeat(snapshot.terrain, stamp_ns):
+            self._terrain = self._vents = None
         if snapshot.terrain is not self._terrain:
             image, info = outputs.terrain_messages(
                 snapshot.terrain, frame_id=self._frame_id, stamp_ns=stamp_ns
@@ -101,6 +118,7 @@ class SceneRecording:
             self._write('terrain', 'sensor_msgs/msg/Image', image, stamp_ns)
             self._write('terrain_info', 'nav_msgs/msg/MapMetaData', info, stamp_ns)
             self._terrain = snapshot.terrain
+            self._told_ns, self._told_size = stamp_ns, self._recorder.size
         rows = outputs.vent_rows(scene.vents, snapshot.time)
         if rows != self._vents:
             cloud = outputs.vents_message(
@@ -108,6 +126,12 @@ class SceneRecording:
             )
             self._write('vents', 'sensor_msgs/msg/PointCloud2', cloud, stamp_ns)
             self._vents = rows
+
+    def _is_to_repeat(self, terrain: Terrain, stamp_ns: int) -> bool:
+        grown = self._recorder.size - self._told_size
+        is_late = stamp_ns - self._told_ns >= REPEAT_PERIOD_NS
+        # what it has grown by begins with the terrain itself
+        return is_late and grown >= 2 * terrain.elevation.nbytes
 
     def _note_effects(
         self, effects: Mapping[str, str], snapshot: Snapshot, stamp_ns: int
@@ -138,11 +162,13 @@ class SceneRecording:
         )
 
     def _description(self, scene: Scene, device: str) -> dict[str, str]:
+        resumed = {'resumed_from': json.dumps(self._origin._asdict())} if self._origin else {}
         return {
             'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False),
             'parameters': yaml.safe_dump(dict(self._parameters()), sort_keys=False),
             'effects': json.dumps(self._history),
-            'msg_config': self._msg_config,
+            **resumed,
+            **self._configs,
             'version': lava_ros.__version__,
             'device': device,
         }

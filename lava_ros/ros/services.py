@@ -16,7 +16,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 import traceback
 from typing import Any, TYPE_CHECKING
 
@@ -44,7 +44,7 @@ class Services:
         *,
         worker: SimulationWorker,
         inputs: InputTopics,
-        layers: LayerPublishers,
+        layers: Sequence[LayerPublishers[Any]],
     ) -> None:
         """Create the services.
 
@@ -53,13 +53,12 @@ class Services:
             entities: Creates them.
             worker: What they command.
             inputs: Reports how a command ends.
-            layers: What is published.
+            layers: What is published, of now and of forecasts.
         """
         self._operation = operation
         self._logger = entities.node.get_logger()
         self._worker = worker
         self._command = inputs.command
-        self._layers = layers
         for service, name, action in (
             (Trigger, 'reset', lambda _: self._reset()),
             (Trigger, 'step', lambda _: self._step()),
@@ -68,8 +67,9 @@ class Services:
             (SetBool, 'record', lambda request: self._record(request.data)),
         ):
             entities.service(service, f'~/{name}', self._answering(action))
-        for topic in layers.grid_topics:
-            entities.service(GetMap, f'~/{topic}/get_map', self._getting(topic))
+        for publishers in layers:
+            for topic in publishers.grid_topics:
+                entities.service(GetMap, f'~/{topic}/get_map', _getting(publishers, topic))
 
     def _reset(self) -> str:
         if self._worker.scene is None:
@@ -120,10 +120,11 @@ class Services:
 
         return answer
 
-    def _getting(self, topic: str) -> Callable[[Any, Any], Any]:
-        def get(_: GetMap.Request, response: GetMap.Response) -> GetMap.Response:
-            # Without a map there is one of no cells: this type has no other way to say so.
-            response.map = self._layers.newest(topic) or response.map
-            return response
 
-        return get
+def _getting(layers: LayerPublishers[Any], topic: str) -> Callable[[Any, Any], Any]:
+    def get(_: GetMap.Request, response: GetMap.Response) -> GetMap.Response:
+        # Without a map there is one of no cells: this type has no other way to say so.
+        response.map = layers.newest(topic) or response.map
+        return response
+
+    return get

@@ -15,6 +15,7 @@
 """Where the node's first scene comes from: a file, a bag, or the topics."""
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from rclpy.node import Node
 
@@ -23,6 +24,7 @@ from lava_ros.checkpoint import Checkpoint
 from lava_ros.errors import LavaError
 from lava_ros.lava import Lava
 from lava_ros.ros import parameters
+from lava_ros.ros.eruption import Origin
 from lava_ros.scene import Scene, scene_from_yaml, Terrain
 from lava_ros.terrain_files import load_terrain
 
@@ -35,11 +37,13 @@ class Sources:
         scene: The scene, that of the checkpoint where there is one.
         terrain: Terrain without a scene.
         checkpoint: What to go on from.
+        origin: Where that has been found.
     """
 
     scene: Scene | None = None
     terrain: Terrain | None = None
     checkpoint: Checkpoint | None = None
+    origin: Origin | None = None
 
     @property
     def lava(self) -> Lava:
@@ -75,4 +79,5 @@ def _resumed(node: Node, bag: str) -> Sources:
         f'going on at {checkpoint.time:.3f} s simulated with {checkpoint.particle_count} '
         f'particles, from a checkpoint of lava_ros {checkpoint.written_by} in {bag}'
     )
-    return Sources(scene=checkpoint.scene, checkpoint=checkpoint)
+    origin = Origin(str(Path(bag).absolute()), checkpoint.time, found.log_time_ns)
+    return Sources(scene=checkpoint.scene, checkpoint=checkpoint, origin=origin)

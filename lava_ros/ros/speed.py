@@ -12,10 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How fast simulated time passes."""
+"""How fast simulated time passes, and how much time that leaves to others."""
 
 from collections import deque
 import time
+
+#: Least share of a device that forecasts have, by its kind. On a GPU two that are busy get half of
+#: it each, so the live simulation loses half of this; on a CPU forecasts are nice, and take away
+#: what cores share: caches, memory.
+LEAST_SHARES = {'cpu': 0.25, 'cuda': 0.1}
+
+#: Share by which forecasts get more in a second in which the live simulation keeps up.
+SHARE_RATE = 0.1
 
 #: Wall time over which the speed is averaged [s].
 SPEED_WINDOW = 5.0
@@ -56,3 +64,28 @@ class SpeedMeter:
     def clear(self) -> None:
         """End a run: the next note begins another."""
         self._history.clear()
+
+
+class Pace:
+    """The share of the time for what may wait: least while the simulation falls behind its clock.
+
+    It grows by ``SHARE_RATE`` a second again when the simulation keeps up.
+    """
+
+    def __init__(self) -> None:
+        """Start with all of the time."""
+        self._share = 1.0
+        self._noted: float | None = None
+
+    def note(self, is_behind: bool, now: float) -> None:
+        """Note whether the simulation is behind its clock, at a wall time [s]."""
+        if is_behind:
+            self._share = 0.0
+        elif self._noted is not None:
+            self._share = min(1.0, self._share + SHARE_RATE * (now - self._noted))
+        self._noted = now
+
+    def share(self, most: float, device: str) -> float:
+        """The share now, on a device, given the largest one."""
+        least = LEAST_SHARES[device.partition(':')[0]]
+        return min(max(round(self._share, 1), least), most)

@@ -24,7 +24,7 @@ from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
 from lava_ros.ros.commands import Command, CommandQueue
-from lava_ros.ros.eruption import Eruption, SimulationLike
+from lava_ros.ros.eruption import Eruption, Fork, Origin, SimulationLike
 from lava_ros.ros.failure import failure_text
 from lava_ros.ros.speed import SpeedMeter
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
@@ -122,9 +122,19 @@ class SimulationWorker:
         return self._eruption.scene
 
     @property
+    def origin(self) -> Origin | None:
+        """The checkpoint that the simulation has gone on from, None when it began at time 0."""
+        return self._eruption.origin
+
+    @property
     def effects(self) -> Mapping[str, str]:
         """The table of effects (``effect_table``), empty before there is a simulation."""
         return self._eruption.effects
+
+    @property
+    def changes(self) -> int:
+        """How often what comes has become another: by a start, vents, terrain, effects."""
+        return self._eruption.changes
 
     def start(self) -> None:
         """Start the thread."""
@@ -150,15 +160,19 @@ class SimulationWorker:
         return self._put(lambda: self._start(lambda: self._eruption.start(scene)))
 
     def go_on_with(
-        self, make_simulation: Callable[[], SimulationLike], scene: Scene
+        self,
+        make_simulation: Callable[[], SimulationLike],
+        scene: Scene,
+        origin: Origin | None = None,
     ) -> 'Future[None]':
         """Take a simulation of a scene, at any time, in place of what there was.
 
         Args:
             make_simulation: Makes it; called in the thread.
             scene: Its scene.
+            origin: The checkpoint it goes on from.
         """
-        return self._put(lambda: self._go_on_with(make_simulation, scene))
+        return self._put(lambda: self._go_on_with(make_simulation, scene, origin))
 
     def checkpoint(self) -> 'Future[bytes]':
         """Serialise all that is needed to go on from here (``lava_ros.checkpoint``).
@@ -166,6 +180,13 @@ class SimulationWorker:
         The future holds a LavaError when there is no simulation.
         """
         return self._put(self._eruption.checkpoint, kind='checkpoint')
+
+    def fork(self) -> 'Future[Fork]':
+        """Copy all that another simulation needs to go on from here.
+
+        The future holds a LavaError when there is no simulation.
+        """
+        return self._put(self._fork, kind='fork')
 
     def set_terrain(self, terrain: Terrain) -> 'Future[None]':
         """Replace the ground under the flow; the first terrain starts the simulation."""
@@ -352,6 +373,7 @@ class SimulationWorker:
             mean_speed=self._speed.mean,
             is_behind=state is WorkerState.RUNNING and self._target > self._eruption.time,
             device=self._eruption.device,
+            lag=max(0.0, self._target - self._eruption.time) / self._time_scale,
         )
         if is_new:
             self._on_snapshot()
@@ -367,9 +389,11 @@ class SimulationWorker:
         if self._eruption.renew_snapshot():
             self._on_snapshot()
 
-    def _go_on_with(self, make_simulation: Callable[[], SimulationLike], scene: Scene) -> None:
+    def _go_on_with(
+        self, make_simulation: Callable[[], SimulationLike], scene: Scene, origin: Origin | None
+    ) -> None:
         self._status = replace(self._status, state=WorkerState.STARTING)
-        self._eruption.go_on_with(make_simulation(), scene)
+        self._eruption.go_on_with(make_simulation(), scene, origin)
         self._note_start()
 
     def _make(self, scene: Scene) -> SimulationLike:
@@ -386,6 +410,13 @@ class SimulationWorker:
         self._speed = SpeedMeter()
         self._follow_from_here()
         self._renew_snapshot()
+
+    def _fork(self) -> Fork:
+        begun = time.monotonic()
+        checkpoint = self._eruption.copy()
+        return Fork(
+            checkpoint, self._eruption.changes, self._clock(), time.monotonic() - begun
+        )
 
     def _set_terrain(self, terrain: Terrain) -> None:
         if self._eruption.scene is None:

@@ -41,6 +41,7 @@ class WorkerStatus:
         mean_speed: The same since the simulation started, pauses left out.
         is_behind: Whether simulated time falls behind the clock.
         device: Name of the simulation's device, empty before there is one.
+        lag: Time of the clock that simulated time is behind [s]; more than ``MAX_LAG`` is lost.
     """
 
     state: WorkerState
@@ -49,3 +50,4 @@ class WorkerStatus:
     mean_speed: float
     is_behind: bool
     device: str
+    lag: float = 0.0

@@ -46,6 +46,8 @@ from lava_ros import validation
 #: slope_fixed_area: 0.5, 0.3, 0.2: smoothing, then what the solution leaves out, 0.2 run-outs of
 #:     60.
 #: slope_flux: arrival 1.2, 0.6, 0.3; speed 1.2, 0.4, 0.8: a front advances by rows of particles.
+#: look_ahead: arrival 1.3, 0.3, 0.1; worst cell 2.2, 0.5, 0.4: the same, and half of the time
+#:     between two looks, 0.15 of the arrival, or of what the front needs for a cell.
 #: lister: x 1.7, 0.9, 0.3; y 4.7, 1.0, 0.5, and at standard 1.5 on a GPU: the spacing at the thin
 #:     edge, and two digits of the reference. At draft x at 20 T is one of two cells of the map:
 #:     1.5 or 3.7, as chance has it.
@@ -152,6 +154,10 @@ BOUNDS: dict[str, dict[str, dict[str, float]]] = {
     'slope_flux': {
         'arrival': {'draft': 0.018, 'standard': 0.01, 'fine': 0.006},
         'speed': {'draft': 0.02, 'standard': 0.015, 'fine': 0.015},
+    },
+    'look_ahead': {
+        'arrival': {'draft': 0.02, 'standard': 0.006, 'fine': 0.003},
+        'worst cell': {'draft': 0.033, 'standard': 0.01, 'fine': 0.007},
     },
     'lister': {
         'x at 20 T': {'draft': 0.055, 'standard': 0.015, 'fine': 0.006},

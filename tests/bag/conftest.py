@@ -15,7 +15,11 @@
 """Messages and bags to test with, made without ROS."""
 
 from collections.abc import Callable
+import json
 from pathlib import Path
+import signal
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -27,6 +31,20 @@ GRID = 'nav_msgs/msg/OccupancyGrid'
 SECOND = 1_000_000_000
 
 Messages = list[tuple[str, int, bytes]]
+
+#: Writes latched frames for ever, stamped 0, 1, 2, ...; says each that is flushed.
+RECORDER = """
+import json, sys
+from lava_ros.bag import LATCHED, BagWriter
+directory, size, topics, limits = sys.argv[1], *map(json.loads, sys.argv[2:])
+writer = BagWriter(directory, custom_data={'scene': 'Etna'}, **limits)
+for stamp in range(10**9):
+    data = bytes([0, 1, 0, 0]) + stamp.to_bytes(8, 'little') * size
+    for topic in topics:
+        writer.write(topic, 'std_msgs/msg/Empty', data, stamp, qos=LATCHED)
+    writer.flush()
+    print(stamp, flush=True)
+"""
 
 
 @pytest.fixture(scope='session')
@@ -71,3 +89,29 @@ def bag(tmp_path: Path, make_grid: Callable[[int], bytes]) -> tuple[Path, Messag
             if half % 4 == 3:
                 out.flush()
     return directory, messages
+
+
+@pytest.fixture
+def killed_bag(tmp_path: Path) -> Callable[..., tuple[Path, int]]:
+    """Records until a frame is flushed, kills the recorder with SIGKILL, gives the last flushed.
+
+    Each message is its stamp, as often as ``size`` says.
+    """
+
+    def kill(frames: int, *, size: int, topics: list[str], **limits: float) -> tuple[Path, int]:
+        words = [json.dumps(item) for item in (size, topics, limits)]
+        process = subprocess.Popen(
+            [sys.executable, '-c', RECORDER, str(tmp_path / 'bag'), *words],
+            stdout=subprocess.PIPE,
+            text=True,
+            cwd=Path(__file__).parents[2],
+        )
+        assert process.stdout is not None
+        while int(process.stdout.readline()) < frames:
+            pass
+        process.send_signal(signal.SIGKILL)
+        flushed = max([frames, *(int(line) for line in process.stdout.read().split())])
+        process.wait()
+        return tmp_path / 'bag', flushed
+
+    return kill

@@ -20,19 +20,16 @@ from pathlib import Path
 import random
 
 from mcap.reader import make_reader
-import numpy as np
 import pytest
 from rosbags.rosbag2 import Reader
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.attachments import attachments_in, attachments_of
 from lava_ros.bag.checkpoints import checkpoints_of, NAME, newest_checkpoint
 from lava_ros.bag.recovery import recover
 from lava_ros.checkpoint import Checkpoint, MEDIA_TYPE
-from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.scene import Scene, Terrain
+from small_checkpoint import small_checkpoint
 
 GRID = 'nav_msgs/msg/OccupancyGrid'
 SECOND = 1_000_000_000
@@ -40,19 +37,7 @@ SECOND = 1_000_000_000
 
 def checkpoint(time: float) -> Checkpoint:
     """As many particles as seconds."""
-    particles = np.random.default_rng(3).random((int(time), 4), dtype=np.float32)
-    return Checkpoint(
-        time=time,
-        scene=Scene(Terrain(np.zeros((3, 4)), 1.0)),
-        effects=Effects(),
-        forced=None,
-        horizon=1.0,
-        accuracy=Accuracy(),
-        emitted=0.0,
-        since=0.0,
-        capacity=64,
-        arrays={'state.particle': particles},
-    )
+    return small_checkpoint(time, int(time))
 
 
 def attach(writer: BagWriter, time: float, stamp: int) -> None:

@@ -18,9 +18,6 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 import random
-import signal
-import subprocess
-import sys
 import tracemalloc
 
 from mcap.reader import make_reader
@@ -40,17 +37,6 @@ SECOND = 1_000_000_000
 Messages = list[tuple[str, int, bytes]]
 Bag = tuple[Path, Messages]
 
-# Writes a message, flushes, says so, and goes on for ever.
-RECORDER = """
-import sys
-from lava_ros.bag import LATCHED, BagWriter
-writer = BagWriter(sys.argv[1], custom_data={'scene': 'Etna'})
-for stamp in range(10**9):
-    data = bytes([0, 1, 0, 0]) + stamp.to_bytes(8, 'little') * 2000
-    writer.write('/hazard', 'std_msgs/msg/Empty', data, stamp, qos=LATCHED)
-    writer.flush()
-    print(stamp, flush=True)
-"""
 
 
 def read(reader: BagReader) -> Messages:
@@ -121,22 +107,13 @@ def test_the_newest_of_each_topic_is_found(bag: Bag) -> None:
     assert reader.newest(['/hazard'], 100 * SECOND) == []
 
 
-def test_killed_writers_leave_every_flushed_message(tmp_path: Path) -> None:
+def test_killed_writers_leave_every_flushed_message(
+    killed_bag: Callable[..., tuple[Path, int]],
+) -> None:
     """After kill -9 in the middle of writing, each message whose flush returned is there."""
-    process = subprocess.Popen(
-        [sys.executable, '-c', RECORDER, str(tmp_path / 'bag')],
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=Path(__file__).parents[2],
-    )
-    assert process.stdout is not None
-    while int(process.stdout.readline()) < 50:
-        pass
-    process.send_signal(signal.SIGKILL)
-    flushed = max([50, *(int(line) for line in process.stdout.read().split())])
-    process.wait()
-    assert not (tmp_path / 'bag' / 'metadata.yaml').exists()
-    reader = BagReader(tmp_path / 'bag')
+    directory, flushed = killed_bag(50, size=2000, topics=['/hazard'])
+    assert not (directory / 'metadata.yaml').exists()
+    reader = BagReader(directory)
     assert reader.recovered
     assert reader.custom_data == {'scene': 'Etna'}
     assert reader.topics['/hazard'].qos == LATCHED

@@ -16,9 +16,6 @@
 
 from collections.abc import Callable
 from pathlib import Path
-import signal
-import subprocess
-import sys
 
 import pytest
 from rosbags.highlevel import AnyReader
@@ -34,18 +31,6 @@ GRID = 'nav_msgs/msg/OccupancyGrid'
 SECOND = 1_000_000_000
 VOLATILE = QosProfile()
 
-# Writes frames of two messages for ever, in files of 50 frames; says what is flushed.
-RECORDER = """
-import sys
-from lava_ros.bag import LATCHED, BagWriter
-writer = BagWriter(sys.argv[1], custom_data={'scene': 'Etna'}, max_duration=50e-9)
-for stamp in range(10**9):
-    data = bytes([0, 1, 0, 0]) + stamp.to_bytes(8, 'little') * 500
-    for topic in ('/height', '/hazard'):
-        writer.write(topic, 'std_msgs/msg/Empty', data, stamp, qos=LATCHED)
-    writer.flush()
-    print(stamp, flush=True)
-"""
 
 
 def record(
@@ -242,24 +227,16 @@ def test_a_file_that_was_hardly_begun_does_not_matter(
     assert without_repeats(reader) == written[:41]
 
 
-def test_killed_writers_leave_every_flushed_message(tmp_path: Path) -> None:
+def test_killed_writers_leave_every_flushed_message(
+    killed_bag: Callable[..., tuple[Path, int]],
+) -> None:
     """After kill -9 the finished files and what was flushed of the last one are there."""
-    process = subprocess.Popen(
-        [sys.executable, '-c', RECORDER, str(tmp_path / 'bag')],
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=Path(__file__).parents[2],
-    )
-    assert process.stdout is not None
-    while int(process.stdout.readline()) < 220:
-        pass
-    process.send_signal(signal.SIGKILL)
-    flushed = max([220, *(int(line) for line in process.stdout.read().split())])
-    process.wait()
-    reader = BagReader(tmp_path / 'bag')
+    topics = ['/height', '/hazard']
+    directory, flushed = killed_bag(220, size=500, topics=topics, max_duration=50e-9)
+    reader = BagReader(directory)
     assert len(reader.files) >= 5
     assert reader.custom_data == {'scene': 'Etna'}
-    for topic in ('/height', '/hazard'):
+    for topic in topics:
         stamps = [
             item.stamp_ns
             for item in reader.messages([topic])

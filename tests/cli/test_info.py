@@ -20,17 +20,14 @@ from pathlib import Path
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import NAME
-from lava_ros.checkpoint import Checkpoint, MEDIA_TYPE
+from lava_ros.checkpoint import MEDIA_TYPE
 from lava_ros.cli import info, recover, replay
-from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.scene import Scene, Terrain
+from small_checkpoint import small_checkpoint
 
 SCENE = {
     'terrain': {'shape': [100, 200], 'resolution': 5.0},
@@ -138,18 +135,7 @@ def test_checkpoints_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[st
     """The newest of them with time and size in the text, all of them in the JSON."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for count in range(7):
-            checkpoint = Checkpoint(
-                time=100.0 * count,
-                scene=Scene(Terrain(np.zeros((3, 4)), 1.0)),
-                effects=Effects(),
-                forced=None,
-                horizon=1.0,
-                accuracy=Accuracy(),
-                emitted=0.0,
-                since=0.0,
-                capacity=64,
-                arrays={'state.particle': np.zeros((count, 4), dtype=np.float32)},
-            )
+            checkpoint = small_checkpoint(100.0 * count, count)
             writer.attach(NAME, MEDIA_TYPE, checkpoint.to_bytes(), count * 10**9)
     assert call('info', str(tmp_path / 'bag')) == 0
     lines = capsys.readouterr().out.splitlines()
@@ -162,6 +148,24 @@ def test_checkpoints_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[st
     stored = json.loads(capsys.readouterr().out)['checkpoints']
     assert [item['time'] for item in stored] == [100.0 * count for count in range(7)]
     assert stored[6]['size'] == len(checkpoint.to_bytes())
+
+
+def test_a_bag_names_what_it_was_resumed_from(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Bag and simulated time in the text, all of it in the JSON; another text is only shown."""
+    origin = {'bag': 'bags/first', 'time': 1234.5, 'stamp_ns': 7}
+    BagWriter(tmp_path / 'bag', custom_data={'resumed_from': json.dumps(origin)}).close()
+    assert call('info', str(tmp_path / 'bag')) == 0
+    output = capsys.readouterr().out
+    assert 'resumed    at 1234.500 s simulated, from bags/first\n' in output
+    assert 'resumed_from' not in output
+    assert call('info', str(tmp_path / 'bag'), '--json', '-') == 0
+    assert json.loads(capsys.readouterr().out)['resumed_from'] == origin
+    for index, text in enumerate(('[1]', '{"bag": 1, "time": 2}', 'a bag')):
+        BagWriter(tmp_path / str(index), custom_data={'resumed_from': text}).close()
+        assert call('info', str(tmp_path / str(index))) == 0
+        assert f'  resumed_from: {text}\n' in capsys.readouterr().out
 
 
 def test_the_scene_may_be_anything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -66,6 +66,11 @@ def test_arguments_reach_the_node(monkeypatch):
     values = node.parameters
     assert (values['time_scale'], values['record'], values['scene']) == (60.0, True, 'etna.yaml')
     assert values['use_sim_time'] is True
+    words = {'resume': 'bags/etna', 'bag_max_size': '1000000000', 'bag_max_duration': '3600.0'}
+    (node,), _ = start(monkeypatch, LAVA, **words)
+    values = node.parameters
+    assert (values['resume'], values['scene']) == ('bags/etna', '')
+    assert (values['bag_max_size'], values['bag_max_duration']) == (10**9, 3600.0)
     assert values['preset'] in PRESETS
 
 

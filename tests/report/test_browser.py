@@ -26,7 +26,7 @@ from report.devtools import Browser, chromium, has_qt
 
 pytestmark = pytest.mark.skipif(
     chromium() is None and not has_qt(),
-    reason='needs Chromium (apt install chromium, or CHROME) or Qt (pip install .[browser])',
+    reason='needs Chromium (apt install chromium, or CHROME) or Qt (make look)',
 )
 
 # A checksum of what the map shows, and how many of its pixels are as dark red as lethal hazard.

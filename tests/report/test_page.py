@@ -15,6 +15,7 @@
 """What a page says and holds, without a browser."""
 
 import base64
+import hashlib
 from html.parser import HTMLParser
 import json
 from pathlib import Path
@@ -34,7 +35,8 @@ from lava_ros.scene import Terrain
 from recording import growing, RAW_CONFIG, record, TERRAIN
 from report.conftest import HOSTILE
 
-SAMPLE = Path(__file__).parents[2] / 'bags/sample'
+ROOT = Path(__file__).parents[2]
+SAMPLE = ROOT / 'bags/sample'
 
 
 class Reader(HTMLParser):
@@ -106,6 +108,30 @@ def test_a_page_needs_nothing_else(run: Path) -> None:
     assert "default-src 'none'" in text
     # Relative addresses that style sheets and scripts could ask for.
     assert re.search(r'@import|url\(|fetch\(|XMLHttpRequest|importScripts', text) is None
+
+
+@pytest.mark.parametrize('kind', ['script', 'style'])
+def test_the_policy_lets_the_page_run(run: Path, kind: str) -> None:
+    """Its hashes are those of the only script and the only style, to the last blank."""
+    text = page(Recording(run))
+    (content,) = re.findall(f'<{kind}>(.*?)</{kind}>', text, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()
+    assert f"{kind}-src 'sha256-{digest}'" in text
+
+
+def test_the_script_finds_what_it_asks_for(read: Reader) -> None:
+    """Elements by their id, and each part of the data and of a layer by its name."""
+    script = (ROOT / 'lava_ros/report/report.js').read_text(encoding='utf-8')
+    ids = set(re.findall(r"byId\('(\w+)'\)", script))
+    assert len(ids) >= 7
+    assert ids <= {attributes.get('id') for _, attributes in read.elements}
+    assert any(attributes.get('name') == 'layer' for _, attributes in read.elements)
+    parts = set(re.findall(r'\bdata\.(\w+)', script))
+    assert len(parts) >= 12
+    assert parts <= set(read.data)
+    layer = set(read.data['layers'][0]) | set(read.data['arrival'])
+    charts = set(read.data['charts'][0])
+    assert set(re.findall(r'\bitem\.(\w+)', script)) <= layer | charts
 
 
 def test_texts_of_the_bag_are_texts(run: Path, read: Reader) -> None:

@@ -283,6 +283,16 @@ class Graph:
             self._started.pop().end(signal.SIGKILL)
 
 
+@pytest.fixture
+def bench(request):
+    """A worker on the bench, with the options of the test's parameter."""
+    from worker_bench import Bench
+
+    result = Bench(**getattr(request, 'param', {}))
+    yield result
+    assert result.worker.stop(5.0)
+
+
 @pytest.fixture(scope='module')
 def graph(tmp_path_factory):
     """The graph of a module's tests."""

@@ -19,34 +19,19 @@ from concurrent.futures import Future
 import numpy as np
 import pytest
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.bag import QosProfile
 from lava_ros.bag.checkpoints import checkpoints_of
-from lava_ros.checkpoint import Checkpoint
-from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.ros.checkpoint_recording import CheckpointRecording, PATIENCE
 from lava_ros.ros.recorder import Recorder
-from lava_ros.scene import Scene, Terrain
+from small_checkpoint import small_checkpoint
 
 PERIOD = 60.0
 
 
 def state(time, particles=10):
-    """The bytes of a checkpoint at a time, incompressible but for its length."""
-    rows = np.random.default_rng(int(time)).random((particles, 4), dtype=np.float32)
-    return Checkpoint(
-        time=time,
-        scene=Scene(Terrain(np.zeros((3, 4)), 1.0)),
-        effects=Effects(),
-        forced=None,
-        horizon=1.0,
-        accuracy=Accuracy(),
-        emitted=0.0,
-        since=0.0,
-        capacity=2**20,
-        arrays={'state.particle': rows},
-    ).to_bytes()
+    """The bytes of a checkpoint at a time."""
+    return small_checkpoint(time, particles).to_bytes()
 
 
 class Eruption:

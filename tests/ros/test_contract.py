@@ -42,7 +42,12 @@ OPTIONAL = [
 ]
 
 #: What the node of this test is told.
-GIVEN = {'device': 'cpu', 'use_sim_time': True, 'layers_on': OPTIONAL}
+GIVEN = {
+    'device': 'cpu',
+    'use_sim_time': True,
+    'layers_on': OPTIONAL,
+    'forecast_horizon': 1.0,
+}
 
 #: Parameters that every node has, which no table here describes.
 OF_EVERY_NODE = {'use_sim_time', 'start_type_description_service'}
@@ -95,14 +100,16 @@ def test_topics(shown, kind, way):
     assert shown[kind] == expected
 
 
-def test_layers_of_the_default_file_are_in_the_table():
-    """Each is there with the type, depth and state that the file gives it."""
+@pytest.mark.parametrize('name', ['default.yaml', 'forecast.yaml'])
+def test_layers_of_the_files_are_in_the_table(name):
+    """Each is there with the type, depth and state that its file gives it."""
     table = {row[0]: row for row in rows('Topics')}
-    for layer in load_layers(ROOT / 'msg_configs' / 'default.yaml'):
+    for layer in load_layers(ROOT / 'msg_configs' / name):
         _, way, message, qos, _, meaning = table[layer.topic]
         assert (way, message) == ('out', layer.message)
         assert qos == f'{layer.qos.reliability}, {layer.qos.durability}, {layer.qos.depth}'
         assert ('off unless in `layers_on' in meaning) is not layer.enabled
+        assert ('with `forecast_horizon' in meaning) is layer.is_forecast
         assert layer.rate == 1.0
 
 

@@ -373,8 +373,8 @@ def test_pairing_reports_a_mismatch_once():
     ('half', 'field'), [('add_image', 'terrain_info'), ('add_info', 'terrain')]
 )
 def test_pairing_reports_a_lonely_half_once(half, field):
-    """A half whose partner never comes is reported once."""
-    pairing = inputs.TerrainPairing(patience=2.0)
+    """A half whose partner never comes is reported once, later than one of another size."""
+    pairing = inputs.TerrainPairing(patience=0.5, absence=2.0)
     message = _plain_image(4, 3) if half == 'add_image' else _info(4, 3)
     getattr(pairing, half)(message, 0.0)
     assert pairing.poll(1.0) is None

@@ -80,7 +80,7 @@ def test_the_policy_allows_what_the_node_does(graph, profile):
     absent = set() if grid_map.installed_classes() else {'/terrain_grid', '/lava_grid_map'}
     layers = load_layers(ROOT / 'msg_configs' / 'default.yaml')
     optional = [layer.name for layer in layers if f'/{layer.topic}' not in absent]
-    graph.node(device='cpu', layers_on=optional, use_sim_time=True)
+    graph.node(device='cpu', layers_on=optional, use_sim_time=True, forecast_horizon=1.0)
     names = json.loads(graph.process(str(HERE / 'graph_names.py'), 'lava').line(60.0))
     for kind, group, verb in (
         ('publisher', 'topics', 'publish'),

@@ -16,6 +16,7 @@
 
 from dataclasses import replace
 from functools import lru_cache
+import json
 import signal
 import time
 
@@ -132,7 +133,11 @@ def test_a_killed_node_goes_on_from_its_bag(graph, tmp_path):
     stored = checkpoints_of(second_bag)
     assert checkpoint.time <= stored[0].time
     assert stored[-1].time >= numbers(later)[0]
-    parameters = yaml.safe_load(BagReader(second_bag).custom_data['parameters'])
+    described = BagReader(second_bag).custom_data
+    assert json.loads(described['resumed_from']) == {
+        'bag': str(first_bag), 'time': checkpoint.time, 'stamp_ns': found.log_time_ns
+    }
+    parameters = yaml.safe_load(described['parameters'])
     assert (parameters['preset'], parameters['effects_off']) == ('draft', ['cooling'])
     again = Simulation.resume(newest_checkpoint(second_bag).checkpoint, device='cpu')
     assert again.time == stored[-1].time

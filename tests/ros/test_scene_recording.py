@@ -19,7 +19,8 @@ import json
 import numpy as np
 import pytest
 
-from lava_ros.bag import BagReader
+from lava_ros.bag import BagReader, LATCHED
+from lava_ros.ros.eruption import Origin
 from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.scene_recording import SceneRecording
 from lava_ros.scene import Scene, Terrain, Vent
@@ -41,20 +42,24 @@ class Names:
 class Taped:
     """A recording that is told of one frame after the other."""
 
-    def __init__(self, directory):
+    def __init__(self, directory, terrain=TERRAIN):
         self.directory = directory
-        self.scene = Scene(TERRAIN, (Vent((25.0, 15.0), 2.0),))
+        self.scene = Scene(terrain, (Vent((25.0, 15.0), 2.0),))
+        self.origin = None
         self.recorder = Recorder()
         self.recording = SceneRecording(
             Names(), self.recorder, frame_id='map', msg_config='', parameters=dict
         )
 
     def write(self, time, effects):
-        empty = np.zeros(TERRAIN.shape, np.float32)
+        terrain = self.scene.terrain
+        empty = np.zeros(terrain.shape, np.float32)
         budget, steps = VolumeBudget(0.0, 0.0, 0.0, 0.0), StepReport(1, 1, 1, 1.0, 'longest')
-        snapshot = Snapshot(time, TERRAIN, empty, empty, budget, 0, steps)
+        snapshot = Snapshot(time, terrain, empty, empty, budget, 0, steps)
         stamp_ns = int(time * 1e9)
-        self.recording.write(self.scene, snapshot, stamp_ns, effects=effects, device='cpu')
+        self.recording.write(
+            self.scene, snapshot, stamp_ns, effects=effects, origin=self.origin, device='cpu'
+        )
         self.recorder.flush()
 
     def effects(self, name):
@@ -105,3 +110,41 @@ def test_the_next_bag_begins_anew(taped):
     taped.write(6.0, FAST)
     taped.recorder.stop()
     assert taped.effects('two') == [{'stamp_ns': 6 * 10**9, 'time': 6.0, 'effects': FAST}]
+
+
+def test_a_bag_names_the_checkpoint_it_begins_after(taped):
+    """Only a bag that was begun then, and it goes on to after the simulation starts anew."""
+    taped.origin = Origin('bags/first', 120.0, 7)
+    taped.write(2.0, STEEP)
+    taped.recorder.stop()
+    taped.recorder.arm(taped.directory / 'two')
+    taped.write(3.0, STEEP)
+    taped.origin = None
+    taped.write(0.0, FAST)
+    taped.recorder.stop()
+    data = [BagReader(taped.directory / name).custom_data for name in ('one', 'two')]
+    assert 'resumed_from' not in data[0]
+    assert json.loads(data[1]['resumed_from']) == {
+        'bag': 'bags/first', 'time': 120.0, 'stamp_ns': 7
+    }
+
+
+def test_terrain_and_vents_come_again(tmp_path):
+    """Once a minute, when the bag has grown by as much as they are."""
+    random = np.random.default_rng(0)
+    taped = Taped(tmp_path, Terrain(random.random((50, 60)), 1.0))
+    taped.recorder.arm(tmp_path / 'one')
+    for second in range(1, 186):
+        taped.recorder.write(
+            '/noise', 'std_msgs/msg/Empty', random.bytes(1000), second * 10**9, qos=LATCHED
+        )
+        taped.write(float(second), STEEP)
+    for second in range(1000, 2000, 100):
+        taped.write(float(second), STEEP)
+    taped.recorder.stop()
+    seen = {}
+    for item in BagReader(tmp_path / 'one').messages():
+        seen.setdefault(item.topic, []).append(item.stamp_ns // 10**9)
+    # after that there is nothing beside them
+    assert seen['/terrain'] == [1, 61, 121, 181]
+    assert seen['/terrain'] == seen['/terrain_info'] == seen['/vents']

@@ -31,7 +31,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.compiled import load4, quick_kernel
+from lava_ros.simulation.compiled import load2, load4, quick_kernel, sum_over
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
@@ -44,14 +44,14 @@ LARGEST_EIGENVALUE = 2.0
 
 
 @lru_cache
-def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
+def _kernels(real: Any, kernel_name: str, ratio: float, lanes: int) -> tuple[Any, Any, Any]:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, slope = kernel.norm, kernel.slope
     _, _, rows_around, range_in = cell_functions(real)
-    load = load4(real)
+    load, load_pair, total = load4(real), load2(real), sum_over(real, lanes)
 
     @quick_kernel
     def start(
@@ -80,19 +80,19 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         next_solution: wp.array(dtype=vec2),
     ):
         """One Chebyshev sweep: the residual over the diagonal, and the momentum of the last."""
-        i = wp.tid()
+        i = wp.tid() // lanes
+        lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)
         f = flow[i]
         u = solution[i]
         inverse = real(1.0) / real(radius)
-        drag = real(3.0) / f[0]
-        diagonal = drag
-        pull = drag * (vec2(f[1], f[2]) - u)
+        diagonal = real(0.0)
+        pull = vec2()
         scale = -real(wp.static(norm)) * inverse * inverse * inverse * inverse
         rows = rows_around(cells, p[1], real(radius))
-        for r in range(rows[0], rows[1]):
+        for r in range(rows[0] + lane, rows[1], lanes):
             near = range_in(cells, starts, r, p[0], p[1], real(radius))
             for j in range(near[0], near[1]):
                 other = load(ordered, j)
@@ -104,7 +104,12 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
                     # A_j h_ij F_ij with h_ij = (h_i + h_j) / 2
                     weight = scale * slope(wp.sqrt(square)) * other[2] / h * (f[0] + h)
                     diagonal += weight
-                    pull += weight * (solution[j] - u)
+                    pull += weight * (load_pair(solution, j) - u)
+        drag = real(3.0) / f[0]
+        diagonal = drag + total(diagonal)
+        pull = drag * (vec2(f[1], f[2]) - u) + vec2(total(pull.x), total(pull.y))
+        if lane > 0:
+            return
         change = real(momentum) * correction[i] + real(relaxation) / diagonal * pull
         correction[i] = change
         next_solution[i] = u + change
@@ -156,7 +161,7 @@ def solve_velocity(
         kernel: Name of the smoothing kernel.
         ratio: Kernel radius over particle spacing.
     """
-    start, sweep, finish = _kernels(state.real, kernel, ratio)
+    start, sweep, finish = _kernels(state.real, kernel, ratio, state.lanes)
     smallest = LARGEST_EIGENVALUE / condition_number(thickness, radius)
     centre = 0.5 * (LARGEST_EIGENVALUE + smallest)
     half = 0.5 * (LARGEST_EIGENVALUE - smallest)
@@ -173,7 +178,7 @@ def solve_velocity(
     for _ in range(sweeps_for(thickness, radius)):
         wp.launch(
             sweep,
-            dim=state.capacity,
+            dim=state.capacity * state.lanes,
             inputs=[
                 state.ordered,
                 state.counts,

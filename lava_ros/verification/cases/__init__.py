@@ -16,6 +16,7 @@
 
 from lava_ros.verification.cases import (
     channel,
+    forecast,
     heat,
     inertia,
     pond,
@@ -44,7 +45,9 @@ __all__ = [
 #: Every case by its name, from the simplest.
 CASES: dict[str, Case] = {
     case.name: case
-    for module in (sheets, heat, rheology, channel, pond, spreading, slopes, solid, inertia)
+    for module in (
+        sheets, heat, rheology, channel, pond, spreading, slopes, forecast, solid, inertia
+    )
     for case in module.CASES
 }
 

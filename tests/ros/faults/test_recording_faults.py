@@ -142,7 +142,8 @@ def test_a_full_disk(graph, tmp_path, limit):
     wet = listener.wait_for_topic('height')['wet']
     listener.wait_for_topic('height', lambda grid: grid['wet'] > wet)
     status = listener.wait_for_status('simulation', lambda _: True)
-    assert (status['state'], status['level']) == ('running', 0)
+    # a busy machine may be behind the clock, which is a warning
+    assert status['state'] == 'running' and status['level'] < 2, status
     heard = hear_out(listener)
     _, saved = recovered(graph, bag)
     assert {*GRIDS, 'terrain', 'diagnostics'} <= {topic for topic, *_ in saved}

@@ -1,0 +1,263 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A robot that leaves in time: the quickest way to where the lava will not come.
+
+Tell it where it is (/pose), and how fast it drives:
+
+    python3 leave_in_time.py --ros-args -p speed:=1.5 -p margin:=60.0
+
+It takes the node's forecast (arrival, arrival_time), enters a cell only if it has left it `margin`
+seconds before the lava comes, and publishes the way as /plan: to /goal_pose where that can be had
+in time and is safe, else to the place that it reaches first of those that stay free for all of the
+forecast. It plans again with every forecast and every pose. A plan without poses says that no way
+is left, or that there is no forecast to trust.
+"""
+
+from heapq import heappop, heappush
+from math import hypot
+
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import OccupancyGrid, Path
+import numpy as np
+import rclpy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
+from sensor_msgs.msg import Image
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+STEPS = [(dr, dc) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
+
+
+def deadlines(arrival, clearance):
+    """Say until when each cell may be in use.
+
+    Args:
+        arrival: Seconds until the lava comes, shape [rows, columns]; NaN for never, below 0 for
+            cells of which nothing is known, which count as lava.
+        clearance: Distance to keep [cells].
+
+    Returns:
+        The earliest arrival within that distance of each cell [s], inf for never, same shape.
+    """
+    times = np.where(np.isnan(arrival), np.inf, arrival)
+    result, reach = times.copy(), int(clearance)
+    wide = np.pad(times, reach, constant_values=np.inf)
+    for row in range(2 * reach + 1):
+        for column in range(2 * reach + 1):
+            if hypot(row - reach, column - reach) <= clearance:
+                part = wide[row : row + times.shape[0], column : column + times.shape[1]]
+                np.minimum(result, part, out=result)
+    return result
+
+
+def find_way(until, start, is_goal, duration):
+    """Find the quickest way that is never overtaken, by Dijkstra's algorithm.
+
+    Lava comes and stays: who is early somewhere can be everywhere that a later one can, so the
+    earliest time at each cell is all that counts.
+
+    Args:
+        until: Time until which a cell may be in use [s], shape [rows, columns].
+        start: First cell (row, column).
+        is_goal: Cells to get to, bool, same shape.
+        duration: How long a step to the next cell of a row takes [s].
+
+    Returns:
+        The cells of the way, both ends among them; empty when there is none.
+    """
+
+    def is_free(row, column, time):
+        inside = 0 <= row < until.shape[0] and 0 <= column < until.shape[1]
+        return inside and time < until[row, column]
+
+    came_from, times, done = {}, {start: 0.0}, set()
+    waiting = [(0.0, start)]
+    while waiting:
+        time, cell = heappop(waiting)
+        if is_goal[cell]:
+            way = [cell]
+            while way[-1] != start:
+                way.append(came_from[way[-1]])
+            return way[::-1]
+        if cell in done:
+            continue
+        done.add(cell)
+        for dr, dc in STEPS:
+            other = cell[0] + dr, cell[1] + dc
+            after = time + hypot(dr, dc) * duration
+            # It may be in either cell, and at the corner of two more, until it has arrived.
+            passed = (cell, other, (cell[0], other[1]), (other[0], cell[1]))
+            if after < times.get(other, np.inf) and all(is_free(*item, after) for item in passed):
+                times[other], came_from[other] = after, cell
+                heappush(waiting, (after, other))
+    return []
+
+
+def way_out(arrival, start, goal, *, duration, clearance, margin):
+    """Find the quickest way to a goal that stays free, or else to the nearest place that does.
+
+    Args:
+        arrival: Seconds until the lava comes, as for ``deadlines``.
+        start: First cell (row, column).
+        goal: Where it would rather go, None for anywhere.
+        duration: How long a step takes [s].
+        clearance: Distance to keep from lava [cells].
+        margin: How long before the lava a cell is left [s].
+
+    Returns:
+        The cells of the way; one that just makes it where none keeps its distance.
+    """
+    for until in (deadlines(arrival, clearance) - margin, deadlines(arrival, 0.0)):
+        safe = np.isinf(until) & (until > 0.0)
+        places = [safe]
+        if goal is not None and safe[goal]:
+            only = np.zeros(safe.shape, dtype=bool)
+            only[goal] = True
+            places = [only, safe]
+        for is_goal in places:
+            way = find_way(until, start, is_goal, duration)
+            if way:
+                return way
+    return []
+
+
+class LeaveInTime(Node):
+    """Plans with the forecast."""
+
+    def __init__(self):
+        """Join the graph."""
+        super().__init__('leave_in_time')
+        #: How fast it drives [m/s], and by how much it is early everywhere [s].
+        self.speed = self.declare_parameter('speed', 1.0).value
+        self.margin = self.declare_parameter('margin', 60.0).value
+        #: Distance to keep from lava, and from what nobody knows [m].
+        self.clearance = self.declare_parameter('clearance', 20.0).value
+        #: Seconds of the simulation in one of the clock, as the node's parameter has it.
+        self.time_scale = self.declare_parameter('time_scale', 1.0).value
+        #: Oldest forecast to trust [s of the clock].
+        self.max_age = self.declare_parameter('max_age', 3600.0).value
+        self.info = self.image = self.pose = self.goal = self.said = None
+        self.plan = self.create_publisher(Path, 'plan', LATCHED)
+        self.create_subscription(OccupancyGrid, 'arrival', self.on_grid, LATCHED)
+        self.create_subscription(Image, 'arrival_time', self.on_image, LATCHED)
+        self.create_subscription(PoseStamped, 'pose', self.on_pose, 10)
+        self.create_subscription(PoseStamped, 'goal_pose', self.on_goal, 10)
+        self.create_timer(1.0, self.watch)
+
+    def on_grid(self, grid):
+        """Note where the cells are: an image does not say."""
+        self.info = grid.info
+        self.replan()
+
+    def on_image(self, image):
+        """Take the new forecast, or its withdrawal."""
+        self.image = image
+        self.replan()
+
+    def on_pose(self, pose):
+        """Note where the robot is; the way from there may be another."""
+        self.pose = pose
+        self.replan()
+
+    def on_goal(self, goal):
+        """Go somewhere else, if that is a place to be."""
+        self.goal = goal
+        self.replan()
+
+    def watch(self):
+        """Trust a forecast only while it is young, and somebody is there to take it back."""
+        if self.image is None:
+            return
+        if self.age > self.max_age or self.count_publishers('arrival_time') == 0:
+            self.image = None
+            self.replan()
+
+    @property
+    def age(self):
+        """Seconds of the clock since the forecast's start."""
+        return (self.get_clock().now() - Time.from_msg(self.image.header.stamp)).nanoseconds * 1e-9
+
+    def cell(self, pose):
+        """The cell of a pose (row, column), None beyond the map."""
+        info, point = self.info, pose.pose.position
+        row = (point.y - info.origin.position.y) // info.resolution
+        column = (point.x - info.origin.position.x) // info.resolution
+        inside = 0 <= row < info.height and 0 <= column < info.width
+        return (int(row), int(column)) if inside else None
+
+    def replan(self):
+        """Publish the way as it is now, or a plan without poses."""
+        if self.pose is None or self.info is None:
+            return
+        cells, problem = self.way()
+        self.plan.publish(self.path(cells))
+        if problem and problem != self.said:
+            self.get_logger().warning(problem)
+        self.said = problem
+
+    def way(self):
+        """The cells of the way, and what is wrong."""
+        image, info = self.image, self.info
+        if image is None or (image.height, image.width) != (info.height, info.width):
+            return [], 'stop: there is no forecast'
+        arrival = np.frombuffer(image.data, np.float32).reshape(image.height, image.width)
+        if (arrival < 0.0).all():
+            return [], 'stop: the forecast has been withdrawn'
+        start = self.cell(self.pose)
+        if start is None:
+            return [], 'stop: the robot is outside the map'
+        goal = self.goal and self.cell(self.goal)
+        # In seconds of the clock from now on.
+        ahead = np.where(arrival < 0.0, -np.inf, arrival / self.time_scale - self.age)
+        cells = way_out(
+            ahead,
+            start,
+            goal,
+            duration=info.resolution / self.speed,
+            clearance=self.clearance / info.resolution,
+            margin=self.margin,
+        )
+        if not cells:
+            return [], 'no way leads out in time'
+        is_there = goal is None or cells[-1] == goal
+        return cells, '' if is_there else 'not to the goal, but to where no lava comes'
+
+    def path(self, cells):
+        """The message of a way through the centres of cells."""
+        path = Path()
+        path.header.frame_id = self.image.header.frame_id if self.image else 'map'
+        path.header.stamp = self.get_clock().now().to_msg()
+        for row, column in cells:
+            pose = PoseStamped(header=path.header)
+            info = self.info
+            pose.pose.position.x = info.origin.position.x + (column + 0.5) * info.resolution
+            pose.pose.position.y = info.origin.position.y + (row + 0.5) * info.resolution
+            pose.pose.orientation.w = 1.0
+            path.poses.append(pose)
+        return path
+
+
+def main():
+    """Plan until Ctrl+C."""
+    rclpy.init()
+    try:
+        rclpy.spin(LeaveInTime())
+    except (KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
+        print('leave_in_time: stopped')
+
+
+if __name__ == '__main__':
+    main()

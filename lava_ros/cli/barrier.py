@@ -1,0 +1,99 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""`lava barrier`: earth piled up along a line, on a copy of a terrain."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from lava_ros.barrier import Barrier, with_barrier
+from lava_ros.errors import LavaError
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the `lava` parser."""
+    parser = subparsers.add_parser(
+        'barrier',
+        help='raise a terrain along a line, into a new file',
+        description='Pile up a barrier along a line of an elevation and write the new elevation '
+        'as GeoTIFF; --low-pass smooths the ground first.',
+    )
+    parser.add_argument('terrain', metavar='TERRAIN', help='GeoTIFF, ESRI ASCII grid or npz')
+    parser.add_argument(
+        '-o', '--output', required=True, metavar='FILE', help='elevation to write, .tif'
+    )
+    parser.add_argument(
+        '--line',
+        nargs='+',
+        metavar='E,N',
+        help='easting and northing [m] of two or more places along the crest',
+    )
+    parser.add_argument('--height', type=float, metavar='M', help='height above the ground [m]')
+    parser.add_argument('--width', type=float, default=10.0, metavar='M', help='of its crest')
+    parser.add_argument(
+        '--slope', type=float, default=1.0, metavar='S', help='of its sides (default: %(default)g)'
+    )
+    parser.add_argument(
+        '--low-pass',
+        type=float,
+        default=0.0,
+        metavar='M',
+        help='standard deviation of a Gaussian to smooth the ground with [m]',
+    )
+    parser.add_argument('--epsg', type=int, metavar='CODE', help='coordinates of a file without')
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write the terrain.
+
+    Raises:
+        LavaError: An argument or a file cannot be used.
+    """
+    from lava_ros.hindcast.geotiff import write_grid
+    from lava_ros.low_pass import low_pass
+    from lava_ros.terrain_files import load_terrain
+
+    if not args.line and not args.low_pass:
+        raise LavaError('--line', None, 'the places of a barrier, or --low-pass')
+    output = Path(args.output)
+    if output.suffix.lower() not in ('.tif', '.tiff'):
+        raise LavaError('--output', str(output), 'a file whose name ends with .tif')
+    terrain = low_pass(load_terrain(args.terrain, epsg=args.epsg), args.low_pass)
+    before = terrain
+    if args.line:
+        if args.height is None:
+            raise LavaError('--height', None, 'a height [m]')
+        line = tuple(_place(text) for text in args.line)
+        terrain = with_barrier(terrain, Barrier(line, args.height, args.width, args.slope))
+    meaning = 'elevation of the ground'
+    write_grid(output, terrain.elevation, terrain, unit='m', meaning=meaning)
+    added = (terrain.elevation - before.elevation)[terrain.has_data]
+    volume = float(added.sum(dtype='float64')) * terrain.resolution**2
+    raised = int((added > 0.0).sum())
+    print(f'{raised} cells raised by up to {added.max():.1f} m: {volume:.0f} m3 of earth')
+    print(f'written to {output}')
+    return 0
+
+
+def _place(text: str) -> tuple[float, float]:
+    parts = text.split(',')
+    try:
+        easting, northing = (float(part) for part in parts)
+    except ValueError:
+        raise LavaError('--line', text, 'easting,northing [m]') from None
+    return easting, northing

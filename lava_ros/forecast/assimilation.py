@@ -1,0 +1,201 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What has been seen sharpens what is to come: members weigh by how well they agree with it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.scene import Terrain
+
+#: Power of the Jaccard index that a member weighs. At 8, a member that agrees in 80 % weighs three
+#: times as much as one that agrees in 70 %.
+SHARPNESS = 8.0
+
+#: Share of the members that the effective number is not to fall below.
+LEAST_EFFECTIVE = 0.1
+
+#: Weight of the best member.
+UNIT = 1 << 16
+
+_HALVINGS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Mask:
+    """Where lava was seen, on cells of its own.
+
+    Attributes:
+        lava: Where there was lava, bool, shape [rows, columns]; row 0 has the smallest y.
+        known: Where somebody looked, bool, same shape.
+        resolution: Side of a cell [m].
+        origin: Map position (x, y) [m] of the lower-left corner of cell [0, 0].
+    """
+
+    lava: np.ndarray
+    known: np.ndarray
+    resolution: float
+    origin: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Where lava was seen, from a drone, a satellite or on foot, on the cells of the terrain.
+
+    Attributes:
+        time: When, in simulated time [s].
+        lava: Where there was lava, bool, shape [rows, columns].
+        known: Where somebody looked, bool, same shape.
+    """
+
+    time: float
+    lava: np.ndarray
+    known: np.ndarray
+
+    def __post_init__(self) -> None:
+        """Validate every field.
+
+        Raises:
+            LavaError: A field is not usable, or no lava was seen.
+        """
+        time = validation.number('observed.time', self.time, above=0.0, unit='s')
+        object.__setattr__(self, 'time', time)
+        for name in ('lava', 'known'):
+            values = np.asarray(getattr(self, name))
+            if values.dtype != np.bool_ or values.shape != np.shape(self.lava):
+                right = f'a mask of {np.shape(self.lava)} cells'
+                raise LavaError(f'observed.{name}', f'{values.dtype} {values.shape}', right)
+        if not (self.lava & self.known).any():
+            raise LavaError('observed.lava', 'no cell', 'an outline with lava on the terrain')
+
+
+def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
+    """Take a mask on cells of its own to those of a terrain: at the middle of each.
+
+    Args:
+        terrain: The ground.
+        mask: The mask, in the map frame; nobody looked beyond it.
+        time: When, in simulated time [s].
+
+    Raises:
+        LavaError: No lava of it is on the terrain.
+    """
+    inside, cells = [], []
+    for start, count, corner, size in zip(
+        terrain.origin[::-1], terrain.shape, mask.origin[::-1], mask.lava.shape, strict=True
+    ):
+        middle = start + (np.arange(count) + 0.5) * terrain.resolution
+        index = np.floor((middle - corner) / mask.resolution).astype(np.int64)
+        inside.append((index >= 0) & (index < size))
+        cells.append(index[inside[-1]])
+    here, there = np.ix_(*inside), np.ix_(*cells)
+    lava, known = np.zeros((2, *terrain.shape), dtype=bool)
+    lava[here], known[here] = mask.lava[there], mask.known[there]
+    known &= terrain.has_data
+    return Outline(time, lava & known, known)
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """What each member counts.
+
+    Attributes:
+        values: Whole numbers, int64, one for each member; the best has ``UNIT``.
+        jaccard: The members' agreement with the outline, 0 to 1, float64.
+        effective_members: Members of equal weight that would say as much.
+        sharpness: Power of the Jaccard index that was taken: less than asked for where that would
+            have left too few members.
+    """
+
+    values: np.ndarray
+    jaccard: np.ndarray
+    effective_members: float
+    sharpness: float
+
+
+def jaccard(reached: np.ndarray, outline: Outline) -> float:
+    """Area where both have lava over the area where one has, 0 to 1.
+
+    Args:
+        reached: Where a member's lava had arrived at the outline's time, bool.
+        outline: What was seen; cells nobody looked at do not count.
+
+    Raises:
+        LavaError: The shapes differ.
+    """
+    if reached.shape != outline.lava.shape:
+        right = f'a mask of {outline.lava.shape} cells'
+        raise LavaError('reached', reached.shape, right)
+    both = (reached & outline.lava & outline.known).sum()
+    one = ((reached | outline.lava) & outline.known).sum()
+    return float(both / one)
+
+
+def weigh(
+    agreement: Sequence[float] | np.ndarray,
+    *,
+    sharpness: float = SHARPNESS,
+    least_effective: float = LEAST_EFFECTIVE,
+) -> Weights:
+    """Weigh members by a power of their agreement with an outline.
+
+    Where few members would be left that count, the power is taken down until enough do: a forecast
+    of one member knows nothing of how sure it is.
+
+    Args:
+        agreement: Jaccard index of each member.
+        sharpness: The power; 0: all weigh the same.
+        least_effective: Least effective number of members, as a share of those that agree at all.
+
+    Raises:
+        LavaError: An argument is not usable, or no member agrees at all.
+    """
+    sharpness = validation.number('sharpness', sharpness, at_least=0.0, at_most=1e3)
+    validation.number('least_effective', least_effective, at_least=0.0, at_most=1.0)
+    index = np.asarray(agreement, dtype=np.float64)
+    if not index.size or not np.isfinite(index).all() or index.min() < 0.0 or index.max() > 1.0:
+        raise LavaError('agreement', index.tolist(), 'Jaccard indices from 0 to 1')
+    if not index.any():
+        raise LavaError(
+            'observed', 'an outline that no member touches',
+            'members that come where lava was seen: the scene, or what is uncertain, is wrong',
+        )
+    least = least_effective * np.count_nonzero(index)
+    if effective_members(_powers(index, sharpness)) < least:
+        low, high = 0.0, sharpness
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            if effective_members(_powers(index, middle)) < least:
+                high = middle
+            else:
+                low = middle
+        sharpness = low
+    values = _powers(index, sharpness)
+    return Weights(values, index, effective_members(values), sharpness)
+
+
+def effective_members(weights: np.ndarray) -> float:
+    """Members of equal weight that would say as much: (sum w)^2 / sum w^2."""
+    weights = np.asarray(weights, dtype=np.float64)
+    return float(weights.sum() ** 2 / (weights**2).sum())
+
+
+def _powers(index: np.ndarray, sharpness: float) -> np.ndarray:
+    # a member that has nothing in common with the outline does not count at any power
+    powers = np.where(index > 0.0, (index / index.max()) ** sharpness, 0.0)
+    return np.rint(UNIT * powers).astype(np.int64)

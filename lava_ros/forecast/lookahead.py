@@ -1,0 +1,148 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A simulation that runs ahead of the one it was forked from."""
+
+import time as wall_clock
+
+from lava_ros import validation
+from lava_ros.checkpoint import Checkpoint
+from lava_ros.errors import LavaError
+from lava_ros.forecast.forecast import Forecast
+from lava_ros.forecast.gathering import Gathering
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.snapshot import StepReport
+
+#: Looks at the flow within a horizon; arrivals are known to half of the time between two.
+LOOKS = 240
+
+#: Looks ahead of the first regular one, each twice as early as the next: near is pressing.
+EARLY_LOOKS = 4
+
+
+class LookAhead:
+    """A forecast in the making.
+
+    The flow is the one that the forked simulation would have, to the bit on the same device when
+    it is deterministic and is advanced to the same times.
+    """
+
+    def __init__(
+        self,
+        checkpoint: Checkpoint,
+        *,
+        horizon: float,
+        threshold: float,
+        looks: int = LOOKS,
+        device: str | None = None,
+        max_particles: int | None = None,
+    ) -> None:
+        """Fork, and take the first look.
+
+        Args:
+            checkpoint: The state to go on from.
+            horizon: How far ahead to look [s].
+            threshold: Thickness from which on lava has arrived [m].
+            looks: Regular looks within the horizon, the first of which has ``EARLY_LOOKS`` ahead.
+            device: Warp device; the first CUDA device when there is one, else the CPU.
+            max_particles: Most particles, None for any number.
+
+        Raises:
+            LavaError: A number is not usable, the checkpoint does not fit together, or there is
+                no such device.
+        """
+        begun = wall_clock.monotonic()
+        self._horizon = validation.number('horizon', horizon, above=0.0, unit='s')
+        self._threshold = validation.number('threshold', threshold, above=0.0, unit='m')
+        if looks < 1:
+            raise LavaError('looks', looks, 'at least 1')
+        self._start = checkpoint.time
+        self._max_particles = max_particles
+        self._due = [self._start + time for time in moments(horizon, looks)]
+        self._done = 0
+        self._simulation = Simulation.resume(checkpoint, device=device)
+        self._gathering = Gathering(threshold)
+        self._look()
+        self._duration = wall_clock.monotonic() - begun
+
+    @property
+    def steps(self) -> StepReport:
+        """How it has been stepping up to the last look, the steps before the fork included."""
+        return self._steps
+
+    @property
+    def progress(self) -> float:
+        """Share of the horizon that has been looked at."""
+        return self._done / len(self._due)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all of the horizon has been looked at."""
+        return self._done == len(self._due)
+
+    def advance(self, wall_limit: float) -> None:
+        """Run ahead for about a wall time [s], or to the next look.
+
+        Raises:
+            LavaError: There are too many particles, or what the flow has become is no map.
+        """
+        begun = wall_clock.monotonic()
+        due = self._due[self._done]
+        if self._simulation.advance(due, wall_limit=wall_limit) >= due:
+            self._look()
+            self._done += 1
+        self._duration += wall_clock.monotonic() - begun
+
+    def run(self) -> Forecast:
+        """Run ahead to the horizon.
+
+        Raises:
+            LavaError: As ``advance``.
+        """
+        while not self.is_done:
+            self.advance(1.0)
+        return self.forecast()
+
+    def forecast(self) -> Forecast:
+        """What has been seen, once ``is_done``."""
+        gathered = self._gathering
+        return Forecast(
+            time=self._start,
+            horizon=self._horizon,
+            threshold=self._threshold,
+            terrain=self._simulation.scene.terrain,
+            arrival=(gathered.arrival - self._start).astype('float32'),
+            thickness=gathered.thickness,
+            temperature=gathered.temperature,
+            duration=self._duration,
+            particle_count=self._simulation.particle_count,
+        )
+
+    def _look(self) -> None:
+        count = self._simulation.particle_count
+        if self._max_particles is not None and count > self._max_particles:
+            raise LavaError('particles', count, f'at most {self._max_particles} (max_particles)')
+        snapshot = self._simulation.snapshot()
+        flaw = snapshot.flaw()
+        if flaw:
+            raise LavaError('flow', flaw, 'one that can be shown as a map')
+        self._steps = snapshot.steps
+        self._gathering.look(snapshot.time, snapshot.thickness, snapshot.temperature)
+
+
+def moments(horizon: float, looks: int) -> list[float]:
+    """Times of the looks after the start [s], the last of them at the horizon."""
+    interval = horizon / looks
+    early = [interval / 2.0**power for power in range(EARLY_LOOKS, 0, -1)]
+    return early + [interval * number for number in range(1, looks)] + [horizon]

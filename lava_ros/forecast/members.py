@@ -1,0 +1,357 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Runs of members: one interface, whether they run one after the other or side by side."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+import math
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.accuracy import Accuracy
+from lava_ros.checkpoint import Checkpoint
+from lava_ros.choice import effects_for
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.forecast.gathering import Gathering
+from lava_ros.forecast.roughness import rough_terrain
+from lava_ros.forecast.sampling import Member
+from lava_ros.lava import Lava
+from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.uncertainty import Distribution
+
+if TYPE_CHECKING:
+    from lava_ros.simulation.simulation import Simulation
+
+#: Most and fewest looks at the flow in a run, and the time between two where that lies between: an
+#: arrival is known to half of it, and shorter ones would shorten the steps.
+MOST_LOOKS, FEWEST_LOOKS, LOOK = 120, 20, 60.0
+
+#: Thickness from which on lava has arrived [m].
+THRESHOLD = 0.1
+
+#: Shares of a distribution at which the choice of effects looks: what fewer members call for would
+#: be paid for by all, and matters little to those, for no effect begins with a jump.
+_ENDS = (0.1, 0.9)
+
+#: Times that a displacement is halved before the vent stays where it was.
+_HALVINGS = 12
+
+#: Effects of which only one can be on.
+_RIVALS = ('inertia', 'green', 'helmholtz')
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What all members of an ensemble have in common.
+
+    Attributes:
+        scene: The scene without anything drawn.
+        horizon: How far ahead each member runs [s].
+        accuracy: The resolution.
+        effects: The physics, the same for all members.
+        threshold: Thickness from which on lava has arrived [m].
+        looks: Looks at the flow, evenly spaced up to the horizon.
+        start: Where all members start; None: the scene before there is lava. Times count from it.
+    """
+
+    scene: Scene
+    horizon: float
+    accuracy: Accuracy
+    effects: Effects
+    threshold: float = THRESHOLD
+    looks: int = MOST_LOOKS
+    start: Checkpoint | None = None
+
+    @property
+    def interval(self) -> float:
+        """Time between two looks [s]."""
+        return self.horizon / self.looks
+
+
+@dataclass(frozen=True, eq=False)
+class MemberFields:
+    """What a member did to the cells of the terrain.
+
+    Attributes:
+        index: The member's number.
+        arrival: Time at which lava got as thick as the threshold [s], float32, shape [rows,
+            columns]; NaN: not up to the horizon.
+        peak: Largest thickness [m], float32, same shape; 0 without lava.
+    """
+
+    index: int
+    arrival: np.ndarray
+    peak: np.ndarray
+
+
+def make_plan(
+    scene: Scene,
+    *,
+    horizon: float,
+    accuracy: Accuracy | None = None,
+    effects: Mapping[str, bool] | None = None,
+    threshold: float = THRESHOLD,
+    looks: int | None = None,
+) -> Plan:
+    """Settle what all members have in common.
+
+    An effect that a tenth of the members call for, by one of their values, is on for all.
+
+    Args:
+        scene: The scene.
+        horizon: How far ahead each member runs [s].
+        accuracy: The resolution; automatic when left out.
+        effects: Effects forced on or off by name.
+        threshold: Thickness from which on lava has arrived [m].
+        looks: Looks at the flow; None: by the horizon.
+
+    Raises:
+        LavaError: An argument is not usable.
+    """
+    horizon = validation.number('horizon', horizon, above=0.0, unit='s')
+    threshold, looks = _seen(threshold, looks, horizon)
+    accuracy = accuracy or Accuracy()
+    chosen = [
+        effects_for(one, effects, accuracy=accuracy, horizon=horizon)
+        for one in (scene, *_end_scenes(scene))
+    ]
+    called_for = {name for one in chosen for name, is_on in asdict(one).items() if is_on}
+    # of those that exclude each other the one of the scene itself, if it has one
+    rivals = [name for name in _RIVALS if getattr(chosen[0], name)]
+    rivals = rivals or [name for name in _RIVALS if name in called_for][:1]
+    called_for -= set(_RIVALS) - set(rivals)
+    together = Effects(**{item.name: item.name in called_for for item in fields(Effects)})
+    return Plan(scene, horizon, accuracy, together, threshold, looks)
+
+
+def plan_from(
+    start: Checkpoint,
+    *,
+    horizon: float,
+    threshold: float = THRESHOLD,
+    looks: int | None = None,
+) -> Plan:
+    """Settle what members have in common that go on from a running simulation.
+
+    Its resolution and its effects are theirs; what is drawn holds from then on.
+
+    Args:
+        start: The simulation, at rest.
+        horizon: How far ahead of it each member runs [s].
+        threshold: Thickness from which on lava has arrived [m].
+        looks: Looks at the flow; None: by the horizon.
+
+    Raises:
+        LavaError: An argument is not usable.
+    """
+    horizon = validation.number('horizon', horizon, above=0.0, unit='s')
+    threshold, looks = _seen(threshold, looks, horizon)
+    return Plan(start.scene, horizon, start.accuracy, start.effects, threshold, looks, start)
+
+
+def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
+    """The scene of a member.
+
+    A displacement that leads off the terrain is halved until it does not.
+
+    Args:
+        scene: The scene without anything drawn.
+        member: What was drawn.
+        rough: Whether the terrain has its errors; without them this takes no time.
+
+    Raises:
+        LavaError: What was drawn makes no scene; the message names the member.
+    """
+    try:
+        terrain = scene.terrain
+        if rough and scene.uncertainty.terrain is not None:
+            terrain = rough_terrain(terrain, scene.uncertainty.terrain, member.seed)
+        vents = tuple(_member_vent(vent, member, scene.terrain) for vent in scene.vents)
+        return replace(scene, terrain=terrain, vents=vents, lava=_member_lava(scene.lava, member))
+    except LavaError as error:
+        raise LavaError(
+            f'{error.field} of member {member.index}',
+            error.value,
+            f'{error.expected}; limits on its distribution keep it there',
+        ) from error
+
+
+def check_members(scene: Scene, members: Sequence[Member]) -> None:
+    """Refuse members that make no scene, before any of them runs.
+
+    Raises:
+        LavaError: One makes none, or members have places and the scene not one vent to put there.
+    """
+    if not scene.vents:
+        raise LavaError('scene.vents', [], 'a vent: without lava there is nothing to forecast')
+    if any(member.place is not None for member in members) and len(scene.vents) != 1:
+        raise LavaError(
+            'scene.vents', len(scene.vents), 'one vent beside a susceptibility map: it says '
+            'how much lava comes out, the map says where'
+        )
+    for member in members:
+        member_scene(scene, member, rough=False)
+
+
+def run_members(
+    plan: Plan,
+    members: Sequence[Member],
+    *,
+    device: str | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> list[MemberFields]:
+    """Run members from the plan's start to the horizon.
+
+    Args:
+        plan: What they have in common.
+        members: What is different in each.
+        device: Warp device; the first GPU, else the CPU, when left out.
+        progress: Is told the share that is done.
+
+    Returns:
+        Their fields, in the order of the members.
+
+    Raises:
+        LavaError: A member makes no scene, or its flow is no longer one.
+    """
+    # one after the other: a launch for several takes the place of this loop
+    results = []
+    for number, member in enumerate(members):
+        def share(done: float, number: int = number) -> None:
+            if progress is not None:
+                progress((number + done) / len(members))
+
+        results.append(_run(plan, member, device, share))
+    return results
+
+
+def _run(
+    plan: Plan, member: Member, device: str | None, progress: Callable[[float], None]
+) -> MemberFields:
+    simulation = _started(plan, member, device)
+    start = simulation.time
+    gathering = Gathering(plan.threshold)
+    for look in range(plan.looks + 1):
+        simulation.advance(start + look * plan.interval)
+        snapshot = simulation.snapshot()
+        flaw = snapshot.flaw()
+        if flaw:
+            raise LavaError(f'member {member.index}', flaw, 'a flow; its settings break it')
+        gathering.look(simulation.time - start, snapshot.thickness, snapshot.temperature)
+        progress(look / plan.looks)
+    peak = np.nan_to_num(gathering.thickness)
+    return MemberFields(member.index, gathering.arrival.astype(np.float32), peak)
+
+
+def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':
+    """A member's simulation, where all of them start."""
+    # the solver loads Warp, which drawing and merging members do not need
+    from lava_ros.simulation.simulation import Simulation
+
+    scene = member_scene(plan.scene, member)
+    if plan.start is None:
+        return Simulation(
+            scene,
+            effects=plan.effects,
+            accuracy=plan.accuracy,
+            device=device,
+            horizon=plan.horizon,
+        )
+    # vents change once it goes on, for a discharge counts from when its vent has it
+    before = replace(scene, vents=plan.scene.vents)
+    simulation = Simulation.resume(
+        replace(plan.start, scene=before, forced=None), device=device
+    )
+    simulation.set_vents(scene.vents)
+    return simulation
+
+
+def _seen(threshold: float, looks: int | None, horizon: float) -> tuple[float, int]:
+    """Threshold and looks, clean."""
+    threshold = validation.number('threshold', threshold, above=0.0, unit='m')
+    if looks is None:
+        looks = min(max(math.ceil(horizon / LOOK), FEWEST_LOOKS), MOST_LOOKS)
+    return threshold, int(validation.number('looks', looks, at_least=1, at_most=10_000))
+
+
+def _member_lava(lava: Lava, member: Member) -> Lava:
+    lava = replace(lava, yield_strength=lava.yield_strength * member.yield_strength)
+    if lava.is_vft:
+        return replace(lava, vft_a=lava.vft_a + math.log10(member.viscosity))
+    return replace(lava, viscosity=lava.viscosity * member.viscosity)
+
+
+def _member_vent(vent: Vent, member: Member, terrain: Terrain) -> Vent:
+    discharge: float | tuple[tuple[float, float], ...]
+    if isinstance(vent.discharge, float):
+        discharge = vent.discharge * member.discharge
+    else:
+        discharge = tuple((time, flux * member.discharge) for time, flux in vent.series)
+    vent = replace(vent, discharge=discharge, temperature=vent.temperature + member.temperature)
+    if member.place is not None:
+        vent = _placed(vent, member.place, terrain)
+    return _displaced(vent, member.displacement, terrain)
+
+
+def _placed(vent: Vent, place: tuple[float, float], terrain: Terrain) -> Vent:
+    """The vent with its middle at a place; a fissure is as long as the terrain has room for."""
+    if vent.end is None:
+        return replace(vent, position=place)
+    half = [0.5 * (end - start) for start, end in zip(vent.position, vent.end, strict=True)]
+    for _ in range(_HALVINGS):
+        ends = [
+            (place[0] + sign * half[0], place[1] + sign * half[1]) for sign in (-1.0, 1.0)
+        ]
+        if all(terrain.covers(*end) for end in ends):
+            return replace(vent, position=ends[0], end=ends[1])
+        half = [0.5 * value for value in half]
+    return replace(vent, position=place, end=None)
+
+
+def _displaced(vent: Vent, shift: tuple[float, float], terrain: Terrain) -> Vent:
+    for halving in range(_HALVINGS):
+        dx, dy = (0.5**halving * value for value in shift)
+        position = (vent.position[0] + dx, vent.position[1] + dy)
+        end = None if vent.end is None else (vent.end[0] + dx, vent.end[1] + dy)
+        if terrain.covers(*position) and (end is None or terrain.covers(*end)):
+            return replace(vent, position=position, end=end)
+    return vent
+
+
+def _end_scenes(scene: Scene) -> list[Scene]:
+    """The scene with one uncertain quantity near the one or the other end of its values."""
+    scenes = []
+    for name, distribution in vars(scene.uncertainty).items():
+        if isinstance(distribution, Distribution):
+            for share in _ENDS:
+                drawn: dict[str, Any] = {name: distribution.quantile(share)}
+                member = Member(0, **drawn)
+                scenes.append(member_scene(scene, member, rough=False))
+    return scenes
+
+
+def plan_to_dict(plan: Plan) -> dict[str, object]:
+    """Plain data of what members have in common, the scene left out."""
+    return {
+        'horizon_s': plan.horizon,
+        'accuracy': asdict(plan.accuracy),
+        'effects': asdict(plan.effects),
+        'threshold_m': plan.threshold,
+        'looks': plan.looks,
+        'start_s': None if plan.start is None else plan.start.time,
+    }

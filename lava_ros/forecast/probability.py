@@ -1,0 +1,226 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""From members to one map: probability, arrival times and expected thickness.
+
+Members are added as they finish, as whole numbers: sums of those do not depend on the order, so
+that any number of workers gives the same maps to the last bit.
+"""
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from lava_ros.errors import LavaError
+from lava_ros.forecast.members import MemberFields, Plan
+
+#: Shares of the members whose arrival times are shown.
+QUANTILES = (0.1, 0.5, 0.9)
+
+#: In place of a look where there was no lava in any.
+NEVER = np.iinfo(np.uint16).max
+
+#: Smallest share of an occupancy grid's cell with some probability, and largest below certainty.
+_LEAST, _MOST = 1, 99
+
+
+@dataclass(frozen=True, eq=False)
+class Footprint:
+    """What a member did, in whole numbers, on the part of the terrain with its lava.
+
+    Attributes:
+        index: The member's number.
+        corner: Row and column of the part's first cell.
+        look: Looks at the flow before the first with lava as thick as the threshold, uint16,
+            shape [rows, columns] of the part; ``NEVER`` where there was none.
+        millimetres: Largest thickness, uint32, same shape.
+    """
+
+    index: int
+    corner: tuple[int, int]
+    look: np.ndarray
+    millimetres: np.ndarray
+
+
+def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
+    """Round a member's fields to whole looks and millimetres."""
+    peak = np.nan_to_num(np.asarray(member.peak, dtype=np.float64))
+    millimetres = np.rint(1000.0 * np.clip(peak, 0.0, 4e6)).astype(np.uint32)
+    arrived = np.isfinite(member.arrival)
+    look = np.full(arrived.shape, NEVER, dtype=np.uint16)
+    before = np.floor(member.arrival[arrived].astype(np.float64) / plan.interval)
+    look[arrived] = np.clip(before, 0, plan.looks - 1)
+    wet = arrived | (millimetres > 0)
+    rows, columns = (np.flatnonzero(wet.any(axis=axis)) for axis in (1, 0))
+    if not rows.size:
+        return Footprint(member.index, (0, 0), look[:0, :0], millimetres[:0, :0])
+    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    corner = (int(rows[0]), int(columns[0]))
+    return Footprint(member.index, corner, look[part].copy(), millimetres[part].copy())
+
+
+def reached_by(footprint: Footprint, plan: Plan, time: float) -> np.ndarray:
+    """Where a member's lava was by a time [s] from the start, bool, of the terrain's shape."""
+    reached = np.zeros(plan.scene.terrain.shape, dtype=bool)
+    rows, columns = footprint.look.shape
+    row, column = footprint.corner
+    arrived = (footprint.look.astype(np.float64) + 0.5) * plan.interval <= time
+    reached[row : row + rows, column : column + columns] = arrived & (footprint.look != NEVER)
+    return reached
+
+
+@dataclass(frozen=True, eq=False)
+class HazardMaps:
+    """What an ensemble says about each cell of the terrain.
+
+    All arrays are float32 and of the terrain's shape, with NaN where the terrain has no data.
+
+    Attributes:
+        probability: Probability that lava comes up to the horizon, 0 to 100.
+        arrival: Time [s] by which 10, 50 and 90 % of the members had lava here, by the share of
+            ``QUANTILES``; NaN where fewer than that had any up to the horizon.
+        thickness: Mean over all members of the largest thickness [m].
+        members: Members that are in it.
+        effective_members: Members of equal weight that would say as much: (sum w)^2 / sum w^2.
+        arrival_error: Arrival times are known to this [s], half the time between two looks.
+    """
+
+    probability: np.ndarray
+    arrival: dict[float, np.ndarray]
+    thickness: np.ndarray
+    members: int
+    effective_members: float
+    arrival_error: float
+
+    @property
+    def sampling_error(self) -> float:
+        """Largest standard error of the probability that is due to few members, 0 to 100.
+
+        It is the binomial one at even odds; points of a sequence do better, not worse.
+        """
+        return 50.0 / self.effective_members**0.5
+
+
+class Tally:
+    """Members so far, each added once, in any order."""
+
+    def __init__(self, plan: Plan) -> None:
+        """Begin without members."""
+        self._plan = plan
+        shape = plan.scene.terrain.shape
+        cells = shape[0] * shape[1]
+        self._depth = np.zeros(cells, dtype=np.int64)
+        # cells that no member has reached have no row in the table of arrivals
+        self._row = np.full(cells, -1, dtype=np.int64)
+        self._arrivals = np.zeros((1024, plan.looks), dtype=np.int64)
+        self._rows = 0
+        self._added: set[int] = set()
+        self._total = 0
+        self._squares = 0
+
+    @property
+    def count(self) -> int:
+        """Members there are."""
+        return len(self._added)
+
+    def add(self, footprint: Footprint, weight: int = 1) -> None:
+        """Add a member.
+
+        Args:
+            footprint: What it did.
+            weight: What it counts, in relation to the others.
+
+        Raises:
+            LavaError: The member is there already, or lies beyond the terrain.
+        """
+        if footprint.index in self._added:
+            raise LavaError('member', footprint.index, 'a member that has not been added yet')
+        rows, columns = footprint.look.shape
+        row, column = footprint.corner
+        shape = self._plan.scene.terrain.shape
+        if row + rows > shape[0] or column + columns > shape[1]:
+            right = f'a member on a terrain of {shape} cells'
+            raise LavaError(f'member {footprint.index}', (row + rows, column + columns), right)
+        self._added.add(footprint.index)
+        self._total += weight
+        self._squares += weight * weight
+        cells = (np.arange(row, row + rows)[:, None] * shape[1]
+                 + np.arange(column, column + columns)).ravel()
+        self._depth[cells] += weight * footprint.millimetres.ravel().astype(np.int64)
+        look = footprint.look.ravel()
+        arrived = look != NEVER
+        cells = cells[arrived]
+        # a cell is in a footprint once, so that no sum gets lost
+        self._arrivals_of(cells)[self._row[cells], look[arrived]] += weight
+
+    def maps(self) -> HazardMaps:
+        """What the members say together.
+
+        Raises:
+            LavaError: There are none, or all have a weight of 0.
+        """
+        if not self._total:
+            raise LavaError('members', self.count, 'at least one with a weight above 0')
+        plan, terrain = self._plan, self._plan.scene.terrain
+        known = terrain.has_data.ravel()
+
+        def on_terrain(values: np.ndarray) -> np.ndarray:
+            return np.where(known, values, np.nan).astype(np.float32).reshape(terrain.shape)
+
+        reached = self._row >= 0
+        sums = np.cumsum(self._arrivals[: self._rows], axis=1)[self._row[reached]]
+        probability = np.zeros(known.size)
+        probability[reached] = 100.0 * sums[:, -1] / self._total
+        arrival = {}
+        for share in QUANTILES:
+            # exact: 0.1 is no binary fraction
+            needed = -(-self._total * Fraction(str(share)) // 1)
+            enough = sums >= int(needed)
+            times = np.full(known.size, np.nan)
+            times[reached] = np.where(
+                enough[:, -1], (enough.argmax(axis=1) + 0.5) * plan.interval, np.nan
+            )
+            arrival[share] = on_terrain(times)
+        return HazardMaps(
+            probability=on_terrain(probability),
+            arrival=arrival,
+            thickness=on_terrain(1e-3 * self._depth / self._total),
+            members=self.count,
+            effective_members=self._total**2 / self._squares,
+            arrival_error=0.5 * plan.interval,
+        )
+
+    def _arrivals_of(self, cells: np.ndarray) -> np.ndarray:
+        """The table of arrivals, with a row for each of some cells."""
+        new = cells[self._row[cells] < 0]
+        last = self._rows + new.size
+        if last > len(self._arrivals):
+            larger = np.zeros((max(last, 2 * len(self._arrivals)), self._plan.looks), np.int64)
+            larger[: self._rows] = self._arrivals[: self._rows]
+            self._arrivals = larger
+        self._row[new] = np.arange(self._rows, last)
+        self._rows = last
+        return self._arrivals
+
+
+def occupancy(probability: np.ndarray) -> np.ndarray:
+    """Probability [0 to 100, NaN: unknown] as cells of an occupancy grid.
+
+    Returns:
+        int8, same shape: 0 only where no member had lava, 100 only where all had, -1 unknown.
+    """
+    cells = np.clip(np.rint(probability), _LEAST, _MOST)
+    cells = np.where(probability <= 0.0, 0, np.where(probability >= 100.0, 100, cells))
+    return np.where(np.isnan(probability), -1, cells).astype(np.int8)

@@ -1,0 +1,145 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How good probabilities were: Brier score and reliability, against what came."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lava_ros.errors import LavaError
+
+#: Bins of a reliability diagram.
+BINS = 10
+
+
+@dataclass(frozen=True)
+class ReliabilityBin:
+    """A point of a reliability diagram: cells whose probability lay between two values.
+
+    Attributes:
+        low: Smallest probability, 0 to 1.
+        high: Largest probability; only the last bin has it in it.
+        forecast: Mean probability in the bin; NaN without cells.
+        observed: Share of the cells to which lava came; NaN without cells.
+        count: Number of cells.
+    """
+
+    low: float
+    high: float
+    forecast: float
+    observed: float
+    count: int
+
+
+@dataclass(frozen=True)
+class BrierParts:
+    """A Brier score by its parts: reliability - resolution + uncertainty (Murphy 1973).
+
+    Attributes:
+        score: Mean square of probability less outcome: 0 is perfect.
+        reliability: Mean square of probability less what came at that probability; small is good.
+        resolution: Mean square of what came at each probability less what came on average; large
+            is good.
+        uncertainty: Score of who always says what comes on average.
+    """
+
+    score: float
+    reliability: float
+    resolution: float
+    uncertainty: float
+
+    @property
+    def skill(self) -> float:
+        """1 - score / uncertainty: 1 is perfect, 0 as good as always saying the average."""
+        return 1.0 - self.score / self.uncertainty if self.uncertainty else 0.0
+
+
+def brier_score(probability: np.ndarray, outcome: np.ndarray) -> float:
+    """Mean square of probability less outcome.
+
+    Args:
+        probability: 0 to 1, any shape; NaN does not count.
+        outcome: Whether lava came, bool, same shape.
+
+    Raises:
+        LavaError: The shapes differ, a probability is none, or there is none at all.
+    """
+    probability, outcome = _pairs(probability, outcome)
+    return float(np.mean((probability - outcome) ** 2))
+
+
+def brier_parts(probability: np.ndarray, outcome: np.ndarray) -> BrierParts:
+    """The Brier score and its parts, which add up exactly.
+
+    Args:
+        probability: 0 to 1, any shape; NaN does not count.
+        outcome: Whether lava came, bool, same shape.
+
+    Raises:
+        LavaError: As of ``brier_score``.
+    """
+    probability, outcome = _pairs(probability, outcome)
+    said, place = np.unique(probability, return_inverse=True)
+    count = np.bincount(place)
+    came = np.bincount(place, outcome) / count
+    mean = outcome.mean()
+    share = count / count.sum()
+    return BrierParts(
+        score=float(np.mean((probability - outcome) ** 2)),
+        reliability=float((share * (said - came) ** 2).sum()),
+        resolution=float((share * (came - mean) ** 2).sum()),
+        uncertainty=float(mean * (1.0 - mean)),
+    )
+
+
+def reliability(
+    probability: np.ndarray, outcome: np.ndarray, *, bins: int = BINS
+) -> list[ReliabilityBin]:
+    """The points of a reliability diagram: of what was said to be 30 %, did 30 % come?
+
+    Args:
+        probability: 0 to 1, any shape; NaN does not count.
+        outcome: Whether lava came, bool, same shape.
+        bins: Number of bins of equal width.
+
+    Raises:
+        LavaError: As of ``brier_score``.
+    """
+    probability, outcome = _pairs(probability, outcome)
+    # a share of members that ought to be 0.3 may be 0.299999999
+    place = np.minimum(np.floor(probability * bins + 1e-9), bins - 1).astype(int)
+    count = np.bincount(place, minlength=bins)
+    with np.errstate(invalid='ignore'):
+        forecast = np.bincount(place, probability, minlength=bins) / count
+        observed = np.bincount(place, outcome, minlength=bins) / count
+    return [
+        ReliabilityBin(index / bins, (index + 1) / bins, float(said), float(came), int(number))
+        for index, (said, came, number) in enumerate(zip(forecast, observed, count, strict=True))
+    ]
+
+
+def _pairs(probability: np.ndarray, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Probabilities and outcomes (0 or 1) of the cells that have both, float64, in a row."""
+    probability, outcome = np.asarray(probability, dtype=np.float64), np.asarray(outcome)
+    if probability.shape != outcome.shape:
+        raise LavaError('outcome', outcome.shape, f'an outcome for {probability.shape} cells')
+    known = ~np.isnan(probability)
+    probability = probability[known]
+    if not probability.size:
+        raise LavaError('probability', 'NaN', 'a cell with a probability')
+    beyond = (probability < 0.0) | (probability > 1.0)
+    if beyond.any():
+        raise LavaError('probability', float(probability[beyond][0]), 'from 0 to 1')
+    return probability, outcome[known].astype(bool).astype(np.float64)

@@ -1,0 +1,162 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Finished members on disk: whatever ends a run, the next one goes on from there."""
+
+from collections.abc import Iterator
+import hashlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+import zlib
+
+import numpy as np
+
+import lava_ros
+from lava_ros.errors import LavaError
+from lava_ros.forecast.members import Plan, plan_to_dict
+from lava_ros.forecast.probability import Footprint
+from lava_ros.forecast.susceptibility import Susceptibility
+from lava_ros.scene import scene_to_dict
+
+#: Version of the format of a folder.
+VERSION = 1
+
+#: What says whose members they are.
+MANIFEST = 'ensemble.json'
+
+_MEMBERS = 'members'
+
+_KEYS = ('look', 'millimetres', 'corner')
+
+
+class Store:
+    """A folder with the members of one ensemble, a file each."""
+
+    def __init__(
+        self,
+        folder: str | Path,
+        plan: Plan,
+        *,
+        seed: int = 0,
+        susceptibility: Susceptibility | None = None,
+    ) -> None:
+        """Make the folder, or open that of the same ensemble.
+
+        Args:
+            folder: The folder.
+            plan: What the members have in common.
+            seed: What they are drawn with.
+            susceptibility: Where their vents are drawn from.
+
+        Raises:
+            LavaError: It cannot be written to, or holds another ensemble or other things.
+        """
+        self.folder = Path(folder)
+        self._plan = plan
+        manifest = _manifest(plan, seed, susceptibility)
+        path = self.folder / MANIFEST
+        try:
+            if path.exists():
+                _check_same(json.loads(path.read_text(encoding='utf-8')), manifest, path)
+            elif self.folder.exists() and any(self.folder.iterdir()):
+                right = 'a folder that is new, empty, or of this ensemble'
+                raise LavaError('--output', str(folder), right)
+            (self.folder / _MEMBERS).mkdir(parents=True, exist_ok=True)
+            _replace(path, (json.dumps(manifest, indent=1) + '\n').encode())
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+            raise LavaError(
+                '--output', str(folder), f'a folder to write to ({error})'
+            ) from error
+
+    def write(self, footprint: Footprint) -> None:
+        """Keep a member.
+
+        Raises:
+            LavaError: It cannot be written.
+        """
+        path = self._path(footprint.index)
+        partial = path.with_suffix(f'.{os.getpid()}.partial')
+        try:
+            with partial.open('wb') as file:
+                np.savez_compressed(
+                    file,
+                    look=footprint.look,
+                    millimetres=footprint.millimetres,
+                    corner=np.array(footprint.corner, dtype=np.int32),
+                )
+            os.replace(partial, path)
+        except OSError as error:
+            raise LavaError('--output', str(path), f'a file to write ({error})') from error
+
+    def read(self, index: int) -> Footprint | None:
+        """Read a member; None where it is missing or its file damaged."""
+        try:
+            with np.load(self._path(index), allow_pickle=False) as stored:
+                look, millimetres, corner = (stored[key] for key in _KEYS)
+        except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):
+            return None
+        is_whole = (look.dtype, millimetres.dtype) == (np.uint16, np.uint32)
+        if not is_whole or look.shape != millimetres.shape or corner.shape != (2,):
+            return None
+        return Footprint(index, (int(corner[0]), int(corner[1])), look, millimetres)
+
+    def finished(self, count: int) -> Iterator[Footprint]:
+        """Read those of the first members that are there, in order."""
+        for index in range(count):
+            footprint = self.read(index)
+            if footprint is not None:
+                yield footprint
+
+    def _path(self, index: int) -> Path:
+        return self.folder / _MEMBERS / f'{index:07d}.npz'
+
+
+def _manifest(plan: Plan, seed: int, susceptibility: Susceptibility | None) -> dict[str, Any]:
+    elevation = np.ascontiguousarray(plan.scene.terrain.elevation)
+    manifest = {
+        'version': VERSION,
+        'lava_ros': lava_ros.__version__,
+        'scene': scene_to_dict(plan.scene),
+        'elevation': hashlib.blake2b(elevation.tobytes(), digest_size=16).hexdigest(),
+        'plan': plan_to_dict(plan),
+        'seed': seed,
+        'susceptibility': None if susceptibility is None else susceptibility.digest,
+    }
+    # as it will be read back
+    return json.loads(json.dumps(manifest))
+
+
+def _check_same(found: Any, wanted: dict[str, Any], path: Path) -> None:
+    """Refuse a folder whose members are of another ensemble, and say in what."""
+    for name, old, new in _differences(found, wanted, ''):
+        right = f'{old!r}, of which {path.parent} has members; another folder takes others'
+        raise LavaError(name, new, right)
+
+
+def _differences(old: Any, new: Any, name: str) -> Iterator[tuple[str, Any, Any]]:
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in {**old, **new}:
+            inner = f'{name}.{key}' if name else key
+            yield from _differences(old.get(key), new.get(key), inner)
+    elif old != new:
+        yield name, old, new
+
+
+def _replace(path: Path, data: bytes) -> None:
+    partial = path.with_suffix(f'.{os.getpid()}.partial')
+    partial.write_bytes(data)
+    os.replace(partial, path)

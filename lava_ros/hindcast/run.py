@@ -1,0 +1,403 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Runs a case, map by map, and goes on where an earlier run was cut off."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+import hashlib
+import json
+import math
+import os
+from pathlib import Path
+import time as wall_clock
+from typing import Any
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.accuracy import Accuracy, expected_thickness
+from lava_ros.checkpoint import from_bytes
+from lava_ros.errors import LavaError
+from lava_ros.hindcast.case import Case
+from lava_ros.hindcast.coarse import coarsened, refined
+from lava_ros.hindcast.score import THRESHOLD
+from lava_ros.presets import DEFAULT, preset_accuracy
+from lava_ros.scene import Scene, scene_to_dict
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+
+#: Maps of a run.
+MAPS = 24
+
+#: Particles that come out in all, at a refinement of 1, where the elevation's cells ask for more.
+MOST_PARTICLES = 200_000
+
+#: Displacement in a step over a cell, in place of the usual half: weeks take half the steps, and
+#: what it changes is less than what a change of the ground by its own error does.
+COURANT = 1.0
+
+#: Largest ratio of viscosities at solidus and vent that counts: what is stiffer has stopped.
+MOST_STIFFENING = 1e4
+
+#: What is left out unless it is asked for: momentum matters metres from a vent, and asks for steps
+#: that resolve waves through weeks of creeping.
+FORCED = {'inertia': False}
+
+#: Wall time between two looks at the progress [s].
+LOOK = 1.0
+
+#: Name of the folder of what a run that is not finished needs, inside its output.
+UNFINISHED = '.unfinished'
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a case is run.
+
+    Attributes:
+        preset: Accuracy by name.
+        spacing: Distance between particles [m] in place of the preset's, None for that.
+        device: Name of the Warp device, None for the best there is.
+        forced: Effects forced on or off, by name; the others are chosen from the scene.
+        maps: Number of maps, evenly over the simulated time.
+        courant: Largest displacement in a step over a cell, where the preset has the usual one.
+    """
+
+    preset: str = DEFAULT
+    spacing: float | None = None
+    device: str | None = None
+    forced: Mapping[str, bool] = field(default_factory=dict)
+    maps: int = MAPS
+    courant: float = COURANT
+
+    def accuracy(self, case: Case) -> Accuracy:
+        """The knobs that the preset stands for in a case.
+
+        Particles are as far apart as the elevation's cells over the preset's refinement, or
+        further where more than ``MOST_PARTICLES`` would come out.
+        """
+        accuracy = preset_accuracy(self.preset)
+        thickness = accuracy.thickness or mature_thickness(case.scene)
+        refinement = accuracy.refinement
+        most = MOST_PARTICLES * refinement**2
+        least = math.sqrt(case.volume / (thickness * most))
+        spacing = max(case.scene.terrain.resolution / refinement, least)
+        courant = accuracy.courant_number
+        if courant == Accuracy().courant_number:
+            courant = self.courant
+        return replace(
+            accuracy,
+            spacing=self.spacing or spacing,
+            thickness=thickness,
+            courant_number=courant,
+        )
+
+    def coarseness(self, case: Case) -> int:
+        """Cells of the elevation to a side of the simulation's: none finer than particles."""
+        spacing = self.accuracy(case).spacing
+        assert spacing is not None
+        return max(1, round(spacing / case.scene.terrain.resolution))
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """What a run has come to.
+
+    Attributes:
+        snapshot: The flow at its end.
+        peak: Largest thickness that any map has had [m], float32, shape [rows, columns].
+        arrival: Time of the first map with lava that thick (``score.THRESHOLD``) after the start
+            of the simulation [s], NaN where there was none, float32, same shape.
+        wall_time: Time that it took [s], without reading and writing files.
+        most_particles: Most particles there were at any look.
+        effects: The effects that were on at its end.
+        accuracy: The resolution, with every automatic value filled in.
+        device: Name of the Warp device.
+    """
+
+    snapshot: Snapshot
+    peak: np.ndarray
+    arrival: np.ndarray
+    wall_time: float
+    most_particles: int
+    effects: tuple[str, ...]
+    accuracy: Accuracy
+    device: str
+
+
+@dataclass
+class _History:
+    """What a run gathers beside the simulation itself."""
+
+    peak: np.ndarray
+    arrival: np.ndarray
+    wall_time: float = 0.0
+    most_particles: int = 0
+    maps: int = 0
+
+    def add(self, snapshot: Snapshot) -> None:
+        thickness = np.nan_to_num(snapshot.thickness)
+        first = np.isnan(self.arrival) & (thickness >= THRESHOLD)
+        self.arrival[first] = snapshot.time
+        np.maximum(self.peak, thickness, out=self.peak)
+        self.maps += 1
+
+
+class Run:
+    """A case on its way, from its start or from where it was cut off.
+
+    Attributes:
+        case: The case.
+        settings: How it is run.
+        is_resumed: Whether it goes on from an earlier run that was cut off.
+    """
+
+    def __init__(self, case: Case, settings: Settings, *, folder: Path | None = None) -> None:
+        """Begin, or go on.
+
+        Args:
+            case: The case.
+            settings: How it is run.
+            folder: Where what is needed to go on is kept, None for nowhere.
+
+        Raises:
+            LavaError: A setting is not usable, or the folder is of another case or other settings.
+        """
+        validation.number('--maps', settings.maps, at_least=1, at_most=10_000)
+        self.case, self.settings = case, settings
+        self._coarseness = settings.coarseness(case)
+        self._folder = folder
+        shape = case.scene.terrain.shape
+        self._history = _History(
+            np.zeros(shape, np.float32), np.full(shape, np.nan, np.float32)
+        )
+        self._simulation: Simulation | None = None
+        self._done_events = 0
+        self.is_resumed = folder is not None and (folder / 'run.json').is_file()
+        if folder is not None and self.is_resumed:
+            self._go_on(folder)
+
+    def snapshots(self) -> Iterator[tuple[float, Snapshot | None]]:
+        """Simulate.
+
+        Yields:
+            The share of the time that is simulated, from time to time, and at each map a snapshot.
+        """
+        case, duration = self.case, self.case.duration
+        simulation = self._prepared()
+        maps = self.settings.maps
+        times = [duration * (index + 1) / maps for index in range(maps)]
+        for time in times[self._history.maps :]:
+            changes = [
+                (event.time - case.start, event) for event in case.events[self._done_events :]
+            ]
+            for when, event in [item for item in changes if item[0] < time]:
+                yield from self._advance(simulation, max(when, 0.0))
+                simulation.set_terrain(coarsened(event.terrain, self._coarseness))
+                self._done_events += 1
+            yield from self._advance(simulation, time)
+            started = wall_clock.monotonic()
+            snapshot = self._snapshot(simulation)
+            flaw = snapshot.flaw()
+            if flaw:
+                raise LavaError('hindcast', flaw, 'a flow of finite numbers')
+            self._history.add(snapshot)
+            self._history.wall_time += wall_clock.monotonic() - started
+            if self._folder is not None:
+                self._keep(simulation, snapshot)
+            yield time / duration, snapshot
+
+    def result(self) -> Result:
+        """What it has come to."""
+        simulation = self._prepared()
+        on = tuple(name for name, value in asdict(simulation.effects).items() if value)
+        history = self._history
+        return Result(
+            snapshot=self._snapshot(simulation),
+            peak=history.peak,
+            arrival=history.arrival,
+            wall_time=history.wall_time,
+            most_particles=history.most_particles,
+            effects=on,
+            accuracy=simulation.accuracy,
+            device=simulation.device,
+        )
+
+    def kept(self) -> list[Snapshot]:
+        """The snapshots that were kept in the folder, by time."""
+        assert self._folder is not None
+        terrain = self.case.scene.terrain
+        paths = [self._folder / f'map_{index:04d}.npz' for index in range(self._history.maps)]
+        return [_read(path, terrain) for path in paths]
+
+    def _snapshot(self, simulation: Simulation) -> Snapshot:
+        return refined(simulation.snapshot(), self.case.scene.terrain, self._coarseness)
+
+    def _prepared(self) -> Simulation:
+        if self._simulation is None:
+            started = wall_clock.monotonic()
+            scene = self.case.scene
+            self._simulation = Simulation(
+                replace(scene, terrain=coarsened(scene.terrain, self._coarseness)),
+                effects={**FORCED, **self.settings.forced},
+                accuracy=self.settings.accuracy(self.case),
+                device=self.settings.device,
+                horizon=self.case.duration,
+            )
+            self._history.wall_time += wall_clock.monotonic() - started
+        return self._simulation
+
+    def _advance(
+        self, simulation: Simulation, until: float
+    ) -> Iterator[tuple[float, Snapshot | None]]:
+        history = self._history
+        while simulation.time < until:
+            started = wall_clock.monotonic()
+            time = simulation.advance(until, wall_limit=LOOK)
+            history.wall_time += wall_clock.monotonic() - started
+            history.most_particles = max(history.most_particles, simulation.particle_count)
+            yield time / self.case.duration, None
+
+    def _identity(self) -> str:
+        """What tells this run from any other."""
+        case, settings = self.case, self.settings
+        digest = hashlib.sha256(case.footprint.tobytes())
+        for terrain in (case.scene.terrain, *(event.terrain for event in case.events)):
+            digest.update(terrain.elevation.tobytes())
+        plain = {
+            'scene': scene_to_dict(case.scene),
+            'span': [case.start, case.end],
+            'events': [event.time for event in case.events],
+            'accuracy': asdict(settings.accuracy(case)),
+            'forced': dict(settings.forced),
+            'maps': settings.maps,
+        }
+        digest.update(json.dumps(plain, sort_keys=True).encode())
+        return digest.hexdigest()
+
+    def _keep(self, simulation: Simulation, snapshot: Snapshot) -> None:
+        """Write what is needed to go on; the last file to be replaced makes it count."""
+        folder = self._folder
+        assert folder is not None
+        history = self._history
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            _write(folder / f'map_{history.maps - 1:04d}.npz', snapshot)
+            name = f'checkpoint_{history.maps:04d}'
+            _replace(folder / name, simulation.checkpoint().to_bytes())
+            np.savez_compressed(
+                folder / f'history_{history.maps:04d}.npz',
+                peak=history.peak,
+                arrival=history.arrival,
+            )
+            plain = {
+                'identity': self._identity(),
+                'maps': history.maps,
+                'events': self._done_events,
+                'wall_time': history.wall_time,
+                'most_particles': history.most_particles,
+            }
+            _replace(folder / 'run.json', json.dumps(plain).encode())
+            for kind, end in (('checkpoint', ''), ('history', '.npz')):
+                (folder / f'{kind}_{history.maps - 1:04d}{end}').unlink(missing_ok=True)
+        except OSError as error:
+            raise LavaError('output', str(folder), f'a folder to write to ({error})') from error
+
+    def _go_on(self, folder: Path) -> None:
+        try:
+            plain = json.loads((folder / 'run.json').read_text(encoding='utf-8'))
+            if plain['identity'] != self._identity():
+                right = 'another folder, or --fresh: it has an unfinished run of another case, or '
+                right += 'with other settings'
+                raise LavaError('output', str(folder.parent), right)
+            maps = int(plain['maps'])
+            checkpoint = from_bytes((folder / f'checkpoint_{maps:04d}').read_bytes())
+            with np.load(folder / f'history_{maps:04d}.npz') as arrays:
+                peak, arrival = arrays['peak'], arrays['arrival']
+        except (OSError, KeyError, ValueError) as error:
+            if isinstance(error, LavaError):
+                raise
+            right = f'what an unfinished run has left, or --fresh ({error})'
+            raise LavaError('output', str(folder), right) from error
+        self._history = _History(
+            peak, arrival, float(plain['wall_time']), int(plain['most_particles']), maps
+        )
+        self._done_events = int(plain['events'])
+        self._simulation = Simulation.resume(checkpoint, device=self.settings.device)
+
+
+def mature_thickness(scene: Scene) -> float:
+    """Thickness of a flow that has cooled half-way to its solidus [m].
+
+    In weeks most of a flow is lava on its way, not lava at its vent: the scale of
+    ``accuracy.expected_thickness`` at the geometric mean of its viscosities at vent and solidus.
+    """
+    lava = scene.lava
+    thickness = expected_thickness(scene)
+    if not lava.solidus:
+        return thickness
+    hot = max(vent.temperature for vent in scene.vents)
+    ratio = lava.viscosity_at(lava.solidus) / lava.viscosity_at(hot)
+    return thickness * min(ratio, MOST_STIFFENING) ** 0.125
+
+
+def simulate(case: Case, settings: Settings) -> Result:
+    """Run a case to its end, and keep nothing."""
+    run = Run(case, replace(settings, maps=1))
+    for _ in run.snapshots():
+        pass
+    return run.result()
+
+
+def _write(path: Path, snapshot: Snapshot) -> None:
+    frozen = {} if snapshot.frozen is None else {'frozen': snapshot.frozen}
+    plain: dict[str, Any] = {
+        'time': snapshot.time,
+        'budget': asdict(snapshot.budget),
+        'steps': asdict(snapshot.steps),
+        'particle_count': snapshot.particle_count,
+    }
+    np.savez_compressed(
+        path,
+        thickness=snapshot.thickness,
+        temperature=snapshot.temperature,
+        plain=np.frombuffer(json.dumps(plain).encode(), np.uint8),
+        **frozen,  # type: ignore[arg-type]
+    )
+
+
+def _read(path: Path, terrain: Any) -> Snapshot:
+    try:
+        with np.load(path) as arrays:
+            plain = json.loads(arrays['plain'].tobytes())
+            return Snapshot(
+                time=plain['time'],
+                terrain=terrain,
+                thickness=arrays['thickness'],
+                temperature=arrays['temperature'],
+                budget=VolumeBudget(**plain['budget']),
+                particle_count=plain['particle_count'],
+                steps=StepReport(**plain['steps']),
+                frozen=arrays['frozen'] if 'frozen' in arrays.files else None,
+            )
+    except (OSError, KeyError, ValueError) as error:
+        raise LavaError('output', str(path), f'what a run has written ({error})') from error
+
+
+def _replace(path: Path, data: bytes) -> None:
+    partial = path.with_name(path.name + '.partial')
+    partial.write_bytes(data)
+    os.replace(partial, path)

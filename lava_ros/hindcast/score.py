@@ -1,0 +1,214 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""How well a simulated flow covers what was mapped.
+
+Every number is the same when map and flow are turned by 90 degrees or mirrored.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+import math
+from typing import Any
+
+import numpy as np
+
+from lava_ros.errors import LavaError
+from lava_ros.hindcast.case import Case
+
+#: Thickness from which on a cell counts as covered [m].
+THRESHOLD = 0.1
+
+#: Steps to the 16 neighbours that a path may take: its length is then right to 2.7 %.
+_STEPS = tuple(
+    (row, column)
+    for row, column in ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
+)
+
+
+@dataclass(frozen=True)
+class Score:
+    """A comparison of a simulated flow with a mapped one.
+
+    Attributes:
+        jaccard: Cells in both over cells in either.
+        recall: Share of the mapped cells that the simulation covers.
+        precision: Share of the simulated cells that are mapped.
+        fit: Square root of ``jaccard``, e1 of the literature.
+        hits: Cells in both.
+        misses: Mapped cells that the simulation leaves free.
+        false_alarms: Simulated cells that were not mapped.
+        area: Area that the simulation covers [m2].
+        mapped_area: Area that was mapped [m2].
+        length: Length of the longest way from a vent along the simulated flow [m].
+        mapped_length: The same along the mapped flow [m].
+        volume: Volume of the simulated flow [m3].
+        mean_thickness: Mean thickness of what the simulation covers [m].
+        median_thickness: Median of the same [m].
+        thickest: Its largest thickness [m].
+        mapped_thickness: Volume that came out over the mapped area [m].
+    """
+
+    jaccard: float
+    recall: float
+    precision: float
+    fit: float
+    hits: int
+    misses: int
+    false_alarms: int
+    area: float
+    mapped_area: float
+    length: float
+    mapped_length: float
+    volume: float
+    mean_thickness: float
+    median_thickness: float
+    thickest: float
+    mapped_thickness: float
+
+    @property
+    def length_error(self) -> float:
+        """Relative error of the length; positive: too long."""
+        return self.length / self.mapped_length - 1.0 if self.mapped_length else math.nan
+
+    @property
+    def area_error(self) -> float:
+        """Relative error of the area; positive: too large."""
+        return self.area / self.mapped_area - 1.0
+
+    def as_dict(self) -> dict[str, Any]:
+        """All numbers by name."""
+        errors = {'length_error': self.length_error, 'area_error': self.area_error}
+        return {**asdict(self), **errors}
+
+
+def score(
+    thickness: np.ndarray,
+    footprint: np.ndarray,
+    *,
+    resolution: float,
+    vents: Sequence[tuple[int, int]],
+    emitted: float,
+) -> Score:
+    """Compare a flow with a map.
+
+    Args:
+        thickness: Thickness of the simulated lava [m], NaN without data, shape [rows, columns].
+        footprint: Where lava was mapped, bool, same shape.
+        resolution: Side of a cell [m].
+        vents: Row and column of each vent.
+        emitted: Volume that came out [m3].
+    """
+    thickness = np.nan_to_num(thickness)
+    covered = thickness >= THRESHOLD
+    hits = int((covered & footprint).sum())
+    mapped, simulated = int(footprint.sum()), int(covered.sum())
+    cell = resolution**2
+    layer = thickness[covered]
+    jaccard = hits / (mapped + simulated - hits) if mapped + simulated else 0.0
+    ways = distances(covered | footprint, vents) * resolution
+    return Score(
+        jaccard=jaccard,
+        recall=hits / mapped if mapped else 0.0,
+        precision=hits / simulated if simulated else 0.0,
+        fit=math.sqrt(jaccard),
+        hits=hits,
+        misses=mapped - hits,
+        false_alarms=simulated - hits,
+        area=simulated * cell,
+        mapped_area=mapped * cell,
+        length=_longest(ways, covered),
+        mapped_length=_longest(ways, footprint),
+        volume=float(thickness.sum()) * cell,
+        mean_thickness=float(layer.mean()) if simulated else 0.0,
+        median_thickness=float(np.median(layer)) if simulated else 0.0,
+        thickest=float(layer.max()) if simulated else 0.0,
+        mapped_thickness=emitted / (mapped * cell) if mapped else math.nan,
+    )
+
+
+def judge(case: Case, thickness: np.ndarray) -> Score:
+    """Compare a flow with the map of its case.
+
+    Args:
+        case: The case.
+        thickness: Thickness of the simulated lava [m], shape [rows, columns].
+    """
+    terrain = case.scene.terrain
+    places = [vent.position for vent in case.scene.vents]
+    places += [vent.end for vent in case.scene.vents if vent.end is not None]
+    cells = [terrain.cell_at(*place) for place in places]
+    return score(
+        thickness,
+        case.footprint,
+        resolution=terrain.resolution,
+        vents=[cell for cell in cells if cell is not None],
+        emitted=case.volume,
+    )
+
+
+def _longest(ways: np.ndarray, mask: np.ndarray) -> float:
+    lengths = ways[mask & np.isfinite(ways)]
+    return float(lengths.max()) if lengths.size else 0.0
+
+
+def distances(mask: np.ndarray, sources: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Length of the shortest way over the cells of a mask, in cells.
+
+    A source off the mask starts from the nearest of its cells; parts of the mask that no source
+    is connected to are reached in a straight line.
+
+    Args:
+        mask: Where a way may go, bool, shape [rows, columns].
+        sources: Row and column of each place where ways begin.
+
+    Returns:
+        Distances, float64, same shape; infinite off the mask.
+    """
+    try:
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import dijkstra
+    except ImportError as error:
+        right = "scipy: pip install 'lava_ros[hindcast]'"
+        raise LavaError('the length of the flow', None, right) from error
+    result = np.full(mask.shape, np.inf)
+    cells = np.argwhere(mask)
+    if not len(cells) or not len(sources):
+        return result
+    numbers = np.full(mask.shape, -1)
+    numbers[mask] = np.arange(len(cells))
+    pairs = []
+    for step in _STEPS:
+        here, there = _pairs(numbers, step)
+        pairs.append((here, there, np.full(len(here), math.hypot(*step))))
+    here, there, lengths = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+    graph = coo_matrix((lengths, (here, there)), shape=(len(cells), len(cells))).tocsr()
+    straight = np.stack([np.hypot(*(cells - source).T) for source in sources])
+    starts = straight.argmin(axis=1)
+    ways = dijkstra(graph, directed=False, indices=starts)
+    ways += straight[np.arange(len(starts)), starts][:, None]
+    nearest = ways.min(axis=0)
+    result[mask] = np.where(np.isfinite(nearest), nearest, straight.min(axis=0))
+    return result
+
+
+def _pairs(numbers: np.ndarray, step: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the cells of a mask that are a step apart."""
+    rows, columns = numbers.shape
+    down, right = step
+    first = numbers[: rows - down, max(0, -right) : columns - max(0, right)]
+    second = numbers[down:, max(0, right) : columns - max(0, -right)]
+    both = (first >= 0) & (second >= 0)
+    return first[both], second[both]

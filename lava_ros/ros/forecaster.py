@@ -1,0 +1,329 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Forecasts of the live simulation, again and again, beside it. No rclpy in here."""
+
+from collections.abc import Callable
+from concurrent.futures import CancelledError
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from dataclasses import dataclass, replace
+import threading
+import time
+from typing import Any
+
+from lava_ros.errors import LavaError
+from lava_ros.forecast import wire
+from lava_ros.forecast.forecast import Forecast
+from lava_ros.ros.eruption import Fork
+from lava_ros.ros.forecast_process import ForecastProcess
+from lava_ros.ros.speed import Pace
+from lava_ros.ros.worker import SimulationWorker
+from lava_ros.ros.worker_status import WorkerState
+
+#: Least wall time from one forecast to the next [s].
+LEAST_PERIOD = 1.0
+
+#: Wall times that copying the state took which have to pass before the next copy: it is the live
+#: simulation's thread that copies.
+FORK_REST = 20.0
+
+#: Time of the clock that the live simulation may be behind before forecasts make way [s]: more
+#: than what comes of slices and steps, less than what it gives up.
+LONGEST_LAG = 0.5
+
+#: Wall time between two looks at how the live simulation is doing [s].
+_WATCH_TIME = 0.1
+
+#: Wall time after a failure before the next try [s], doubled with each up to the last.
+_RETRY_TIMES = (2.0, 60.0)
+
+
+@dataclass(frozen=True)
+class ForecastRules:
+    """What is asked of forecasts.
+
+    Attributes:
+        horizon: How far ahead to look [s].
+        threshold: Thickness from which on lava has arrived [m].
+        max_age: Simulated time after which a forecast is stale [s].
+        share: Largest share of the time that the device computes forecasts.
+        max_particles: Most particles of a forecast.
+    """
+
+    horizon: float
+    threshold: float
+    max_age: float
+    share: float
+    max_particles: int
+
+
+@dataclass(frozen=True, eq=False)
+class LiveForecast:
+    """A forecast and what it is of.
+
+    Attributes:
+        forecast: The forecast.
+        stamp_ns: ROS time of its start [ns].
+        changes: Changes of scene or effects before its start.
+    """
+
+    forecast: Forecast
+    stamp_ns: int
+    changes: int
+
+
+@dataclass(frozen=True)
+class ForecasterStatus:
+    """How the forecaster is doing.
+
+    Attributes:
+        count: Forecasts so far.
+        progress: Share of the horizon that the one at hand has reached, None without one.
+        share: Share of the time that they may compute now.
+        error: Why the last try failed, empty when it did not.
+    """
+
+    count: int = 0
+    progress: float | None = None
+    share: float = 0.0
+    error: str = ''
+
+
+class Forecaster:
+    """Forks the newest state, has it run ahead in a process of its own, and so on.
+
+    What is at hand is dropped when scene or effects change, and begun anew. A state that stands
+    still is forked once. The process is given a smaller share of the time as long as the live
+    simulation falls behind its clock.
+    """
+
+    def __init__(
+        self,
+        worker: SimulationWorker,
+        rules: Callable[[], ForecastRules],
+        *,
+        on_change: Callable[[], None] = lambda: None,
+        make_process: Callable[[], ForecastProcess] = ForecastProcess,
+    ) -> None:
+        """Prepare the thread; ``start`` runs it.
+
+        Args:
+            worker: Has the live simulation.
+            rules: Gives what is asked of the next forecast.
+            on_change: Called in the thread when ``latest`` has, and when the scene has.
+            make_process: Starts the process.
+        """
+        self._worker = worker
+        self._rules = rules
+        self._on_change = on_change
+        self._make_process = make_process
+        self._process: ForecastProcess | None = None
+        self._latest: LiveForecast | None = None
+        self._status = ForecasterStatus()
+        self._pace = Pace()
+        self._is_wanted = False
+        self._failures = 0
+        self._number = 0
+        self._told = 0
+        self._forked: tuple[int, float] | None = None
+        self._stopping = threading.Event()
+        self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
+
+    @property
+    def latest(self) -> LiveForecast | None:
+        """The newest forecast, None before the first."""
+        return self._latest
+
+    @property
+    def status(self) -> ForecasterStatus:
+        """How the forecaster is doing."""
+        return self._status
+
+    @property
+    def age(self) -> float:
+        """Simulated time since the newest forecast's start [s], 0 before the first."""
+        snapshot = self._worker.latest
+        if self._latest is None or snapshot is None:
+            return 0.0
+        return max(0.0, snapshot.time - self._latest.forecast.time)
+
+    def staleness(self) -> str:
+        """Why the newest forecast says nothing about what comes, empty when it does."""
+        latest = self._latest
+        if latest is None:
+            return 'there is none yet'
+        if self._worker.changes != latest.changes:
+            return 'the scene or the effects have changed'
+        if self._worker.status.state is WorkerState.FAILED:
+            return 'the simulation has failed'
+        age, most = self.age, self._rules().max_age
+        return f'it is {age:.0f} s old, at most {most:.0f} s are good' if age > most else ''
+
+    def start(self) -> None:
+        """Start the thread."""
+        self._thread.start()
+
+    def want(self, is_wanted: bool) -> None:
+        """Make forecasts from now on, or no more."""
+        self._is_wanted = is_wanted
+
+    def stop(self, timeout: float | None = None) -> bool:
+        """End the thread and the process.
+
+        Args:
+            timeout: How long to wait for it [s].
+
+        Returns:
+            Whether it has ended.
+        """
+        self._stopping.set()
+        if self._thread.ident is not None:
+            self._thread.join(timeout)
+        return not self._thread.is_alive()
+
+    def _run(self) -> None:
+        due = 0.0
+        while not self._stopping.wait(_WATCH_TIME):
+            self._tell_changes()
+            begun = time.monotonic()
+            if begun < due or not self._is_wanted or not self._is_something_new():
+                continue
+            try:
+                taken = self._forecast()
+            except (LavaError, OSError, ValueError) as error:
+                self._fail(str(error))
+                rest = min(_RETRY_TIMES[0] * 2.0**self._failures, _RETRY_TIMES[1])
+                self._failures += 1
+                due = time.monotonic() + rest
+                continue
+            due = begun + max(LEAST_PERIOD, FORK_REST * taken)
+        self._end_process()
+
+    def _tell_changes(self) -> None:
+        if self._worker.changes != self._told:
+            self._told = self._worker.changes
+            self._on_change()
+
+    def _is_something_new(self) -> bool:
+        snapshot = self._worker.latest
+        if snapshot is None or self._worker.status.state is WorkerState.FAILED:
+            return False
+        return (self._worker.changes, snapshot.time) != self._forked
+
+    def _fail(self, reason: str) -> None:
+        self._end_process()
+        self._forked = None
+        self._put_status(progress=None, error=reason)
+
+    def _end_process(self) -> None:
+        if self._process is not None:
+            self._process.end()
+            self._process = None
+
+    def _forecast(self) -> float:
+        """Make a forecast, unless it is overtaken, and return how long the copy took [s]."""
+        rules = self._rules()
+        fork = self._fork()
+        if fork is None:
+            return 0.0
+        self._number += 1
+        if self._process is None:
+            self._process = self._make_process()
+        self._renew_share(rules)
+        self._put_status(progress=0.0)
+        order = {
+            'order': 'fork',
+            'number': self._number,
+            'horizon': rules.horizon,
+            'threshold': rules.threshold,
+            'device': self._worker.status.device,
+            'max_particles': rules.max_particles,
+            'share': self._status.share,
+        }
+        self._process.order(order, fork.checkpoint.to_bytes())
+        answer = self._wait_for_answer(fork, rules)
+        if answer is None:
+            # what has been dropped is as new as it was
+            self._forked = None
+        else:
+            self._take(fork, rules, *answer)
+        self._put_status(progress=None)
+        return fork.wall_time
+
+    def _fork(self) -> Fork | None:
+        asked = self._worker.fork()
+        while not self._stopping.is_set():
+            try:
+                fork = asked.result(_WATCH_TIME)
+            except FutureTimeoutError:
+                continue
+            except CancelledError:
+                return None
+            # what has been forked is what the next one has to differ from
+            self._forked = fork.changes, fork.checkpoint.time
+            return fork
+        return None
+
+    def _wait_for_answer(
+        self, fork: Fork, rules: ForecastRules
+    ) -> tuple[dict[str, Any], bytes] | None:
+        """Wait for the forecast; None when it is overtaken."""
+        assert self._process is not None
+        while not self._stopping.is_set():
+            if self._renew_share(rules):
+                self._process.order({'order': 'share', 'share': self._status.share})
+            if self._worker.changes != fork.changes or not self._is_wanted:
+                self._process.order({'order': 'cancel'})
+                self._tell_changes()
+                return None
+            answer = self._process.answer(_WATCH_TIME)
+            if answer is None or answer[0]['number'] != self._number:
+                continue
+            if answer[0]['answer'] == 'refused':
+                raise LavaError('forecast', answer[0]['reason'], 'a flow that can be looked ahead')
+            if answer[0]['answer'] == 'forecast':
+                return answer
+            self._put_status(progress=answer[0]['progress'])
+        return None
+
+    def _renew_share(self, rules: ForecastRules) -> bool:
+        """Follow the live simulation's lag, and say whether that changed anything."""
+        worker, former = self._worker.status, self._status.share
+        is_running = worker.state is WorkerState.RUNNING
+        self._pace.note(is_running and worker.lag > LONGEST_LAG, time.monotonic())
+        self._put_status(share=self._pace.share(rules.share, worker.device))
+        return self._status.share != former
+
+    def _take(
+        self, fork: Fork, rules: ForecastRules, header: dict[str, Any], body: bytes
+    ) -> None:
+        arrival, thickness, temperature = wire.unpacked(body, tuple(header['shape']))
+        forecast = Forecast(
+            time=fork.checkpoint.time,
+            horizon=rules.horizon,
+            threshold=rules.threshold,
+            terrain=fork.checkpoint.scene.terrain,
+            arrival=arrival,
+            thickness=thickness,
+            temperature=temperature,
+            duration=header['duration'],
+            particle_count=header['particle_count'],
+        )
+        self._failures = 0
+        self._latest = LiveForecast(forecast, round(fork.clock * 1e9), fork.changes)
+        self._put_status(count=self._status.count + 1, error='')
+        self._on_change()
+
+    def _put_status(self, **changes: Any) -> None:
+        self._status = replace(self._status, **changes)

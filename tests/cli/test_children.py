@@ -1,0 +1,94 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Processes that a command starts: how they end is told, and none is left behind."""
+
+from collections.abc import Callable
+import os
+from pathlib import Path
+import time
+
+import pytest
+
+from lava_ros.cli.children import Child, ChildError, SHOWN_LINES
+
+#: Says that it is there, and takes SIGINT for nothing.
+STUBBORN = """
+import signal, time
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+print('here', flush=True)
+time.sleep(60)
+"""
+
+ENDS_WELL = """
+import time
+try:
+    print('here', flush=True)
+    time.sleep(60)
+except KeyboardInterrupt:
+    pass
+"""
+
+FAILS = """
+import signal, sys, time
+signal.signal(signal.SIGINT, lambda *_: sys.exit(3))
+print('\\n'.join(f'line {number}' for number in range(100)), flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Callable[[str], Child]:
+    """Starts a child of a program's text, and waits until it has said something."""
+
+    def begin(text: str) -> Child:
+        (tmp_path / 'a_program.py').write_text(text)
+        log = tmp_path / 'a.log'
+        env = os.environ | {'PYTHONPATH': str(tmp_path)}
+        child = Child('program', 'a_program', [], log=log, env=env)
+        end = time.monotonic() + 30.0
+        while not log.read_text():
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        return child
+
+    return begin
+
+
+def test_a_child_that_follows(start: Callable[[str], Child]) -> None:
+    """It ends when it is asked to; asking again does no harm."""
+    child = start(ENDS_WELL)
+    child.check()
+    child.stop()
+    assert child.end() == 0
+    with pytest.raises(ChildError, match=r'the program ended by itself with status 0; its log'):
+        child.check()
+
+
+def test_a_child_that_does_not_follow_is_killed(start: Callable[[str], Child]) -> None:
+    """That is an error for one that had to end well."""
+    child = start(STUBBORN)
+    with pytest.raises(ChildError, match=r'did not end within 0.2 s; its log ends with\n    here'):
+        child.stop(0.2)
+    assert child.end(0.2) == -9
+
+
+def test_a_child_that_fails_shows_the_end_of_its_log(start: Callable[[str], Child]) -> None:
+    """Its last lines, and its status."""
+    child = start(FAILS)
+    with pytest.raises(ChildError, match='ended with status 3') as caught:
+        child.stop()
+    lines = str(caught.value).splitlines()
+    assert lines[-1] == '    line 99'
+    assert len(lines) == 1 + SHOWN_LINES

@@ -1,0 +1,194 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`lava ensemble`: from a scene file to maps, and on from where it was."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+from rasterio.transform import from_origin
+import yaml
+
+from lava_ros.bag import BagReader
+from lava_ros.bag.decoding import Decoder
+from lava_ros.bag.grids import read_grid
+from lava_ros.cli import main as cli
+from lava_ros.cli.durations import seconds_of
+from lava_ros.errors import LavaError
+from lava_ros.forecast.probability import occupancy
+
+MAPS = (
+    'inundation_probability', 'expected_thickness', 'arrival_time_p10', 'arrival_time_p50',
+    'arrival_time_p90',
+)
+
+CORNER = (500_000.0, 4_180_000.0)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """A scene file: a slope of 24 x 30 cells of 20 m, in UTM zone 33."""
+    y, x = np.mgrid[0:30, 0:24] * 20.0
+    np.savez(
+        tmp_path / 'ground.npz', elevation=500.0 - 0.1 * y + 5.0 * np.sin(x / 60.0),
+        resolution=20.0, epsg=32633, offset=CORNER,
+    )
+    (tmp_path / 'scene.yaml').write_text(yaml.safe_dump({
+        'terrain': {'file': 'ground.npz'},
+        'vents': [{'position': [240.0, 100.0], 'discharge': 10.0, 'radius': 30.0}],
+        'lava': {'viscosity': 5e3},
+        'uncertainty': {
+            'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
+            'position': {'deviation': 20.0},
+        },
+    }))
+    return tmp_path / 'scene.yaml'
+
+
+def raster(path: Path, values: np.ndarray) -> str:
+    """A raster on the terrain's cells, row 0 in the south."""
+    with rasterio.open(
+        path, 'w', driver='GTiff', width=24, height=30, count=1, dtype='float32',
+        crs='EPSG:32633', transform=from_origin(CORNER[0], CORNER[1] + 600.0, 20.0, 20.0),
+    ) as file:
+        file.write(values[::-1].astype('float32'), 1)
+    return str(path)
+
+
+def read(path: Path) -> np.ndarray:
+    """A map, row 0 in the south."""
+    with rasterio.open(path) as file:
+        return file.read(1)[::-1]
+
+
+def test_maps_of_a_scene(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Four members, then eight: GeoTIFF, bag and report agree; an outline sharpens them."""
+    out, report = tmp_path / 'out', tmp_path / 'report.json'
+    words = ['ensemble', str(scene), '-o', str(out), '--horizon', '10min', '--workers', '1']
+    words += ['--device', 'cpu', '--json', str(report)]
+    assert cli.main([*words, '--members', '4']) == 0
+    first = json.loads(report.read_text())
+    assert (first['members'], first['resumed'], first['workers']) == (4, 0, 1)
+    assert cli.main([*words, '--members', '8']) == 0
+    second = json.loads(report.read_text())
+    assert (second['members'], second['resumed']) == (8, 4)
+    assert second['sampling_error_percent'] == pytest.approx(50.0 / 8**0.5)
+    assert '4 members run' in capsys.readouterr().out
+
+    maps = {name: read(out / f'{name}.tif') for name in MAPS}
+    probability = maps['inundation_probability']
+    assert set(np.unique(probability)) <= set(np.arange(9) * 12.5)
+    assert probability.max() == 100.0 and probability.min() == 0.0
+    half = maps['arrival_time_p50'] >= 0.0
+    np.testing.assert_array_equal(half, probability >= 50.0)
+    assert (maps['arrival_time_p10'][half] <= maps['arrival_time_p50'][half]).all()
+    assert ((maps['expected_thickness'] > 0.0) >= (probability > 0.0)).all()
+    with rasterio.open(out / 'arrival_time_p50.tif') as file:
+        assert file.crs.to_epsg() == 32633 and file.units == ('s',)
+        assert file.bounds[:2] == CORNER and file.tags()['members'] == '8'
+
+    bag = BagReader(out / 'atlas')
+    assert yaml.safe_load(bag.custom_data['scene'])['uncertainty']['discharge']['factor'] == 1.5
+    messages = {message.topic: message for message in bag.messages()}
+    assert {f'/lava/{name}' for name in (*MAPS, 'terrain', 'terrain_info', 'vents')} == set(
+        messages
+    )
+    grid = read_grid(messages['/lava/inundation_probability'])
+    np.testing.assert_array_equal(grid.cells, occupancy(probability))
+    image = Decoder(bag).decode(messages['/lava/arrival_time_p50'])
+    pixels = np.frombuffer(bytes(image.data), np.float32).reshape(30, 24)
+    np.testing.assert_array_equal(np.isfinite(pixels), half)
+    np.testing.assert_array_equal(pixels[half], maps['arrival_time_p50'][half])
+
+    seen = raster(tmp_path / 'seen.tif', maps['arrival_time_p10'] > 0.0)
+    assert cli.main([*words, '--members', '8', '--observed', seen, '--observed-at', '600s']) == 0
+    third = json.loads(report.read_text())
+    assert third['resumed'] == 8 and third['effective_members'] < 8.0
+    assert 0.3 < third['observed']['jaccard_mean'] < third['observed']['jaccard_best'] <= 1.0
+    assert read(out / 'inundation_probability.tif').sum() > probability.sum()
+
+
+def test_vents_from_a_map(scene: Path, tmp_path: Path) -> None:
+    """Lava comes from where the map says a vent may open, not from where the scene has it."""
+    likelihood = np.zeros((30, 24))
+    likelihood[5:8, 3] = 1.0
+    where = raster(tmp_path / 'where.tif', likelihood)
+    words = ['ensemble', str(scene), '-o', str(tmp_path / 'out'), '--horizon', '10min']
+    words += ['--members', '2', '--workers', '1', '--device', 'cpu', '--susceptibility', where]
+    assert cli.main(words) == 0
+    wet = np.argwhere(read(tmp_path / 'out/inundation_probability.tif') > 0.0)
+    assert len(wet) > 3
+    assert np.hypot(*(wet - [6.0, 3.0]).T).max() < 10.0
+
+
+@pytest.mark.parametrize(
+    ('words', 'named'),
+    [
+        (('--members', '0'), 'members'),
+        (('--horizon', 'soon'), '--horizon'),
+        (('--horizon=-1h',), '--horizon'),
+        (('--preset', 'none'), 'preset'),
+        (('--workers', '0'), '--workers'),
+        (('--workers', '2', '--scheduler', 'tcp://localhost:1'), '--workers'),
+        (('--device', 'cuda:77'), '--device'),
+        (('--observed', 'seen.tif'), '--observed-at'),
+        (('--observed', 'none.tif', '--observed-at', '1h'), '--observed'),
+        (('--susceptibility', 'none.tif'), '--susceptibility'),
+        (('--json', 'none/report.json'), '--json'),
+        (('--threshold', '-1'), 'threshold'),
+    ],
+)
+def test_what_cannot_be_used_is_refused(
+    words: tuple[str, ...],
+    named: str,
+    scene: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """In one sentence, before a member runs, and nothing is written."""
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(['ensemble', str(scene), '-o', 'out', *words]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith('lava ensemble: ') and named in error
+    assert not (tmp_path / 'out').exists()
+
+
+def test_an_interrupted_run_says_how_to_go_on(
+    scene: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Ctrl+C ends with the status of one, and a sentence."""
+    def interrupted(*args: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr('lava_ros.forecast.ensemble.run_ensemble', interrupted)
+    words = ['ensemble', str(scene), '-o', str(tmp_path / 'out'), '--workers', '1']
+    assert cli.main([*words, '--device', 'cpu']) == 130
+    assert 'the same command' in capsys.readouterr().err
+
+
+def test_times_as_people_write_them() -> None:
+    """With a unit, without one, and in no other way."""
+    for text, seconds in (('6h', 21600.0), ('90min', 5400.0), ('1.5 d', 129600.0), ('30', 30.0),
+                          ('1e3s', 1000.0)):
+        assert seconds_of('--horizon', text) == seconds
+    for text in ('', 'h', '6 hours', '0h', '-1h', 'nan', '1h30'):
+        with pytest.raises(LavaError, match='--horizon'):
+            seconds_of('--horizon', text)

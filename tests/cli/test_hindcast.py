@@ -1,0 +1,205 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""`lava hindcast`, `lava calibrate`, `lava barrier` and `lava materials`."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rasterio
+
+from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case
+from lava_ros.bag import BagReader
+from lava_ros.cli.main import main
+from lava_ros.frames import read_frame
+from lava_ros.hindcast.geotiff import FALSE_ALARM, HIT, MISS
+
+LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_strength: 200}\n'
+
+
+@pytest.fixture(scope='module')
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a hindcast."""
+    folder = tmp_path_factory.mktemp('hindcast')
+    case = write_case(folder / 'valley', hours=1, yaml=LAVA)
+    arguments = ['hindcast', str(case), '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
+    arguments += ['--maps', '3', '-o', str(folder / 'out'), '--json', str(folder / 'out.json')]
+    assert main(arguments) == 0
+    return folder
+
+
+def test_numbers_are_written(finished: Path) -> None:
+    """The JSON has score, budget, settings and constants, twice."""
+    data = json.loads((finished / 'out.json').read_text())
+    assert data == json.loads((finished / 'out/hindcast.json').read_text())
+    assert data['case'] == 'valley'
+    assert data['material'] == 'etna_basalt'
+    assert data['preset'] == 'draft'
+    assert data['score']['jaccard'] > 0.3
+    assert data['volume']['error'] < 1e-5
+    assert data['simulated_s'] == pytest.approx(3600.0)
+    assert data['lava']['viscosity'] == 2e4
+    assert data['particles_emitted'] > 20
+    assert data['jaccard_of_peak'] >= data['score']['jaccard'] - 0.1
+    assert not (finished / 'out/.unfinished').exists()
+
+
+def test_maps_are_on_the_elevation(finished: Path) -> None:
+    """GeoTIFFs lie where the elevation does, and the comparison adds up to the score."""
+    score = json.loads((finished / 'out.json').read_text())['score']
+    names = ('thickness', 'peak_thickness', 'arrival', 'temperature', 'comparison')
+    grids = {}
+    for name in names:
+        with rasterio.open(finished / f'out/{name}.tif') as file:
+            assert file.crs.to_epsg() == 32633
+            assert file.shape == SHAPE
+            assert (file.transform.c, file.transform.a) == (CORNER[0], CELL)
+            assert file.transform.f == CORNER[1] + SHAPE[0] * CELL
+            grids[name] = file.read(1)[::-1]
+    codes = grids['comparison']
+    assert (codes == HIT).sum() == score['hits']
+    assert (codes == MISS).sum() == score['misses']
+    assert (codes == FALSE_ALARM).sum() == score['false_alarms']
+    mapped = footprint() > 0.0
+    np.testing.assert_array_equal((codes == HIT) | (codes == MISS), mapped)
+    assert grids['thickness'].sum() * CELL**2 == pytest.approx(score['volume'], rel=1e-5)
+    assert grids['temperature'].max() < 1100.0
+
+
+def test_page_says_what_was_run(finished: Path) -> None:
+    """The page has the score, its constants with sources, and no text that is markup."""
+    text = (finished / 'out/hindcast.html').read_text()
+    score = json.loads((finished / 'out.json').read_text())['score']
+    assert f'{score["jaccard"]:.3f}' in text
+    assert 'A valley &lt;b&gt;' in text
+    assert '<b>' not in text
+    assert 'case.yaml, in place of 4164' in text
+    assert 'SCIARA-fv2' in text
+    assert 'data:image/png;base64,' in text
+    assert (finished / 'out/comparison.png').stat().st_size > 10_000
+
+
+def test_bag_has_the_maps(finished: Path) -> None:
+    """The bag has a frame for each map, at its simulated time, and what describes the run."""
+    bag = BagReader(finished / 'out/bag')
+    assert len(list(bag.messages(['/height']))) == 3
+    frame = read_frame(finished / 'out/bag')
+    assert frame.time == pytest.approx(3600.0)
+    assert frame.scene['lava']['viscosity'] == 2e4
+    assert read_frame(finished / 'out/bag', 2400.0).time == pytest.approx(2400.0)
+
+
+def test_wrong_case_is_refused_in_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The command ends with status 2 and one line that says what is wrong."""
+    case = write_case(tmp_path / 'valley')
+    (case / 'vent.csv').unlink()
+    assert main(['hindcast', str(case), '-o', str(tmp_path / 'out')]) == 2
+    said = capsys.readouterr().err.strip()
+    assert said.startswith('lava hindcast: case is')
+    assert 'also holds vent.csv' in said
+    assert '\n' not in said
+    assert not (tmp_path / 'out').exists()
+
+
+def test_folder_of_something_else_is_left_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder that no hindcast made is not written to."""
+    case = write_case(tmp_path / 'valley')
+    (tmp_path / 'out').mkdir()
+    (tmp_path / 'out/thesis.txt').write_text('mine')
+    assert main(['hindcast', str(case), '-o', str(tmp_path / 'out')]) == 2
+    assert 'new, empty or of a hindcast' in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / 'out').iterdir()] == ['thesis.txt']
+
+
+def test_calibration_reports_near_best_sets(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A few runs in given ranges make a table and a result; the same runs are not run twice."""
+    case = write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)
+    arguments = ['calibrate', str(case), '--device', 'cpu', '--spacing', '40', '--runs', '5']
+    arguments += ['--unknown', 'viscosity=1e3:1e5', '--unknown', 'emissivity']
+    arguments += ['-o', str(tmp_path / 'out')]
+    assert main(arguments) == 0
+    said = capsys.readouterr().out
+    assert 'runs are within' in said
+    assert 'viscosity: 1000 to 100000 Pa s, given by the user' in said
+    table = (tmp_path / 'out/runs.csv').read_text()
+    assert len(table.splitlines()) == 6
+    result = json.loads((tmp_path / 'out/calibration.json').read_text())
+    assert result['runs'] == 5
+    assert result['best']['jaccard'] >= result['usual']['jaccard']
+    assert {item['unknown']['name'] for item in result['unknowns']} == {'viscosity', 'emissivity'}
+    assert main(arguments) == 0
+    assert (tmp_path / 'out/runs.csv').read_text() == table
+
+
+def test_barrier_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The new elevation is the old one, higher along the line."""
+    case = write_case(tmp_path / 'valley')
+    x, y = VENT
+    line = [f'{x - 100},{y - 200}', f'{x + 100},{y - 200}']
+    arguments = ['barrier', str(case / 'elevation.asc'), '-o', str(tmp_path / 'new.tif')]
+    arguments += ['--line', *line, '--height', '8', '--width', '30', '--epsg', '32633']
+    assert main(arguments) == 0
+    assert 'm3 of earth' in capsys.readouterr().out
+    with (
+        rasterio.open(case / 'elevation.asc') as before,
+        rasterio.open(tmp_path / 'new.tif') as after,
+    ):
+        assert after.crs.to_epsg() == 32633
+        assert after.transform == before.transform
+        added = after.read(1) - before.read(1)
+    assert added.max() == pytest.approx(8.0, abs=1e-3)
+    assert (added > 0.0).sum() < 120
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'word'),
+    [
+        (['--line', '1,2'], '--height'),
+        (['--line', '1;2', '3;4', '--height', '5'], 'easting,northing'),
+        (['--line', '1,2', '3,4', '--height', '5'], 'a line on the terrain'),
+        ([], '--low-pass'),
+    ],
+)
+def test_wrong_barriers_are_named(
+    arguments: list[str], word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each by a sentence, and no file is written."""
+    case = write_case(tmp_path / 'valley')
+    terrain, output = str(case / 'elevation.asc'), tmp_path / 'new.tif'
+    assert main(['barrier', terrain, '-o', str(output), *arguments]) == 2
+    assert word in capsys.readouterr().err
+    assert not output.exists()
+
+
+def test_materials_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    """Each lava with its numbers, units and references."""
+    assert main(['materials']) == 0
+    said = capsys.readouterr().out
+    assert 'etna_basalt: Etna basalt' in said
+    assert '1143 K' in said
+    assert '[1] Kedadry' in said
+    assert main(['materials', 'reunion_basalt', '--json']) == 0
+    (one,) = json.loads(capsys.readouterr().out)
+    assert one['constants']['vft_b']['value'] == 5558.0
+    assert main(['materials', 'obsidian']) == 2
+    assert 'etna_basalt' in capsys.readouterr().err

@@ -1,0 +1,277 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The keys of a replay, in a real terminal."""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+import os
+from pathlib import Path
+import select
+import signal
+import subprocess
+import sys
+import termios
+import threading
+import time
+
+import pytest
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+
+from lava_ros.bag import BagWriter, LATCHED, QosProfile
+from lava_ros.cli.keys import Keys, keys_of
+
+SECOND = 1_000_000_000
+TEXT = 'std_msgs/msg/String'
+ROOT = Path(__file__).parents[2]
+LENGTH = 120.0
+
+#: What a shell has a terminal do, and who reads keys one by one does not.
+SHELL_FLAGS = termios.ECHO | termios.ICANON
+
+UP, DOWN, RIGHT, LEFT = '\x1b[A', '\x1b[B', '\x1b[C', '\x1b[D'
+
+#: As a shell does for the program in front: the terminal is its own.
+IN_FRONT = """
+import fcntl, os, sys, termios
+os.setsid()
+fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+"""
+
+
+@pytest.fixture
+def terminal() -> Iterator[tuple[int, int]]:
+    """Both ends of a terminal: the side that people are at, and the one of programs."""
+    outside, inside = os.openpty()
+    yield outside, inside
+    os.close(outside)
+    os.close(inside)
+
+
+@pytest.mark.parametrize(
+    ('typed', 'names'),
+    [
+        (b' q', ['space', 'q']),
+        (b'\x1b[A\x1b[B\x1b[C\x1b[D', ['up', 'down', 'right', 'left']),
+        (b'\x1bOC', ['right']),
+        (b'\x1b', ['']),
+        ('é'.encode(), ['', '']),
+        (b'\n', ['']),
+    ],
+)
+def test_keys_have_names(terminal: tuple[int, int], typed: bytes, names: list[str]) -> None:
+    """Arrows in both modes of terminals; other keys are themselves, or nothing."""
+    outside, inside = terminal
+    with keys_of(inside) as keys:
+        os.write(outside, typed)
+        assert [keys.read(1.0) for _ in names] == names
+        assert keys.read(0.0) == ''
+
+
+def test_an_arrow_may_come_in_pieces(terminal: tuple[int, int]) -> None:
+    """A slow line does not make three keys of it."""
+    outside, inside = terminal
+    with keys_of(inside) as keys:
+        os.write(outside, b'\x1b')
+        rest = threading.Timer(0.01, os.write, (outside, b'[D'))
+        rest.start()
+        assert keys.read(1.0) in ('left', '')
+        rest.join()
+
+
+def test_the_terminal_is_put_back(terminal: tuple[int, int]) -> None:
+    """Echo and lines are off while keys are read, and on again also after an error."""
+    _, inside = terminal
+    before = termios.tcgetattr(inside)
+    assert before[3] & SHELL_FLAGS == SHELL_FLAGS
+    with suppress(RuntimeError), keys_of(inside) as keys:
+        assert isinstance(keys, Keys)
+        assert termios.tcgetattr(inside)[3] & SHELL_FLAGS == 0
+        raise RuntimeError
+    assert termios.tcgetattr(inside) == before
+
+
+class Heard:
+    """What comes on /text in a graph of the test's own, as seconds of the bag."""
+
+    def __init__(self, domain: int) -> None:
+        """Subscribe."""
+        self.context = Context()
+        rclpy.init(context=self.context, domain_id=domain)
+        self.node = Node('listener', context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.places: list[float] = []
+        self.node.create_subscription(
+            String, '/text', lambda message: self.places.append(float(message.data)),
+            QoSProfile(depth=1000),
+        )
+
+    def listen(self, seconds: float) -> list[float]:
+        """What comes within a time."""
+        before, end = len(self.places), time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.executor.spin_once(timeout_sec=0.02)
+        return self.places[before:]
+
+    def until(self, condition: Callable[[], bool], timeout: float = 30.0) -> None:
+        """Listen until something is so."""
+        end = time.monotonic() + timeout
+        while not condition():
+            assert time.monotonic() < end, self.places[-5:]
+            self.executor.spin_once(timeout_sec=0.02)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+
+@pytest.fixture
+def heard(monkeypatch: pytest.MonkeyPatch) -> Iterator[Heard]:
+    """A listener in a domain of this test process's own."""
+    domain = 1 + os.getpid() % 100
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    result = Heard(domain)
+    yield result
+    result.close()
+
+
+@pytest.fixture
+def replay(
+    tmp_path: Path, terminal: tuple[int, int], heard: Heard
+) -> Iterator['subprocess.Popen[bytes]']:
+    """`lava replay` of two minutes with ten texts a second, which is this terminal's program."""
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        for tenth in range(int(10 * LENGTH) + 1):
+            text = serialize_message(String(data=str(tenth / 10)))
+            writer.write('/text', TEXT, text, tenth * SECOND // 10, qos=QosProfile(depth=100))
+            if tenth == 0:
+                writer.write('/map', TEXT, text, 0, qos=LATCHED)
+    _, inside = terminal
+    words = ['-m', 'lava_ros.cli.main', 'replay', str(tmp_path / 'bag')]
+    process = subprocess.Popen(
+        [sys.executable, '-c', IN_FRONT, *words],
+        stdin=inside,
+        stdout=inside,
+        stderr=inside,
+        cwd=ROOT,
+    )
+    yield process
+    process.kill()
+    process.wait()
+
+
+class Screen(threading.Thread):
+    """Reads what a program writes to its terminal, which would block it otherwise."""
+
+    def __init__(self, outside: int) -> None:
+        """Begin to read."""
+        super().__init__(daemon=True)
+        self.outside = outside
+        self.shown = ''
+        self.is_over = threading.Event()
+        self.start()
+
+    def run(self) -> None:
+        """Read on."""
+        with suppress(OSError):
+            while not self.is_over.is_set():
+                if select.select([self.outside], [], [], 0.1)[0]:
+                    self.shown += os.read(self.outside, 4096).decode('utf-8', 'replace')
+
+
+def test_keys_in_a_terminal(
+    replay: 'subprocess.Popen[bytes]', terminal: tuple[int, int], heard: Heard
+) -> None:
+    """Space holds, arrows move and quicken, q ends with status 0 and a terminal as before."""
+    outside, inside = terminal
+    screen = Screen(outside)
+
+    def press(key: str) -> None:
+        os.write(outside, key.encode())
+
+    heard.until(lambda: len(heard.places) > 5, timeout=60.0)
+    press(' ')
+    heard.until(lambda: 'held' in screen.shown)
+    heard.listen(0.5)
+    assert heard.listen(1.0) == []
+    place = heard.places[-1]
+
+    press(RIGHT)
+    press(RIGHT)
+    heard.listen(0.5)
+    press(' ')
+    heard.until(lambda: heard.places[-1] > place + 10.5)
+    # by two jumps of five seconds; of what lies between at most the place of the first
+    between = [item for item in heard.places if place < item < place + 9.5]
+    assert len(between) <= 1 and all(4.8 < item - place < 5.2 for item in between)
+    assert any(place + 9.5 <= item <= place + 10.5 for item in heard.places)
+
+    press(UP)
+    press(UP)
+    heard.until(lambda: 'x4' in screen.shown)
+    begin, was = time.monotonic(), heard.places[-1]
+    heard.until(lambda: heard.places[-1] >= was + 8.0, timeout=60.0)
+    assert time.monotonic() - begin > 1.5
+    press(DOWN)
+    press(DOWN)
+
+    # as a shell does with what is stopped by Ctrl+Z and brought back
+    replay.send_signal(signal.SIGSTOP)
+    usual = termios.tcgetattr(inside)
+    usual[3] |= SHELL_FLAGS
+    termios.tcsetattr(inside, termios.TCSANOW, usual)
+    replay.send_signal(signal.SIGCONT)
+    heard.until(lambda: termios.tcgetattr(inside)[3] & SHELL_FLAGS == 0)
+
+    was = heard.places[-1]
+    press(LEFT)
+    heard.until(lambda: heard.places[-1] < was)
+    assert was - 6.0 <= heard.places[-1]
+
+    # once it has put the terminal back, and before all of the bag is over
+    press('q')
+    assert replay.wait(20.0) == 0
+    assert heard.places[-1] < LENGTH - 5.0
+    screen.is_over.set()
+    screen.join()
+    assert 'messages published' in screen.shown
+    assert 'Traceback' not in screen.shown
+    assert termios.tcgetattr(inside)[3] & SHELL_FLAGS == SHELL_FLAGS
+
+
+def test_without_a_terminal_there_are_no_keys(tmp_path: Path, heard: Heard) -> None:
+    """What comes on the standard input of a script is not taken for keys."""
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        for tenth in range(6):
+            text = serialize_message(String(data=str(tenth / 10)))
+            writer.write('/text', TEXT, text, tenth * SECOND // 10, qos=QosProfile(depth=100))
+    done = subprocess.run(
+        [sys.executable, '-m', 'lava_ros.cli.main', 'replay', str(tmp_path / 'bag')],
+        input='q ' * 100,
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        timeout=60.0,
+    )
+    assert (done.returncode, done.stdout) == (0, '6 messages published\n'), done.stderr

@@ -1,0 +1,75 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""A made-up eruption as the folder of a case, for tests: a valley, a vent and what was mapped."""
+
+from pathlib import Path
+
+import numpy as np
+
+#: Side of a cell [m], lower-left corner and shape of the grids.
+CELL, CORNER, SHAPE = 20.0, (500_000.0, 4_180_000.0), (60, 40)
+
+#: The vent, in the coordinates of the elevation [m].
+VENT = (CORNER[0] + 410.0, CORNER[1] + 1010.0)
+
+
+def elevation() -> np.ndarray:
+    """Heights of a valley that falls to the south [m], row 0 in the south."""
+    y, x = (np.indices(SHAPE) + 0.5) * CELL
+    return 1000.0 + 0.2 * y + 0.0008 * (x - 410.0) ** 2
+
+
+def footprint() -> np.ndarray:
+    """A tongue from the vent down the valley, 1 where the ground was covered."""
+    y, x = (np.indices(SHAPE) + 0.5) * CELL
+    return ((np.abs(x - 410.0) < 70.0) & (y > 400.0) & (y < 1030.0)).astype(float)
+
+
+def write_grid(path: Path, values: np.ndarray, *, corner: tuple[float, float] = CORNER,
+               cell: float = CELL) -> None:
+    """Write an ESRI ASCII grid; NaN becomes -9999.
+
+    Args:
+        path: The file.
+        values: Shape [rows, columns], row 0 in the south.
+        corner: The lower-left one [m].
+        cell: Side of a cell [m].
+    """
+    rows, columns = values.shape
+    header = f'ncols {columns}\nnrows {rows}\nxllcorner {corner[0]}\nyllcorner {corner[1]}\n'
+    header += f'cellsize {cell}\nNODATA_value -9999\n'
+    lines = [' '.join(f'{v:.3f}' for v in row) for row in np.nan_to_num(values, nan=-9999.0)]
+    path.write_text(header + '\n'.join(reversed(lines)) + '\n', encoding='utf-8')
+
+
+def write_case(folder: Path, *, hours: float = 3.0, yaml: str = '') -> Path:
+    """Write a case that can be run in seconds.
+
+    Args:
+        folder: Its folder, which is made.
+        hours: How long lava comes out [h].
+        yaml: Text of ``case.yaml``; empty for none.
+    """
+    folder.mkdir(parents=True)
+    write_grid(folder / 'elevation.asc', elevation())
+    write_grid(folder / 'footprint.asc', footprint())
+    (folder / 'vent.csv').write_text(f'x,y\n{VENT[0]},{VENT[1]}\n', encoding='utf-8')
+    end = 3600.0 * hours
+    table = f'start_s,end_s,discharge_m3_per_s\n0,{end / 2},20\n{end / 2},{end},10\n'
+    (folder / 'effusion_rate.csv').write_text(table, encoding='utf-8')
+    if yaml:
+        (folder / 'case.yaml').write_text(yaml, encoding='utf-8')
+    return folder

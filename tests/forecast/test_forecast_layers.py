@@ -1,0 +1,117 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Layers of forecasts: files of msg_configs/, and the values they make."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lava_ros.errors import LavaError
+from lava_ros.forecast.forecast import Forecast
+from lava_ros.layers import IMAGE, layers_from_dict, load_layers, OCCUPANCY_GRID
+from lava_ros.scene import Terrain
+
+CONFIGS = Path(__file__).parents[2] / 'msg_configs'
+
+NAN = np.nan
+
+#: there already, in 25 s, in 99 s, at the horizon, never, outside
+FORECAST = Forecast(
+    time=500.0,
+    horizon=100.0,
+    threshold=0.01,
+    terrain=Terrain(np.array([[1.0, 1.0, 1.0], [1.0, 1.0, NAN]]), 10.0),
+    arrival=np.array([[0.0, 25.0, 99.0], [100.0, NAN, NAN]], dtype=np.float32),
+    thickness=np.array([[5.0, 2.0, 0.05], [0.3, 0.0, NAN]], dtype=np.float32),
+    temperature=np.array([[1400.0, 1300.0, 900.0], [800.0, NAN, NAN]], dtype=np.float32),
+    duration=1.0,
+    particle_count=3,
+)
+
+
+def _layer(**changes):
+    data = {'source': 'arrival', 'message': 'nav_msgs/OccupancyGrid', **changes}
+    return layers_from_dict({'layers': {'one': data}})[0]
+
+
+def test_arrival_grid():
+    """100 is now, 1 just within the horizon, 0 not within it, -1 unknown."""
+    assert _layer().values(FORECAST).tolist() == [[100, 75, 1], [1, 0, -1]]
+    assert _layer(outside=100).values(FORECAST).tolist() == [[100, 75, 1], [1, 0, 100]]
+
+
+def test_arrival_grid_with_a_range_of_its_own():
+    """Beyond it a cell that is reached is still no less than 1."""
+    assert _layer(range=[0.0, 50.0]).values(FORECAST).tolist() == [[100, 50, 1], [1, 0, -1]]
+
+
+def test_arrival_mask():
+    """With a step a cell is 100 where lava comes up to then; a margin goes around it."""
+    assert _layer(step=99.0).values(FORECAST).tolist() == [[100, 100, 100], [0, 0, -1]]
+    assert _layer(step=20.0).values(FORECAST).tolist() == [[100, 0, 0], [0, 0, -1]]
+    values = _layer(step=20.0, margin=10.0).values(FORECAST).tolist()
+    assert values == [[100, 100, 0], [100, 0, -1]]
+    with pytest.raises(LavaError, match='margin'):
+        _layer(margin=10.0)
+
+
+def test_arrival_image():
+    """Seconds, NaN for never, -1 for unknown: nobody takes what is not known for safe."""
+    values = _layer(message='sensor_msgs/Image').values(FORECAST)
+    assert values.dtype == np.float32
+    np.testing.assert_array_equal(values, [[0.0, 25.0, 99.0], [100.0, NAN, -1.0]])
+
+
+def test_withdrawn():
+    """Nothing is known of any cell, on any layer."""
+    gone = FORECAST.withdrawn()
+    assert (_layer().values(gone) == -1).all()
+    assert (_layer(message='sensor_msgs/Image').values(gone) == -1.0).all()
+    peak = {'source': 'peak_thickness', 'range': [0.0, 10.0]}
+    assert (_layer(**peak).values(gone) == -1).all()
+    peak = _layer(source='peak_thickness', message='sensor_msgs/Image')
+    assert np.isnan(peak.values(gone)).all()
+
+
+def test_peaks():
+    """They are scaled as what they are the peak of, with thresholds of their own."""
+    height = _layer(source='peak_thickness', range=[0.0, 10.0])
+    assert height.values(FORECAST).tolist() == [[50, 20, 0], [3, 0, -1]]
+    temperature = _layer(source='peak_temperature', range=[0.0, 1200.0])
+    assert temperature.values(FORECAST).tolist() == [[94, 86, 0], [44, 0, -1]]
+    hazard = _layer(source='peak_hazard', threshold=0.0)
+    assert hazard.values(FORECAST).tolist() == [[100, 100, 100], [100, 0, -1]]
+    raw = _layer(source='peak_temperature', message='sensor_msgs/Image').values(FORECAST)
+    np.testing.assert_allclose(raw[0, :2], [1126.85, 1026.85], rtol=1e-6)
+    with pytest.raises(LavaError, match='range'):
+        _layer(source='peak_thickness')
+
+
+def test_the_file():
+    """Four layers, all of a forecast and latched; none of now among them."""
+    layers = load_layers(CONFIGS / 'forecast.yaml')
+    shown = {layer.topic: (layer.source, layer.message) for layer in layers}
+    assert shown == {
+        'arrival_time': ('arrival', IMAGE),
+        'arrival': ('arrival', OCCUPANCY_GRID),
+        'peak_height': ('peak_thickness', OCCUPANCY_GRID),
+        'peak_temperature': ('peak_temperature', OCCUPANCY_GRID),
+    }
+    for layer in layers:
+        assert layer.is_forecast and layer.enabled and layer.record
+        assert layer.qos.durability == 'transient_local'
+        assert layer.values(FORECAST).shape == (2, 3)
+    assert not any(layer.is_forecast for layer in load_layers(CONFIGS / 'default.yaml'))

@@ -1,0 +1,132 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A fork that runs ahead sees what the simulation it was forked from will come to."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.checkpoint import from_bytes
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.forecast.gathering import Gathering
+from lava_ros.forecast.lookahead import EARLY_LOOKS, LookAhead, moments
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+
+HORIZON, LOOKS, THRESHOLD = 150.0, 6, 0.05
+
+
+def hill():
+    """A rough slope towards +x that lava runs off."""
+    x, y = np.meshgrid(np.arange(30) * 10.0, np.arange(20) * 10.0)
+    height = 900.0 - 0.25 * x + 3.0 * np.sin(x / 17.0) * np.cos(y / 23.0)
+    height[3:5, 20:22] = np.nan
+    return Terrain(height, 10.0)
+
+
+def flowing(device, effects):
+    """A simulation in the middle of an eruption whose discharge changes."""
+    vent = Vent((60.0, 100.0), ((0.0, 30.0), (200.0, 8.0), (300.0, 60.0)), radius=12.0)
+    accuracy = Accuracy(spacing=5.0, thickness=0.7, deterministic=True)
+    lava = Lava(viscosity=3e3, solidus=1300.0 if effects.solidification else 0.0)
+    simulation = Simulation(
+        Scene(hill(), (vent,), lava), effects=effects, accuracy=accuracy, device=device
+    )
+    simulation.advance(150.0)
+    return simulation
+
+
+def ahead_of(checkpoint, device, **changes):
+    """A look ahead of a checkpoint."""
+    options = {'horizon': HORIZON, 'threshold': THRESHOLD, 'looks': LOOKS, 'device': device}
+    return LookAhead(checkpoint, **options | changes)
+
+
+@pytest.mark.parametrize(
+    'effects', [Effects(), Effects(inertia=True), Effects(solidification=True)], ids=str
+)
+def test_a_fork_sees_what_comes(device, effects):
+    """Arrivals and peaks are those of the run that simply went on, bit for bit."""
+    simulation = flowing(device, effects)
+    checkpoint = from_bytes(simulation.checkpoint().to_bytes())
+    went_on, start = Gathering(THRESHOLD), simulation.time
+    for time in (0.0, *moments(HORIZON, LOOKS)):
+        simulation.advance(start + time)
+        snapshot = simulation.snapshot()
+        went_on.look(snapshot.time, snapshot.thickness, snapshot.temperature)
+    ahead = ahead_of(checkpoint, device)
+    while not ahead.is_done:
+        # slices that end wherever they do change nothing
+        ahead.advance(wall_limit=1e-3)
+    forecast = ahead.forecast()
+    assert np.isfinite(forecast.arrival).sum() > np.count_nonzero(forecast.arrival == 0.0) > 5
+    expected = (went_on.arrival - start).astype(np.float32)
+    np.testing.assert_array_equal(forecast.arrival, expected)
+    np.testing.assert_array_equal(forecast.thickness, went_on.thickness)
+    np.testing.assert_array_equal(forecast.temperature, went_on.temperature)
+    assert (forecast.time, forecast.horizon) == (start, HORIZON)
+    assert forecast.particle_count == simulation.particle_count
+
+
+def test_looks_become_denser_towards_now():
+    """The last is at the horizon; the first ones halve the time again and again."""
+    times = moments(60.0, 6)
+    assert len(times) == 6 + EARLY_LOOKS
+    assert times[EARLY_LOOKS:] == pytest.approx([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])
+    assert times[:EARLY_LOOKS] == [10.0 / 2.0**power for power in (4, 3, 2, 1)]
+
+
+def test_a_withdrawn_forecast_knows_nothing():
+    """Of no cell; where and when stay."""
+    forecast = ahead_of(flowing('cpu', Effects()).checkpoint(), 'cpu', horizon=1.0).run()
+    withdrawn = forecast.withdrawn()
+    for array in (withdrawn.arrival, withdrawn.thickness, withdrawn.temperature):
+        assert np.isnan(array).all() and array.shape == forecast.arrival.shape
+    assert withdrawn.terrain is forecast.terrain
+
+
+def test_what_cannot_be_looked_ahead_is_refused():
+    """With the field, the value and what would be right."""
+    checkpoint = flowing('cpu', Effects()).checkpoint()
+    for changes, field in (
+        ({'horizon': 0.0}, 'horizon'),
+        ({'horizon': math.nan}, 'horizon'),
+        ({'threshold': 0.0}, 'threshold'),
+        ({'looks': 0}, 'looks'),
+        ({'max_particles': 10}, 'particles'),
+    ):
+        with pytest.raises(LavaError) as caught:
+            ahead_of(checkpoint, 'cpu', **changes)
+        assert caught.value.field == field
+    ahead = ahead_of(checkpoint, 'cpu', max_particles=checkpoint.particle_count + 5)
+    with pytest.raises(LavaError, match='max_particles'):
+        ahead.run()
+
+
+def test_a_fork_leaves_the_live_state_alone():
+    """The run that was forked ends as one that was not."""
+    ends = []
+    for forks in (False, True):
+        simulation = flowing('cpu', Effects())
+        if forks:
+            checkpoint = simulation.checkpoint()
+            ahead_of(replace(checkpoint), 'cpu', horizon=20.0).run()
+        simulation.advance(300.0)
+        ends.append(simulation.snapshot().thickness)
+    np.testing.assert_array_equal(*ends)

@@ -1,0 +1,171 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A member is the scene with what was drawn, and runs as that scene does."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.errors import LavaError
+from lava_ros.forecast.gathering import Gathering
+from lava_ros.forecast.members import (
+    check_members,
+    make_plan,
+    member_scene,
+    plan_from,
+    run_members,
+)
+from lava_ros.forecast.sampling import draw_members, Member
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.uncertainty import uncertainty_from_dict
+
+TERRAIN = Terrain(500.0 - 2.0 * np.add.outer(np.arange(30.0), np.zeros(24)), 20.0)
+
+SCENE = Scene(
+    TERRAIN,
+    (
+        Vent((240.0, 100.0), ((0.0, 10.0), (600.0, 4.0)), radius=30.0),
+        Vent((200.0, 60.0), 2.0, end=(300.0, 60.0), temperature=1400.0),
+    ),
+    Lava(viscosity=5e3, yield_strength=100.0),
+    uncertainty=uncertainty_from_dict({
+        'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
+        'terrain': {'deviation': 1.0, 'correlation': 60.0},
+    }),
+)
+
+DRAWN = Member(
+    3, discharge=1.5, temperature=-20.0, viscosity=2.0, yield_strength=0.5,
+    displacement=(15.0, -5.0), seed=(0, 3),
+)
+
+
+def test_a_member_is_the_scene_with_what_was_drawn() -> None:
+    """Factors, differences and displacement reach every vent and the lava, and nothing else."""
+    scene = member_scene(SCENE, DRAWN)
+    first, second = scene.vents
+    assert first.discharge == ((0.0, 15.0), (600.0, 6.0))
+    assert second.discharge == 3.0
+    assert (first.temperature, second.temperature) == (1403.0, 1380.0)
+    assert first.position == (255.0, 95.0)
+    assert (second.position, second.end) == ((215.0, 55.0), (315.0, 55.0))
+    assert scene.lava == replace(SCENE.lava, viscosity=1e4, yield_strength=50.0)
+    rough = scene.terrain.elevation - TERRAIN.elevation
+    assert 0.3 < rough.std() < 2.0
+    same = member_scene(SCENE, DRAWN, rough=False)
+    assert same.terrain is TERRAIN and same.vents == scene.vents
+
+
+def test_a_viscosity_by_the_vft_law_has_the_factor_too() -> None:
+    """Twice the viscosity at any temperature."""
+    lava = Lava(vft_b=5000.0, vft_c=600.0)
+    scene = member_scene(replace(SCENE, lava=lava, uncertainty=uncertainty_from_dict({})), DRAWN)
+    for temperature in (1200.0, 1423.0):
+        ratio = scene.lava.viscosity_at(temperature) / lava.viscosity_at(temperature)
+        assert ratio == pytest.approx(2.0)
+
+
+def test_vents_stay_on_the_terrain() -> None:
+    """A displacement that leads off it is halved; a fissure is as long as there is room for."""
+    far = member_scene(SCENE, replace(DRAWN, displacement=(0.0, -150.0)))
+    # -75 m leads to y = 25 m; the fissure at y = 60 m moves by half as much
+    assert far.vents[0].position == (240.0, 25.0)
+    assert far.vents[1].position == (200.0, 22.5)
+    one = replace(SCENE, vents=SCENE.vents[1:])
+    placed = member_scene(one, Member(0, place=(30.0, 400.0)), rough=False).vents[0]
+    assert placed.position == (5.0, 400.0) and placed.end == (55.0, 400.0)
+    disc = replace(SCENE, vents=SCENE.vents[:1])
+    placed = member_scene(disc, Member(0, place=(30.0, 400.0)), rough=False).vents[0]
+    assert placed.position == (30.0, 400.0)
+
+
+def test_members_that_make_no_scene_are_refused_before_any_runs() -> None:
+    """Lava that is solid where it comes out, by name and number; no vent; no single vent."""
+    members = [Member(0), Member(1, temperature=-900.0)]
+    with pytest.raises(LavaError, match=r'temperature of member 1 .* limits'):
+        check_members(SCENE, members)
+    with pytest.raises(LavaError, match='a vent'):
+        check_members(replace(SCENE, vents=()), members[:1])
+    with pytest.raises(LavaError, match='one vent'):
+        check_members(SCENE, [Member(0, place=(30.0, 40.0))])
+    check_members(replace(SCENE, vents=SCENE.vents[:1]), [Member(0, place=(30.0, 40.0))])
+
+
+def test_effects_are_those_that_any_member_calls_for() -> None:
+    """A yield strength that matters in the stiffest members alone is on in all."""
+    lava = replace(SCENE.lava, yield_strength=20.0)
+    distribution = {'distribution': 'loguniform', 'low': 0.1, 'high': 100.0}
+    certain = replace(SCENE, lava=lava, uncertainty=uncertainty_from_dict({}))
+    uncertain = replace(
+        certain, uncertainty=uncertainty_from_dict({'yield_strength': distribution})
+    )
+    assert not make_plan(certain, horizon=600.0).effects.yielding
+    assert make_plan(uncertain, horizon=600.0).effects.yielding
+    assert not make_plan(uncertain, horizon=600.0, effects={'yielding': False}).effects.yielding
+
+
+@pytest.mark.parametrize('name', ['horizon', 'threshold', 'looks'])
+def test_plans_are_checked(name: str) -> None:
+    """What cannot be run up to, seen or looked at is refused."""
+    with pytest.raises(LavaError, match=name):
+        make_plan(SCENE, **{'horizon': 600.0, name: 0.0})
+
+
+def test_a_run_is_that_of_the_scene(device: str) -> None:
+    """Arrival and peak of a member are those of its scene, looked at as often."""
+    plan = make_plan(SCENE, horizon=600.0, accuracy=Accuracy(refinement=0.5), looks=10)
+    members = draw_members(SCENE, 2, seed=1)
+    shares: list[float] = []
+    results = run_members(plan, members, device=device, progress=shares.append)
+    assert [item.index for item in results] == [0, 1]
+    assert shares == sorted(shares) and shares[-1] == 1.0 and len(shares) == 22
+    simulation = Simulation(
+        member_scene(SCENE, members[1]), effects=plan.effects, accuracy=plan.accuracy,
+        device=device,
+    )
+    gathering = Gathering(plan.threshold)
+    for look in range(11):
+        simulation.advance(60.0 * look)
+        snapshot = simulation.snapshot()
+        gathering.look(60.0 * look, snapshot.thickness, snapshot.temperature)
+    if device == 'cpu':
+        np.testing.assert_array_equal(results[1].arrival, gathering.arrival.astype(np.float32))
+        np.testing.assert_array_equal(results[1].peak, gathering.thickness)
+    assert np.isfinite(results[1].arrival).sum() > 20
+    assert not np.array_equal(results[0].arrival, results[1].arrival, equal_nan=True)
+
+
+def test_a_member_can_go_on_from_a_running_simulation(device: str) -> None:
+    """Without anything drawn it is that simulation; more discharge is more lava from then on."""
+    scene = replace(SCENE, uncertainty=uncertainty_from_dict({}))
+    accuracy = Accuracy(refinement=0.5, deterministic=True)
+    running = Simulation(scene, accuracy=accuracy, device=device)
+    running.advance(300.0)
+    plan = plan_from(running.checkpoint(), horizon=300.0, looks=5)
+    same, more = run_members(plan, [Member(0), Member(1, discharge=3.0)], device=device)
+    gathering = Gathering(plan.threshold)
+    for look in range(6):
+        running.advance(300.0 + 60.0 * look)
+        snapshot = running.snapshot()
+        gathering.look(60.0 * look, snapshot.thickness, snapshot.temperature)
+    np.testing.assert_array_equal(same.peak, gathering.thickness)
+    np.testing.assert_array_equal(same.arrival, gathering.arrival.astype(np.float32))
+    assert (same.arrival == 0.0).any() and (same.arrival > 0.0).any()
+    assert np.isfinite(more.arrival).sum() > np.isfinite(same.arrival).sum()
+    # a discharge that holds from now on does not reach back
+    assert np.array_equal(more.arrival == 0.0, same.arrival == 0.0)

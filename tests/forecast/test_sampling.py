@@ -1,0 +1,143 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Members are drawn the same everywhere, and as their distributions say."""
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from disc_flow import disc_plan, TERRAIN, VENT
+from lava_ros.errors import LavaError
+from lava_ros.forecast.roughness import random_field, rough_terrain
+from lava_ros.forecast.sampling import draw_members, Member, table_of
+from lava_ros.forecast.susceptibility import Susceptibility
+from lava_ros.scene import Scene, Terrain
+from lava_ros.uncertainty import Roughness
+
+UNCERTAIN = {
+    'temperature': {'distribution': 'normal', 'mean': 5.0, 'deviation': 20.0},
+    'viscosity': {'distribution': 'uniform', 'low': 0.5, 'high': 1.5},
+    'position': {'deviation': 30.0},
+    'terrain': {'deviation': 1.0, 'correlation': 60.0},
+}
+
+#: What was drawn when this was written.
+MEMBER_2 = Member(
+    2,
+    discharge=1.24154735,
+    temperature=-15.4697323,
+    viscosity=0.557388734,
+    displacement=(28.0088975, 2.67187818),
+    seed=(1, 2),
+)
+
+FIELD = '2d39301105cc3a08'
+
+SCENE = disc_plan(**UNCERTAIN).scene
+
+
+def test_a_member_is_the_same_however_many_there_are() -> None:
+    """The first of many members are those of a few; another seed gives others."""
+    many = draw_members(SCENE, 100, seed=3)
+    assert draw_members(SCENE, 37, seed=3) == many[:37]
+    assert draw_members(SCENE, 1, seed=3) == many[:1]
+    others = draw_members(SCENE, 100, seed=4)
+    assert all(one.discharge != other.discharge for one, other in zip(many, others, strict=True))
+
+
+def test_members_are_known_to_the_last_digit() -> None:
+    """Frozen values: on another machine, and after an upgrade of numpy or scipy, the same."""
+    assert draw_members(SCENE, 3, seed=1)[2] == MEMBER_2
+
+
+def test_values_are_distributed_as_asked() -> None:
+    """Mean, deviation and median of 256 members, to what points of a sequence give."""
+    columns = table_of(draw_members(SCENE, 256, seed=5))
+    table = {name: np.array(column) for name, column in columns.items()}
+    assert np.median(table['discharge']) == pytest.approx(1.0, rel=0.01)
+    assert np.std(np.log(table['discharge'])) == pytest.approx(np.log(1.6), rel=0.02)
+    assert table['temperature'].mean() == pytest.approx(5.0, abs=0.3)
+    assert table['temperature'].std() == pytest.approx(20.0, rel=0.02)
+    assert table['viscosity'].min() >= 0.5 and table['viscosity'].max() <= 1.5
+    assert table['displacement_x'].std() == pytest.approx(30.0, rel=0.02)
+    assert (table['yield_strength'] == 1.0).all()
+    # quantities are independent of each other
+    correlation = np.corrcoef([table['temperature'], table['viscosity'], table['displacement_x']])
+    assert np.abs(correlation - np.eye(3)).max() < 0.05
+
+
+def test_what_cannot_be_drawn_is_refused() -> None:
+    """No members, no whole number of them, a scene in which everything is certain."""
+    for count in (0, 1.5, 10**9):
+        with pytest.raises(LavaError, match='members'):
+            draw_members(SCENE, count)  # type: ignore[arg-type]
+    with pytest.raises(LavaError, match='seed'):
+        draw_members(SCENE, 4, seed=-1)
+    with pytest.raises(LavaError, match=r'scene\.uncertainty'):
+        draw_members(Scene(TERRAIN, (VENT,)), 4)
+
+
+def test_vents_are_where_the_map_says() -> None:
+    """Each cell gets its share of the members, and places are within cells with a likelihood."""
+    likelihood = np.zeros(TERRAIN.shape)
+    likelihood[3, 4], likelihood[20, 10:12] = 2.0, 1.0
+    likelihood[5, 5] = np.nan
+    members = draw_members(SCENE, 256, susceptibility=Susceptibility(TERRAIN, likelihood))
+    cells = [TERRAIN.cell_at(*member.place) for member in members if member.place]
+    assert len(cells) == 256
+    assert cells.count((3, 4)) == pytest.approx(128, abs=1)
+    assert cells.count((20, 10)) == pytest.approx(64, abs=1)
+    assert cells.count((20, 11)) == pytest.approx(64, abs=1)
+    inside = np.array([
+        np.array(member.place) % 20.0 for member in members if member.place
+    ])
+    assert inside.mean() == pytest.approx(10.0, abs=0.5)
+    assert inside.std() == pytest.approx(20.0 / np.sqrt(12.0), abs=0.5)
+
+
+def test_maps_without_a_place_are_refused() -> None:
+    """Another shape, negative or infinite values, and likelihoods only off the terrain."""
+    ground = np.zeros((4, 5))
+    ground[0, 0] = np.nan
+    terrain = Terrain(ground, 1.0)
+    nowhere = np.zeros((4, 5))
+    nowhere[0, 0] = 1.0
+    for values in (np.ones((5, 4)), -np.ones((4, 5)), np.full((4, 5), np.inf), nowhere):
+        with pytest.raises(LavaError, match='susceptibility'):
+            Susceptibility(terrain, values)
+
+
+def test_fields_have_their_deviation_and_correlation() -> None:
+    """Over 200 fields: s^2 exp(-(r / L)^2), and opposite borders know nothing of each other."""
+    roughness = Roughness(2.0, 60.0)
+    fields = np.stack([random_field((40, 50), 10.0, roughness, (9, k)) for k in range(200)])
+    assert fields.std() == pytest.approx(2.0, rel=0.03)
+    assert fields.mean() == pytest.approx(0.0, abs=0.1)
+    for cells in (3, 6, 9):
+        covariance = (fields[:, :, cells:] * fields[:, :, :-cells]).mean()
+        assert covariance == pytest.approx(4.0 * np.exp(-((cells / 6.0) ** 2)), abs=0.15)
+    assert abs((fields[:, :, 0] * fields[:, :, -1]).mean()) < 0.25
+
+
+def test_fields_are_known_to_the_last_digit() -> None:
+    """The same bits wherever it is drawn; cells without data stay so."""
+    field = random_field((20, 30), 5.0, Roughness(1.0, 25.0), (1, 2))
+    assert hashlib.blake2b(field.tobytes(), digest_size=8).hexdigest() == FIELD
+    ground = np.zeros((20, 30))
+    ground[0, :3] = np.nan
+    rough = rough_terrain(Terrain(ground, 5.0), Roughness(1.0, 25.0), (1, 2))
+    assert np.array_equal(np.isnan(rough.elevation), np.isnan(ground))
+    assert np.array_equal(rough.elevation[1:], field[1:])

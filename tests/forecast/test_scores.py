@@ -1,0 +1,106 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Brier score and reliability, against small cases that are worked out by hand."""
+
+import numpy as np
+import pytest
+
+from disc_flow import disc_fields, disc_members, disc_plan, exact_probability
+from lava_ros.errors import LavaError
+from lava_ros.forecast.probability import footprint_of, Tally
+from lava_ros.forecast.sampling import draw_members
+from lava_ros.forecast.scores import brier_parts, brier_score, reliability
+
+
+def test_the_score_of_small_cases() -> None:
+    """Right, wrong, and undecided; cells without a probability do not count."""
+    assert brier_score(np.array([1.0, 0.0]), np.array([True, False])) == 0.0
+    assert brier_score(np.array([1.0, 0.0]), np.array([False, True])) == 1.0
+    assert brier_score(np.full(4, 0.5), np.array([True, False, True, True])) == 0.25
+    score = brier_score(np.array([[0.25, np.nan], [0.5, 1.0]]), np.array([[1, 1], [0, 1]]))
+    assert score == pytest.approx((0.75**2 + 0.5**2 + 0.0) / 3.0)
+
+
+def test_the_parts_of_a_small_case() -> None:
+    """Five cells at 0.2, one of which came, and five at 0.8, three of which came."""
+    probability = np.repeat([0.2, 0.8], 5)
+    outcome = np.array([1, 0, 0, 0, 0, 1, 1, 1, 0, 0], dtype=bool)
+    parts = brier_parts(probability, outcome)
+    assert parts.score == pytest.approx((0.64 + 4 * 0.04 + 3 * 0.04 + 2 * 0.64) / 10)
+    assert parts.reliability == pytest.approx(0.5 * 0.2**2)
+    assert parts.resolution == pytest.approx(0.2**2)
+    assert parts.uncertainty == pytest.approx(0.24)
+    assert parts.skill == pytest.approx(1.0 - parts.score / 0.24)
+
+
+def test_the_parts_add_up() -> None:
+    """Reliability - resolution + uncertainty is the score, of any forecast."""
+    random = np.random.default_rng(2)
+    for _ in range(5):
+        probability = random.integers(0, 33, (40, 50)) / 32.0
+        outcome = random.random((40, 50)) < probability**2
+        parts = brier_parts(probability, outcome)
+        total = parts.reliability - parts.resolution + parts.uncertainty
+        assert parts.score == pytest.approx(total, abs=1e-12)
+        assert parts.score == pytest.approx(brier_score(probability, outcome), abs=1e-15)
+
+
+def test_bins_of_a_small_case() -> None:
+    """Values at the borders of bins go up, 1 into the last; empty bins say so."""
+    probability = np.array([0.0, 0.1, 0.25, 0.5, 0.5, 0.75, 1.0])
+    outcome = np.array([0, 1, 0, 1, 0, 1, 1], dtype=bool)
+    bins = reliability(probability, outcome, bins=4)
+    assert [item.count for item in bins] == [2, 1, 2, 2]
+    assert [(item.low, item.high) for item in bins][1] == (0.25, 0.5)
+    assert bins[0].forecast == pytest.approx(0.05) and bins[0].observed == 0.5
+    assert bins[2].forecast == 0.5 and bins[2].observed == 0.5
+    assert bins[3].forecast == pytest.approx(0.875) and bins[3].observed == 1.0
+    empty = reliability(np.array([0.9]), np.array([True]), bins=2)[0]
+    assert empty.count == 0 and np.isnan(empty.forecast) and np.isnan(empty.observed)
+    # 0.3 is 3 of 10 members, however it is rounded
+    assert reliability(np.array([0.3 - 1e-12]), np.array([True]))[3].count == 1
+
+
+def test_what_cannot_be_scored_is_refused() -> None:
+    """Other shapes, per cent, and nothing at all."""
+    for probability, outcome in (
+        (np.zeros(3), np.zeros(4)),
+        (np.array([50.0]), np.ones(1)),
+        (np.array([np.nan]), np.ones(1)),
+    ):
+        with pytest.raises(LavaError):
+            brier_score(probability, outcome)
+
+
+def test_ensembles_are_reliable_on_a_synthetic_truth() -> None:
+    """Truths drawn as the members are: what is said to be 30 % comes in 30 %, and it has skill."""
+    plan = disc_plan()
+    tally = Tally(plan)
+    for fields in disc_members(plan, draw_members(plan.scene, 256, seed=1)):
+        tally.add(footprint_of(fields, plan))
+    probability = tally.maps().probability / 100.0
+    truths = draw_members(plan.scene, 512, seed=77)
+    came = np.stack([
+        np.isfinite(disc_fields(0, truth.discharge).arrival) for truth in truths
+    ])
+    said = np.broadcast_to(probability, came.shape)
+    for item in reliability(said, came):
+        assert item.observed == pytest.approx(item.forecast, abs=0.02)
+    parts = brier_parts(said, came)
+    assert parts.reliability < 1e-3
+    assert parts.score < 0.5 * parts.uncertainty
+    # no forecast that knows the distribution alone does better than the exact probabilities
+    exact = np.broadcast_to(exact_probability(), came.shape)
+    assert parts.score == pytest.approx(brier_score(exact, came), abs=1e-3)

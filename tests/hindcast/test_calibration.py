@@ -1,0 +1,182 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The search for constants, on scores that are known in advance."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eruption import write_case
+from lava_ros.errors import LavaError
+from lava_ros.hindcast.calibration import (
+    COLUMNS,
+    findings,
+    near_best,
+    read_trials,
+    search,
+    Trial,
+    write_trials,
+)
+from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.unknowns import changed, Unknown, unknowns_of
+
+UNKNOWNS = (
+    Unknown('viscosity', 'Pa s', 1e2, 1e6, 1e5, 'made up', is_log=True),
+    Unknown('emissivity', '', 0.0, 1.0, 0.9, 'made up'),
+    Unknown('discharge', '', 0.5, 1.5, 1.0, 'made up'),
+)
+
+
+def _score(values: Mapping[str, float]) -> float:
+    """Best at 1e3 Pa s and an emissivity of 0.3; the discharge does not matter."""
+    viscosity = (np.log10(values['viscosity']) - 3.0) / 4.0
+    return float(0.7 - viscosity**2 - (values['emissivity'] - 0.3) ** 2)
+
+
+class _Counting:
+    """Evaluates sets of values, and counts them."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __call__(self, sets: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:
+        self.count += len(sets)
+        return [{**dict.fromkeys(COLUMNS, 0.0), 'jaccard': _score(values)} for values in sets]
+
+
+@pytest.fixture(scope='module')
+def trials() -> list[Trial]:
+    """A search of 80 runs."""
+    return search(UNKNOWNS, _Counting(), runs=80, seed=1)
+
+
+def test_search_finds_the_best_inside_the_ranges(trials: list[Trial]) -> None:
+    """It starts from the usual values and ends near the best, and leaves no range."""
+    assert len(trials) == 80
+    assert trials[0].values == pytest.approx(
+        {'viscosity': 1e5, 'emissivity': 0.9, 'discharge': 1.0}
+    )
+    best = near_best(trials)[0]
+    assert best.jaccard > 0.69
+    assert 3e2 < best.values['viscosity'] < 3e3
+    assert 0.2 < best.values['emissivity'] < 0.4
+    for unknown in UNKNOWNS:
+        values = [trial.values[unknown.name] for trial in trials]
+        assert unknown.low * (1 - 1e-12) <= min(values) < max(values) <= unknown.high * (1 + 1e-12)
+
+
+def test_findings_tell_what_matters(trials: list[Trial]) -> None:
+    """Near-best runs agree on what the score depends on, and spread over what it does not."""
+    found = {item.unknown.name: item for item in findings(UNKNOWNS, trials)}
+    assert found['viscosity'].is_sensitive
+    assert found['emissivity'].is_sensitive
+    assert not found['discharge'].is_sensitive
+    assert found['discharge'].spread > 0.6
+    assert found['viscosity'].low <= 1e3 <= found['viscosity'].high
+    near = near_best(trials)
+    assert len(near) > 5
+    assert all(trial.jaccard >= near[0].jaccard - 0.03 for trial in near)
+
+
+def test_search_is_repeatable_and_goes_on(trials: list[Trial], tmp_path: Path) -> None:
+    """The same seed gives the same runs; runs in a table are not run again."""
+    write_trials(tmp_path / 'runs.csv', UNKNOWNS, trials[:50])
+    known = read_trials(tmp_path / 'runs.csv', UNKNOWNS)
+    assert [trial.values for trial in known] == [trial.values for trial in trials[:50]]
+    evaluate = _Counting()
+    again = search(UNKNOWNS, evaluate, runs=80, seed=1, known=known)
+    assert [trial.values for trial in again] == [trial.values for trial in trials]
+    assert evaluate.count <= 30 + 2 * len(UNKNOWNS)
+
+
+def test_table_of_other_unknowns_is_refused(trials: list[Trial], tmp_path: Path) -> None:
+    """A table without a column for an unknown is not taken for one with it."""
+    write_trials(tmp_path / 'runs.csv', UNKNOWNS[:1], trials[:3])
+    with pytest.raises(LavaError, match='a table of runs'):
+        read_trials(tmp_path / 'runs.csv', UNKNOWNS)
+    assert read_trials(tmp_path / 'none.csv', UNKNOWNS) == []
+
+
+@pytest.fixture
+def valley(tmp_path: Path) -> Case:
+    """A case of Etna's lava."""
+    return load_case(write_case(tmp_path / 'valley'))
+
+
+def test_unknowns_have_the_published_ranges(valley: Case) -> None:
+    """Those of the material, unless the user gives others."""
+    unknowns = {item.name: item for item in unknowns_of(valley)}
+    assert 'discharge' not in unknowns
+    material = valley.material
+    assert material is not None
+    known = material.constants['viscosity']
+    assert known.range == (unknowns['viscosity'].low, unknowns['viscosity'].high)
+    assert unknowns['viscosity'].is_log
+    assert unknowns['viscosity'].source == known.range_source
+    (given,) = unknowns_of(valley, ('discharge',), {'discharge': (0.9, 1.1)})
+    assert (given.low, given.high, given.usual) == (0.9, 1.1, 1.0)
+    assert given.source == 'given by the user'
+
+
+def test_unknowns_are_put_into_the_case(valley: Case) -> None:
+    """Each value ends where it belongs, the VFT law shifted as a whole."""
+    values = {'viscosity': 3e3, 'emissivity': 0.5, 'vent_temperature': 1340.0, 'discharge': 1.1}
+    case = changed(valley, values)
+    assert case.scene.lava.viscosity_at(1360.0) == pytest.approx(3e3)
+    assert case.scene.lava.emissivity == 0.5
+    assert case.scene.vents[0].temperature == 1340.0
+    assert case.volume == pytest.approx(1.1 * valley.volume)
+
+
+def test_viscosity_of_a_vft_law_is_shifted(tmp_path: Path) -> None:
+    """Twice the viscosity at the vent is twice the viscosity at any temperature."""
+    case = load_case(write_case(tmp_path / 'valley'), material='reunion_basalt')
+    hot = case.scene.vents[0].temperature
+    before = case.scene.lava.viscosity_at(hot)
+    after = changed(case, {'viscosity': 2.0 * before}).scene.lava
+    for temperature in (hot, hot - 50.0):
+        ratio = after.viscosity_at(temperature) / case.scene.lava.viscosity_at(temperature)
+        assert ratio == pytest.approx(2.0)
+
+
+@pytest.mark.parametrize(
+    ('names', 'ranges', 'word'),
+    [
+        (('colour',), {}, '--unknown'),
+        (('emissivity',), {'emissivity': (0.9, 0.3)}, 'emissivity, highest'),
+        (('viscosity',), {'viscosity': (0.0, 1e3)}, 'viscosity, lowest'),
+    ],
+)
+def test_wrong_unknowns_are_refused(
+    names: tuple[str, ...],
+    ranges: dict[str, tuple[float, float]],
+    word: str,
+    valley: Case,
+) -> None:
+    """Names that are none, and ranges that are empty."""
+    with pytest.raises(LavaError, match=word):
+        unknowns_of(valley, names, ranges)
+
+
+def test_material_without_ranges_asks_for_them(tmp_path: Path) -> None:
+    """Nothing is searched over a range that nobody has given."""
+    case = load_case(write_case(tmp_path / 'valley'), material='kedadry2023')
+    with pytest.raises(LavaError, match='no published ranges'):
+        unknowns_of(case)
+    with pytest.raises(LavaError, match='none has been published'):
+        unknowns_of(case, ('emissivity',))

@@ -1,0 +1,344 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Cases: what is read, and each wrong input caught by a sentence that says what is wrong."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eruption import CORNER, elevation, footprint, SHAPE, VENT, write_case, write_grid
+from lava_ros.errors import LavaError
+from lava_ros.hindcast.case import load_case
+from lava_ros.materials import material_named
+
+ETNA = Path(__file__).parents[3] / 'shared/data/etna2001'
+
+
+def _replaced(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding='utf-8')
+    assert old in text
+    path.write_text(text.replace(old, new), encoding='utf-8')
+
+
+def test_case_is_read(tmp_path: Path) -> None:
+    """Ground, vent, discharge and footprint are those of the files; nothing else is needed."""
+    case = load_case(write_case(tmp_path / 'valley'))
+    assert case.name == case.title == 'valley'
+    np.testing.assert_allclose(case.scene.terrain.elevation, elevation(), atol=1e-3)
+    assert case.scene.terrain.offset == CORNER
+    np.testing.assert_array_equal(case.footprint, footprint() > 0.0)
+    (vent,) = case.scene.vents
+    assert vent.position == (410.0, 1010.0)
+    assert vent.series == ((0.0, 20.0), (5400.0, 10.0), (10800.0, 0.0))
+    assert case.duration == 10800.0
+    assert case.volume == pytest.approx(162_000.0)
+    etna = material_named('etna_basalt')
+    assert case.scene.lava == etna.lava
+    assert vent.temperature == etna.vent_temperature.value
+    assert case.events == ()
+
+
+def test_case_file_replaces_what_is_usual(tmp_path: Path) -> None:
+    """Material, constants, temperature, times and filter are those of case.yaml."""
+    text = (
+        'title: A valley\nsource: made up\nmaterial: reunion_basalt\nlava: {emissivity: 0.5}\n'
+        'vent_temperature: 1400\nvent_radius: 25\nambient_temperature: 280\nstart: 1800\n'
+        'end: 9000\nlow_pass: 40\nepsg: 32633\n'
+    )
+    case = load_case(write_case(tmp_path / 'valley', yaml=text))
+    assert (case.title, case.source) == ('A valley', 'made up')
+    assert case.scene.lava.emissivity == 0.5
+    assert case.scene.lava.vft_b == 5558.0
+    (vent,) = case.scene.vents
+    assert (vent.temperature, vent.radius) == (1400.0, 25.0)
+    assert vent.series == ((0.0, 20.0), (3600.0, 10.0), (9000.0, 0.0))
+    assert case.duration == 7200.0
+    assert case.volume == pytest.approx(20.0 * 3600.0 + 10.0 * 3600.0)
+    assert case.scene.ambient_temperature == 280.0
+    assert case.scene.terrain.epsg == 32633
+    assert case.low_pass == 40.0
+    rough = load_case(tmp_path / 'valley', low_pass_width=0.0)
+    assert not np.array_equal(rough.scene.terrain.elevation, case.scene.terrain.elevation)
+    kilauea = load_case(tmp_path / 'valley', material='kilauea_tholeiite')
+    assert kilauea.scene.lava.vft_c == 622.0
+
+
+def test_vents_that_open_and_close_share_the_discharge(tmp_path: Path) -> None:
+    """What comes out is divided by the shares of those that are open, and none is lost."""
+    folder = write_case(tmp_path / 'valley')
+    x, y = VENT
+    (folder / 'vent.csv').write_text(
+        'name,x,y,x_end,y_end,start_s,end_s,share\n'
+        f'fissure,{x - 20},{y},{x + 20},{y},,7200,3\n'
+        f'lower,{x},{y - 100},,,3600,,1\n'
+    )
+    case = load_case(folder)
+    fissure, lower = case.scene.vents
+    assert fissure.end == (430.0, 1010.0)
+    assert lower.end is None
+    assert fissure.series == ((0.0, 20.0), (3600.0, 15.0), (5400.0, 7.5), (7200.0, 0.0))
+    assert lower.series == (
+        (0.0, 0.0), (3600.0, 5.0), (5400.0, 2.5), (7200.0, 10.0), (10800.0, 0.0),
+    )
+    assert case.volume == pytest.approx(162_000.0)
+
+
+def test_ground_changes_in_mid_eruption(tmp_path: Path) -> None:
+    """Events are barriers and new elevations, each on top of the one before."""
+    x, y = VENT
+    text = (
+        'events:\n'
+        f'- {{time: 3600, barrier: {{line: [[{x - 60}, {y - 300}], [{x + 60}, {y - 300}]], '
+        'height: 10, width: 20}}\n'
+        '- {time: 7200, terrain: later.asc}\n'
+    )
+    folder = write_case(tmp_path / 'valley', yaml=text)
+    write_grid(folder / 'later.asc', elevation() + 1.0)
+    barrier, later = load_case(folder).events
+    assert (barrier.time, later.time) == (3600.0, 7200.0)
+    added = barrier.terrain.elevation - elevation()
+    assert added.max() == pytest.approx(10.0, abs=1e-3)
+    np.testing.assert_allclose(later.terrain.elevation, elevation() + 1.0, atol=1e-3)
+
+
+def _without(name: str) -> Callable[[Path], None]:
+    return lambda folder: (folder / name).unlink()
+
+
+def _grid(name: str, values: np.ndarray, **places: object) -> Callable[[Path], None]:
+    return lambda folder: write_grid(folder / name, values, **places)  # type: ignore[arg-type]
+
+
+def _table(name: str, old: str, new: str) -> Callable[[Path], None]:
+    return lambda folder: _replaced(folder / name, old, new)
+
+
+def _rates(factor: float) -> Callable[[Path], None]:
+    def change(folder: Path) -> None:
+        rows = [(0.0, 5400.0, 20.0 * factor), (5400.0, 10800.0, 10.0 * factor)]
+        lines = [f'{start},{end},{flux}' for start, end, flux in rows]
+        header = 'start_s,end_s,discharge_m3_per_s'
+        (folder / 'effusion_rate.csv').write_text('\n'.join([header, *lines]) + '\n')
+
+    return change
+
+
+def _holed() -> np.ndarray:
+    heights = elevation()
+    heights[50, 20] = np.nan
+    return heights
+
+
+def _thick() -> np.ndarray:
+    values = footprint()
+    values[30, 20] = 3.5
+    return values
+
+
+def _vents(text: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / 'vent.csv').write_text(text)
+
+
+def _yaml(text: str) -> Callable[[Path], object]:
+    return lambda folder: (folder / 'case.yaml').write_text(text)
+
+
+X, Y = VENT
+
+#: What is done to a case that is right, and words of the sentence that says what is wrong.
+WRONG: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
+    'no elevation': (_without('elevation.asc'), ('also holds', 'elevation.asc')),
+    'no footprint': (_without('footprint.asc'), ('also holds', 'footprint.asc')),
+    'no vents': (_without('vent.csv'), ('also holds', 'vent.csv')),
+    'no discharge': (_without('effusion_rate.csv'), ('also holds', 'effusion_rate.csv')),
+    'elevation upside down': (
+        _grid('elevation.asc', elevation()[::-1]),
+        ('above all vents', 'upside down'),
+    ),
+    'footprint upside down': (
+        _grid('footprint.asc', footprint()[::-1]),
+        ('m from the nearest vent', 'rows seem to be upside down'),
+    ),
+    'both grids upside down': (
+        lambda folder: [
+            write_grid(folder / f'{name}.asc', values()[::-1])
+            for name, values in (('elevation', elevation), ('footprint', footprint))
+        ],
+        ('m from the nearest vent', 'rows seem to be upside down'),
+    ),
+    'discharge in litres': (_rates(1000.0), ('mean thickness', 'too much', 'm3/s')),
+    'discharge in thousands': (_rates(0.001), ('mean thickness', 'too little', 'm3/s')),
+    'discharge per day': (_rates(86400.0), ('mean thickness', 'too much', 'm3/s')),
+    'times in hours': (
+        lambda folder: (folder / 'effusion_rate.csv').write_text(
+            'start_s,end_s,discharge_m3_per_s\n0,1.5,20\n1.5,3,10\n'
+        ),
+        ('mean thickness', 'too little', 'start_s'),
+    ),
+    'vent outside': (
+        _vents(f'x,y\n{X},{Y + 400}\n'),
+        ("'vent 0' of vent.csv", 'inside the elevation', '4180000 to 4181200'),
+    ),
+    'vent in degrees': (_vents('x,y\n15.0,37.7\n'), ('vent.csv', 'these are degrees')),
+    'vent of another zone': (
+        _vents(f'x,y\n{X + 500_000},{Y}\n'),
+        ('vent.csv', 'coordinates of another system'),
+    ),
+    'vent on a hole': (
+        _grid('elevation.asc', _holed()),
+        ("'vent 0' of vent.csv", 'this cell has none'),
+    ),
+    'vent of another eruption': (
+        _grid('footprint.asc', np.eye(*SHAPE, k=-19)[:, ::-1] * (np.indices(SHAPE)[0] < 22)),
+        ('the footprint', 'm from the nearest vent', 'not of the same eruption'),
+    ),
+    'footprint of other cells': (
+        _grid('footprint.asc', footprint(), cell=10.0),
+        ('the footprint', 'cells of 10 m', 'cells of 20 m'),
+    ),
+    'footprint of another shape': (
+        _grid('footprint.asc', footprint()[:50]),
+        ('the footprint', '50 x 40', '60 x 40'),
+    ),
+    'footprint somewhere else': (
+        _grid('footprint.asc', footprint(), corner=(CORNER[0] + 10.0, CORNER[1])),
+        ('the footprint', '500010', '500000'),
+    ),
+    'footprint of thicknesses': (
+        _grid('footprint.asc', _thick()),
+        ('a cell of the footprint', '3.5', '0 (not covered) and 1 (covered)'),
+    ),
+    'empty footprint': (
+        _grid('footprint.asc', np.zeros(SHAPE)),
+        ('the footprint', 'without a 1'),
+    ),
+    'nodata that the header does not name': (
+        lambda folder: (
+            write_grid(folder / 'elevation.asc', _holed()),
+            _replaced(folder / 'elevation.asc', 'NODATA_value -9999', 'NODATA_value -1'),
+        ),
+        ('a height of the elevation', '-9999', 'NODATA_value'),
+    ),
+    'heights in centimetres': (
+        # of a low hill: those of a mountain would be out of range
+        _grid('elevation.asc', 20.0 * (elevation() - 1000.0)),
+        ('median slope', 'heights and cells both in metres'),
+    ),
+    'text in a table': (
+        _table('effusion_rate.csv', ',20', ',twenty'),
+        ('effusion_rate.csv, line 2, discharge_m3_per_s', "'twenty'", 'a finite number'),
+    ),
+    'a negative discharge': (
+        _table('effusion_rate.csv', ',20', ',-20'),
+        ('line 2, discharge_m3_per_s', '-20', '0 to'),
+    ),
+    'a discharge that is no number': (
+        _table('effusion_rate.csv', ',20', ',nan'),
+        ('line 2, discharge_m3_per_s', "'nan'", 'finite'),
+    ),
+    'intervals that overlap': (
+        _table('effusion_rate.csv', '5400.0,10800.0', '3600.0,10800.0'),
+        ('line 3, start_s', '3600', 'at least 5400 s'),
+    ),
+    'an interval that ends before it begins': (
+        _table('effusion_rate.csv', '5400.0,10800.0', '5400.0,1800.0'),
+        ('line 3, end_s', '1800', 'after its start'),
+    ),
+    'other columns': (
+        _table('effusion_rate.csv', 'start_s,end_s,discharge_m3_per_s', 'day,to,q'),
+        ('first line', 'day,to,q', 'start_s,end_s,discharge_m3_per_s'),
+    ),
+    'a row that is too short': (
+        _table('effusion_rate.csv', '5400.0,10800.0,10', '5400.0,10'),
+        ('line 3', '5400.0,10', '3 values'),
+    ),
+    'no rows': (_vents('x,y\n'), ('vent.csv', '1 lines', 'at least one row')),
+    'no discharge at all': (_rates(0.0), ('without discharge', 'above 0')),
+    'no vent open': (
+        _vents(f'x,y,start_s\n{X},{Y},3600\n'),
+        ('vents open at 0 s', 'at least one row of vent.csv'),
+    ),
+    'unknown material': (_yaml('material: obsidian\n'), ('lava.material', 'obsidian', 'one of')),
+    'unknown key': (_yaml('materiel: etna_basalt\n'), ('case.materiel', 'no such key')),
+    'unknown constant': (_yaml('lava: {colour: 3}\n'), ('case.lava.colour', 'no such key')),
+    'no YAML': (_yaml('{'), ('case.yaml', 'a readable YAML file')),
+    'end before start': (_yaml('end: -5\n'), ('case.end', '-5', 'above 0 s')),
+    'vent colder than its solidus': (
+        _yaml('vent_temperature: 1000\n'),
+        ('temperature', '1000', 'solidus'),
+    ),
+    'another system': (
+        _yaml('epsg: 4326\n'),
+        ('terrain latitude', '4180600', 'degrees north or south, or metres'),
+    ),
+}
+
+
+@pytest.mark.parametrize('name', WRONG)
+def test_wrong_input_is_named(name: str, tmp_path: Path) -> None:
+    """A case with one thing wrong is refused, by a sentence that says which and why."""
+    folder = write_case(tmp_path / 'valley')
+    change, words = WRONG[name]
+    change(folder)
+    with pytest.raises(LavaError) as caught:
+        load_case(folder)
+    said = str(caught.value)
+    assert all(word in said for word in words), said
+
+
+def test_folder_that_is_not_there(tmp_path: Path) -> None:
+    """A case that does not exist is called that."""
+    with pytest.raises(LavaError, match='a folder that exists'):
+        load_case(tmp_path / 'nowhere')
+
+
+def test_footprint_of_another_system(tmp_path: Path) -> None:
+    """Grids that name different coordinate systems do not go together."""
+    import rasterio
+
+    folder = write_case(tmp_path / 'valley')
+    for name, epsg in (('elevation', 32633), ('footprint', 32632)):
+        with rasterio.open(folder / f'{name}.asc') as source:
+            profile = {**source.profile, 'driver': 'GTiff', 'crs': f'EPSG:{epsg}'}
+            values = source.read(1)
+        with rasterio.open(folder / f'{name}.tif', 'w', **profile) as target:
+            target.write(values, 1)
+        (folder / f'{name}.asc').unlink()
+    with pytest.raises(LavaError) as caught:
+        load_case(folder)
+    assert "the footprint's coordinate system is 'EPSG:32632'" in str(caught.value)
+    assert 'EPSG:32633' in str(caught.value)
+
+
+@pytest.mark.parametrize('flip', ['elevation', 'footprint', 'both'])
+@pytest.mark.skipif(not ETNA.is_dir(), reason='the data of Etna 2001 are not here')
+def test_etna_upside_down_is_caught(flip: str, tmp_path: Path) -> None:
+    """Real grids with their rows in the wrong order are refused, right ones are not."""
+    folder = tmp_path / 'etna'
+    folder.mkdir()
+    for path in ETNA.glob('*.*'):
+        (folder / path.name).write_bytes(path.read_bytes())
+    case = load_case(folder)
+    assert case.volume == pytest.approx(21.4e6, rel=1e-3)
+    assert case.footprint.sum() == 18_509
+    for name in ('elevation', 'footprint') if flip == 'both' else (flip,):
+        path = folder / f'{name}.asc'
+        lines = path.read_text().splitlines()
+        path.write_text('\n'.join([*lines[:6], *reversed(lines[6:])]) + '\n')
+    with pytest.raises(LavaError, match='upside down'):
+        load_case(folder)

@@ -1,0 +1,196 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Runs of a case: maps, resumption, changes of the ground."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eruption import VENT, write_case
+from lava_ros.accuracy import expected_thickness
+from lava_ros.errors import LavaError
+from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.geotiff import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
+from lava_ros.hindcast.run import mature_thickness, Run, Settings, simulate
+from lava_ros.hindcast.score import judge
+
+SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=4)
+
+
+@pytest.fixture(scope='module')
+def valley(tmp_path_factory: pytest.TempPathFactory) -> Case:
+    """A valley down which lava flows for an hour."""
+    text = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
+    return load_case(write_case(tmp_path_factory.mktemp('run') / 'valley', hours=1, yaml=text))
+
+
+def _finished(run: Run) -> Run:
+    for _ in run.snapshots():
+        pass
+    return run
+
+
+def test_lava_comes_down_the_valley(valley: Case) -> None:
+    """It covers a part of what was mapped, its volume is what came out, and time is told."""
+    run = Run(valley, SETTINGS)
+    shares, maps = [], []
+    for share, snapshot in run.snapshots():
+        shares.append(share)
+        maps += [snapshot] if snapshot is not None else []
+    assert shares == sorted(shares)
+    assert shares[-1] == pytest.approx(1.0)
+    assert [round(item.time) for item in maps] == [900, 1800, 2700, 3600]
+    result = run.result()
+    judged = judge(valley, result.snapshot.thickness)
+    assert judged.jaccard > 0.3
+    budget = result.snapshot.budget
+    assert budget.emitted == pytest.approx(valley.volume)
+    assert budget.error < 1e-5
+    np.testing.assert_array_equal(
+        result.peak, np.max([np.nan_to_num(item.thickness) for item in maps], axis=0)
+    )
+    vent = valley.scene.terrain.cell_at(*valley.scene.vents[0].position)
+    assert vent is not None
+    assert result.arrival[vent] == pytest.approx(900.0)
+    assert 'inertia' not in result.effects
+    assert {'arrhenius', 'cooling'} <= set(result.effects)
+    assert result.most_particles > 10
+
+
+def test_run_that_is_cut_off_goes_on(valley: Case, tmp_path: Path) -> None:
+    """Maps, peak and arrival are those of a run that was not cut off, to the bit."""
+    whole = _finished(Run(valley, SETTINGS, folder=tmp_path / 'whole'))
+    first = Run(valley, SETTINGS, folder=tmp_path / 'parts')
+    seen = 0
+    for _, snapshot in first.snapshots():
+        seen += snapshot is not None
+        if seen == 2:
+            break
+    second = Run(valley, SETTINGS, folder=tmp_path / 'parts')
+    assert second.is_resumed
+    assert not first.is_resumed
+    _finished(second)
+    one, other = whole.result(), second.result()
+    np.testing.assert_array_equal(one.snapshot.thickness, other.snapshot.thickness)
+    np.testing.assert_array_equal(one.peak, other.peak)
+    np.testing.assert_array_equal(one.arrival, other.arrival)
+    kept = second.kept()
+    assert len(kept) == SETTINGS.maps
+    for a, b in zip(whole.kept(), kept, strict=True):
+        np.testing.assert_array_equal(a.thickness, b.thickness)
+        assert a.budget == b.budget
+
+
+def test_finished_run_is_not_run_again(valley: Case, tmp_path: Path) -> None:
+    """A run whose last map is there gives its result at once."""
+    whole = _finished(Run(valley, SETTINGS, folder=tmp_path / 'kept'))
+    again = Run(valley, SETTINGS, folder=tmp_path / 'kept')
+    assert list(again.snapshots()) == []
+    np.testing.assert_array_equal(
+        again.result().snapshot.thickness, whole.result().snapshot.thickness
+    )
+
+
+@pytest.mark.parametrize('other', ['case', 'settings'])
+def test_run_of_something_else_is_not_gone_on_with(
+    other: str, valley: Case, tmp_path: Path
+) -> None:
+    """An unfinished run of another case or with other settings is refused, with what helps."""
+    _finished(Run(valley, replace(SETTINGS, maps=1), folder=tmp_path / 'kept'))
+    case, settings = valley, replace(SETTINGS, maps=1)
+    if other == 'case':
+        case = valley.with_lava({'emissivity': 0.8})
+    else:
+        settings = replace(settings, spacing=15.0)
+    with pytest.raises(LavaError, match='--fresh'):
+        Run(case, settings, folder=tmp_path / 'kept')
+
+
+def test_damaged_run_is_refused(valley: Case, tmp_path: Path) -> None:
+    """What a power cut left behind is told from a run."""
+    folder = tmp_path / 'kept'
+    _finished(Run(valley, replace(SETTINGS, maps=1), folder=folder))
+    path = folder / 'checkpoint_0001'
+    path.write_bytes(path.read_bytes()[:-20])
+    with pytest.raises(LavaError, match='checkpoint'):
+        Run(valley, replace(SETTINGS, maps=1), folder=folder)
+
+
+def test_barrier_in_mid_eruption_holds_lava_back(tmp_path: Path) -> None:
+    """Lava that comes after a barrier was built does not get as far as without it."""
+    x, y = VENT
+    lava = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
+    barrier = (
+        f'events:\n- time: 300\n  barrier: {{line: [[{x - 250}, {y - 250}], '
+        f'[{x + 250}, {y - 250}]], height: 30, width: 20}}\n'
+    )
+    free = load_case(write_case(tmp_path / 'free', hours=1, yaml=lava))
+    dammed = load_case(write_case(tmp_path / 'dammed', hours=1, yaml=lava + barrier))
+    below = np.arange(free.scene.terrain.shape[0]) * 20.0 < 740.0
+    got = [
+        np.nansum(simulate(case, SETTINGS).snapshot.thickness[below]) for case in (free, dammed)
+    ]
+    assert got[0] > 30.0
+    assert got[1] < 0.1 * got[0]
+
+
+def test_particles_are_no_more_than_are_worth_it(valley: Case) -> None:
+    """They are as far apart as the cells ask for, or further, and cells no finer than they."""
+    assert Settings('draft').accuracy(valley).spacing == 40.0
+    assert Settings('draft').coarseness(valley) == 2
+    assert Settings('draft').accuracy(valley).courant_number == 1.0
+    assert Settings('reference').accuracy(valley).courant_number == 0.25
+    assert Settings('standard').accuracy(valley).spacing == 20.0
+    assert Settings('standard').coarseness(valley) == 1
+    assert Settings('fine').accuracy(valley).spacing == 10.0
+    assert Settings('fine').coarseness(valley) == 1
+    assert Settings('fine', spacing=45.0).coarseness(valley) == 2
+    long = replace(valley, volume=1e10)
+    spacing = Settings('standard').accuracy(long).spacing
+    assert spacing is not None
+    assert spacing > 40.0
+
+
+def test_flows_are_as_thick_as_lava_on_its_way(valley: Case) -> None:
+    """At the geometric mean of the viscosities at vent and solidus; at the vent without one."""
+    scene = valley.scene
+    lava, hot = scene.lava, scene.vents[0].temperature
+    half_way = 0.5 * (hot + lava.solidus)
+    ratio = lava.viscosity_at(half_way) / lava.viscosity_at(hot)
+    assert mature_thickness(scene) == pytest.approx(expected_thickness(scene) * ratio**0.25)
+    liquid = replace(scene, lava=replace(lava, solidus=0.0))
+    assert mature_thickness(liquid) == expected_thickness(liquid)
+    assert Settings('standard').accuracy(valley).thickness == mature_thickness(scene)
+
+
+def test_with_lava_changes_what_it_says(valley: Case) -> None:
+    """Constants, temperature and discharge are replaced, and nothing else."""
+    other = valley.with_lava({'emissivity': 0.9}, temperature=1340.0, discharge=2.0)
+    assert other.scene.lava == replace(valley.scene.lava, emissivity=0.9)
+    assert other.scene.vents[0].temperature == 1340.0
+    assert other.volume == pytest.approx(2.0 * valley.volume)
+    assert other.scene.vents[0].series[0] == (0.0, 40.0)
+    assert other.scene.terrain is valley.scene.terrain
+
+
+def test_comparison_says_what_each_cell_is() -> None:
+    """Hit, miss, false alarm, neither, and nothing where nobody can know."""
+    thickness = np.array([[1.0, 0.0, 1.0], [0.0, np.nan, np.nan]])
+    footprint = np.array([[True, True, False], [False, False, True]])
+    codes = comparison(thickness, footprint)
+    assert codes.tolist() == [[HIT, MISS, FALSE_ALARM], [NEITHER, UNKNOWN, MISS]]

@@ -1,0 +1,117 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""The comparison of a flow with a map."""
+
+import numpy as np
+import pytest
+
+from lava_ros.hindcast.score import distances, score, THRESHOLD
+
+FOOTPRINT = np.zeros((40, 30), bool)
+FOOTPRINT[5:30, 10:16] = True
+
+VENT = (30, 12)
+
+
+def _flow() -> np.ndarray:
+    """Lava two metres thick, two cells to the east of the map and five rows short."""
+    thickness = np.zeros(FOOTPRINT.shape, np.float32)
+    thickness[10:30, 12:18] = 2.0
+    thickness[10:30, 18] = 0.99 * THRESHOLD
+    return thickness
+
+
+def test_numbers_are_those_of_counted_cells() -> None:
+    """Hits, misses and false alarms, and what follows from them."""
+    found = score(_flow(), FOOTPRINT, resolution=10.0, vents=[VENT], emitted=30_000.0)
+    assert (found.hits, found.misses, found.false_alarms) == (80, 70, 40)
+    assert found.jaccard == pytest.approx(80 / 190)
+    assert found.fit == pytest.approx((80 / 190) ** 0.5)
+    assert (found.recall, found.precision) == (pytest.approx(80 / 150), pytest.approx(80 / 120))
+    assert (found.area, found.mapped_area) == (12_000.0, 15_000.0)
+    assert found.area_error == pytest.approx(-0.2)
+    assert (found.mean_thickness, found.median_thickness, found.thickest) == (2.0, 2.0, 2.0)
+    assert found.mapped_thickness == pytest.approx(2.0)
+    assert found.volume == pytest.approx(24_000.0 + 20 * 0.099 * 100.0)
+
+
+def test_length_is_that_of_the_way_along_the_flow() -> None:
+    """A bent flow is as long as its way, not as far as its end."""
+    mask = np.zeros((60, 60), bool)
+    mask[10:50, 10] = mask[10, 10:50] = True
+    thickness = np.where(mask, 1.0, 0.0)
+    found = score(thickness, mask, resolution=10.0, vents=[(49, 10)], emitted=1.0)
+    assert found.length == found.mapped_length == pytest.approx(780.0, abs=20.0)
+    assert found.length_error == 0.0
+    short = np.where(np.indices(mask.shape)[1] < 30, thickness, 0.0)
+    found = score(short, mask, resolution=10.0, vents=[(49, 10)], emitted=1.0)
+    assert found.length == pytest.approx(580.0, abs=20.0)
+    assert found.length_error == pytest.approx(-200.0 / 780.0, abs=0.01)
+
+
+def test_ways_in_any_direction_are_nearly_straight() -> None:
+    """On open ground the way to a cell is at most 2.8 % longer than the straight line."""
+    ways = distances(np.ones((81, 81), bool), [(40, 40)])
+    rows, columns = np.indices(ways.shape) - 40
+    straight = np.hypot(rows, columns)
+    far = straight > 20.0
+    assert (ways[far] >= straight[far] - 1e-9).all()
+    assert (ways[far] / straight[far]).max() < 1.028
+
+
+def test_parts_apart_are_reached_in_a_straight_line() -> None:
+    """Lava that has drained between two parts does not end the flow."""
+    mask = np.zeros((50, 20), bool)
+    mask[40:45, 10] = mask[5:10, 10] = True
+    ways = distances(mask, [(45, 10)])
+    assert ways[40, 10] == pytest.approx(5.0)
+    assert ways[5, 10] == pytest.approx(40.0)
+    assert np.isinf(ways[20, 10])
+    assert np.isinf(distances(np.zeros((3, 3), bool), [(1, 1)])).all()
+
+
+@pytest.mark.parametrize('turns', [1, 2, 3])
+def test_turned_and_mirrored_maps_have_the_same_score(turns: int) -> None:
+    """Turning or mirroring flow, map and vents changes no number."""
+    rng = np.random.default_rng(3)
+    thickness = np.where(rng.random(FOOTPRINT.shape) < 0.8, _flow(), 0.0)
+    columns = FOOTPRINT.shape[1]
+
+    def cell(row: int, column: int) -> tuple[int, int]:
+        marked = np.zeros(FOOTPRINT.shape)
+        marked[row, column] = 1.0
+        return tuple(int(i) for i in np.argwhere(np.rot90(marked, turns))[0])  # type: ignore[return-value]
+
+    straight = score(thickness, FOOTPRINT, resolution=10.0, vents=[VENT], emitted=1.0).as_dict()
+    turned = score(
+        np.rot90(thickness, turns), np.rot90(FOOTPRINT, turns),
+        resolution=10.0, vents=[cell(*VENT)], emitted=1.0,
+    ).as_dict()
+    assert turned == pytest.approx(straight, rel=1e-6)
+    mirrored = score(
+        thickness[:, ::-1], FOOTPRINT[:, ::-1],
+        resolution=10.0, vents=[(VENT[0], columns - 1 - VENT[1])], emitted=1.0,
+    ).as_dict()
+    assert mirrored == pytest.approx(straight, rel=1e-6)
+
+
+def test_no_lava_scores_nothing() -> None:
+    """A flow that never came has no hits, and numbers all the same."""
+    found = score(
+        np.full(FOOTPRINT.shape, np.nan), FOOTPRINT, resolution=10.0, vents=[VENT], emitted=0.0
+    )
+    assert (found.jaccard, found.recall, found.precision) == (0.0, 0.0, 0.0)
+    assert (found.length, found.volume, found.mean_thickness) == (0.0, 0.0, 0.0)

@@ -1,0 +1,79 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A process that stands for node and robot: forecasts, poses and goals out, plans in.
+
+{"arrival": ROWS} publishes a forecast on cells of 10 m (null: never), {"age": SECONDS} beside it
+lets it start so long ago; {"pose": [X, Y]} and {"goal": [X, Y]} publish poses, {"leave": true}
+ends the forecast's publisher. Every plan is printed as a JSON list of positions.
+"""
+
+import json
+import sys
+import threading
+
+from geometry_msgs.msg import PoseStamped
+from graph_robot import grid, LATCHED, pose
+from nav_msgs.msg import OccupancyGrid, Path
+import numpy as np
+import rclpy
+from rclpy.duration import Duration
+from sensor_msgs.msg import Image
+
+
+def image(rows, stamp):
+    """The message of arrival times."""
+    values = np.array(rows, dtype=np.float32)
+    message = Image(height=values.shape[0], width=values.shape[1], encoding='32FC1')
+    message.header.frame_id, message.header.stamp = 'map', stamp
+    message.step = 4 * values.shape[1]
+    message.data.frombytes(values.tobytes())
+    return message
+
+
+def main():
+    """Do as the lines say until there are no more."""
+    rclpy.init()
+    node = rclpy.create_node('test_leaving_robot')
+    arrival = node.create_publisher(OccupancyGrid, 'arrival', LATCHED)
+    times = node.create_publisher(Image, 'arrival_time', LATCHED)
+    poses = {
+        'pose': node.create_publisher(PoseStamped, 'pose', LATCHED),
+        'goal': node.create_publisher(PoseStamped, 'goal_pose', LATCHED),
+    }
+
+    def show(path):
+        places = [[item.pose.position.x, item.pose.position.y] for item in path.poses]
+        print(json.dumps(places), flush=True)
+
+    node.create_subscription(Path, 'plan', show, LATCHED)
+    threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
+    while any(item.get_subscription_count() == 0 for item in (arrival, times, *poses.values())):
+        pass
+    print('ready', flush=True)
+    for line in sys.stdin:
+        order = json.loads(line)
+        if 'arrival' in order:
+            rows = order['arrival']
+            start = node.get_clock().now() - Duration(seconds=order.get('age', 0.0))
+            times.publish(image(rows, start.to_msg()))
+            arrival.publish(grid([[0] * len(row) for row in rows]))
+        for name in poses.keys() & order.keys():
+            poses[name].publish(pose(*order[name]))
+        if 'leave' in order:
+            node.destroy_publisher(times)
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,311 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Forecasts beside the live simulation: again and again, dropped, withdrawn, begun anew."""
+
+from dataclasses import replace
+import os
+import queue
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.effects import Effects
+from lava_ros.forecast import process as forecast_process
+from lava_ros.forecast.lookahead import LookAhead
+from lava_ros.ros.forecast_process import ForecastProcess
+from lava_ros.ros.forecaster import Forecaster, ForecastRules, LEAST_PERIOD
+from lava_ros.ros.speed import LEAST_SHARES, Pace, SHARE_RATE
+from lava_ros.ros.worker import SimulationWorker
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+
+RULES = ForecastRules(
+    horizon=200.0, threshold=0.01, max_age=1e9, share=1.0, max_particles=1_000_000
+)
+
+#: How long anything may take on a machine that is busy with other things [s].
+PATIENCE = 180.0
+
+#: Simulated seconds in a second, a small part of what the solver can do.
+SCALE = 5.0
+
+
+def scene(discharge=20.0):
+    """A slope towards +x with a vent at its top."""
+    ground = np.tile(500.0 - 2.0 * np.arange(30), (20, 1))
+    vent = Vent((55.0, 100.0), discharge, radius=15.0)
+    return Scene(Terrain(ground, 10.0), (vent,), Lava(viscosity=1e4))
+
+
+def simulation_of(scene):
+    """A coarse simulation."""
+    return Simulation(
+        scene, effects=Effects(), accuracy=Accuracy(spacing=8.0, thickness=1.0), device='cpu'
+    )
+
+
+def wait_until(condition, what=''):
+    """Wait for a condition and return its value."""
+    end = time.monotonic() + PATIENCE
+    while not (value := condition()):
+        assert time.monotonic() < end, what
+        time.sleep(0.02)
+    return value
+
+
+class Bench:
+    """A worker and a forecaster."""
+
+    def __init__(self):
+        self.rules = RULES
+        self.started = []
+        self.known, self.since = 0, time.monotonic()
+        self.worker = SimulationWorker(simulation_of, clock=time.monotonic, time_scale=SCALE)
+        self.forecaster = Forecaster(
+            self.worker, lambda: self.rules, make_process=self._process
+        )
+        self.worker.start()
+        self.worker.set_scene(scene()).result(PATIENCE)
+        self.forecaster.start()
+        self.forecaster.want(True)
+
+    def _process(self):
+        process = ForecastProcess()
+        self.started.append(process.pid)
+        return process
+
+    def forecast(self, condition=lambda _: True):
+        """Wait for a forecast that fulfils a condition; snapshots go on meanwhile."""
+
+        def found():
+            self.worker.request_snapshot()
+            latest = self.forecaster.latest
+            return latest if latest is not None and condition(latest) else None
+
+        return wait_until(found, self.forecaster.status)
+
+    def begin_a_long_one(self):
+        """Wait until a forecast is at hand that takes hours."""
+        self.rules = replace(RULES, horizon=1e7)
+        wait_until(lambda: self.worker.request_snapshot() or self.long_since() > 1.0)
+
+    def long_since(self):
+        """How long the forecast at hand has been so [s]."""
+        status, now = self.forecaster.status, time.monotonic()
+        if status.progress is None or self.known != status.count:
+            self.known, self.since = status.count, now
+        return now - self.since
+
+    def close(self):
+        """End both."""
+        assert self.forecaster.stop(PATIENCE)
+        assert self.worker.stop(PATIENCE)
+
+
+@pytest.fixture(scope='module')
+def running():
+    """A worker and a forecaster for all tests: a process takes a while to start."""
+    result = Bench()
+    yield result
+    result.close()
+
+
+@pytest.fixture
+def bench(running):
+    """The same, at the start of the scene and with a first forecast of it."""
+    running.rules = RULES
+    running.forecaster.want(True)
+    running.worker.pause(False).result(PATIENCE)
+    running.worker.set_scene(scene()).result(PATIENCE)
+    running.forecast(lambda _: running.forecaster.staleness() == '')
+    return running
+
+
+def is_running(pid):
+    """Whether a process is there, and no zombie."""
+    try:
+        with open(f'/proc/{pid}/stat', encoding='ascii') as file:
+            return file.read().rpartition(')')[2].split()[0] != 'Z'
+    except FileNotFoundError:
+        return False
+
+
+def test_forecasts_follow_the_live_simulation(bench):
+    """Each starts later than the one before; it says what the fork would come to by itself."""
+    first, before = bench.forecaster.latest, len(bench.started)
+    assert first.forecast.horizon == RULES.horizon
+    assert np.count_nonzero(first.forecast.arrival > 0.0) > 5
+    assert bench.forecaster.staleness() == ''
+    second = bench.forecast(lambda item: item is not first)
+    assert second.forecast.time > first.forecast.time
+    assert second.stamp_ns > first.stamp_ns
+    assert len(bench.started) == before
+    bench.worker.pause(True).result(PATIENCE)
+    fork = bench.worker.fork().result(PATIENCE)
+    last = bench.forecast(lambda item: item.forecast.time == fork.checkpoint.time).forecast
+    expected = LookAhead(fork.checkpoint, horizon=200.0, threshold=0.01, device='cpu').run()
+    np.testing.assert_array_equal(last.arrival, expected.arrival)
+    np.testing.assert_array_equal(last.thickness, expected.thickness)
+    np.testing.assert_array_equal(last.temperature, expected.temperature)
+    # what stands still is forked once
+    count = bench.forecaster.status.count
+    time.sleep(1.5 * LEAST_PERIOD)
+    assert bench.forecaster.status.count == count
+    assert bench.forecaster.age == 0.0
+
+
+def test_another_scene_makes_a_forecast_stale_at_once(bench):
+    """Also one that is at hand is dropped; the next is of the new scene, by the same process."""
+    old, before = bench.forecaster.latest, len(bench.started)
+    bench.begin_a_long_one()
+    bench.worker.set_vents((Vent((155.0, 100.0), 60.0, radius=15.0),)).result(PATIENCE)
+    assert bench.forecaster.staleness() == 'the scene or the effects have changed'
+    bench.rules = RULES
+    new = bench.forecast(lambda item: item is not old)
+    assert bench.forecaster.staleness() == ''
+    assert new.forecast.horizon == RULES.horizon
+    reached = np.isfinite(new.forecast.arrival) & ~np.isfinite(old.forecast.arrival)
+    assert reached[:, 15:].sum() > 5
+    bench.worker.set_effects({'green': True}, horizon=1e4).result(PATIENCE)
+    assert bench.forecaster.staleness() or bench.forecaster.latest is not new
+    assert len(bench.started) == before
+
+
+def test_an_old_forecast_is_stale(bench):
+    """After the time it may be old."""
+    bench.forecaster.want(False)
+    bench.rules = replace(RULES, max_age=2.0)
+    wait_until(lambda: bench.worker.request_snapshot() or bench.forecaster.staleness())
+    assert bench.forecaster.staleness().endswith('s old, at most 2 s are good')
+    assert bench.forecaster.age > 2.0
+
+
+def test_what_was_dropped_is_made_up_for(bench):
+    """A node that is deactivated and activated again has a forecast, also of a state at rest."""
+    bench.begin_a_long_one()
+    bench.worker.pause(True).result(PATIENCE)
+    old = bench.forecaster.latest
+    bench.forecaster.want(False)
+    wait_until(lambda: bench.forecaster.status.progress is None)
+    bench.rules = RULES
+    bench.forecaster.want(True)
+    new = bench.forecast(lambda item: item is not old)
+    assert new.forecast.time == bench.worker.latest.time
+
+
+def test_the_process_may_die(bench):
+    """What killed it is told; another one goes on; the live simulation does not notice."""
+    old, before = bench.forecaster.latest, len(bench.started)
+    bench.begin_a_long_one()
+    os.kill(bench.started[-1], signal.SIGKILL)
+    error = wait_until(lambda: bench.forecaster.status.error)
+    assert error == 'the process of the forecasts has ended (killed by signal 9)'
+    bench.rules = RULES
+    bench.forecast(lambda item: item is not old)
+    assert bench.forecaster.status.error == ''
+    assert len(bench.started) == before + 1
+    assert bench.worker.status.error == ''
+
+
+def test_what_cannot_be_forecast_is_told(bench):
+    """Too many particles within the horizon end a forecast, not the simulation."""
+    bench.rules = replace(RULES, max_particles=3)
+    error = wait_until(
+        lambda: bench.worker.request_snapshot() or bench.forecaster.status.error
+    )
+    assert 'at most 3 (max_particles)' in error
+    bench.rules, old = RULES, bench.forecaster.latest
+    bench.forecast(lambda item: item is not old)
+    assert bench.worker.status.error == bench.forecaster.status.error == ''
+
+
+def test_the_live_simulation_keeps_its_pace(bench):
+    """It keeps up with its clock while forecasts are made, by a process that is nice to it."""
+    bench.begin_a_long_one()
+    niceness = os.getpriority(os.PRIO_PROCESS, bench.started[-1])
+    assert niceness == min(19, os.getpriority(os.PRIO_PROCESS, 0) + forecast_process.NICENESS)
+    before = bench.worker.fork().result(PATIENCE)
+    time.sleep(2.0)
+    after = bench.worker.fork().result(PATIENCE)
+    passed = after.checkpoint.time - before.checkpoint.time
+    assert passed > 0.9 * SCALE * (after.clock - before.clock)
+    assert bench.forecaster.status.progress is not None
+
+
+def test_the_pace():
+    """Forecasts get least while the simulation is behind, and more again bit by bit."""
+    pace = Pace()
+    assert pace.share(0.8, 'cuda:0') == 0.8
+    pace.note(True, 10.0)
+    assert pace.share(0.8, 'cuda:0') == LEAST_SHARES['cuda']
+    assert pace.share(0.8, 'cpu') == LEAST_SHARES['cpu']
+    assert pace.share(0.05, 'cpu') == 0.05
+    pace.note(False, 13.0)
+    assert pace.share(1.0, 'cuda:0') == pytest.approx(3.0 * SHARE_RATE)
+    pace.note(False, 100.0)
+    assert pace.share(1.0, 'cpu') == 1.0
+
+
+class Slice:
+    """A look ahead that takes 0.02 s a slice and never ends."""
+
+    is_done, progress = False, 0.0
+
+    def __init__(self, *_, **__):
+        self.slices = 0
+
+    def advance(self, wall_limit):
+        """Work."""
+        assert wall_limit <= 0.1
+        time.sleep(0.02)
+        self.slices += 1
+
+
+def test_the_process_computes_no_more_than_its_share(monkeypatch):
+    """It rests between slices, also while orders come; another share holds from then on."""
+    made = Slice()
+    monkeypatch.setattr(forecast_process, 'LookAhead', lambda *_, **__: made)
+    monkeypatch.setattr(forecast_process, 'from_bytes', lambda body: body)
+    orders = queue.Queue()
+    forecasting = forecast_process.Forecasting(orders, lambda *_: None)
+    fork = {'horizon': 1.0, 'threshold': 1.0, 'device': 'cpu', 'max_particles': 1}
+    orders.put(({'order': 'fork', 'number': 1, 'share': 0.1, **fork}, b''))
+    for share in (0.1, 0.5):
+        orders.put(({'order': 'share', 'share': share}, b''))
+        start, before = time.monotonic(), made.slices
+        while time.monotonic() - start < 1.0:
+            forecasting.turn()
+        elapsed = time.monotonic() - start
+        assert 0 < (made.slices - before) * 0.02 <= 1.1 * share * elapsed + 0.04
+
+
+def test_the_process_ends_with_the_node():
+    """Also when the node is killed, in the middle of a forecast."""
+    code = (
+        'import time\nfrom lava_ros.ros.forecast_process import ForecastProcess\n'
+        'process = ForecastProcess()\nprint(process.pid, flush=True)\ntime.sleep(100.0)\n'
+    )
+    node = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
+    pid = int(node.stdout.readline())
+    assert is_running(pid)
+    node.kill()
+    node.wait()
+    node.stdout.close()
+    wait_until(lambda: not is_running(pid))

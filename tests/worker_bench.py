@@ -1,0 +1,139 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A worker thread on the bench: a simulation that only keeps time, and a clock moved by hand."""
+
+import threading
+import time
+
+import numpy as np
+
+from lava_ros.choice import decide, effects_for, HORIZON
+from lava_ros.ros.worker import SimulationWorker
+from lava_ros.scene import check_vents, Scene, Terrain, Vent
+from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+
+TERRAIN = Terrain(np.zeros((4, 5)), 10.0)
+VENT = Vent((25.0, 15.0), 2.0, name='one')
+OUTSIDE = Vent((500.0, 0.0), 2.0, name='far')
+
+
+class KeepsTime:
+    """A simulation that only keeps time and volume, as fast as it is told to be."""
+
+    def __init__(self, scene, speed=None):
+        self.scene = scene
+        self.speed = speed
+        self.time = 0.0
+        self.device = 'paper'
+        self.failure = None
+        self.slowness = 0.0
+        self.advanced_to = []
+        self.emitted_before = 0.0
+        self.changed_at = 0.0
+        self.forced, self.horizon = {}, HORIZON
+        self.particle_count = 0
+        self.flawed = False
+        self.is_compiled = threading.Event()
+        self.is_compiled.set()
+
+    @property
+    def effects(self):
+        return effects_for(self.scene, self.forced, horizon=self.horizon)
+
+    def decisions(self):
+        return decide(self.scene, self.forced, horizon=self.horizon)
+
+    def set_effects(self, forced, *, horizon):
+        effects_for(self.scene, forced, horizon=horizon)
+        assert self.is_compiled.wait(30.0)
+        self.forced, self.horizon = dict(forced), horizon
+
+    def emitted(self):
+        flux = sum(vent.discharge for vent in self.scene.vents)
+        return self.emitted_before + flux * (self.time - self.changed_at)
+
+    def advance(self, until, *, wall_limit=None):
+        if self.failure:
+            raise self.failure
+        time.sleep(self.slowness)
+        reached = until
+        if self.speed is not None:
+            time.sleep(wall_limit)
+            reached = min(until, self.time + self.speed * wall_limit)
+        self.time = reached
+        self.advanced_to.append(reached)
+        return reached
+
+    def snapshot(self):
+        emitted = self.emitted()
+        return Snapshot(
+            time=self.time,
+            terrain=self.scene.terrain,
+            thickness=np.full(
+                self.scene.terrain.shape, np.nan if self.flawed else 0.0, np.float32
+            ),
+            temperature=np.full(self.scene.terrain.shape, np.nan, np.float32),
+            budget=VolumeBudget(emitted, emitted, 0.0, 0.0),
+            particle_count=0,
+            steps=StepReport(1, 1, 1, 1.0, 'longest'),
+        )
+
+    def set_vents(self, vents):
+        scene = Scene(self.scene.terrain, check_vents(vents, self.scene.terrain))
+        self.emitted_before, self.changed_at = self.emitted(), self.time
+        self.scene = scene
+
+    def set_terrain(self, terrain):
+        self.scene = Scene(terrain, self.scene.vents)
+
+
+class Bench:
+    """A worker, the simulations it has made, and a clock that moves by hand."""
+
+    def __init__(self, **options):
+        self.now = 100.0
+        self.made = []
+        self.speed = options.pop('speed', None)
+        self.refusal = None
+        self.shown = []
+        self.worker = SimulationWorker(
+            self.make,
+            clock=lambda: self.now,
+            on_snapshot=lambda: self.shown.append(self.worker.latest),
+            **options,
+        )
+        self.worker.start()
+
+    def make(self, scene):
+        if self.refusal:
+            raise self.refusal
+        self.made.append(KeepsTime(scene, self.speed))
+        return self.made[-1]
+
+    @property
+    def simulation(self):
+        return self.made[-1]
+
+    def wait(self, condition, timeout=5.0):
+        end = time.monotonic() + timeout
+        while not condition():
+            assert time.monotonic() < end, self.worker.status
+            time.sleep(0.005)
+
+    def wait_for_state(self, state):
+        self.wait(lambda: self.worker.status.state is state)
+
+    def run(self, future):
+        return future.result(timeout=5.0)
