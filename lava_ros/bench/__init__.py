@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Benchmarks: what the choice of effects costs and gains."""
+"""Benchmarks: how fast a step is, what effects cost, and what the choice of them gains."""

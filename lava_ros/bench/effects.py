@@ -41,6 +41,9 @@ PARTICLES = {'cuda': 1_000_000, 'cpu': 20_000}
 #: Least time that is measured at once [s].
 LEAST = 0.5
 
+#: Steps that a GPU takes at once: those past the last one would be idle, and measured.
+_AT_ONCE = 16
+
 #: Distance between particles and thickness of the lava [m].
 SPACING, THICKNESS = 2.0, 2.0
 
@@ -113,16 +116,27 @@ def effect_sets() -> dict[str, Effects]:
     return sets
 
 
-def lava_field(particles: int, effects: Effects, device: str) -> Simulation:
-    """A field of lava on rough ground, and a vent in it."""
+def lava_field(
+    particles: int, effects: Effects, device: str, *, cells: int | None = None
+) -> Simulation:
+    """A field of lava on rough ground, and a vent in it.
+
+    Args:
+        particles: Particles, about.
+        effects: The physics.
+        device: Warp device.
+        cells: Cells along a side of the ground; when left out they are two spacings wide.
+    """
     count = max(8, round(particles**0.5))
     side = count * SPACING
-    cells = count // 2 + 8
+    extent = (count // 2 + 8) * 2.0 * SPACING
+    cells = cells or count // 2 + 8
+    resolution = extent / cells
     rough = np.random.default_rng(1).normal(scale=0.2, size=(cells, cells))
     ground = Terrain(
-        rough - 0.1 * 2.0 * SPACING * np.arange(cells), 2.0 * SPACING, origin=(0.0, 0.0)
+        rough - 0.1 * resolution * np.arange(cells), resolution, origin=(0.0, 0.0)
     )
-    middle = 0.5 * cells * 2.0 * SPACING
+    middle = 0.5 * extent
     ticks = middle + (np.arange(count) + 0.5) * SPACING - 0.5 * side
     places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
     # off the lattice, as in a flow
@@ -162,7 +176,7 @@ def measure(
     bare = 0.0
     for index, (name, effects) in enumerate(sets.items()):
         on_progress(name, index / len(sets))
-        times, count = _times(lava_field(particles, effects, device), repetitions)
+        times, count = step_times(lava_field(particles, effects, device), repetitions, LEAST)
         middle = median(times)
         bare = bare or middle
         yield Row(
@@ -181,16 +195,24 @@ def measure(
     on_progress('done', 1.0)
 
 
-def _times(simulation: Simulation, repetitions: int) -> tuple[list[float], int]:
-    """Times of a step over the particles [ns], and the particles."""
+def step_times(
+    simulation: Simulation, repetitions: int, least: float
+) -> tuple[list[float], int]:
+    """Times of a step over the particles [ns], and the particles.
+
+    Args:
+        simulation: A field of lava.
+        repetitions: How many times it is measured.
+        least: Least time that is measured at once [s].
+    """
     # compiles, captures and settles
-    simulation.advance(40 * STEP)
-    steps = 64
+    _elapsed(simulation, 2 * _AT_ONCE)
+    steps = _AT_ONCE
     while True:
         elapsed = _elapsed(simulation, steps)
-        if elapsed >= LEAST or steps >= 1 << 20:
+        if elapsed >= least or steps >= 1 << 20:
             break
-        steps *= max(2, int(1.2 * LEAST / max(elapsed, 1e-9)))
+        steps *= max(2, int(1.2 * least / max(elapsed, 1e-9)))
     count = simulation.particle_count
     times = [_elapsed(simulation, steps) for _ in range(repetitions)]
     return [1e9 * time / steps / count for time in times], count

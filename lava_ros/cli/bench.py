@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava bench`: what effects cost, and whether the choice of them is right."""
+"""`lava bench`: what a step and effects cost, and whether the choice of them is right."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from lava_ros.errors import LavaError
 #: The benchmarks, and what each measures.
 BENCHMARKS = {
     'effects': 'the time of a step with each effect, and with all, over that of the bare step',
+    'steps': 'steps, memory and snapshots from few particles to many, beside a plain step',
     'choice': 'twelve scenes with the effects they call for, and with all there are',
 }
 
@@ -36,17 +37,21 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Add the command to the `lava` parser."""
     parser = subparsers.add_parser(
         'bench',
-        help='measure what effects cost',
+        help='measure what steps and effects cost',
         description='Measure on this machine. '
         + ' '.join(f'{name}: {text}.' for name, text in BENCHMARKS.items()),
     )
     parser.add_argument('benchmark', choices=tuple(BENCHMARKS), metavar='|'.join(BENCHMARKS))
     parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
     parser.add_argument(
-        '--particles', type=int, metavar='N', help='effects: particles (default: by the device)'
+        '--particles',
+        type=int,
+        nargs='+',
+        metavar='N',
+        help='effects, steps: particles, of steps one or several (default: by the device)',
     )
     parser.add_argument(
-        '--repetitions', type=int, default=5, metavar='N', help='effects (default: 5)'
+        '--repetitions', type=int, default=5, metavar='N', help='effects, steps (default: 5)'
     )
     parser.add_argument(
         '--preset', default=presets.DEFAULT, metavar='NAME', help='choice (default: %(default)s)'
@@ -74,8 +79,10 @@ def run(args: argparse.Namespace) -> int:
     repetitions = int(validation.number('--repetitions', args.repetitions, at_least=1))
     validation.choice('--preset', args.preset, presets.PRESETS)
     runs = int(validation.number('--runs', args.runs, at_least=1))
-    if args.particles is not None:
-        validation.number('--particles', args.particles, at_least=100, at_most=1e8)
+    for particles in args.particles or ():
+        validation.number('--particles', particles, at_least=100, at_most=1e8)
+    if args.benchmark == 'effects' and len(args.particles or ()) > 1:
+        raise LavaError('--particles', args.particles, 'one number for effects')
     for name in ('output', 'json'):
         place = getattr(args, name)
         if place and not Path(place).absolute().parent.is_dir():
@@ -83,6 +90,8 @@ def run(args: argparse.Namespace) -> int:
     with Progress() as progress:
         if args.benchmark == 'effects':
             rows = _effects(args, device, repetitions, progress)
+        elif args.benchmark == 'steps':
+            rows = _steps(args, device, repetitions, progress)
         else:
             rows = _choice(device, args.preset, runs, progress)
     if args.output:
@@ -97,14 +106,11 @@ def _effects(
 ) -> Sequence[Any]:
     from lava_ros.bench.effects import measure
 
-    command = f'lava bench effects --device {device} --repetitions {repetitions}'
-    if args.particles is not None:
-        command += f' --particles {args.particles}'
     rows = list(
         measure(
             device,
-            command=command,
-            particles=args.particles,
+            command=_command(args, device, repetitions),
+            particles=args.particles[0] if args.particles else None,
             repetitions=repetitions,
             on_progress=progress.show,
         )
@@ -113,6 +119,38 @@ def _effects(
     for row in rows:
         print(f'{row.benchmark:24}  {row.value:24.3g}  {row.ratio:9.2f}')
     return rows
+
+
+def _steps(
+    args: argparse.Namespace, device: str, repetitions: int, progress: Progress
+) -> Sequence[Any]:
+    from lava_ros.bench.steps import measure
+
+    rows = list(
+        measure(
+            device,
+            command=_command(args, device, repetitions),
+            particles=args.particles,
+            repetitions=repetitions,
+            on_progress=progress.show,
+        )
+    )
+    width = max(len(row.benchmark) for row in rows)
+    print(f'{"":{width}}  particles     median        low       high')
+    for row in rows:
+        print(
+            f'{row.benchmark:{width}}  {row.particles:9}  {row.value:9.4g}  {row.low:9.4g}'
+            f'  {row.high:9.4g}  {row.unit}'
+        )
+    return rows
+
+
+def _command(args: argparse.Namespace, device: str, repetitions: int) -> str:
+    """What made the rows."""
+    command = f'lava bench {args.benchmark} --device {device} --repetitions {repetitions}'
+    if args.particles:
+        command += ' --particles ' + ' '.join(str(number) for number in args.particles)
+    return command
 
 
 def _choice(device: str, preset: str, runs: int, progress: Progress) -> Sequence[Any]:

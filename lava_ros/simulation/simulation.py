@@ -390,16 +390,16 @@ class Simulation:
             return
         assert self.accuracy.spacing is not None
         rows = rows_of(particles, self.scene.terrain, self.accuracy.spacing)
-        self._append(rows.tolist())
+        self._append(rows)
         if self.effects.inertia:
             self._state.velocity[: len(rows)].assign(particles.velocity)
         self._cover()
         self._emitted_before = float(self._state.read_particles()[:, 2].sum())
         self._sort()
 
-    def _append(self, rows: list[tuple[float, ...]]) -> None:
+    def _append(self, rows: np.ndarray | list[tuple[float, ...]]) -> None:
         """Add particles given as (map x, map y, volume, temperature)."""
-        if not rows:
+        if not len(rows):
             return
         added = np.array(rows, dtype=np.float64)
         added[:, :2] -= centre_of(self.scene.terrain)

@@ -135,6 +135,7 @@ def scene_fields() -> dict[str, st.SearchStrategy[Any]]:
         'terrain': st.sampled_from((None, 1.0, 'ground', {}, np.zeros((3, 3)), Terrain)),
         'vents': st.sampled_from((None, 1.0, 'vents', [None], ['vent'], [{}], [[]], {1: 2}, b'v')),
         'lava': st.sampled_from((None, 1.0, 'lava', {}, Lava)),
+        'uncertainty': st.sampled_from((None, 1.0, 'uncertainty', {}, [])),
         'ambient_temperature': no_number(100.0, 600.0),
         'gravity': no_number(1e-3, 1e3) | st.just(0.0),
     }

@@ -119,8 +119,8 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
     Safeguard(
         'apart', 'particles in one place, that never part',
         f'{SOLVER}/state.py',
-        'places[index] += copy if onto else -copy',
-        'places[index] += 0.0 * copy',
+        'places[copies] += np.where(onto[:, None], way, -way)',
+        'places[copies] += 0.0 * way',
         'coincident', 'standard', 'spread',
     ),
     Safeguard(

@@ -1,0 +1,363 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the compiler makes of a stage's kernels, without a GPU.
+
+An access that is no longer 16 bytes wide, an array that no longer fits the registers or a division
+that is no longer the hardware's changes no result, and takes up to twice the time.
+"""
+
+from collections import Counter
+from dataclasses import dataclass, replace
+import re
+import struct
+
+import pytest
+import warp as wp
+
+from lava_ros.bench.effects import effect_sets, lava_field
+from lava_ros.simulation import flow, Simulation
+from lava_ros.simulation.compiled import quick_kernel
+from lava_ros.simulation.effects import green
+from lava_ros.simulation.state import State
+
+#: Sets of effects, by the names in the benchmark.
+SETS = ('bare', 'green', 'everything with green')
+
+#: Kernels that sum over neighbours in every step, and those that only carry particles.
+SUMS = ('thickness_and_velocity', 'elevate', 'velocity_of_differences', 'green_velocity')
+CARRIERS = ('order_particles', 'move')
+
+#: Loads that a neighbour takes at most.
+MOST_LOADS = 3
+
+#: It takes the sine and cosine of a float64, whose slow path keeps a table in local memory, and
+#: few threads of it have anything to do.
+EMITS = 'emit'
+
+#: Attributes in a cubin's .nv.info: a kernel's least stack.
+_STACK = 0x12
+
+
+@dataclass(frozen=True)
+class Code:
+    """A kernel as it is compiled.
+
+    Attributes:
+        name: The kernel's name.
+        text: Its PTX.
+        stack: Bytes of local memory of a thread, what registers are spilled to included.
+    """
+
+    name: str
+    text: str
+    stack: int
+
+    @property
+    def loops(self) -> list[str]:
+        """PTX of the loops without a branch."""
+        blocks = re.findall(r'(\$L__BB\w+):(.*?)(?=\n\$L__BB\w+:|\Z)', self.text, re.DOTALL)
+        return [text for label, text in blocks if re.search(rf'\sbra\S*\s+\{label};', text)]
+
+
+def opcodes(text):
+    """Count the opcodes of some PTX, .ftz left out."""
+    found = re.findall(r'^\s*(?:@\S+\s+)?([a-z][a-z0-9_]*\.[a-z0-9_.:]+)\s', text, re.MULTILINE)
+    return Counter(opcode.replace('.ftz', '') for opcode in found)
+
+
+def stack_of(cubin):
+    """Read the stack of a cubin's only kernel: the ELF's .nv.info names it."""
+    (table,) = struct.unpack_from('<Q', cubin, 0x28)
+    count, names = struct.unpack_from('<HH', cubin, 0x3C)
+    sections = [struct.unpack_from('<IIQQQQ', cubin, table + 64 * n) for n in range(count)]
+    begin = sections[names][4]
+    (offset, end), stacks = next(
+        (at, at + size)
+        for name, _, _, _, at, size in sections
+        if cubin[begin + name :].startswith(b'.nv.info\0')
+    ), []
+    while offset < end:
+        form, attribute, size = struct.unpack_from('<BBH', cubin, offset)
+        offset += 4
+        if form == 4:
+            if attribute == _STACK:
+                stacks.append(struct.unpack_from('<II', cubin, offset)[1])
+            offset += size
+    (stack,) = stacks
+    return stack
+
+
+def compiled(kernel, arch, folder):
+    """Compile a kernel for an architecture."""
+    files = [
+        wp.compile_aot_module(kernel.module, arch=arch, module_dir=folder, use_ptx=use_ptx)[0]
+        for use_ptx in (True, False)
+    ]
+    ptx = files[0].read_text(encoding='latin-1')
+    entry = ptx[ptx.index('.entry') :]
+    return Code(kernel.key.rpartition('__')[2], entry, stack_of(files[1].read_bytes()))
+
+
+def launched(name, lanes=1, integrator='euler'):
+    """Kernels that a stage launches, none of which runs."""
+    kernels = []
+
+    def record(kernel, *_, **__):
+        if kernel not in kernels:
+            kernels.append(kernel)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wp, 'launch', record)
+        patch.setattr(State, 'lanes', property(lambda _: lanes))
+        simulation = lava_field(400, effect_sets()[name], 'cpu')
+        if integrator != 'euler':
+            accuracy = replace(simulation.accuracy, integrator=integrator, fixed_step=None)
+            simulation = Simulation(
+                simulation.scene, effects=simulation.effects, accuracy=accuracy, device='cpu'
+            )
+        kernels.clear()
+        simulation._stage()
+    return kernels
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory):
+    """Where everything is compiled once."""
+    return tmp_path_factory.mktemp('compiled')
+
+
+@pytest.fixture(scope='module')
+def stage(folder):
+    """The kernels of a stage but the vents', compiled for sm_90, those of a set once."""
+    stages = {}
+
+    def of(name):
+        if name not in stages:
+            kernels = [kernel for kernel in launched(name) if not kernel.key.endswith(EMITS)]
+            stages[name] = [compiled(kernel, 90, folder) for kernel in kernels]
+        return stages[name]
+
+    return of
+
+
+def check_sum(code):
+    """A neighbour, one root each, takes few loads: read-only, most of them wide."""
+    assert code.loops, f'{code.name} has no loop without a branch'
+    for loop in code.loops:
+        counts = opcodes(loop)
+        neighbours = counts['sqrt.approx.f32']
+        loads = {name: n for name, n in counts.items() if name.startswith('ld.')}
+        wide = sum(n for name, n in loads.items() if re.search(r'\.v[24]\.f32$', name))
+        assert neighbours >= 1, code.name
+        assert all(name.startswith('ld.global.nc.') for name in loads), f'{code.name}: {loads}'
+        assert wide >= neighbours, f'{code.name}: {loads}'
+        assert sum(loads.values()) <= MOST_LOADS * neighbours, f'{code.name}: {loads}'
+
+
+def check_carrier(code, wide):
+    """Particles are read and written 16 bytes at once, what their positions lack 8 bytes."""
+    counts = opcodes(code.text)
+    for access in ('ld.global.nc', 'st.global'):
+        assert counts[f'{access}.v4.f32'] >= wide, code.name
+        assert counts[f'{access}.v2.f32'] >= 1, code.name
+
+
+def check_local(code):
+    """Nothing is kept, or spilled, outside the registers."""
+    assert '.local' not in code.text, code.name
+    assert code.stack == 0, f'{code.name}: {code.stack} bytes'
+
+
+def check_arithmetic(code):
+    """No float32 takes the subroutines that are right to the last bit."""
+    slow = [name for name in opcodes(code.text) if re.fullmatch(r'(div|sqrt|rcp)\.r.\.f32', name)]
+    assert not slow, f'{code.name}: {slow}'
+
+
+@pytest.mark.parametrize('name', SETS)
+def test_neighbours_are_read_at_once(stage, name):
+    """Every sum over neighbours reads them by few loads."""
+    sums = [code for code in stage(name) if code.name in SUMS]
+    assert len(sums) == 1 + ('green' in name)
+    for code in sums:
+        check_sum(code)
+
+
+@pytest.mark.parametrize('name', SETS)
+def test_particles_are_carried_at_once(stage, name):
+    """The order and the motion read and write 16 bytes."""
+    carriers = [code for code in stage(name) if code.name in CARRIERS]
+    assert len(carriers) == len(CARRIERS)
+    for code in carriers:
+        check_carrier(code, 1)
+
+
+def test_stages_are_carried_at_once(folder):
+    """So are the start and the displacement of a step of several stages."""
+    kernels = launched('bare', integrator='rkl2')
+    kernels = [kernel for kernel in kernels if kernel.key.endswith(CARRIERS)]
+    assert len(kernels) == len(CARRIERS)
+    for kernel in kernels:
+        code = compiled(kernel, 90, folder)
+        check_carrier(code, 3)
+        check_local(code)
+        check_arithmetic(code)
+
+
+@pytest.mark.parametrize('name', SETS)
+def test_nothing_is_in_local_memory(stage, name):
+    """No kernel of a stage but the vents' spills registers, or has an array without a place."""
+    for code in stage(name):
+        check_local(code)
+
+
+@pytest.mark.parametrize('name', SETS)
+def test_arithmetic_is_the_hardwares(stage, name):
+    """Divisions and roots of float32 are approximate, and there are some."""
+    for code in stage(name):
+        check_arithmetic(code)
+        if code.name in SUMS:
+            assert opcodes(code.text)['sqrt.approx.f32'] >= 1
+
+
+@pytest.mark.parametrize('name', ['green', 'everything with green'])
+def test_k0_is_one_logarithm_root_and_power(stage, name):
+    """A neighbour costs one logarithm, one root and one power of two."""
+    (code,) = [code for code in stage(name) if code.name == 'green_velocity']
+    (loop,) = code.loops
+    counts = opcodes(loop)
+    # the loop is unrolled, and each neighbour is clamped to the end of the fit once
+    neighbours = counts['min.f32']
+    assert neighbours >= 1
+    for opcode in ('lg2.approx.f32', 'sqrt.approx.f32', 'ex2.approx.f32'):
+        assert counts[opcode] == neighbours, opcode
+    assert not [opcode for opcode in counts if opcode.startswith(('div', 'rcp', 'rsqrt'))]
+
+
+@pytest.mark.parametrize(('arch', 'lanes'), [(80, 1), (80, 4), (90, 4)])
+def test_sums_on_other_hardware_and_shared(folder, arch, lanes):
+    """The same holds for the former architecture, and for threads that share a particle."""
+    kernels = launched('green', lanes=lanes)
+    codes = [
+        compiled(kernel, arch, folder)
+        for kernel in kernels
+        if kernel.key.rpartition('__')[2] in SUMS
+    ]
+    assert len(codes) == 2
+    for code in codes:
+        check_sum(code)
+        check_local(code)
+        check_arithmetic(code)
+        assert bool(opcodes(code.text)['shfl.sync.bfly.b32']) == (lanes > 1)
+
+
+def test_sums_of_differences(folder):
+    """The other gradient's two sums are as lean."""
+    kernels = flow.flow_kernels(
+        wp.float32, 'wendland', 3.0, 'balanced', effect_sets()['everything with green']
+    )
+    for kernel in kernels:
+        code = compiled(kernel, 90, folder)
+        check_sum(code)
+        check_local(code)
+        check_arithmetic(code)
+
+
+def test_vents_take_little_local_memory(folder):
+    """Of the sine and the cosine, and no more."""
+    (kernel,) = [kernel for kernel in launched('bare') if kernel.key.endswith(EMITS)]
+    (file,) = wp.compile_aot_module(kernel.module, arch=80, module_dir=folder, use_ptx=False)
+    assert stack_of(file.read_bytes()) <= 40
+
+
+def test_every_effect_compiles_without_local_memory(folder):
+    """No effect, alone or with others, makes a kernel spill on the hardware with least room."""
+    kernels = {kernel.module.name: kernel for name in effect_sets() for kernel in launched(name)}
+    names = {kernel.key.rpartition('__')[2] for kernel in kernels.values()}
+    assert names >= {*CARRIERS, EMITS, 'accelerate', 'sweep', 'exchange_heat', 'freeze', 'merge'}
+    for kernel in kernels.values():
+        if not kernel.key.endswith(EMITS):
+            (file,) = wp.compile_aot_module(
+                kernel.module, arch=80, module_dir=folder, use_ptx=False
+            )
+            assert stack_of(file.read_bytes()) == 0, kernel.key
+
+
+vec64 = wp.types.vector(64, float)
+
+
+@wp.kernel(module='unique', enable_backward=False)
+def indexed_at_run_time(values: wp.array(dtype=float)):
+    """Keep an array that cannot be in registers."""
+    kept = vec64()
+    for n in range(values.shape[0]):
+        kept[n % 64] = kept[(n * n) % 64] + values[n]
+    values[0] = kept[values.shape[0] % 64]
+
+
+def test_checks_see_local_memory(folder):
+    """An array that is indexed at run time is in local memory."""
+    code = compiled(indexed_at_run_time, 90, folder)
+    assert code.stack > 0
+    with pytest.raises(AssertionError):
+        check_local(code)
+
+
+def plain_load(width):
+    """Read as Warp does, number by number."""
+
+    def load_of(real):
+        kind = wp.types.vector(width, real) if width > 1 else real
+
+        @wp.func
+        def load(values: wp.array(dtype=kind), i: int):
+            return values[i]
+
+        return load
+
+    return load_of
+
+
+def plain_kernel(function):
+    """Make a kernel without the hardware's own arithmetic."""
+    return wp.kernel(function, module='unique', enable_backward=False, grid_stride=False)
+
+
+def test_checks_see_plain_reads(folder, monkeypatch):
+    """Without the loads of compiled.py no sum passes."""
+    for module in (flow, green):
+        for width in (1, 2, 4):
+            if hasattr(module, f'load{width}'):
+                monkeypatch.setattr(module, f'load{width}', plain_load(width))
+    kernels = [
+        flow.flow_kernels.__wrapped__(
+            wp.float32, 'wendland', 3.0, 'energy', effect_sets()['green']
+        ).flow,
+        green._kernel.__wrapped__(wp.float32, 1),
+    ]
+    for kernel in kernels:
+        with pytest.raises(AssertionError):
+            check_sum(compiled(kernel, 90, folder))
+
+
+def test_checks_see_slow_arithmetic(folder, monkeypatch):
+    """Without ``quick_kernel`` the flow does not pass."""
+    assert flow.quick_kernel is quick_kernel
+    monkeypatch.setattr(flow, 'quick_kernel', plain_kernel)
+    kernels = flow.flow_kernels.__wrapped__(
+        wp.float32, 'wendland', 3.0, 'energy', effect_sets()['bare']
+    )
+    with pytest.raises(AssertionError):
+        check_arithmetic(compiled(kernels.flow, 90, folder))
