@@ -23,6 +23,7 @@ import numpy as np
 
 import lava_ros
 from lava_ros.errors import LavaError
+from lava_ros.scene import Terrain
 
 #: Value of cells without data in files of floating-point numbers, and in those of bytes.
 NODATA, NODATA_BYTE = -9999.0, 255
@@ -125,3 +126,42 @@ def write_map(
         os.replace(partial, path)
     except (OSError, RasterioError) as error:
         raise LavaError('output', str(path), f'a file to write ({error})') from error
+
+
+def write_grid(
+    path: Path, values: np.ndarray, terrain: Terrain, *, unit: str, meaning: str
+) -> Path:
+    """Write numbers on the cells of a terrain.
+
+    Args:
+        path: The file; its name without the ending is the band's.
+        values: Floating-point numbers, NaN without data, or bytes; shape [rows, columns], row 0 in
+            the south.
+        terrain: The grid they are on.
+        unit: Their unit.
+        meaning: What they are, in a few words.
+
+    Returns:
+        The file.
+
+    Raises:
+        LavaError: rasterio is not installed, or the file cannot be written.
+    """
+    require_rasterio(path)
+    if values.dtype != np.uint8:
+        values = np.where(np.isfinite(values), values, NODATA).astype(np.float32)
+    write_map(
+        path,
+        values,
+        corner=(
+            terrain.offset[0] + terrain.origin[0],
+            terrain.offset[1] + terrain.origin[1],
+        ),
+        resolution=terrain.resolution,
+        crs=coordinate_system(terrain.epsg),
+        name=path.stem,
+        unit=unit,
+        meaning=meaning,
+        tags={},
+    )
+    return path

@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     Raises:
         LavaError: An argument or a file cannot be used.
     """
-    from lava_ros.hindcast.geotiff import write_grid
+    from lava_ros.geotiff import write_grid
     from lava_ros.low_pass import low_pass
     from lava_ros.terrain_files import load_terrain
 

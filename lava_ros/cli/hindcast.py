@@ -173,7 +173,7 @@ def _prepare(output: Path) -> None:
 def _write(
     case: Case, settings: Settings, hindcast: Run, result: Result, judged: Score, output: Path
 ) -> list[Path]:
-    from lava_ros.hindcast.geotiff import write_maps
+    from lava_ros.hindcast.maps import write_maps
     from lava_ros.hindcast.page import write_page
     from lava_ros.hindcast.picture import draw_comparison
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case
-from lava_ros.hindcast.geotiff import comparison, FALSE_ALARM, HIT, MISS
+from lava_ros.hindcast.maps import comparison, FALSE_ALARM, HIT, MISS
 from lava_ros.hindcast.score import Score
 
 #: Colours of what a cell can be: they differ to people who do not tell red from green too.

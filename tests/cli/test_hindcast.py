@@ -26,7 +26,7 @@ from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case
 from lava_ros.bag import BagReader
 from lava_ros.cli.main import main
 from lava_ros.frames import read_frame
-from lava_ros.hindcast.geotiff import FALSE_ALARM, HIT, MISS
+from lava_ros.hindcast.maps import FALSE_ALARM, HIT, MISS
 
 LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_strength: 200}\n'
 

@@ -25,7 +25,7 @@ from eruption import VENT, write_case
 from lava_ros.accuracy import expected_thickness
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, load_case
-from lava_ros.hindcast.geotiff import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
+from lava_ros.hindcast.maps import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
 from lava_ros.hindcast.run import mature_thickness, Run, Settings, simulate
 from lava_ros.hindcast.score import judge
 

@@ -15,23 +15,17 @@
 
 """The maps of a hindcast as GeoTIFF."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 
-import lava_ros
-from lava_ros.errors import LavaError
+from lava_ros.geotiff import NODATA_BYTE, write_grid
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.run import Result
 from lava_ros.hindcast.score import THRESHOLD
-from lava_ros.scene import Terrain
-
-#: Value of cells without data in files of floating-point numbers.
-NODATA = -9999.0
 
 #: What a cell of the comparison says.
-NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, 255
+NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, NODATA_BYTE
 
 
 def comparison(thickness: np.ndarray, footprint: np.ndarray) -> np.ndarray:
@@ -76,66 +70,3 @@ def write_maps(case: Case, result: Result, folder: Path) -> list[Path]:
     codes = comparison(snapshot.thickness, case.footprint)
     path = folder / 'comparison.tif'
     return [*files, write_grid(path, codes, terrain, unit='1', meaning=meaning)]
-
-
-def write_grid(
-    path: Path, values: np.ndarray, terrain: Terrain, *, unit: str, meaning: str
-) -> Path:
-    """Write numbers on the cells of a terrain.
-
-    Args:
-        path: The file.
-        values: Floating-point numbers, NaN without data, or bytes; shape [rows, columns], row 0 in
-            the south.
-        terrain: The grid they are on.
-        unit: Their unit.
-        meaning: What they are, in a few words.
-
-    Returns:
-        The file.
-
-    Raises:
-        LavaError: rasterio is not installed, or the file cannot be written.
-    """
-    try:
-        import rasterio
-        from rasterio.crs import CRS
-        from rasterio.errors import RasterioError
-        from rasterio.transform import from_origin
-    except ImportError as error:
-        right = "rasterio: pip install 'lava_ros[terrain]'"
-        raise LavaError('output', str(path), right) from error
-    is_byte = values.dtype == np.uint8
-    rows, columns = values.shape
-    west = terrain.offset[0] + terrain.origin[0]
-    north = terrain.offset[1] + terrain.origin[1] + rows * terrain.resolution
-    if not is_byte:
-        values = np.where(np.isfinite(values), values, NODATA).astype(np.float32)
-    partial = path.with_suffix('.partial.tif')
-    try:
-        with rasterio.open(
-            partial,
-            'w',
-            driver='GTiff',
-            width=columns,
-            height=rows,
-            count=1,
-            dtype=values.dtype.name,
-            crs=CRS.from_epsg(terrain.epsg) if terrain.epsg else None,
-            transform=from_origin(west, north, terrain.resolution, terrain.resolution),
-            nodata=UNKNOWN if is_byte else NODATA,
-            compress='deflate',
-            predictor=2 if is_byte else 3,
-        ) as file:
-            # row 0 is the southernmost here and the northernmost in the file
-            file.write(values[::-1], 1)
-            file.set_band_description(1, path.stem)
-            file.set_band_unit(1, unit)
-            file.update_tags(
-                TIFFTAG_SOFTWARE=f'lava_ros {lava_ros.__version__}',
-                TIFFTAG_IMAGEDESCRIPTION=f'{path.stem} [{unit}]: {meaning}',
-            )
-        os.replace(partial, path)
-    except (OSError, RasterioError) as error:
-        raise LavaError('output', str(path), f'a file to write ({error})') from error
-    return path
