@@ -5,7 +5,7 @@ STAMP := $(VENV)/.installed
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test coverage docs look hard hard-published safeguards nightly soak lint types clean
+.PHONY: help setup demo forecast-demo test coverage docs look hard hard-published safeguards nightly soak lint types clean
 
 help:  ## Say what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -23,10 +23,13 @@ $(STAMP): setup.py setup.cfg pyproject.toml package.xml constraints.txt
 demo: $(STAMP)  ## Let lava flow down a mountain, live in ROS 2 (ARGS='--help' lists the options)
 	$(VENV)/bin/lava demo $(ARGS)
 
+forecast-demo: $(STAMP)  ## Open a vent, live in ROS 2, and see an outline narrow the forecast (ARGS='--members 32')
+	$(VENV)/bin/lava forecast-demo --picture docs/images/forecast.png $(ARGS)
+
 test: $(STAMP)  ## Run every test, two at a time (ARGS='-k bag' selects)
 	$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile $(ARGS)
 
-hard: $(STAMP)  ## Run the hard scenes at every preset, 10 minutes on 2 cores (ARGS='--scene cliff')
+hard: $(STAMP)  ## Run the hard scenes at every preset on every device, 10 minutes on 2 cores (ARGS='--scene cliff')
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.run $(ARGS)
 
 hard-published: $(STAMP)  ## Run the hard scenes at the paper's settings, 10 s each: what breaks there
@@ -34,8 +37,9 @@ hard-published: $(STAMP)  ## Run the hard scenes at the paper's settings, 10 s e
 
 nightly: $(STAMP)  ## Try 2,000 random scenes and messages, kill 20 recordings, install the node elsewhere; figures in build/fuzz.json (ARGS='--hypothesis-seed=1')
 	@mkdir -p build
+	@rm -f build/fuzz.json
 	LAVA_FUZZ_FIGURES=build/fuzz.json $(VENV)/bin/python -m pytest tests/fuzz --hypothesis-profile=nightly \
-	  --hypothesis-show-statistics $(ARGS)
+	  --numprocesses auto --dist load $(ARGS)
 	LAVA_KILLS=20 $(VENV)/bin/python -m pytest tests/ros/faults
 	$(VENV)/bin/python tests/install/installed_node.py
 

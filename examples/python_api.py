@@ -18,7 +18,7 @@ import sys
 
 import numpy as np
 
-from lava_ros.layers import load_layers
+from lava_ros.layer_files import load_layers
 from lava_ros.scene import Lava, Scene, Vent
 from lava_ros.share import share_path
 from lava_ros.simulation import Simulation

@@ -15,6 +15,7 @@
 """Start the lava node, or a replay in its place, and RViz.
 
 ros2 launch lava_ros lava.launch.py scene:=etna.yaml time_scale:=60.0 rviz:=true
+ros2 launch lava_ros lava.launch.py scene:=etna.yaml forecast_horizon:=6.0 ensemble_members:=32
 ros2 launch lava_ros lava.launch.py resume:=bags/etna record:=true
 ros2 launch lava_ros lava.launch.py replay:=bags/demo rviz:=true
 ros2 launch lava_ros lava.launch.py --show-args
@@ -47,6 +48,12 @@ PARAMETERS = (
     ('bag_directory', '', str, 'Bag to record to, a new folder; empty: bags/<date and time>'),
     ('bag_max_size', '0', int, 'Size [bytes] at which the bag goes on in a new file; 0: never'),
     ('bag_max_duration', '0.0', float, 'Time [s] at which it goes on in a new file; 0.0: never'),
+    ('forecast_horizon', '0.0', float, 'How far ahead forecasts look [h]; 0.0: none'),
+    ('forecast_config', 'forecast.yaml', str, 'How forecasts become messages'),
+    ('forecast_max_age', '0.0', float, 'Age at which they are withdrawn [s]; 0.0: half of that'),
+    ('forecast_share', '1.0', float, 'Largest share of the device that they take'),
+    ('ensemble_members', '0', int, 'Members of ensembles beside forecasts; 0: none'),
+    ('deadline', '0.0', float, 'Time in which a forecast and its ensemble come [s]; 0.0: any'),
     ('use_sim_time', 'false', bool, 'Follow /clock'),
 )
 

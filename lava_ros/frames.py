@@ -28,7 +28,8 @@ from lava_ros.bag.decoding import Decoder
 from lava_ros.bag.grids import read_grid
 from lava_ros.bag.reader import BagMessage
 from lava_ros.errors import LavaError
-from lava_ros.layers import IMAGE, Layer, layers_from_dict, load_layers
+from lava_ros.layer_files import layers_from_dict, load_layers
+from lava_ros.layers import IMAGE, Layer
 from lava_ros.share import share_path
 from lava_ros.timeline import Timeline
 

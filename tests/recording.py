@@ -23,7 +23,8 @@ import numpy as np
 import yaml
 
 from lava_ros.bag import BagWriter, LATCHED
-from lava_ros.layers import layers_from_dict, load_layers, ZERO_CELSIUS
+from lava_ros.layer_files import layers_from_dict, load_layers
+from lava_ros.layers import ZERO_CELSIUS
 from lava_ros.ros import codec, outputs
 from lava_ros.scene import Scene, scene_to_dict, Terrain, Vent
 from lava_ros.share import share_path

@@ -23,15 +23,8 @@ import pytest
 import yaml
 
 from lava_ros.errors import LavaError
-from lava_ros.layers import (
-    GRID_MAP,
-    IMAGE,
-    layers_from_dict,
-    load_layers,
-    OCCUPANCY_GRID,
-    POINT_CLOUD,
-    switched,
-)
+from lava_ros.layer_files import layers_from_dict, load_layers, switched
+from lava_ros.layers import GRID_MAP, IMAGE, OCCUPANCY_GRID, POINT_CLOUD
 from lava_ros.scene import Terrain
 from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
 

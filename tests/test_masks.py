@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.layers import layers_from_dict, load_layers
+from lava_ros.layer_files import layers_from_dict, load_layers
 from lava_ros.scene import Terrain
 from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
 

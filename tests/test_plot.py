@@ -24,7 +24,7 @@ import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.frames import Frame, LayerFrame
-from lava_ros.layers import load_layers
+from lava_ros.layer_files import load_layers
 from lava_ros.plot import duration, plot_frame
 from lava_ros.share import share_path
 

@@ -15,17 +15,19 @@
 """Whether the choice of effects is right: each scene with the chosen effects and with all of them.
 
 What lava covers is compared cell by cell. Where a flow splits, where its particles happen to lie
-decides: so each footprint is that of several runs, with vents moved by millimetres, and counts the
-cells that lava covers in most of them. How much of a difference still says nothing is measured
-too: the chosen effects against themselves, with other such vents.
+decides: so each footprint is that of many runs, with vents moved by parts of a cell, and counts
+the cells that lava covers in most of them. The runs go side by side, each on its own copy of the
+terrain with cells without data between, in one simulation: particles of one are never neighbours
+of another's, and all take the shortest of their steps. How much of a difference still says nothing
+is measured too: a half of the runs against the other half, which differ by a factor of sqrt(2)
+more than two sets of all runs do. Time is that of a run of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 import math
-from statistics import median
 import time as wall_clock
 
 import numpy as np
@@ -35,21 +37,25 @@ from lava_ros.bench.scenes import BenchScene, scenes
 from lava_ros.choice import CRITERIA, decide, effects_for
 from lava_ros.effects import Effects
 from lava_ros.presets import DEFAULT, preset_accuracy
-from lava_ros.scene import Scene
+from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.automatic import resolved_accuracy
 from lava_ros.verification.measure import machine_name
 
 #: Least thickness of what counts as covered [m].
 COVERED = 0.1
 
-#: How far the vents are moved from one run to the next [m], along x and along y.
-SHIFT = 0.005
+#: How far the vents are moved from one run to the next, in cells, along x and along y.
+SHIFT = 0.01
 
 #: How much more they give, as a share: on a plane a flow that is moved is the same flow.
 GAIN = 1e-5
 
 #: Runs that make a footprint.
-RUNS = 9
+RUNS = 24
+
+#: Cells without data between two copies of a terrain.
+GAP = 16
 
 
 @dataclass(frozen=True)
@@ -62,13 +68,15 @@ class Row:
         effects_all: All effects: those that the material and the terrain have.
         runs: Runs that make a footprint: the cells that lava covers in most of them.
         jaccard: Cells in both footprints over cells in either.
-        noise: The same of two footprints with the chosen effects, their vents moved differently.
-        single: The same of single runs with the chosen and with all effects, vents not moved.
-        seconds_auto: Wall time with the chosen effects, median of all runs with them [s].
-        seconds_all: Wall time with all effects, median likewise [s].
-        particles: Particles at the end, with the chosen effects.
-        evaluations_auto: Velocity evaluations with the chosen effects.
-        evaluations_all: Velocity evaluations with all effects.
+        noise_auto: The same of the footprints of both halves of the runs with the chosen effects.
+        noise_all: The same of both halves of the runs with all effects.
+        single: Mean over the runs: a run with the chosen effects, and that with all effects whose
+            vents are in the same place.
+        seconds_auto: Wall time of a run with the chosen effects [s].
+        seconds_all: Wall time of a run with all effects [s].
+        particles: Particles of a run at the end, with the chosen effects.
+        evaluations_auto: Velocity evaluations of a run with the chosen effects.
+        evaluations_all: Velocity evaluations of a run with all effects.
         cells: Cells of the footprint with all effects.
         simulated_s: Simulated time [s].
         device: Warp device.
@@ -81,7 +89,8 @@ class Row:
     effects_all: str
     runs: int
     jaccard: float
-    noise: float
+    noise_auto: float
+    noise_all: float
     single: float
     seconds_auto: float
     seconds_all: float
@@ -95,18 +104,16 @@ class Row:
     command: str
 
 
-@dataclass(frozen=True, eq=False)
-class Flow:
-    """What a run gave.
+@dataclass(frozen=True)
+class Cost:
+    """What a run took.
 
     Attributes:
-        covered: Cells that lava covers, bool, shape [rows, columns].
         particles: Particles at the end.
         evaluations: Velocity evaluations.
         seconds: Wall time, without compiling the kernels [s].
     """
 
-    covered: np.ndarray
     particles: int
     evaluations: int
     seconds: float
@@ -136,21 +143,55 @@ def everything(scene: Scene, *, accuracy: Accuracy, horizon: float) -> Effects:
     return effects_for(scene, forced, accuracy=accuracy, horizon=horizon)
 
 
-def disturbed(scene: Scene, distance: float) -> Scene:
-    """The scene with every vent a distance [m] further along x and y, and ``GAIN`` stronger."""
-    vents = []
-    for vent in scene.vents:
-        end = vent.end and (vent.end[0] + distance, vent.end[1] + distance)
-        place = (vent.position[0] + distance, vent.position[1] + distance)
-        series = tuple((time, (1.0 + GAIN) * flux) for time, flux in vent.series)
-        discharge = series[0][1] if isinstance(vent.discharge, float) else series
-        vents.append(replace(vent, position=place, end=end, discharge=discharge))
-    return replace(scene, vents=tuple(vents))
+def copies(scene: Scene, count: int, shift: float = SHIFT) -> Scene:
+    """A scene ``count`` times, side by side.
+
+    The vents of each are ``shift`` cells further along x and y than those of the one before, and
+    give ``GAIN`` more.
+    """
+    terrain = scene.terrain
+    rows, columns = (side + GAP for side in terrain.elevation.shape)
+    width = math.ceil(math.sqrt(count * rows / columns))
+    height = math.ceil(count / width)
+    elevation = np.full((height * rows, width * columns), np.nan, dtype=np.float32)
+    vents: list[Vent] = []
+    for number in range(count):
+        row, column = rows * (number // width), columns * (number % width)
+        elevation[row : row + rows - GAP, column : column + columns - GAP] = terrain.elevation
+        moved = (np.array([column, row]) + shift * number) * terrain.resolution
+        gain = 1.0 + GAIN * number
+        for vent in scene.vents:
+            series = tuple((time, gain * flux) for time, flux in vent.series)
+            vents.append(
+                replace(
+                    vent,
+                    position=tuple(moved + vent.position),
+                    end=vent.end and tuple(moved + vent.end),
+                    discharge=series[0][1] if isinstance(vent.discharge, float) else series,
+                )
+            )
+    wide = Terrain(elevation, terrain.resolution, terrain.origin)
+    return replace(scene, terrain=wide, vents=tuple(vents))
 
 
-def simulate(
+def covered(
+    scene: Scene, count: int, effects: Effects, *, accuracy: Accuracy, horizon: float, device: str
+) -> np.ndarray:
+    """Cells that lava covers at a time [s] in each of many runs, bool, [runs, rows, columns]."""
+    accuracy = resolved_accuracy(accuracy, scene)
+    wide = copies(scene, count)
+    simulation = Simulation(wide, effects=effects, accuracy=accuracy, device=device)
+    simulation.advance(horizon)
+    cells = simulation.snapshot().thickness > COVERED
+    rows, columns = (side + GAP for side in scene.terrain.elevation.shape)
+    tiles = cells.reshape(cells.shape[0] // rows, rows, cells.shape[1] // columns, columns)
+    each = tiles.swapaxes(1, 2).reshape(-1, rows, columns)
+    return each[:count, : rows - GAP, : columns - GAP]
+
+
+def cost(
     scene: Scene, effects: Effects, *, accuracy: Accuracy, horizon: float, device: str
-) -> Flow:
+) -> Cost:
     """Simulate a scene up to a time [s], its kernels compiled beforehand."""
     warm = Simulation(scene, effects=effects, accuracy=accuracy, device=device)
     warm.advance(1e-3)
@@ -158,11 +199,9 @@ def simulate(
     start = wall_clock.perf_counter()
     simulation.advance(horizon)
     seconds = wall_clock.perf_counter() - start
-    snapshot = simulation.snapshot()
-    return Flow(
-        covered=snapshot.thickness > COVERED,
-        particles=snapshot.particle_count,
-        evaluations=snapshot.steps.evaluations,
+    return Cost(
+        particles=simulation.particle_count,
+        evaluations=simulation.snapshot().steps.evaluations,
         seconds=seconds,
     )
 
@@ -173,46 +212,47 @@ def jaccard(one: np.ndarray, other: np.ndarray) -> float:
     return np.count_nonzero(one & other) / either if either else math.nan
 
 
-def footprint(flows: Sequence[Flow]) -> np.ndarray:
-    """Cells that lava covers in most of the runs, bool, shape [rows, columns]."""
-    return np.mean([flow.covered for flow in flows], axis=0) > 0.5
+def footprint(runs: np.ndarray) -> np.ndarray:
+    """Cells that lava covers in most of the runs [runs, rows, columns]."""
+    return runs.mean(axis=0) > 0.5
+
+
+def noise(runs: np.ndarray) -> float:
+    """How far the footprints of both halves of the runs agree: every other one in each."""
+    return jaccard(footprint(runs[::2]), footprint(runs[1::2]))
 
 
 def measure(
     item: BenchScene, *, device: str, command: str, preset: str = DEFAULT, runs: int = RUNS
 ) -> Row:
-    """Simulate a scene with the chosen effects, with all of them, and with disturbed vents."""
+    """Simulate a scene with the chosen effects and with all of them."""
     accuracy = preset_accuracy(preset)
     auto = effects_for(item.scene, accuracy=accuracy, horizon=item.horizon)
     full = everything(item.scene, accuracy=accuracy, horizon=item.horizon)
-
-    def flows(effects: Effects, first: int) -> list[Flow]:
-        return [
-            simulate(
-                disturbed(item.scene, SHIFT * number) if number else item.scene,
-                effects,
-                accuracy=accuracy,
-                horizon=item.horizon,
-                device=device,
-            )
-            for number in range(first, first + runs)
-        ]
-
-    chosen, complete, others = flows(auto, 0), flows(full, 0), flows(auto, runs)
-    expected = footprint(chosen)
+    cost_auto, cost_all = (
+        cost(item.scene, effects, accuracy=accuracy, horizon=item.horizon, device=device)
+        for effects in (auto, full)
+    )
+    chosen, complete = (
+        covered(
+            item.scene, runs, effects, accuracy=accuracy, horizon=item.horizon, device=device
+        )
+        for effects in (auto, full)
+    )
     return Row(
         scene=item.name,
         effects_auto=names(auto),
         effects_all=names(full),
         runs=runs,
-        jaccard=jaccard(expected, footprint(complete)),
-        noise=jaccard(expected, footprint(others)),
-        single=jaccard(chosen[0].covered, complete[0].covered),
-        seconds_auto=median(one.seconds for one in (*chosen, *others)),
-        seconds_all=median(one.seconds for one in complete),
-        particles=chosen[0].particles,
-        evaluations_auto=chosen[0].evaluations,
-        evaluations_all=complete[0].evaluations,
+        jaccard=jaccard(footprint(chosen), footprint(complete)),
+        noise_auto=noise(chosen),
+        noise_all=noise(complete),
+        single=float(np.mean([jaccard(*pair) for pair in zip(chosen, complete, strict=True)])),
+        seconds_auto=cost_auto.seconds,
+        seconds_all=cost_all.seconds,
+        particles=cost_auto.particles,
+        evaluations_auto=cost_auto.evaluations,
+        evaluations_all=cost_all.evaluations,
         cells=int(np.count_nonzero(footprint(complete))),
         simulated_s=item.horizon,
         device=device,

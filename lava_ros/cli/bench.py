@@ -57,7 +57,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         '--preset', default=presets.DEFAULT, metavar='NAME', help='choice (default: %(default)s)'
     )
     parser.add_argument(
-        '--runs', type=int, default=9, metavar='N', help='choice: of a footprint (default: 9)'
+        '--runs', type=int, default=24, metavar='N', help='choice: of a footprint (default: 24)'
     )
     parser.add_argument('--output', metavar='FILE', help='write the table as CSV')
     parser.add_argument('--json', metavar='FILE', help='write the table as JSON')
@@ -78,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     validation.choice('--device', device, [str(known) for known in wp.get_devices()])
     repetitions = int(validation.number('--repetitions', args.repetitions, at_least=1))
     validation.choice('--preset', args.preset, presets.PRESETS)
-    runs = int(validation.number('--runs', args.runs, at_least=1))
+    runs = int(validation.number('--runs', args.runs, at_least=2))
     for particles in args.particles or ():
         validation.number('--particles', particles, at_least=100, at_most=1e8)
     if args.benchmark == 'effects' and len(args.particles or ()) > 1:
@@ -158,10 +158,11 @@ def _choice(device: str, preset: str, runs: int, progress: Progress) -> Sequence
 
     rows = choice.run(device, progress.show, preset, runs)
     width = max(len(row.scene) for row in rows)
-    print(f'{"scene":{width}}  Jaccard   noise  chosen [s]  all [s]  chosen')
+    print(f'{"scene":{width}}  Jaccard  halves: chosen    all  chosen [s]  all [s]  chosen')
     for row in rows:
         print(
-            f'{row.scene:{width}}  {row.jaccard:7.3f}  {row.noise:6.3f}  {row.seconds_auto:10.2f}'
-            f'  {row.seconds_all:7.2f}  {row.effects_auto}'
+            f'{row.scene:{width}}  {row.jaccard:7.3f}  {row.noise_auto:14.3f}'
+            f'  {row.noise_all:5.3f}  {row.seconds_auto:10.2f}  {row.seconds_all:7.2f}'
+            f'  {row.effects_auto}'
         )
     return rows

@@ -134,7 +134,7 @@ def run(args: argparse.Namespace) -> int:
     _check_defaults(scene)
     output = Path(args.output)
     _remove_earlier_demo(output)
-    domain = _free_domain() if args.domain is None else args.domain
+    domain = free_domain() if args.domain is None else args.domain
     settings = _node_parameters(scene, output, spacing, args.device)
     settings['preset'] = args.preset
     settings |= {'end_time': duration, 'time_scale': speed}
@@ -196,7 +196,7 @@ def _remove_earlier_demo(output: Path) -> None:
     output.rmdir()
 
 
-def _free_domain() -> int:
+def free_domain() -> int:
     """A ROS domain nobody on this machine uses: its first participant's port is free."""
     for domain in random.SystemRandom().sample(range(1, 102), 101):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

@@ -92,7 +92,7 @@ def _findings(args: argparse.Namespace) -> Iterator[Finding]:
 
 def _check_layers(name: str) -> Iterator[Finding]:
     from lava_ros.doctor.graph import check_qos
-    from lava_ros.layers import load_layers
+    from lava_ros.layer_files import load_layers
     from lava_ros.share import share_path
 
     path = Path(name)

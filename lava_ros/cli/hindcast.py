@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from lava_ros.hindcast.case import Case
     from lava_ros.hindcast.run import Result, Run, Settings
     from lava_ros.hindcast.score import Score
+    from lava_ros.hindcast.several import Agreement
 
 #: What a hindcast leaves in its folder.
 RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html', 'bag'
@@ -70,6 +71,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument(
         '--spacing', type=float, metavar='M', help="particles' distance [m], not the preset's"
+    )
+    parser.add_argument(
+        '--runs',
+        type=int,
+        default=1,
+        metavar='N',
+        help='as many more runs, turned and mirrored, side by side: their scatter, and what at '
+        'least half of them cover (from 2; 8 are all directions; default: none)',
     )
     parser.add_argument(
         '--maps', type=int, default=24, metavar='N', help='maps of the run (default: %(default)s)'
@@ -112,16 +121,32 @@ def run(args: argparse.Namespace) -> int:
             progress.show(duration(share * case.duration), share)
     result = hindcast.result()
     judged = judge(case, result.snapshot.thickness)
-    files = _write(case, settings, hindcast, result, judged, output)
+    several = _several(case, settings, args.runs, unfinished) if args.runs != 1 else None
+    files = _write(case, settings, hindcast, result, judged, several, output)
     shutil.rmtree(unfinished, ignore_errors=True)
-    text = json.dumps(as_dict(case, settings, result, judged), indent=1, allow_nan=False) + '\n'
+    data = as_dict(case, settings, result, judged)
+    if several is not None:
+        data['runs'] = several.as_dict()
+    text = json.dumps(data, indent=1, allow_nan=False) + '\n'
     for path in [output / RESULT, *([Path(args.json)] if args.json else [])]:
         try:
             path.write_text(text, encoding='utf-8')
         except OSError as error:
             raise LavaError('--json', str(path), f'a file to write ({error})') from error
-    _print(case, result, judged, [*files, output / RESULT])
+    _print(case, result, judged, several, [*files, output / RESULT])
     return 0
+
+
+def _several(case: Case, settings: Settings, runs: int, unfinished: Path) -> Agreement:
+    from lava_ros.cli.progress import Progress
+    from lava_ros.hindcast.several import Several
+    from lava_ros.plot import duration
+
+    several = Several(case, settings, runs, folder=unfinished / 'several')
+    with Progress() as progress:
+        for share, _ in several.maps():
+            progress.show(f'{runs} runs, {duration(share * case.duration)}', share)
+    return several.agreement()
 
 
 def as_dict(case: Case, settings: Settings, result: Result, judged: Score) -> dict[str, Any]:
@@ -171,16 +196,24 @@ def _prepare(output: Path) -> None:
 
 
 def _write(
-    case: Case, settings: Settings, hindcast: Run, result: Result, judged: Score, output: Path
+    case: Case,
+    settings: Settings,
+    hindcast: Run,
+    result: Result,
+    judged: Score,
+    several: Agreement | None,
+    output: Path,
 ) -> list[Path]:
-    from lava_ros.hindcast.maps import write_maps
+    from lava_ros.hindcast.maps import write_maps, write_share
     from lava_ros.hindcast.page import write_page
     from lava_ros.hindcast.picture import draw_comparison
 
     files = write_maps(case, result, output)
     picture, page = output / PICTURE, output / PAGE
     draw_comparison(case, result.snapshot.thickness, judged, picture)
-    write_page(case, settings, result, judged, picture, page)
+    write_page(case, settings, result, judged, picture, page, several)
+    if several is not None:
+        files.append(write_share(case, several, output))
     return [*files, picture, page, *_write_bag(case, hindcast, result, output / BAG)]
 
 
@@ -205,11 +238,13 @@ def _write_bag(case: Case, hindcast: Run, result: Result, bag: Path) -> list[Pat
     return [bag]
 
 
-def _print(case: Case, result: Result, judged: Score, files: list[Path]) -> None:
+def _print(
+    case: Case, result: Result, judged: Score, several: Agreement | None, files: list[Path]
+) -> None:
     from lava_ros.hindcast.page import facts, warnings
 
     print(case.title)
-    for term, value in facts(judged).items():
+    for term, value in facts(judged, several).items():
         print(f'  {term:26} {value}')
     budget = result.snapshot.budget
     print(f'  {"volume unaccounted for":26} {budget.error:.1e}')

@@ -35,6 +35,7 @@ from lava_ros.cli import (
     ensemble,
     export,
     feed,
+    forecast_demo,
     hindcast,
     info,
     materials,
@@ -56,7 +57,7 @@ _ROS_ARGS = '--ros-args'
 
 #: The commands under the headings of the manual page.
 GROUPS = (
-    ('run', (demo, node, feed, ensemble)),
+    ('run', (demo, node, feed, ensemble, forecast_demo)),
     ('record', (replay, info, recover)),
     ('look', (report, plot, animate, export, effects, materials, barrier)),
     ('measure', (hindcast, calibrate, plan, accuracy, verify, bench)),

@@ -15,23 +15,20 @@
 """The accuracy one can afford: spacing, preset and members for a scene, a horizon and a time.
 
 Nothing is known of a scene's cost before some of it has been run, so coarse pilots are, each
-finer than the one before, until one takes a fifth of the time there is. They say two things.
+finer than the one before, until one takes a fifth of the time there is. extrapolation.py says what
+they tell of the cost and the error of a finer run; the error is of the method alone, not of
+terrain, discharge and material.
 
-Cost: the wall time of a run is that of its evaluations, E (a + b N): E grows as a power of the
-refinement r, the number N of particles as its square. Two pilots give the power, a and b. A finer
-run may call for other effects (choice.py) that cost more: a plan has those of the last pilot.
-
-Error: what a coarser pilot covers that the finest does not, or the other way round, over what both
-cover, falls as C / r. Fronts are smoothed over a spacing, so the errors of flows down a slope
-halve with the spacing in docs/accuracy (slope_flux: 1.2, 0.6 and 0.3 % at the three presets). The
-pilots give C; it is of the method alone, not of terrain, discharge and material.
+A finer run may call for other effects (choice.py) that cost more. Where the time reaches so far,
+the last two pilots are run again with those effects, and the plan goes on from there.
 
 Members of an ensemble share the time. The probability that n of them give has a sampling error of
 up to 1 / (2 sqrt(n)). Where n is left open, it is the one with which both errors are least.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 import math
 import time as wall_clock
 
@@ -42,22 +39,39 @@ from lava_ros.accuracy import Accuracy
 from lava_ros.choice import effects_for
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
+from lava_ros.forecast.extrapolation import cost_at, error_law, ErrorLaw, Pilot
 from lava_ros.presets import PRESETS
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.automatic import resolved_accuracy
 
-#: Refinement of the first pilot, and how much finer each is than the one before.
-FIRST, FINER = 0.2, 1.4
+__all__ = ['FINEST', 'Affordable', 'Pilot', 'accuracy_at', 'afford', 'run_at', 'sampling_error']
 
-#: Refinements that a plan may have, those of the presets.
-COARSEST, FINEST = FIRST, PRESETS['reference'].accuracy.refinement
+#: Refinement of the first pilot, and how much finer each is than the one before: twice where the
+#: cost hardly grows.
+FIRST, FINER, MUCH_FINER = 0.2, 1.4, 2.0
+
+#: Refinements that a plan may have.
+COARSEST, FINEST = FIRST, 8.0
+
+#: How much finer than the last pilot a plan may be.
+REACH = 3.0
+
+#: Pilots that are run where there is time for them: two say nothing of how errors fall.
+AT_LEAST = 3
 
 #: Share of the time that the last pilot takes: five times as much is foreseen at most.
 ENOUGH = 0.2
 
-#: Share of the time that a plan uses: what is left is for what it does not know.
-USED = 0.8
+#: Share of the time that no pilot takes: one that does is given up.
+TOO_MUCH = 0.6
+
+#: Share of the time that a plan uses, the middle of a half and 1.1: what is left is for what it
+#: does not know.
+USED = 0.75
+
+#: Share of the time below which a plan rather uses more than ``USED``, and how much then.
+LEAST_USED, MOST_USED = 0.5, 0.9
 
 #: Thickness from which on a cell is covered [m].
 COVERED = 0.1
@@ -66,30 +80,14 @@ COVERED = 0.1
 _MOST_MEMBERS = 2500
 
 
-@dataclass(frozen=True, eq=False)
-class Pilot:
-    """A coarse run.
-
-    Attributes:
-        refinement: Its refinement.
-        wall_time: How long it took, kernels compiled before [s].
-        evaluations: Velocity evaluations.
-        particles: Particles at the end.
-        effects: The physics that was chosen.
-        covered: Cells with lava at the end, bool, shape [rows, columns].
-    """
-
-    refinement: float
-    wall_time: float
-    evaluations: int
-    particles: int
-    effects: Effects
-    covered: np.ndarray
-
-
 @dataclass(frozen=True)
 class Affordable:
     """What to run.
+
+    A run is what ``run_at`` does: it builds a simulation, advances it to the horizon and takes a
+    snapshot, in a process in which, or on a machine where, its kernels are compiled. Its time is
+    foreseen to be ``USED`` of what there is; docs/benchmarks/plan.csv has how well that and the
+    error are kept.
 
     Attributes:
         preset: Name of the preset that is nearest below.
@@ -97,11 +95,13 @@ class Affordable:
         refinement: The terrain's resolution over it.
         members: Members of an ensemble, 1 for a single run.
         wall_time: How long all of it will take [s].
-        error: Share of the covered area that is wrong for being coarse.
+        error: Share of the covered area (``COVERED`` or thicker at the horizon) that is wrong for
+            being coarse: one less the Jaccard index with a run of the same scene at the limit of
+            fine spacing, expected of a single run.
         sampling_error: Standard error of a probability of one half, 0 for a single run.
-        is_finest: Whether more time would not make it finer with the same physics.
+        is_finest: Whether more time would not make it finer.
         pilots: Pilots that were run.
-        spent: How long they took [s].
+        spent: How long they took, without compiling kernels [s].
     """
 
     preset: str
@@ -117,15 +117,43 @@ class Affordable:
 
 
 def run_at(
-    scene: Scene, refinement: float, horizon: float, *, device: str | None, wall_limit: float
+    scene: Scene,
+    refinement: float,
+    horizon: float,
+    *,
+    device: str | None,
+    wall_limit: float,
+    effects: Effects | None = None,
+    clock: Callable[[], float] = wall_clock.monotonic,
 ) -> Pilot | None:
-    """Run a scene to its horizon, None when that takes longer than a wall time [s]."""
-    simulation = Simulation(scene, accuracy=accuracy_at(scene, refinement), device=device)
-    begun = wall_clock.monotonic()
-    if simulation.advance(horizon, wall_limit=wall_limit) < horizon:
+    """Run a scene to its horizon, None when that takes longer than a time [s].
+
+    Kernels are compiled before the clock starts. Only the wall clock interrupts a run; by another
+    one it is found too long at its end.
+
+    Args:
+        scene: The scene.
+        refinement: The terrain's resolution over the spacing.
+        horizon: How far to run [s].
+        device: Warp device.
+        wall_limit: Longest time [s].
+        effects: The physics; chosen by the scene and the refinement when left out.
+        clock: What tells the time [s].
+    """
+    accuracy = accuracy_at(scene, refinement)
+    warm = Simulation(scene, accuracy=accuracy, device=device, effects=effects)
+    warm.advance(1e-3)
+    warm.snapshot()
+    begun = clock()
+    simulation = Simulation(scene, accuracy=accuracy, device=device, effects=effects)
+    setup = clock() - begun
+    interrupt = wall_limit if clock is wall_clock.monotonic else None
+    if simulation.advance(horizon, wall_limit=interrupt) < horizon:
         return None
-    wall_time = wall_clock.monotonic() - begun
     snapshot = simulation.snapshot()
+    wall_time = clock() - begun
+    if wall_time > wall_limit:
+        return None
     return Pilot(
         refinement,
         wall_time,
@@ -133,6 +161,7 @@ def run_at(
         snapshot.particle_count,
         simulation.effects,
         snapshot.thickness >= COVERED,
+        setup,
     )
 
 
@@ -150,16 +179,22 @@ def afford(
     members: int | None = 1,
     device: str | None = None,
     on_pilot: Callable[[Pilot], None] = lambda _: None,
+    clock: Callable[[], float] = wall_clock.monotonic,
 ) -> Affordable:
-    """Find the finest runs that fit into a time.
+    """Find the finest runs that fit into a time, by pilots that take about as long in all.
 
     Args:
         scene: The scene; of an ensemble the one in the middle.
         within: Wall time there is [s].
         horizon: How far each run goes [s].
-        members: Runs, None for the number that errs least together.
+        members: Runs, one after the other; None for the number that errs least together.
         device: Warp device; the first CUDA device when there is one, else the CPU.
         on_pilot: Called after each pilot.
+        clock: What tells the time [s]; ``time.process_time`` on a CPU that others use too.
+
+    Returns:
+        What to run, how long it will take and what it will err. ``accuracy_at(scene,
+        plan.refinement)`` is its accuracy.
 
     Raises:
         LavaError: An argument is not usable, or the time is too short for the coarsest run.
@@ -168,11 +203,10 @@ def afford(
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
     if members is not None and members < 1:
         raise LavaError('members', members, 'at least 1')
-    pilots = _pilots(scene, within, horizon, members or 1, device, on_pilot)
-    first_order = _first_order(pilots)
-    refinements = _refinements(scene, pilots[-1])
-    refinement, count = _best(pilots, refinements, first_order, USED * within, members)
-    wall_time = count * _cost(pilots, refinement)
+    search = _Search(scene, within, horizon, members, device, on_pilot, clock)
+    search.climb()
+    refinement, count = search.choose()
+    wall_time = count * search.cost(refinement)
     if wall_time > within:
         right = f'about {wall_time:.2g} s: that is what the coarsest {count} take'
         raise LavaError('within', within, right)
@@ -182,11 +216,11 @@ def afford(
         refinement=refinement,
         members=count,
         wall_time=wall_time,
-        error=first_order / refinement,
-        sampling_error=_sampling_error(count),
-        is_finest=refinement >= refinements[-1],
-        pilots=len(pilots),
-        spent=sum(pilot.wall_time for pilot in pilots),
+        error=search.law.at(refinement),
+        sampling_error=sampling_error(count),
+        is_finest=refinement >= 0.999 * FINEST,
+        pilots=len(search.runs),
+        spent=search.spent,
     )
 
 
@@ -197,97 +231,165 @@ def _preset(refinement: float) -> str:
     return below[-1] if below else names[0]
 
 
-def _pilots(
-    scene: Scene,
-    within: float,
-    horizon: float,
-    members: int,
-    device: str | None,
-    on_pilot: Callable[[Pilot], None],
-) -> list[Pilot]:
-    pilots: list[Pilot] = []
-    refinement = FIRST
-    while refinement <= FINEST:
-        accuracy = accuracy_at(scene, refinement)
-        # compiles what is not known yet
-        Simulation(scene, accuracy=accuracy, device=device).advance(1e-3)
-        pilot = run_at(scene, refinement, horizon, device=device, wall_limit=within)
-        if pilot is None and len(pilots) < 2:
-            raise LavaError('within', within, 'longer: the coarsest runs take more')
+@dataclass
+class _Search:
+    """The pilots that are run for a plan, and what they say."""
+
+    scene: Scene
+    within: float
+    horizon: float
+    members: int | None
+    device: str | None
+    on_pilot: Callable[[Pilot], None]
+    clock: Callable[[], float]
+    pilots: list[Pilot] = field(default_factory=list)
+    runs: list[Pilot] = field(default_factory=list)
+    bands: list[tuple[float, Effects]] = field(default_factory=list)
+    given_up: float = 0.0
+
+    @property
+    def spent(self) -> float:
+        """Time of all pilots, those that were given up included [s]."""
+        return sum(pilot.wall_time for pilot in self.runs) + self.given_up
+
+    @property
+    def share(self) -> float:
+        """Time there is for a member, for a single run where their number is open [s]."""
+        return self.within / (self.members or 1)
+
+    @property
+    def law(self) -> ErrorLaw:
+        """The law of errors; pilots with the effects of other refinements do not enter."""
+        return error_law(self.pilots)
+
+    def climb(self) -> None:
+        """Run pilots, each finer than the one before."""
+        refinement = FIRST
+        while refinement <= FINEST:
+            patience = self.within if len(self.pilots) < 2 else TOO_MUCH * self.within
+            pilot = self._run(refinement, patience, None)
+            if pilot is None and len(self.pilots) < 2:
+                raise LavaError('within', self.within, 'longer: the coarsest runs take more')
+            if pilot is None:
+                # finer physics, or a busy machine: what has been seen will do
+                break
+            self.pilots.append(pilot)
+            step = FINER
+            if len(self.pilots) >= 2:
+                before = self.pilots[-2]
+                if pilot.wall_time < FINER * before.wall_time:
+                    step = MUCH_FINER
+                # those of few members may be finer than what all can have
+                if pilot.wall_time >= ENOUGH * self.share and len(self.pilots) >= AT_LEAST:
+                    break
+                if self.spent + cost_at(self.pilots, step * refinement) > self.within:
+                    break
+            refinement *= step
+        self.bands = _bands(self.scene)
+
+    def choose(self) -> tuple[float, int]:
+        """Refinement and members that fit into the time and err least."""
+        self._compare(self.pilots[-1].effects)
+        best = self._best()
+        for start, effects in self.bands:
+            # as far as the time reaches
+            if best[0] > 0.97 * start > self.pilots[-1].refinement and self._compare(effects):
+                best = self._best()
+        return best
+
+    def cost(self, refinement: float) -> float:
+        """Wall time of a run [s], infinite where no pilot had its physics."""
+        effects = self._effects(refinement)
+        alike = [pilot for pilot in self.runs if pilot.effects == effects]
+        alike.sort(key=lambda pilot: pilot.refinement)
+        return cost_at(alike, refinement) if alike else math.inf
+
+    def _compare(self, effects: Effects) -> bool:
+        """See to it that two pilots have some effects; whether there is anything new."""
+        runs = [pilot for pilot in self.runs if pilot.effects == effects]
+        patience = TOO_MUCH * self.within
+        news, dearer = False, 1.0
+        for pilot in (*self.pilots[-2:], *self.pilots[-3:-2]):
+            if len(runs) >= 2 or dearer * pilot.wall_time > patience:
+                continue
+            if any(run.refinement == pilot.refinement for run in runs):
+                continue
+            run = self._run(pilot.refinement, patience, effects)
+            if run is None:
+                break
+            dearer = run.wall_time / pilot.wall_time
+            runs.append(run)
+            news = True
+        return news
+
+    def _run(self, refinement: float, patience: float, effects: Effects | None) -> Pilot | None:
+        pilot = run_at(
+            self.scene, refinement, self.horizon, device=self.device, wall_limit=patience,
+            effects=effects, clock=self.clock,
+        )
         if pilot is None:
-            # finer physics, or a busy machine: what has been seen will do
-            break
-        pilots.append(pilot)
-        on_pilot(pilot)
-        # those of few members may be finer than what all can have
-        is_enough = pilot.wall_time * members >= ENOUGH * within
-        if len(pilots) >= 2 and is_enough:
-            break
-        refinement *= FINER
-    return pilots
+            self.given_up += patience
+            return None
+        self.runs.append(pilot)
+        self.on_pilot(pilot)
+        return pilot
+
+    def _effects(self, refinement: float) -> Effects:
+        """The effects that the scene calls for at a refinement."""
+        return [effects for start, effects in self.bands if start <= refinement][-1]
+
+    def _candidates(self) -> list[float]:
+        """Refinements whose cost is known, from the coarsest."""
+        finest = min(FINEST, REACH * self.pilots[-1].refinement)
+        known = [float(item) for item in np.geomspace(COARSEST, finest, 400)]
+        # not so near to other effects that rounding decides
+        clear = [item for item in known if self._effects(item) == self._effects(1.001 * item)]
+        return [item for item in clear if math.isfinite(self.cost(item))]
+
+    def _best(self) -> tuple[float, int]:
+        law = self.law
+        candidates = self._candidates()
+        best = (candidates[0], self.members or 1)
+        least, used = math.inf, 0.0
+        for refinement in candidates:
+            cost = max(self.cost(refinement), 1e-9)
+            # where other effects make a leap in cost, rather too near to the time than half of it
+            most = MOST_USED if 0.0 < used < LEAST_USED * self.within else USED
+            fitting = int(min(most * self.within / cost, _MOST_MEMBERS))
+            count = fitting if self.members is None else self.members
+            if not 1 <= count <= fitting:
+                continue
+            error = math.hypot(law.at(refinement), sampling_error(count))
+            # errors below the least one are alike: finer is better
+            if error <= least:
+                best, least, used = (refinement, count), error, count * cost
+        return best
 
 
-def _cost(pilots: list[Pilot], refinement: float) -> float:
-    """Wall time of a run [s]."""
-    one, two = pilots[-2:]
-    if one.effects != two.effects:
-        # nothing to compare with: all of the time is that of the particles
-        return two.wall_time * (refinement / two.refinement) ** 3
-    ratio = two.refinement / one.refinement
-    power = math.log(max(two.evaluations, 1) / max(one.evaluations, 1)) / math.log(ratio)
-    evaluations = two.evaluations * (refinement / two.refinement) ** min(max(power, 0.0), 2.0)
-    times = [pilot.wall_time / max(pilot.evaluations, 1) for pilot in (one, two)]
-    counts = [max(pilot.particles, 1) for pilot in (one, two)]
-    slope = max(0.0, (times[1] - times[0]) / max(counts[1] - counts[0], 1))
-    # no more than all of it
-    slope = min(slope, times[1] / counts[1])
-    particles = counts[1] * (refinement / two.refinement) ** 2
-    return evaluations * max(times[1] + slope * (particles - counts[1]), 0.0)
+def _bands(scene: Scene) -> list[tuple[float, Effects]]:
+    """Refinements from which on the scene calls for some effects, with these."""
 
-
-def _first_order(pilots: list[Pilot]) -> float:
-    """C of the error C / r: the median over what the finest pilot says of the others."""
-    finest = pilots[-1]
-    found: list[float] = []
-    for pilot in pilots[:-1]:
-        both = int(np.count_nonzero(pilot.covered | finest.covered))
-        wrong = int(np.count_nonzero(pilot.covered ^ finest.covered))
-        distance = 1.0 / pilot.refinement - 1.0 / finest.refinement
-        found.append(wrong / max(both, 1) / distance)
-    return float(np.median(found))
-
-
-def _best(
-    pilots: list[Pilot],
-    refinements: list[float],
-    first_order: float,
-    wall_time: float,
-    members: int | None,
-) -> tuple[float, int]:
-    """Refinement and members that fit into a wall time [s] and err least."""
-    best = (refinements[0], members or 1)
-    least = math.inf
-    for refinement in refinements:
-        fitting = int(min(wall_time / max(_cost(pilots, refinement), 1e-9), _MOST_MEMBERS))
-        count = fitting if members is None else members
-        if not 1 <= count <= fitting:
-            continue
-        error = math.hypot(first_order / refinement, _sampling_error(count))
-        if error <= least or (members is not None and refinement > best[0]):
-            best, least = (refinement, count), error
-    return best
-
-
-def _refinements(scene: Scene, pilot: Pilot) -> list[float]:
-    """Refinements at which the scene calls for the effects of a pilot, from the coarsest."""
-    known = [float(item) for item in np.geomspace(COARSEST, FINEST, 400)]
-    result = [pilot.refinement]
-    for refinement in known:
+    def at(refinement: float) -> Effects:
         accuracy = resolved_accuracy(accuracy_at(scene, refinement), scene)
-        if effects_for(scene, {}, accuracy=accuracy) == pilot.effects:
-            result.append(refinement)
-    return sorted(result)
+        return effects_for(scene, {}, accuracy=accuracy)
+
+    # few of them: each looks at the slopes of the whole terrain
+    grid = [float(item) for item in np.geomspace(COARSEST, FINEST, 25)]
+    bands = [(grid[0], at(grid[0]))]
+    for low, high in pairwise(grid):
+        above = at(high)
+        if above == bands[-1][1]:
+            continue
+        while high > 1.0005 * low:
+            middle = math.sqrt(low * high)
+            if at(middle) == above:
+                high = middle
+            else:
+                low = middle
+        bands.append((high, above))
+    return bands
 
 
-def _sampling_error(members: int) -> float:
+def sampling_error(members: int) -> float:
+    """Standard error of a probability of one half from independent members, 0 for a single run."""
     return 0.5 / math.sqrt(members) if members > 1 else 0.0

@@ -100,7 +100,10 @@ def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
         terrain.origin[::-1], terrain.shape, mask.origin[::-1], mask.lava.shape, strict=True
     ):
         middle = start + (np.arange(count) + 0.5) * terrain.resolution
-        index = np.floor((middle - corner) / mask.resolution).astype(np.int64)
+        # a mask of any size may be anywhere
+        with np.errstate(over='ignore'):
+            index = np.clip(np.floor((middle - corner) / mask.resolution), -1, size)
+        index = index.astype(np.int64)
         inside.append((index >= 0) & (index < size))
         cells.append(index[inside[-1]])
     here, there = np.ix_(*inside), np.ix_(*cells)

@@ -27,6 +27,9 @@ from lava_ros.simulation.snapshot import StepReport
 #: Looks at the flow within a horizon; arrivals are known to half of the time between two.
 LOOKS = 240
 
+#: Looks of the first forecast of a scene, which takes less than half of the time.
+FIRST_LOOKS = 60
+
 #: Looks ahead of the first regular one, each twice as early as the next: near is pressing.
 EARLY_LOOKS = 4
 

@@ -240,22 +240,80 @@ def run_members(
     return results
 
 
+class MemberRun:
+    """A member on its way from the plan's start to the horizon."""
+
+    def __init__(
+        self, plan: Plan, member: Member, *, device: str | None, max_particles: int | None = None
+    ) -> None:
+        """Start it, and take the first look.
+
+        Args:
+            plan: What it has in common with others.
+            member: What is different in it.
+            device: Warp device; the first GPU, else the CPU, when left out.
+            max_particles: Most particles, None for any number.
+
+        Raises:
+            LavaError: It makes no scene, or as ``advance``.
+        """
+        self._plan = plan
+        self._index = member.index
+        self._max_particles = max_particles
+        self._simulation = _started(plan, member, device)
+        self._start = self._simulation.time
+        self._gathering = Gathering(plan.threshold)
+        self._looks = 0
+        self._look()
+
+    @property
+    def progress(self) -> float:
+        """Share of the horizon that has been looked at."""
+        return (self._looks - 1) / self._plan.looks
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all of the horizon has been looked at."""
+        return self._looks > self._plan.looks
+
+    def advance(self, wall_limit: float | None = None) -> None:
+        """Run ahead to the next look, or for about a wall time [s].
+
+        Raises:
+            LavaError: There are too many particles, or the flow is no longer one.
+        """
+        due = self._start + self._looks * self._plan.interval
+        if self._simulation.advance(due, wall_limit=wall_limit) >= due:
+            self._look()
+
+    def fields(self) -> MemberFields:
+        """What it has done to the cells so far."""
+        arrival, peak = self._gathering.arrival, np.nan_to_num(self._gathering.thickness)
+        return MemberFields(self._index, arrival.astype(np.float32), peak)
+
+    def _look(self) -> None:
+        count = self._simulation.particle_count
+        if self._max_particles is not None and count > self._max_particles:
+            right = f'at most {self._max_particles} particles (max_particles)'
+            raise LavaError(f'member {self._index}', count, right)
+        snapshot = self._simulation.snapshot()
+        flaw = snapshot.flaw()
+        if flaw:
+            raise LavaError(f'member {self._index}', flaw, 'a flow; its settings break it')
+        time = self._simulation.time - self._start
+        self._gathering.look(time, snapshot.thickness, snapshot.temperature)
+        self._looks += 1
+
+
 def _run(
     plan: Plan, member: Member, device: str | None, progress: Callable[[float], None]
 ) -> MemberFields:
-    simulation = _started(plan, member, device)
-    start = simulation.time
-    gathering = Gathering(plan.threshold)
-    for look in range(plan.looks + 1):
-        simulation.advance(start + look * plan.interval)
-        snapshot = simulation.snapshot()
-        flaw = snapshot.flaw()
-        if flaw:
-            raise LavaError(f'member {member.index}', flaw, 'a flow; its settings break it')
-        gathering.look(simulation.time - start, snapshot.thickness, snapshot.temperature)
-        progress(look / plan.looks)
-    peak = np.nan_to_num(gathering.thickness)
-    return MemberFields(member.index, gathering.arrival.astype(np.float32), peak)
+    run = MemberRun(plan, member, device=device)
+    progress(run.progress)
+    while not run.is_done:
+        run.advance()
+        progress(run.progress)
+    return run.fields()
 
 
 def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':

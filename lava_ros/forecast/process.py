@@ -21,12 +21,18 @@ fail ends a forecast, not an eruption.
 
 Orders (``wire``), of which the newest fork replaces what is at hand:
 
-    {order: fork, number, horizon, threshold, device, max_particles, share}, a checkpoint
+    {order: fork, number, horizon, threshold, device, max_particles, share, is_first}, a
+        checkpoint; with members above 0, changes, deadline, agreement and outlines for an
+        ensemble as well
+    {order: outline, number, time, shape}, where lava was seen and where somebody looked
     {order: share, share}
     {order: cancel}
+    {order: prepare}, for ensembles: what takes a while to load is then there
 
-Answers: {answer: progress, number, progress}, {answer: forecast, number, ...} with arrival,
-thickness and temperature, {answer: refused, number, reason}. It ends with its standard input.
+Answers: {answer: progress, number, progress, ensemble}, {answer: forecast, number, ...} with
+arrival, thickness and temperature, {answer: refused, number, reason}, and those of
+``live_ensemble``. A look ahead comes before the ensemble from the same moment; from then on they
+take turns. It ends with its standard input.
 """
 
 from collections.abc import Callable, Mapping
@@ -39,8 +45,12 @@ import time
 from typing import Any, IO
 
 from lava_ros.checkpoint import from_bytes
+from lava_ros.errors import LavaError
 from lava_ros.forecast import wire
-from lava_ros.forecast.lookahead import LookAhead
+from lava_ros.forecast.assimilation import Outline
+from lava_ros.forecast.live_ensemble import LiveEnsembles
+from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
+from lava_ros.forecast.sampling import prepare_sampling
 
 #: How much this process yields to others: a core that it has to share with one of them gives it a
 #: tenth.
@@ -72,6 +82,8 @@ class Forecasting:
         self._orders = orders
         self._answer = answer
         self._ahead: LookAhead | None = None
+        self._ensembles = LiveEnsembles(answer)
+        self._is_turn_of_ensemble = False
         self._number = 0
         self._share = 1.0
         self._next_slice = 0.0
@@ -81,13 +93,16 @@ class Forecasting:
         """Wait for an order, no longer than until the next slice is due; then take one."""
         wait = max(0.0, self._next_slice - time.monotonic())
         try:
-            self._take(*self._orders.get(timeout=None if self._ahead is None else wait))
+            is_idle = self._ahead is None and not self._ensembles.is_busy
+            self._take(*self._orders.get(timeout=None if is_idle else wait))
             return
         except queue.Empty:
             pass
         begun = time.monotonic()
-        self._guarded(self._advance)
+        self._advance()
         now = time.monotonic()
+        if now - self._reported >= REPORT_TIME:
+            self._report(now)
         rest = (now - begun) * (1.0 / self._share - 1.0)
         self._next_slice = now + min(rest, _LONGEST_REST)
 
@@ -95,31 +110,67 @@ class Forecasting:
         self._share = float(header.get('share', self._share))
         if header['order'] == 'share':
             return
+        if header['order'] == 'prepare':
+            self._guarded(prepare_sampling, self._refuse_ensemble)
+            return
+        if header['order'] == 'outline':
+            self._observe(header, body)
+            return
         self._ahead = None
-        if header['order'] == 'fork':
-            self._number = header['number']
-            self._guarded(lambda: self._fork(header, body))
+        if header['order'] == 'cancel':
+            self._ensembles.drop()
+            return
+        self._number = header['number']
+        if header.get('members'):
+            self._ensembles.order(header, body)
+        self._guarded(lambda: self._fork(header, body), self._refuse)
 
     def _fork(self, header: Mapping[str, Any], body: bytes) -> None:
         self._ahead = LookAhead(
             from_bytes(body),
             horizon=header['horizon'],
             threshold=header['threshold'],
+            # soon rather than to the minute where nothing is known yet
+            looks=FIRST_LOOKS if header.get('is_first') else LOOKS,
             device=header['device'] or None,
             max_particles=header['max_particles'],
         )
 
+    def _observe(self, header: Mapping[str, Any], body: bytes) -> None:
+        cells = wire.unpacked_masks(body, header['shape'])
+        try:
+            outline = Outline(header['time'], *cells)
+        except LavaError as error:
+            self._ensembles.refuse(header['number'], error)
+            return
+        self._ensembles.observe(header['number'], outline)
+
     def _advance(self) -> None:
-        ahead = self._ahead
-        assert ahead is not None
+        ahead, ensembles = self._ahead, self._ensembles
+        # its own look ahead is ahead of an ensemble that has not begun; later ones take turns
+        if ahead is None or (ensembles.has_begun and self._is_turn_of_ensemble):
+            self._is_turn_of_ensemble = False
+            self._guarded(lambda: ensembles.advance(SLICE_WALL_TIME), self._refuse_ensemble)
+        else:
+            self._is_turn_of_ensemble = True
+            self._guarded(lambda: self._look_ahead(ahead), self._refuse)
+
+    def _look_ahead(self, ahead: LookAhead) -> None:
         ahead.advance(SLICE_WALL_TIME)
         if ahead.is_done:
             self._ahead = None
             self._tell(ahead)
-        elif time.monotonic() - self._reported >= REPORT_TIME:
-            self._reported = time.monotonic()
-            answer = {'answer': 'progress', 'number': self._number, 'progress': ahead.progress}
-            self._answer(answer)
+
+    def _report(self, now: float) -> None:
+        self._reported = now
+        self._answer(
+            {
+                'answer': 'progress',
+                'number': self._number,
+                'progress': self._ahead.progress if self._ahead is not None else 1.0,
+                'ensemble': self._ensembles.progress,
+            }
+        )
 
     def _tell(self, ahead: LookAhead) -> None:
         forecast = ahead.forecast()
@@ -133,18 +184,24 @@ class Forecasting:
         body = wire.packed(forecast.arrival, forecast.thickness, forecast.temperature)
         self._answer(header, body)
 
-    def _guarded(self, action: Callable[[], None]) -> None:
+    def _refuse(self, reason: str) -> None:
+        self._ahead = None
+        self._answer({'answer': 'refused', 'number': self._number, 'reason': reason})
+
+    def _refuse_ensemble(self, reason: str) -> None:
+        self._ensembles.drop()
+        self._answer({'answer': 'ensemble refused', 'reason': reason})
+
+    @staticmethod
+    def _guarded(action: Callable[[], None], refuse: Callable[[str], None]) -> None:
         try:
             action()
         except OSError:
             # nobody listens any more
             raise
         except Exception as error:
-            self._ahead = None
             name = '' if isinstance(error, ValueError) else f'{type(error).__name__}: '
-            self._answer(
-                {'answer': 'refused', 'number': self._number, 'reason': f'{name}{error}'}
-            )
+            refuse(f'{name}{error}')
 
 
 def main() -> None:

@@ -105,6 +105,15 @@ def draw_members(
     )
 
 
+def prepare_sampling() -> None:
+    """Load what drawing members needs: a second or more, which some have no time for later.
+
+    Raises:
+        LavaError: scipy is not installed.
+    """
+    _qmc(1)
+
+
 def _member(
     index: int,
     point: dict[str, float],

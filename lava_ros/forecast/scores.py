@@ -130,6 +130,22 @@ def reliability(
     ]
 
 
+def entropy(probability: np.ndarray) -> np.ndarray:
+    """How undecided probabilities are: 0 bit where lava surely comes or does not, 1 at one half.
+
+    Args:
+        probability: 0 to 1, any shape.
+
+    Returns:
+        Bits, float64, same shape; NaN where the probability is.
+    """
+    sure = np.asarray(probability, dtype=np.float64)
+    shares = np.stack([sure, 1.0 - sure])
+    with np.errstate(divide='ignore', invalid='ignore'):
+        bits = np.where(shares == 0.0, 0.0, -shares * np.log2(shares))
+    return np.asarray(bits.sum(axis=0))
+
+
 def _pairs(probability: np.ndarray, outcome: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Probabilities and outcomes (0 or 1) of the cells that have both, float64, in a row."""
     probability, outcome = np.asarray(probability, dtype=np.float64), np.asarray(outcome)

@@ -70,6 +70,21 @@ def packed(*arrays: np.ndarray) -> bytes:
     return b''.join(np.asarray(array, '<f4').tobytes() for array in arrays)
 
 
+def packed_masks(*masks: np.ndarray) -> bytes:
+    """The bytes of masks of one shape, a bit for each cell."""
+    return np.packbits(np.stack(masks)).tobytes()
+
+
+def unpacked_masks(body: bytes, shape: tuple[int, int], count: int = 2) -> list[np.ndarray]:
+    """The masks of a shape that bytes hold.
+
+    Raises:
+        ValueError: They do not hold such masks.
+    """
+    bits = np.unpackbits(np.frombuffer(body, np.uint8), count=count * shape[0] * shape[1])
+    return list(bits.astype(bool).reshape(count, *shape))
+
+
 def unpacked(body: bytes, shape: tuple[int, int]) -> list[np.ndarray]:
     """The float32 arrays of a shape that bytes hold.
 

@@ -28,35 +28,43 @@ from lava_ros.simulation.snapshot import Snapshot
 
 
 def coarsened(terrain: Terrain, factor: int) -> Terrain:
-    """Average a terrain over blocks of cells.
+    """Average a terrain over larger cells, about the same centre.
+
+    Where the sides are no multiples of the larger cells, these reach over all borders alike: a
+    terrain that is turned by a quarter has the same cells.
 
     Args:
         terrain: The terrain.
-        factor: Cells to a side of a block; blocks start at the lower-left corner, those at the
-            other borders may be cut. A block has data where any of its cells has.
+        factor: Side of a larger cell over that of a cell. One has data where any of the cells in
+            it has.
     """
     if factor == 1:
         return terrain
-    rows, columns = (-(-side // factor) for side in terrain.shape)
-    padded = np.full((rows * factor, columns * factor), np.nan)
-    padded[: terrain.shape[0], : terrain.shape[1]] = terrain.elevation
-    blocks = padded.reshape(rows, factor, columns, factor)
-    known = np.isfinite(blocks)
-    count = known.sum(axis=(1, 3))
-    total = np.where(known, blocks, 0.0).sum(axis=(1, 3))
-    mean = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    return replace(terrain, elevation=mean, resolution=terrain.resolution * factor)
+    shares = [_shares(side, factor) for side in terrain.shape]
+    known = np.isfinite(terrain.elevation)
+    weight = shares[0] @ known @ shares[1].T
+    total = shares[0] @ np.where(known, terrain.elevation, 0.0) @ shares[1].T
+    mean = np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), np.nan)
+    sides = np.array(terrain.shape)[::-1]
+    beyond = (-sides % factor) * terrain.resolution / 2.0
+    origin = (terrain.origin[0] - float(beyond[0]), terrain.origin[1] - float(beyond[1]))
+    return replace(
+        terrain, elevation=mean, resolution=terrain.resolution * factor, origin=origin
+    )
 
 
 def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
     """Put the maps of a coarsened terrain back on the cells of the terrain itself."""
     if factor == 1:
         return snapshot
-    rows, columns = terrain.shape
+    shares = [_shares(side, factor) for side in terrain.shape]
 
     def spread(values: np.ndarray) -> np.ndarray:
-        fine = np.repeat(np.repeat(values, factor, axis=0), factor, axis=1)[:rows, :columns]
-        return np.where(terrain.has_data, fine, np.nan).astype(np.float32)
+        known = np.isfinite(values)
+        weight = shares[0].T @ known @ shares[1]
+        total = shares[0].T @ np.where(known, values, 0.0) @ shares[1]
+        mean = np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), np.nan)
+        return np.where(terrain.has_data, mean, np.nan).astype(np.float32)
 
     return replace(
         snapshot,
@@ -65,3 +73,12 @@ def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
         temperature=spread(snapshot.temperature),
         frozen=None if snapshot.frozen is None else spread(snapshot.frozen),
     )
+
+
+def _shares(side: int, factor: int) -> np.ndarray:
+    """Share of each of ``side`` cells that lies in each larger one, shape [larger, side]."""
+    larger = -(-side // factor)
+    first = np.arange(side) + 0.5 * (larger * factor - side)
+    low = factor * np.arange(larger)[:, None]
+    common = np.minimum(first + 1.0, low + factor) - np.maximum(first, low)
+    return np.maximum(common, 0.0)

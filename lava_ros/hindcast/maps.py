@@ -23,6 +23,7 @@ from lava_ros.geotiff import NODATA_BYTE, write_grid
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.run import Result
 from lava_ros.hindcast.score import THRESHOLD
+from lava_ros.hindcast.several import Agreement
 
 #: What a cell of the comparison says.
 NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, NODATA_BYTE
@@ -70,3 +71,15 @@ def write_maps(case: Case, result: Result, folder: Path) -> list[Path]:
     codes = comparison(snapshot.thickness, case.footprint)
     path = folder / 'comparison.tif'
     return [*files, write_grid(path, codes, terrain, unit='1', meaning=meaning)]
+
+
+def write_share(case: Case, several: Agreement, folder: Path) -> Path:
+    """Write the share of several runs that cover each cell, north up.
+
+    Raises:
+        LavaError: rasterio is not installed, or the file cannot be written.
+    """
+    terrain = case.scene.terrain
+    values = np.where(terrain.has_data, several.share, np.nan)
+    meaning = f'share of {len(several.scores)} runs with lava at the end'
+    return write_grid(folder / 'runs.tif', values, terrain, unit='1', meaning=meaning)

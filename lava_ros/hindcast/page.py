@@ -29,6 +29,7 @@ from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.run import Result, Settings
 from lava_ros.hindcast.score import Score, THRESHOLD
+from lava_ros.hindcast.several import Agreement
 from lava_ros.lava import Lava
 
 _DAY = 86400.0
@@ -66,7 +67,13 @@ img {{ display: block; max-width: 100%; max-height: 90vh; margin: 1rem auto; }}<
 
 
 def write_page(
-    case: Case, settings: Settings, result: Result, judged: Score, picture: Path, output: Path
+    case: Case,
+    settings: Settings,
+    result: Result,
+    judged: Score,
+    picture: Path,
+    output: Path,
+    several: Agreement | None = None,
 ) -> None:
     """Write the page; it needs no other file.
 
@@ -77,6 +84,7 @@ def write_page(
         judged: The comparison with the map.
         picture: The map of hits, misses and false alarms, a PNG.
         output: The page.
+        several: What more runs have come to.
 
     Raises:
         LavaError: The page cannot be written, or the picture not be read.
@@ -93,7 +101,7 @@ def write_page(
             ),
             facts=''.join(
                 f'<div><dt>{escape(term)}</dt><dd>{escape(value)}</dd></div>'
-                for term, value in facts(judged).items()
+                for term, value in facts(judged, several).items()
             ),
             picture=image,
             material=escape(_material(case)),
@@ -111,9 +119,9 @@ def write_page(
         raise LavaError('output', str(output), f'a file to write ({error})') from error
 
 
-def facts(judged: Score) -> dict[str, str]:
+def facts(judged: Score, several: Agreement | None = None) -> dict[str, str]:
     """The comparison as people read it."""
-    return {
+    told = {
         'Jaccard': f'{judged.jaccard:.3f}',
         'fit, its root': f'{judged.fit:.3f}',
         'recall': f'{judged.recall:.3f}',
@@ -127,6 +135,16 @@ def facts(judged: Score) -> dict[str, str]:
         f'(mapped area: {judged.mapped_thickness:.1f} m)',
         'median, largest thickness': f'{judged.median_thickness:.1f} m, {judged.thickest:.1f} m',
     }
+    if several is not None:
+        found = several.as_dict()
+        told[f'Jaccard of {found["count"]} runs'] = (
+            f'{found["mean"]:.3f} on average, standard deviation '
+            f'{found["standard_deviation"]:.3f}, {found["lowest"]:.3f} to {found["highest"]:.3f}'
+        )
+        told['Jaccard of their majority'] = (
+            f'{several.majority.jaccard:.3f} (where at least half of them have lava)'
+        )
+    return told
 
 
 def warnings(case: Case, result: Result) -> list[str]:

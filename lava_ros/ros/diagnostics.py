@@ -24,8 +24,10 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.ros.checkpoint_recording import LastCheckpoint
+from lava_ros.ros.deadline import DeadlineChoice
 from lava_ros.ros.effect_table import is_on
 from lava_ros.ros.forecaster import ForecasterStatus, LiveForecast
+from lava_ros.ros.outlooks import EnsembleStatus, LiveOutlook
 from lava_ros.ros.recorder import RecorderStatus
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.simulation.snapshot import Snapshot
@@ -236,6 +238,84 @@ def forecast_status(
         message = f'stale, withdrawn: {staleness}'
         return _status('forecast', DiagnosticStatus.WARN, message, values)
     return _status('forecast', DiagnosticStatus.OK, 'up to date', values)
+
+
+def ensemble_status(
+    ensembles: EnsembleStatus, latest: LiveOutlook | None, *, age: float, staleness: str
+) -> DiagnosticStatus:
+    """Say how the ensembles are doing.
+
+    Args:
+        ensembles: What is said of them.
+        latest: The newest maps, None before the first.
+        age: Simulated time since their start [s].
+        staleness: Why they say nothing about what comes, empty when they do.
+    """
+    values: dict[str, object] = {
+        'ensembles': ensembles.count,
+        'progress': '' if ensembles.progress is None else f'{ensembles.progress:.2f}',
+        'outlines': ensembles.outlines,
+    }
+    if ensembles.jaccard_mean is not None:
+        values['jaccard_mean'] = f'{ensembles.jaccard_mean:.3f}'
+    if latest is not None:
+        outlook, maps = latest.outlook, latest.outlook.maps
+        values |= {
+            'start_time_s': repr(outlook.time),
+            'horizon_s': repr(outlook.horizon),
+            'duration_s': f'{outlook.duration:.3g}',
+            'age_s': f'{age:.6g}',
+            'is_stale': str(bool(staleness)).lower(),
+            'frame_stamp_ns': latest.stamp_ns,
+            'members': maps.members,
+            'members_asked': outlook.asked,
+            'members_effective': f'{maps.effective_members:.1f}',
+            'sampling_error_percent': f'{maps.sampling_error:.1f}',
+            'arrival_error_s': f'{maps.arrival_error:.6g}',
+        }
+    if ensembles.error:
+        return _status('ensemble', DiagnosticStatus.ERROR, ensembles.error, values)
+    if latest is None:
+        return _status('ensemble', DiagnosticStatus.OK, staleness, values)
+    if staleness:
+        message = f'stale, withdrawn: {staleness}'
+        return _status('ensemble', DiagnosticStatus.WARN, message, values)
+    message = f'{latest.outlook.maps.members} of {latest.outlook.asked} members'
+    if not latest.outlook.is_done:
+        message += ' so far'
+    elif latest.outlook.maps.members < latest.outlook.asked:
+        message += ': the others would have been late'
+    return _status('ensemble', DiagnosticStatus.OK, message, values)
+
+
+def deadline_status(
+    deadline: float, choice: DeadlineChoice | None, *, took: float
+) -> DiagnosticStatus:
+    """Say what was chosen by the deadline of forecasts, and whether it is kept.
+
+    Args:
+        deadline: Wall time in which a forecast and its ensemble are to be there [s].
+        choice: What was chosen at the start, None where there was nothing to choose.
+        took: Wall time that the newest took [s], 0 before the first.
+    """
+    values: dict[str, object] = {'deadline_s': f'{deadline:g}', 'took_s': f'{took:.3g}'}
+    if choice is not None:
+        values |= {
+            'spacing_m': '' if choice.spacing is None else f'{choice.spacing:.4g}',
+            'members': '' if choice.members is None else choice.members,
+            'expected_s': f'{choice.wall_time:.3g}',
+            'expected_error': f'{choice.error:.2g}',
+            'expected_sampling_error': f'{choice.sampling_error:.2g}',
+            'choosing_took_s': f'{choice.spent:.3g}',
+        }
+    reason = 'nothing chosen: no simulation was started with a vent'
+    if choice is not None:
+        reason = choice.reason
+    if took > deadline:
+        late = f'late: the newest took {took:.3g} s of {deadline:g} s; {reason}'
+        return _status('deadline', DiagnosticStatus.WARN, late, values)
+    level = DiagnosticStatus.OK if choice is None or choice.is_met else DiagnosticStatus.WARN
+    return _status('deadline', level, reason, values)
 
 
 def recorder_status(

@@ -12,38 +12,45 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Publishes forecasts, and withdraws those that say nothing about what comes any more."""
+"""Publishes what comes, and withdraws what says nothing about what comes any more."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from typing import Any, Generic, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from lava_ros.errors import LavaError
+from lava_ros.forecast.assimilation import Mask
 from lava_ros.forecast.forecast import Forecast
-from lava_ros.layers import ARRIVAL, Layer
+from lava_ros.forecast.outlook import Outlook
+from lava_ros.layers import ARRIVAL, Layer, plain_source, PROBABILITY
 from lava_ros.ros import diagnostics
+from lava_ros.ros.deadline import DeadlineChoice
 from lava_ros.ros.entities import Entities
-from lava_ros.ros.forecaster import Forecaster, ForecastRules, LiveForecast
+from lava_ros.ros.forecaster import Forecaster, ForecastRules
 from lava_ros.ros.layer_publishers import LayerPublishers
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.worker import SimulationWorker
 
-#: How long the end waits for the thread of the forecasts [s].
+#: How long forecasts may take to end [s]: a copy of the state that is being taken is waited for.
 STOP_TIMEOUT = 4.0
 
-#: Thickness from which on lava has arrived where no layer shows the arrival [m].
+#: Thickness from which on lava has arrived [m], where no layer shows the arrival.
 _THRESHOLD = 0.1
+
+_Ahead = TypeVar('_Ahead', Forecast, Outlook)
 
 
 class ForecastTopics:
-    """The layers of forecasts; without a horizon there are none.
+    """The layers of forecasts and of ensembles; without a horizon there are none.
 
     Messages are stamped with the time at which their forecast starts. A forecast is withdrawn, by
     maps on which nothing is known, as soon as scene or effects have changed or it is too old.
 
     Attributes:
-        layers: The publishers.
+        publishers: The publishers of the layers.
     """
 
     def __init__(
@@ -54,6 +61,7 @@ class ForecastTopics:
         *,
         worker: SimulationWorker,
         settings: Callable[[], Settings],
+        choice: Callable[[], DeadlineChoice | None] = lambda: None,
     ) -> None:
         """Create a publisher for every layer.
 
@@ -63,18 +71,29 @@ class ForecastTopics:
             recorder: Where the layers that are recorded go.
             worker: Has the live simulation.
             settings: Gives the node's settings.
+            choice: Gives what has been chosen by the deadline.
 
         Raises:
             LavaError: Two layers of the arrival have different thresholds.
         """
         self._node = entities.node
         self._settings = settings
+        self._choice = choice
         self._threshold = _threshold(layers)
         self._is_active = False
-        self._withdrawn: tuple[LiveForecast, Forecast, int] | None = None
-        self.layers = LayerPublishers[Forecast](
-            entities, layers, recorder, frame_id=settings().rules.frame_id
+        frame_id = settings().rules.frame_id
+        forecasts = LayerPublishers[Forecast](
+            entities,
+            [layer for layer in layers if not layer.is_ensemble],
+            recorder,
+            frame_id=frame_id,
         )
+        outlooks = LayerPublishers[Outlook](
+            entities, [layer for layer in layers if layer.is_ensemble], recorder, frame_id=frame_id
+        )
+        self._forecasts = _Withdrawable(forecasts, 'forecast', self._node)
+        self._outlooks = _Withdrawable(outlooks, 'ensemble', self._node)
+        self.publishers: list[LayerPublishers[Any]] = [forecasts, outlooks]
         self._forecaster: Forecaster | None = None
         if settings().forecast_horizon:
             ready = entities.guard_condition(self.publish)
@@ -98,62 +117,131 @@ class ForecastTopics:
 
     def make_due(self, rate: float) -> None:
         """Let the layers of a rate be published with the next forecast."""
-        self.layers.make_due(rate)
+        for publishers in self.publishers:
+            publishers.make_due(rate)
         self.publish()
 
     def publish(self, *, repeat: bool = False) -> None:
-        """Publish the newest forecast where it has not been, or its withdrawal.
+        """Publish the newest forecast and ensemble where they have not been, or a withdrawal.
 
         Args:
             repeat: Whether layers take it that have had it.
         """
-        latest = self._forecaster.latest if self._forecaster is not None else None
-        if self._forecaster is None or latest is None or not self._is_active:
+        forecaster = self._forecaster
+        if forecaster is None or not self._is_active:
             return
-        forecast, stamp_ns, now_ns = latest.forecast, latest.stamp_ns, self._now_ns()
-        staleness = self._forecaster.staleness()
-        if staleness:
-            if self._withdrawn is None or self._withdrawn[0] is not latest:
-                self._node.get_logger().info(f'forecast withdrawn: {staleness}')
-                self._withdrawn = (latest, forecast.withdrawn(), now_ns)
-            _, forecast, stamp_ns = self._withdrawn
-        self.layers.publish(
-            forecast,
-            stamp_ns,
-            also_not_due=bool(staleness),
-            repeat=repeat,
-            recorded_ns=now_ns,
-        )
+        latest, ensemble = forecaster.latest, forecaster.outlooks.latest
+        if latest is not None:
+            self._forecasts.publish(
+                latest.forecast, latest.stamp_ns, forecaster.staleness(), repeat=repeat
+            )
+        if ensemble is not None:
+            self._outlooks.publish(
+                ensemble.outlook,
+                ensemble.stamp_ns,
+                forecaster.staleness_of_outlook(),
+                repeat=repeat,
+            )
+
+    def observe(self, mask: Mask, clock: float) -> 'Future[None]':
+        """Weigh the members of ensembles by where lava was seen.
+
+        Args:
+            mask: Where that was.
+            clock: ROS time at which it was [s].
+
+        Raises:
+            LavaError: There are no ensembles now.
+        """
+        if self._forecaster is None or not self._is_active:
+            raise LavaError('observed_outline', 'no ensemble', 'an active node that makes them')
+        return self._forecaster.outlooks.observe(mask, clock)
 
     def statuses(self) -> list[DiagnosticStatus]:
         """What diagnostics say, nothing without a horizon."""
-        if self._forecaster is None:
+        forecaster, settings = self._forecaster, self._settings()
+        if forecaster is None:
             return []
-        status = diagnostics.forecast_status(
-            self._forecaster.status,
-            self._forecaster.latest,
-            age=self._forecaster.age,
-            staleness=self._forecaster.staleness(),
-        )
-        return [status]
+        latest, ensemble = forecaster.latest, forecaster.outlooks.latest
+        found = [
+            diagnostics.forecast_status(
+                forecaster.status,
+                latest,
+                age=forecaster.age,
+                staleness=forecaster.staleness(),
+            )
+        ]
+        if settings.ensemble_members:
+            status = diagnostics.ensemble_status(
+                forecaster.outlooks.status,
+                ensemble,
+                age=0.0 if ensemble is None else forecaster.age_of(ensemble.outlook.time),
+                staleness=forecaster.staleness_of_outlook(),
+            )
+            found.append(status)
+        if settings.deadline:
+            # an ensemble includes the forecast that comes before it
+            took = [latest.forecast.duration] if latest is not None else []
+            took += [ensemble.outlook.duration] if ensemble is not None else []
+            status = diagnostics.deadline_status(
+                settings.deadline, self._choice(), took=max(took, default=0.0)
+            )
+            found.append(status)
+        return found
 
     def _rules(self) -> ForecastRules:
-        settings = self._settings()
+        settings, choice = self._settings(), self._choice()
+        members = settings.ensemble_members
+        if choice is not None and choice.members is not None:
+            members = min(members, choice.members)
         return ForecastRules(
             horizon=settings.forecast_horizon,
             threshold=self._threshold,
             max_age=settings.forecast_max_age,
             share=settings.forecast_share,
             max_particles=settings.max_particles,
+            members=members,
+            deadline=settings.deadline,
+            time_scale=settings.time_scale,
         )
 
-    def _now_ns(self) -> int:
-        return int(self._node.get_clock().now().nanoseconds)
+
+class _Withdrawable(Generic[_Ahead]):
+    """Publishes something of what comes as long as it says anything, and else takes it back."""
+
+    def __init__(self, layers: LayerPublishers[_Ahead], name: str, node: Any) -> None:
+        self._layers: LayerPublishers[_Ahead] = layers
+        self._name = name
+        self._node = node
+        self._withdrawn: tuple[_Ahead, _Ahead, int] | None = None
+        self._is_known = False
+
+    def publish(self, shown: _Ahead, stamp_ns: int, staleness: str, *, repeat: bool) -> None:
+        """Publish it where it has not been, or that nothing is known any more."""
+        now_ns = int(self._node.get_clock().now().nanoseconds)
+        if staleness:
+            if self._withdrawn is None or self._withdrawn[0] is not shown:
+                self._node.get_logger().info(f'{self._name} withdrawn: {staleness}')
+                self._withdrawn = (shown, shown.withdrawn(), now_ns)
+            _, shown, stamp_ns = self._withdrawn
+        self._layers.publish(
+            shown,
+            stamp_ns,
+            # neither the end nor the beginning of what is known waits for its turn
+            also_not_due=bool(staleness) or not self._is_known,
+            repeat=repeat,
+            recorded_ns=now_ns,
+        )
+        self._is_known = not staleness
 
 
 def _threshold(layers: Sequence[Layer]) -> float:
     """The thickness from which on lava has arrived: it is one for all layers of the arrival."""
-    thresholds = {layer.threshold for layer in layers if layer.source == ARRIVAL}
+    thresholds = {
+        layer.threshold
+        for layer in layers
+        if plain_source(layer.source) in (ARRIVAL, PROBABILITY)
+    }
     if len(thresholds) > 1 or 0.0 in thresholds:
         raise LavaError(
             'forecast_config', sorted(thresholds), 'one threshold above 0 for all arrivals'

@@ -27,6 +27,7 @@ from lava_ros.forecast import wire
 from lava_ros.forecast.forecast import Forecast
 from lava_ros.ros.eruption import Fork
 from lava_ros.ros.forecast_process import ForecastProcess
+from lava_ros.ros.outlooks import Outlooks
 from lava_ros.ros.speed import Pace
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
@@ -59,6 +60,9 @@ class ForecastRules:
         max_age: Simulated time after which a forecast is stale [s].
         share: Largest share of the time that the device computes forecasts.
         max_particles: Most particles of a forecast.
+        members: Members of an ensemble beside it, 0 for none.
+        deadline: Wall time for a forecast and its ensemble [s], 0 for any.
+        time_scale: Simulated time per time of the clock [s/s].
     """
 
     horizon: float
@@ -66,6 +70,9 @@ class ForecastRules:
     max_age: float
     share: float
     max_particles: int
+    members: int = 0
+    deadline: float = 0.0
+    time_scale: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +107,25 @@ class ForecasterStatus:
     error: str = ''
 
 
+@dataclass(frozen=True, eq=False)
+class _AtHand:
+    """A fork that is being looked ahead from."""
+
+    number: int
+    fork: Fork
+    rules: ForecastRules
+
+
 class Forecaster:
     """Forks the newest state, has it run ahead in a process of its own, and so on.
 
     What is at hand is dropped when scene or effects change, and begun anew. A state that stands
     still is forked once. The process is given a smaller share of the time as long as the live
-    simulation falls behind its clock.
+    simulation falls behind its clock. Where there are to be members, an ensemble goes on from a
+    fork as soon as the one before is complete.
+
+    Attributes:
+        outlooks: The ensembles.
     """
 
     def __init__(
@@ -128,6 +148,7 @@ class Forecaster:
         self._rules = rules
         self._on_change = on_change
         self._make_process = make_process
+        self.outlooks = Outlooks()
         self._process: ForecastProcess | None = None
         self._latest: LiveForecast | None = None
         self._status = ForecasterStatus()
@@ -137,6 +158,9 @@ class Forecaster:
         self._number = 0
         self._told = 0
         self._forked: tuple[int, float] | None = None
+        self._changes: int | None = None
+        self._at_hand: _AtHand | None = None
+        self._due = self._due_after_change = 0.0
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
 
@@ -153,21 +177,33 @@ class Forecaster:
     @property
     def age(self) -> float:
         """Simulated time since the newest forecast's start [s], 0 before the first."""
+        return 0.0 if self._latest is None else self.age_of(self._latest.forecast.time)
+
+    def age_of(self, time: float) -> float:
+        """How far the simulation is past a simulated time [s]."""
         snapshot = self._worker.latest
-        if self._latest is None or snapshot is None:
-            return 0.0
-        return max(0.0, snapshot.time - self._latest.forecast.time)
+        return 0.0 if snapshot is None else max(0.0, snapshot.time - time)
 
     def staleness(self) -> str:
         """Why the newest forecast says nothing about what comes, empty when it does."""
         latest = self._latest
         if latest is None:
             return 'there is none yet'
-        if self._worker.changes != latest.changes:
+        return self._staleness(latest.changes, latest.forecast.time)
+
+    def staleness_of_outlook(self) -> str:
+        """Why the newest ensemble says nothing about what comes, empty when it does."""
+        latest = self.outlooks.latest
+        if latest is None:
+            return 'there is none yet'
+        return self._staleness(latest.changes, latest.outlook.time)
+
+    def _staleness(self, changes: int, time: float) -> str:
+        if self._worker.changes != changes:
             return 'the scene or the effects have changed'
         if self._worker.status.state is WorkerState.FAILED:
             return 'the simulation has failed'
-        age, most = self.age, self._rules().max_age
+        age, most = self.age_of(time), self._rules().max_age
         return f'it is {age:.0f} s old, at most {most:.0f} s are good' if age > most else ''
 
     def start(self) -> None:
@@ -193,22 +229,39 @@ class Forecaster:
         return not self._thread.is_alive()
 
     def _run(self) -> None:
-        due = 0.0
-        while not self._stopping.wait(_WATCH_TIME):
+        while not self._stopping.is_set():
             self._tell_changes()
-            begun = time.monotonic()
-            if begun < due or not self._is_wanted or not self._is_something_new():
-                continue
             try:
-                taken = self._forecast()
+                self._turn()
             except (LavaError, OSError, ValueError) as error:
                 self._fail(str(error))
-                rest = min(_RETRY_TIMES[0] * 2.0**self._failures, _RETRY_TIMES[1])
-                self._failures += 1
-                due = time.monotonic() + rest
-                continue
-            due = begun + max(LEAST_PERIOD, FORK_REST * taken)
         self._end_process()
+
+    def _turn(self) -> None:
+        """Begin what is due, pass on what has been seen, and hear what the process has to say."""
+        self._drop_what_is_overtaken()
+        is_another = self._worker.changes != self._changes
+        due = self._due_after_change if is_another else self._due
+        is_due = self._is_wanted and time.monotonic() >= due
+        if is_due and self._process is None:
+            # it takes its time to start: before there is anything to look ahead from
+            self._process = self._make_process()
+            if self._rules().members:
+                self._process.order({'order': 'prepare'})
+        if is_due and self._at_hand is None and self._is_something_new():
+            self._begin()
+        if self._process is None:
+            self._stopping.wait(_WATCH_TIME)
+            return
+        rules = self._rules()
+        self.outlooks.send(
+            self._process.order, changes=self._worker.changes, time_scale=rules.time_scale
+        )
+        if self._at_hand is not None and self._renew_share(self._at_hand.rules):
+            self._process.order({'order': 'share', 'share': self._status.share})
+        answer = self._process.answer(_WATCH_TIME)
+        if answer is not None:
+            self._hear(*answer)
 
     def _tell_changes(self) -> None:
         if self._worker.changes != self._told:
@@ -219,27 +272,50 @@ class Forecaster:
         snapshot = self._worker.latest
         if snapshot is None or self._worker.status.state is WorkerState.FAILED:
             return False
-        return (self._worker.changes, snapshot.time) != self._forked
+        state = (self._worker.changes, snapshot.time)
+        is_new = state != self._forked
+        return is_new or (self._rules().members > 0 and self.outlooks.is_wanted(*state))
+
+    def _drop_what_is_overtaken(self) -> None:
+        changes = self._worker.changes
+        is_overtaken = not self._is_wanted or changes != self._changes
+        if not is_overtaken or not self._is_busy():
+            return
+        if self._process is not None:
+            self._process.order({'order': 'cancel'})
+        self._tell_changes()
+        self._drop('the scene has changed' if self._is_wanted else 'the node is not active')
+
+    def _is_busy(self) -> bool:
+        return self._at_hand is not None or self.outlooks.is_busy
+
+    def _drop(self, reason: str) -> None:
+        # what has been dropped is as new as it was
+        self._at_hand = self._forked = None
+        self.outlooks.drop(reason)
+        self._put_status(progress=None)
 
     def _fail(self, reason: str) -> None:
         self._end_process()
-        self._forked = None
-        self._put_status(progress=None, error=reason)
+        self._drop(reason)
+        self._put_status(error=reason)
+        rest = min(_RETRY_TIMES[0] * 2.0**self._failures, _RETRY_TIMES[1])
+        self._failures += 1
+        self._due = self._due_after_change = time.monotonic() + rest
 
     def _end_process(self) -> None:
         if self._process is not None:
             self._process.end()
             self._process = None
 
-    def _forecast(self) -> float:
-        """Make a forecast, unless it is overtaken, and return how long the copy took [s]."""
-        rules = self._rules()
+    def _begin(self) -> None:
+        """Fork, and have the process look ahead from there."""
+        assert self._process is not None
+        rules, begun = self._rules(), time.monotonic()
         fork = self._fork()
         if fork is None:
-            return 0.0
+            return
         self._number += 1
-        if self._process is None:
-            self._process = self._make_process()
         self._renew_share(rules)
         self._put_status(progress=0.0)
         order = {
@@ -250,16 +326,20 @@ class Forecaster:
             'device': self._worker.status.device,
             'max_particles': rules.max_particles,
             'share': self._status.share,
-        }
+            'is_first': self._latest is None or self._latest.changes != fork.changes,
+        } | self.outlooks.order(
+            fork,
+            self._number,
+            members=rules.members,
+            horizon=rules.horizon,
+            threshold=rules.threshold,
+            deadline=rules.deadline,
+        )
+        self._at_hand = _AtHand(self._number, fork, rules)
+        # of another scene nothing is known, which is worse than a forecast that is a second old
+        self._due_after_change = begun + FORK_REST * fork.wall_time
+        self._due = max(begun + LEAST_PERIOD, self._due_after_change)
         self._process.order(order, fork.checkpoint.to_bytes())
-        answer = self._wait_for_answer(fork, rules)
-        if answer is None:
-            # what has been dropped is as new as it was
-            self._forked = None
-        else:
-            self._take(fork, rules, *answer)
-        self._put_status(progress=None)
-        return fork.wall_time
 
     def _fork(self) -> Fork | None:
         asked = self._worker.fork()
@@ -272,30 +352,24 @@ class Forecaster:
                 return None
             # what has been forked is what the next one has to differ from
             self._forked = fork.changes, fork.checkpoint.time
+            self._changes = fork.changes
             return fork
         return None
 
-    def _wait_for_answer(
-        self, fork: Fork, rules: ForecastRules
-    ) -> tuple[dict[str, Any], bytes] | None:
-        """Wait for the forecast; None when it is overtaken."""
-        assert self._process is not None
-        while not self._stopping.is_set():
-            if self._renew_share(rules):
-                self._process.order({'order': 'share', 'share': self._status.share})
-            if self._worker.changes != fork.changes or not self._is_wanted:
-                self._process.order({'order': 'cancel'})
-                self._tell_changes()
-                return None
-            answer = self._process.answer(_WATCH_TIME)
-            if answer is None or answer[0]['number'] != self._number:
-                continue
-            if answer[0]['answer'] == 'refused':
-                raise LavaError('forecast', answer[0]['reason'], 'a flow that can be looked ahead')
-            if answer[0]['answer'] == 'forecast':
-                return answer
-            self._put_status(progress=answer[0]['progress'])
-        return None
+    def _hear(self, header: dict[str, Any], body: bytes) -> None:
+        if self.outlooks.hear(header, body):
+            self._on_change()
+        at_hand = self._at_hand
+        if at_hand is None or header.get('number') != at_hand.number:
+            return
+        if header['answer'] == 'refused':
+            raise LavaError('forecast', header['reason'], 'a flow that can be looked ahead')
+        if header['answer'] == 'forecast':
+            self._at_hand = None
+            self._take(at_hand.fork, at_hand.rules, header, body)
+            self._put_status(progress=None)
+        elif header['answer'] == 'progress':
+            self._put_status(progress=header['progress'])
 
     def _renew_share(self, rules: ForecastRules) -> bool:
         """Follow the live simulation's lag, and say whether that changed anything."""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The topics that terrain and vents come in by: checked, turned into commands, never fatal."""
+"""The topics that inputs come in by: checked, turned into commands, never fatal."""
 
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -21,21 +21,30 @@ import traceback
 from typing import Any
 
 from geometry_msgs.msg import PointStamped
-from nav_msgs.msg import MapMetaData
+from nav_msgs.msg import MapMetaData, OccupancyGrid
 from rclpy.clock import Clock
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.errors import LavaError
-from lava_ros.ros import grid_map, inputs, qos
+from lava_ros.forecast.assimilation import Mask
+from lava_ros.layers import OCCUPANCY_GRID
+from lava_ros.ros import codec, grid_map, inputs, qos
 from lava_ros.ros.diagnostics import InputLog
 from lava_ros.ros.entities import Entities
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.probability import mask_from_grid
 from lava_ros.ros.raw_input import decode
+from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.worker import SimulationWorker
 
 #: How often an image that waits for its description is looked at [s].
 PAIRING_PERIOD = 0.1
+
+#: Clocks of two machines may differ by this [s].
+CLOCK_TOLERANCE = 1.0
+
+_OUTLINE = 'observed_outline'
 
 
 class InputTopics:
@@ -53,6 +62,8 @@ class InputTopics:
         settings: Callable[[], Settings],
         steady: Clock,
         grid_maps: grid_map.Classes | None = None,
+        observe: Callable[[Mask, float], 'Future[None]'] | None = None,
+        recorder: Recorder | None = None,
     ) -> None:
         """Subscribe.
 
@@ -62,9 +73,15 @@ class InputTopics:
             settings: Gives the node's settings.
             steady: A clock that goes on whatever ``/clock`` does.
             grid_maps: Classes of grid_map_msgs; None: that package's own, where it is installed.
+            observe: Takes where lava was seen, and the ROS time at which it was [s]; None: nothing
+                does.
+            recorder: Where that goes as well.
         """
         self.log = InputLog()
+        self._node = entities.node
         self._logger = entities.node.get_logger()
+        self._observe = observe
+        self._recorder = recorder
         self._worker = worker
         self._settings = settings
         self._pairing = inputs.TerrainPairing()
@@ -80,6 +97,8 @@ class InputTopics:
             (PointCloud2, 'vents', self._on_vents, command_qos),
             (PointStamped, 'clicked_point', self._on_clicked_point, command_qos),
         ]
+        if observe is not None:
+            topics.append((OccupancyGrid, _OUTLINE, self._on_outline, command_qos))
         grid_maps = grid_maps or grid_map.installed_classes()
         if grid_maps is not None:
             topics.append((grid_maps.map, 'terrain_grid', self._on_terrain_grid, terrain_qos))
@@ -180,3 +199,23 @@ class InputTopics:
             name=f'click {self._clicks}',
         )
         self.command('clicked_point', self._worker.add_vent(vent))
+
+    def _on_outline(self, grid: OccupancyGrid) -> None:
+        rules = self._settings().rules
+        mask = mask_from_grid(grid, rules, name=_OUTLINE)
+        stamp = grid.header.stamp
+        stamp_ns = stamp.sec * 10**9 + stamp.nanosec
+        now_ns = int(self._node.get_clock().now().nanoseconds)
+        if not 0 < stamp_ns <= now_ns + CLOCK_TOLERANCE * 1e9:
+            right = f'the time at which it was seen, not after now, {1e-9 * now_ns:.3f} s'
+            raise LavaError(f'{_OUTLINE}.header.stamp', f'{1e-9 * stamp_ns:.3f} s', right)
+        assert self._observe is not None
+        self.command(_OUTLINE, self._observe(mask, 1e-9 * stamp_ns))
+        if self._recorder is not None and self._recorder.is_recording:
+            self._recorder.write(
+                self._node.resolve_topic_name(_OUTLINE),
+                OCCUPANCY_GRID,
+                codec.serialise(grid),
+                now_ns,
+                qos=qos.bag_profile(qos.COMMANDS),
+            )

@@ -24,7 +24,9 @@ from rclpy.publisher import Publisher
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.forecast import Forecast
-from lava_ros.layers import Layer, load_layers, OCCUPANCY_GRID, switched
+from lava_ros.forecast.outlook import Outlook
+from lava_ros.layer_files import load_layers, switched
+from lava_ros.layers import Layer, OCCUPANCY_GRID
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.entities import Entities
 from lava_ros.ros.parameters import Settings
@@ -32,11 +34,11 @@ from lava_ros.ros.recorder import Recorder
 from lava_ros.simulation.snapshot import Snapshot
 
 #: What layers show.
-Shown = TypeVar('Shown', Snapshot, Forecast)
+Shown = TypeVar('Shown', Snapshot, Forecast, Outlook)
 
 
 def published_layers(config: Path, forecast: Path | None, settings: Settings) -> list[Layer]:
-    """The layers that the node publishes.
+    """The layers that the node publishes, those of ensembles only where there are any.
 
     Args:
         config: The file of msg_configs/ for the flow of now.
@@ -55,7 +57,10 @@ def published_layers(config: Path, forecast: Path | None, settings: Settings) ->
             right = 'a topic that msg_config and forecast_config do not share'
             raise LavaError(f'layers.{layer.name}.topic', layer.topic, right)
     layers = switched(known, on=settings.layers_on, off=settings.layers_off)
-    enabled = [layer for layer in layers if layer.enabled]
+    has_ensembles = settings.ensemble_members > 0
+    enabled = [
+        layer for layer in layers if layer.enabled and (has_ensembles or not layer.is_ensemble)
+    ]
     for layer in enabled:
         outputs.message_class(layer)
     return enabled
@@ -145,7 +150,7 @@ class LayerPublishers(Generic[Shown]):
         repeat: bool,
         recorded_ns: int | None = None,
     ) -> None:
-        """Publish a snapshot or a forecast on the layers that have not had it.
+        """Publish a snapshot, a forecast or an outlook on the layers that have not had it.
 
         Args:
             snapshot: What to publish.

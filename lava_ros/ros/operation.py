@@ -29,6 +29,7 @@ from lava_ros.errors import LavaError
 from lava_ros.ros import codec, diagnostics, qos
 from lava_ros.ros.bag_folder import BagFolder
 from lava_ros.ros.checkpoint_recording import CheckpointRecording
+from lava_ros.ros.deadline import DeadlineChooser
 from lava_ros.ros.entities import Entities
 from lava_ros.ros.eruption import SimulationLike
 from lava_ros.ros.forecast_topics import ForecastTopics
@@ -116,8 +117,9 @@ class Operation:
         )
         self._entities = entities
         snapshot_ready = entities.guard_condition(self._publish)
+        chooser = DeadlineChooser()
         self._worker = SimulationWorker(
-            make_simulation or (lambda scene: new_simulation(scene, self._settings)),
+            make_simulation or (lambda scene: new_simulation(scene, self._settings, chooser)),
             clock=lambda: node.get_clock().now().nanoseconds * 1e-9,
             lava=settings.lava,
             time_scale=settings.time_scale,
@@ -139,8 +141,9 @@ class Operation:
             self._recorder,
             worker=self._worker,
             settings=lambda: self._settings,
+            choice=lambda: chooser.choice,
         )
-        publishers: list[LayerPublishers[Any]] = [self._layers, self._forecasts.layers]
+        publishers: list[LayerPublishers[Any]] = [self._layers, *self._forecasts.publishers]
         for rate in sorted({rate for item in publishers for rate in item.rates}):
             entities.timer(1.0 / rate, lambda rate=rate: self._make_due(rate))
         latched = qos.ros_profile(qos.LATCHED)
@@ -154,7 +157,12 @@ class Operation:
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         entities.timer(1.0, self._publish_diagnostics, clock=steady)
         self._inputs = InputTopics(
-            entities, self._worker, settings=lambda: self._settings, steady=steady
+            entities,
+            self._worker,
+            settings=lambda: self._settings,
+            steady=steady,
+            observe=self._forecasts.observe if settings.ensemble_members else None,
+            recorder=self._recorder,
         )
         self._answers = Services(
             self, entities, worker=self._worker, inputs=self._inputs, layers=publishers

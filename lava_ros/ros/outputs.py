@@ -22,6 +22,7 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.forecast import Forecast
+from lava_ros.forecast.outlook import Outlook
 from lava_ros.layers import GRID_MAP, IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
 from lava_ros.ros import codec, grid_map
 from lava_ros.scene import Terrain, Vent
@@ -52,22 +53,24 @@ def message_class(layer: Layer) -> Any:
 
 
 def layer_message(
-    layer: Layer, snapshot: Snapshot | Forecast, *, frame_id: str, stamp_ns: int
+    layer: Layer, snapshot: Snapshot | Forecast | Outlook, *, frame_id: str, stamp_ns: int
 ) -> Any:
     """Make the message of a layer."""
     message_header = codec.header(frame_id, stamp_ns)
     if layer.message == OCCUPANCY_GRID:
         info = codec.map_metadata(snapshot.terrain, stamp_ns)
         return codec.occupancy_grid(layer.grid_values(snapshot), info, message_header)
+    if layer.message == IMAGE:
+        return codec.float_image(layer.raw_values(snapshot), message_header)
+    # all quantities side by side are those of the flow
+    assert not isinstance(snapshot, Outlook)
     if layer.message == POINT_CLOUD:
         return codec.point_cloud(layer.points(snapshot), message_header)
-    if layer.message == GRID_MAP:
-        classes = grid_map.installed_classes()
-        assert classes is not None
-        return grid_map.grid_map_message(
-            classes, layer.maps(snapshot), snapshot.terrain, message_header
-        )
-    return codec.float_image(layer.raw_values(snapshot), message_header)
+    classes = grid_map.installed_classes()
+    assert classes is not None
+    return grid_map.grid_map_message(
+        classes, layer.maps(snapshot), snapshot.terrain, message_header
+    )
 
 
 def terrain_messages(

@@ -188,6 +188,22 @@ PARAMETERS = (
         (0.01, 1.0),
     ),
     ParameterSpec(
+        'ensemble_members',
+        0,
+        'Members of the ensembles that are made beside forecasts; they differ in what the scene '
+        'says is uncertain; 0: no ensembles',
+        (0, 100_000),
+        read_only=True,
+    ),
+    ParameterSpec(
+        'deadline',
+        0.0,
+        'Wall time in which a forecast and its ensemble are to be there [s]: members that would '
+        'be late are left out, and each start and reset takes the spacing that goes with it; '
+        '0: any',
+        (0.0, 1e6),
+    ),
+    ParameterSpec(
         'default_discharge', 10.0, 'Discharge of a vent opened by a click [m3/s]', (0.0, 1e6)
     ),
     ParameterSpec(
@@ -348,6 +364,8 @@ class Settings:
         forecast_config: File of their layers.
         forecast_max_age: Simulated time after which a forecast is withdrawn [s].
         forecast_share: Largest share of the time that the device computes forecasts.
+        ensemble_members: Members of the ensembles beside them, 0 for none.
+        deadline: Wall time in which a forecast and its ensemble are to be there [s], 0 for any.
         default_discharge: Discharge of a vent opened by a click [m3/s].
         default_temperature: Its temperature [Celsius].
         default_radius: Its radius [m].
@@ -377,6 +395,8 @@ class Settings:
     forecast_config: str = 'forecast.yaml'
     forecast_max_age: float = 0.0
     forecast_share: float = 1.0
+    ensemble_members: int = 0
+    deadline: float = 0.0
     default_discharge: float = 10.0
     default_temperature: float = 1150.0
     default_radius: float = 10.0
@@ -406,6 +426,9 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     made = {'device', 'end_time', 'spacing', 'forced', 'horizon', 'rules', 'lava'}
     made |= {'layers_on', 'layers_off', 'forecast_horizon', 'forecast_max_age'}
     ahead = 3600.0 * values['forecast_horizon']
+    for name in ('ensemble_members', 'deadline'):
+        if values[name] and not ahead:
+            raise LavaError(name, values[name], '0 without a forecast_horizon')
     return Settings(
         **{item.name: values[item.name] for item in fields(Settings) if item.name not in made},
         device=values['device'] or None,

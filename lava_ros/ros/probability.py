@@ -30,6 +30,9 @@ from lava_ros.scene import Terrain
 #: Value of a mask's cell from which on there is lava; negative ones are unknown.
 LEAST_LAVA = 50
 
+#: Largest value of a cell of an occupancy grid.
+MOST_CELL = 100
+
 #: Arrival where nothing is known.
 UNKNOWN = -1.0
 
@@ -84,6 +87,8 @@ def mask_from_grid(grid: OccupancyGrid, rules: InputRules, *, name: str = 'obser
         right = f'width x height = {info.width * info.height} cells'
         raise LavaError(f'{name}.data', f'{len(grid.data)} cells', right)
     cells = np.asarray(grid.data, dtype=np.int8).reshape(info.height, info.width)
+    if cells.max() > MOST_CELL:
+        raise LavaError(f'{name}.data', int(cells.max()), f'cells from -1 to {MOST_CELL}')
     return Mask(
         lava=cells >= LEAST_LAVA,
         known=cells >= 0,

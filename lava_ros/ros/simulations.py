@@ -15,14 +15,21 @@
 """Simulations as the node's parameters say; the solver is imported when the first is made."""
 
 from lava_ros.checkpoint import Checkpoint
-from lava_ros.presets import preset_accuracy
+from lava_ros.ros.deadline import DeadlineChooser
 from lava_ros.ros.eruption import SimulationLike
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Scene
 
 
-def new_simulation(scene: Scene, settings: Settings) -> SimulationLike:
+def new_simulation(
+    scene: Scene, settings: Settings, chooser: DeadlineChooser
+) -> SimulationLike:
     """A simulation of a scene at time 0.
+
+    Args:
+        scene: The scene.
+        settings: The node's settings.
+        chooser: Chooses the accuracy.
 
     Raises:
         LavaError: The settings do not go with the scene.
@@ -31,7 +38,7 @@ def new_simulation(scene: Scene, settings: Settings) -> SimulationLike:
 
     return Simulation(
         scene,
-        accuracy=preset_accuracy(settings.preset, spacing=settings.spacing),
+        accuracy=chooser.accuracy(scene, settings),
         device=settings.device,
         effects=settings.forced,
         horizon=settings.horizon,

@@ -23,7 +23,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import yaml
 
 from lava_ros.bag import BagWriter
-from lava_ros.layers import load_layers
+from lava_ros.layer_files import load_layers
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.share import share_path

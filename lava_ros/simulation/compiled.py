@@ -87,6 +87,56 @@ _SUM = """
 #endif
     return value;
 """
+#: The hardware cuts a sum off at 0 and 1, which the compiler does not see.
+_ONE_LESS = """
+    float left;
+    asm("fma.rn.ftz.sat.f32 %0, %1, %2, %3;" : "=f"(left) : "f"(-a), "f"(b), "f"(1.0f));
+    return left;"""
+#: A warp has 1024 items, a thread four of each 128 of them, all read before the first is needed.
+_SCAN = """
+#if defined(__CUDA_ARCH__)
+    __shared__ int sums[32];
+    const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
+    const int first = 256 * warp + lane, end = sizes.shape[0] / 4;
+    int4 items[8];
+    for (int n = 0; n < 8; ++n) {
+        const int at = first + 32 * n;
+        items[n] = make_int4(0, 0, 0, 0);
+        if (at < end)
+            items[n] = reinterpret_cast<const int4*>(sizes.data)[at];
+    }
+    int starting[8], total = 0;
+    for (int n = 0; n < 8; ++n) {
+        const int own = items[n].x + items[n].y + items[n].z + items[n].w;
+        int sum = own;
+        for (int apart = 1; apart < 32; apart *= 2) {
+            const int other = __shfl_up_sync(0xffffffffu, sum, apart);
+            sum += lane >= apart ? other : 0;
+        }
+        starting[n] = total + sum - own;
+        total += __shfl_sync(0xffffffffu, sum, 31);
+    }
+    if (lane == 0)
+        sums[warp] = total;
+    __syncthreads();
+    int before = lane < warp ? sums[lane] : 0;
+    for (int apart = 16; apart > 0; apart /= 2)
+        before += __shfl_xor_sync(0xffffffffu, before, apart);
+    for (int n = 0; n < 8; ++n) {
+        const int at = first + 32 * n, start = before + starting[n];
+        const int4 item = items[n];
+        if (at < end)
+            reinterpret_cast<int4*>(starts.data)[at] = make_int4(
+                start, start + item.x, start + item.x + item.y, start + item.x + item.y + item.z);
+    }
+#else
+    int start = 0;
+    for (int n = 0; n < sizes.shape[0]; ++n) {
+        starts.data[n] = start;
+        start += sizes.data[n];
+    }
+#endif
+"""
 #: What is no number raises nothing: positive floats are in the order of their bits.
 _RAISE = {
     wp.float32: """
@@ -173,6 +223,16 @@ def load_int(values: wp.array(dtype=wp.int32), i: int) -> int:
 
 
 @lru_cache
+def load1(real: Any) -> Any:
+    """Return the device function that reads item i of an array, which nothing writes."""
+
+    @wp.func_native(_on_cuda('return __ldg(values.data + i);', 'return values.data[i];'))
+    def load(values: wp.array(dtype=real), i: int) -> real: ...
+
+    return load
+
+
+@lru_cache
 def load9(real: Any) -> Any:
     """Return the device function that reads rows i to i + 2, columns j to j + 2 of a 2-D array."""
     mat33 = wp.types.matrix((3, 3), real)
@@ -181,6 +241,43 @@ def load9(real: Any) -> Any:
     def load(values: wp.array2d(dtype=real), i: int, j: int) -> mat33: ...
 
     return load
+
+
+#: Threads of ``scan_at_once``, and the most items it takes; their number is a multiple of 4.
+SCAN_THREADS, SCANNED_AT_ONCE = 1024, 32 * 1024
+
+
+@wp.func_native(_SCAN)
+def _scan(sizes: wp.array(dtype=wp.int32), starts: wp.array(dtype=wp.int32)): ...
+
+
+@wp.kernel(module='unique', enable_backward=False, grid_stride=False)
+def scan_at_once(sizes: wp.array(dtype=wp.int32), starts: wp.array(dtype=wp.int32)):
+    """Sum up what is before each item, in one block of threads (on the CPU, in one thread)."""
+    _scan(sizes, starts)
+
+
+@lru_cache
+def one_less(real: Any) -> Any:
+    """Return the device function max(1 - a b, 0), of a and b >= 0: one instruction of float32."""
+    plain = 'return a * b < 1 ? 1 - a * b : 0;'
+
+    @wp.func_native(_on_cuda(_ONE_LESS, plain) if real is wp.float32 else plain)
+    def left(a: real, b: real) -> real: ...
+
+    return left
+
+
+@lru_cache
+def exp2(real: Any) -> Any:
+    """Return the device function 2^x."""
+    cuda = 'return exp2f(x);' if real is wp.float32 else 'return exp2(x);'
+    log2 = f'wp::{real.__name__}(0.6931471805599453)'
+
+    @wp.func_native(_on_cuda(cuda, f'return wp::exp({log2} * x);'))
+    def power(x: real) -> real: ...
+
+    return power
 
 
 @lru_cache

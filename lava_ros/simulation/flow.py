@@ -121,6 +121,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     @wp.func
     def balance(
         i: int,
+        place: vec2,
         volume: real,
         temperature: real,
         height: real,
@@ -130,7 +131,8 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         law: rheology_type(real),
         constants: flow_constants_of(real),
         flow: wp.array(dtype=vec3),
-        drive: wp.array(dtype=vec4),
+        source: wp.array(dtype=vec4),
+        area_of: wp.array(dtype=real),
         rates: wp.array(dtype=real),
         slope_of: wp.array(dtype=vec2),
     ):
@@ -153,7 +155,8 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             mobility = response[0]
             largest = response[1]
         velocity = -mobility * surface
-        flow[i] = vec3(height, velocity[0], velocity[1])
+        if flow:
+            flow[i] = vec3(height, velocity[0], velocity[1])
         if wp.static(effects.viscous_heating):
             slope_of[i] = surface
         rate = largest * height * real(constants.stiffness)
@@ -168,9 +171,10 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             reduced = rate / (real(1.0) + thick)
             if wp.static(green):
                 area = volume / height
-                # K0 is that of a particle's own disc within it: (radius / 2)^2
-                near = area * real(wp.static(0.25 / math.pi))
-                store(drive, i, vec4(volume * velocity[0], volume * velocity[1], area, near))
+                store(
+                    source, i, vec4(place.x, place.y, volume * velocity.x, volume * velocity.y)
+                )
+                area_of[i] = area
                 # as far as the Green's function is not cut off
                 whole = real(1.0) - x_k1(real(wp.static(math.sqrt(3.0))) * radius / height)
                 reduced = wp.min(rate, reduced / whole)
@@ -203,7 +207,7 @@ def flow_kernels(
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
     terms, factor = kernel.terms, kernel.factor
     gradient_at, bend_at, height_at, _ = terrain_functions(real)
-    _, _, rows_around, range_in = cell_functions(real)
+    _, _, cells_around, range_in = cell_functions(real)
     load, load_pair = load4(real), load2(real)
     balance = _balance_function(real, kernel.stiffness, effects)
     total = sum_over(real, lanes)
@@ -219,7 +223,8 @@ def flow_kernels(
         law: rheology_type(real),
         constants: flow_constants_of(real),
         flow: wp.array(dtype=vec3),
-        drive: wp.array(dtype=vec4),
+        source: wp.array(dtype=vec4),
+        area_of: wp.array(dtype=real),
         rates: wp.array(dtype=real),
         slope_of: wp.array(dtype=vec2),
     ):
@@ -233,14 +238,14 @@ def flow_kernels(
         height = real(0.0)
         rise_x = real(0.0)
         rise_y = real(0.0)
-        rows = rows_around(cells, p[1], radius)
-        for r in range(rows[0] + lane, rows[1], lanes):
-            near = range_in(cells, starts, r, p[0], p[1], radius)
+        box = cells_around(cells, p[0], p[1], radius)
+        for r in range(box[0] + lane, box[1], lanes):
+            near = range_in(cells, starts, r, box)
             for j in range(near[0], near[1]):
                 other = load(ordered, j)
                 dx = p[0] - other[0]
                 dy = p[1] - other[1]
-                part = terms(other[2], wp.sqrt(dx * dx + dy * dy) * inverse)
+                part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
                 height += part[0]
                 rise_x += part[1] * dx
                 rise_y += part[1] * dy
@@ -256,8 +261,8 @@ def flow_kernels(
         surface = vec2(rise_x, rise_y) * (scale * inverse) + ground
         bend = bend_at(elevation, terrain, p[0], p[1])
         balance(
-            i, p[2], p[3], height, surface, ground, bend, law, constants, flow, drive, rates,
-            slope_of,
+            i, vec2(p[0], p[1]), p[2], p[3], height, surface, ground, bend, law, constants,
+            flow, source, area_of, rates, slope_of,
         )
 
     @quick_kernel
@@ -281,9 +286,9 @@ def flow_kernels(
         radius = real(constants.radius)
         inverse = real(1.0) / radius
         height = real(0.0)
-        rows = rows_around(cells, p[1], radius)
-        for r in range(rows[0] + lane, rows[1], lanes):
-            near = range_in(cells, starts, r, p[0], p[1], radius)
+        box = cells_around(cells, p[0], p[1], radius)
+        for r in range(box[0] + lane, box[1], lanes):
+            near = range_in(cells, starts, r, box)
             for j in range(near[0], near[1]):
                 other = load(ordered, j)
                 dx = p[0] - other[0]
@@ -308,7 +313,8 @@ def flow_kernels(
         constants: flow_constants_of(real),
         surface: wp.array(dtype=vec2),
         flow: wp.array(dtype=vec3),
-        drive: wp.array(dtype=vec4),
+        source: wp.array(dtype=vec4),
+        area_of: wp.array(dtype=real),
         rates: wp.array(dtype=real),
         slope_of: wp.array(dtype=vec2),
     ):
@@ -324,9 +330,9 @@ def flow_kernels(
         rise = vec2()
         moment = mat22()
         push = vec2()
-        rows = rows_around(cells, p[1], radius)
-        for r in range(rows[0] + lane, rows[1], lanes):
-            near = range_in(cells, starts, r, p[0], p[1], radius)
+        box = cells_around(cells, p[0], p[1], radius)
+        for r in range(box[0] + lane, box[1], lanes):
+            near = range_in(cells, starts, r, box)
             for j in range(near[0], near[1]):
                 other = load(ordered, j)
                 d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
@@ -359,8 +365,8 @@ def flow_kernels(
             rise += rest
         bend = bend_at(elevation, terrain, p[0], p[1])
         balance(
-            i, p[2], p[3], flow[i][0], rise, ground, bend, law, constants, flow, drive, rates,
-            slope_of,
+            i, vec2(p[0], p[1]), p[2], p[3], flow[i][0], rise, ground, bend, law, constants,
+            flow, source, area_of, rates, slope_of,
         )
 
     if gradient == 'energy':
@@ -375,8 +381,14 @@ def compute_flow(
     law: Any,
     constants: Any,
     kernels: FlowKernels,
+    *,
+    fills_flow: bool = True,
 ) -> None:
-    """Fill ``state.flow`` (and ``state.drive``) of the ordered particles and raise the rates."""
+    """Compute thickness and local velocity of the ordered particles, and raise the rates.
+
+    They are left in ``state.flow``, unless that is not asked for, and as lateral stress needs
+    them in ``state.source`` and ``state.area``.
+    """
     ground = [
         state.ordered,
         state.counts,
@@ -398,8 +410,8 @@ def compute_flow(
         dim=state.capacity * state.lanes,
         inputs=[*ground, law, constants, *((state.surface,) if state.has_surface else ())],
         outputs=[
-            state.flow,
-            *state.optional('drive'),
+            state.flow if fills_flow or state.has_surface else None,
+            *state.optional('source', 'area'),
             state.rates,
             *state.optional('slope'),
         ],

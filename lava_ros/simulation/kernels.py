@@ -25,6 +25,8 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
+from lava_ros.simulation.compiled import exp2, one_less
+
 
 class SmoothingKernel(NamedTuple):
     """A kernel as device functions of q = r / l.
@@ -33,8 +35,8 @@ class SmoothingKernel(NamedTuple):
         norm: Factor that makes the integral over the plane 1.
         shape: Device function, the kernel over ``norm``.
         slope: Device function, the derivative of ``shape`` over q.
-        terms: Device function of a volume and q: the volume times ``shape``, and times ``slope``
-            over ``factor``. The two have factors in common.
+        terms: Device function of a volume, r and 1 / l: the volume times ``shape``, and times
+            ``slope`` over ``factor``. The two have factors in common.
         factor: What ``terms`` leaves out of ``slope``.
         stiffness: Largest value of (q l)^2 W^(q), W^ the kernel's Fourier transform: a thickness
             wave with diffusivity D decays at most at the rate D stiffness / l^2, so explicit steps
@@ -131,16 +133,19 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
 
     vec2 = wp.types.vector(2, real)
 
+    what_is_left = one_less(real)
+
     @wp.func
-    def wendland_terms(volume: real, q: real) -> vec2:
-        p = wp.max(real(1.0) - q, real(0.0))
+    def wendland_terms(volume: real, distance: real, inverse: real) -> vec2:
+        p = what_is_left(distance, inverse)
         weight = volume * (p * p * p)
         return vec2(weight * p * (real(5.0) - real(4.0) * p), weight)
 
     shape, slope, *_ = functions[name]
 
     @wp.func
-    def terms(volume: real, q: real) -> vec2:
+    def terms(volume: real, distance: real, inverse: real) -> vec2:
+        q = distance * inverse
         return vec2(volume * shape(q), volume * slope(q))
 
     both = (wendland_terms, -20.0) if name == 'wendland' else (terms, 1.0)
@@ -164,8 +169,8 @@ def bessel(real: Any) -> Bessel:
 
     In float64, and x K1(x) always, they are good to 2e-7 absolute: polynomials 9.8.1, 9.8.3 and
     9.8.5 to 9.8.8 of Abramowitz & Stegun, Handbook of Mathematical Functions. In float32 K0 is a
-    weight of a mean, and the dearest pass is of little else: there it is exp(P - x), P a
-    polynomial of log2 s fitted to ln(e^x K0), good to 6e-5 of it for x from 0.004 to 64.
+    weight of a mean, and the dearest pass is of little else: there it is 2^P e^-x, P a polynomial
+    of log2 s fitted to log2(e^x K0), good to 2e-4 of it for x from 0.004 to 20, where it is 1e-9.
     """
 
     @wp.func
@@ -204,20 +209,18 @@ def bessel(real: Any) -> Bessel:
             real(-0.03655620) + t * (real(0.01504268) + t * (real(-0.00780353) + t * (
                 real(0.00325614) + t * real(-0.00068245)))))))
 
+    power = exp2(real)
+
     @wp.func
     def fitted_k0(s: real) -> real:
-        t = wp.clamp(s, real(4.0e-6), real(1024.0))
-        y = wp.log2(t)
-        p = real(1.9094006e-11)
-        p = p * y + real(7.9080155e-10)
-        p = p * y + real(-6.4109221e-10)
-        p = p * y + real(-3.5476501e-07)
-        p = p * y + real(1.1814901e-07)
-        p = p * y + real(0.00011815682)
-        p = p * y + real(-0.0019548958)
-        p = p * y + real(-0.15806486)
-        p = p * y + real(-0.17243773)
-        # past the fit's end it stays below 1e-28
-        return wp.exp(p - real(2.0) * wp.sqrt(t))
+        y = wp.log2(s)
+        p = real(-1.2741719e-08)
+        p = p * y + real(-4.5190392e-07)
+        p = p * y + real(1.42949739e-06)
+        p = p * y + real(0.000170826538)
+        p = p * y + real(-0.00285269651)
+        p = p * y + real(-0.228058267)
+        p = p * y + real(-0.248646405)
+        return power(p - real(2.88539008) * wp.sqrt(s))
 
     return Bessel(fitted_k0 if real is wp.float32 else k0, x_k1)

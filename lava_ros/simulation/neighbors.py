@@ -15,8 +15,8 @@
 """The neighbour grid (section 3.2.1): particles sorted by cells narrower than the kernel radius.
 
 Cells are numbered row by row, so what is around a particle is a contiguous range of the ordered
-particles in each of some rows. Each range is as wide as the disc is in its row. With cells as wide
-as the radius, and all nine around a particle, one would look at twice as many.
+particles in each of some rows. With cells as wide as the radius, and all nine around a particle,
+one would look at almost twice as many.
 
 Large terrains are covered only where lava is: what is beyond the window is found in its outermost
 cells, as what is beyond the terrain is, and the window follows. It is made of whole cells of the
@@ -31,8 +31,27 @@ import numpy as np
 import warp as wp
 
 from lava_ros.errors import LavaError
-from lava_ros.simulation.compiled import load2, load4, load_int, quick_kernel, store2, store4
-from lava_ros.simulation.state import ADVECTION, BEYOND, DIFFUSION, PARTICLES, STAGE, State
+from lava_ros.simulation.compiled import (
+    load2,
+    load4,
+    load_int,
+    quick_kernel,
+    scan_at_once,
+    SCAN_THREADS,
+    SCANNED_AT_ONCE,
+    store2,
+    store4,
+)
+from lava_ros.simulation.state import (
+    ADVECTION,
+    BEYOND,
+    DIFFUSION,
+    NEWCOMERS,
+    PARTICLES,
+    STAGE,
+    State,
+)
+from lava_ros.simulation.streams import read
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
 
 #: Cells to a kernel radius. Fewer hold more that is out of reach, more cost more look-ups.
@@ -76,15 +95,15 @@ def cell_frame(real: Any) -> Any:
 class CellFunctions(NamedTuple):
     """Device functions that find cells, and what is in them.
 
-    ``column_of(cells, x)`` and ``row_of(cells, y)`` are clamped to the grid. ``rows_around(cells,
-    y, reach)`` gives the first row that a disc reaches, and the one after the last;
-    ``range_in(cells, starts, row, x, y, reach)`` the first of the ordered particles there that it
-    may reach, and the one after the last.
+    ``column_of(cells, x)`` and ``row_of(cells, y)`` are clamped to the grid. ``cells_around(cells,
+    x, y, reach)`` gives the first row that a disc reaches and the one after the last, then the
+    same of columns; ``range_in(cells, starts, row, box)`` the first of the ordered particles of a
+    row of these cells, and the one after the last.
     """
 
     column_of: Any
     row_of: Any
-    rows_around: Any
+    cells_around: Any
     range_in: Any
 
 
@@ -103,33 +122,22 @@ def cell_functions(real: Any) -> CellFunctions:
         return wp.clamp(row, 0, cells.rows - 1)
 
     @wp.func
-    def rows_around(cells: cell_frame(real), y: real, reach: real) -> wp.vec2i:
-        return wp.vec2i(row_of(cells, y - reach), row_of(cells, y + reach) + 1)
+    def cells_around(cells: cell_frame(real), x: real, y: real, reach: real) -> wp.vec4i:
+        return wp.vec4i(
+            row_of(cells, y - reach),
+            row_of(cells, y + reach) + 1,
+            column_of(cells, x - reach),
+            column_of(cells, x + reach) + 1,
+        )
 
     @wp.func
     def range_in(
-        cells: cell_frame(real),
-        starts: wp.array(dtype=wp.int32),
-        row: int,
-        x: real,
-        y: real,
-        reach: real,
+        cells: cell_frame(real), starts: wp.array(dtype=wp.int32), row: int, box: wp.vec4i
     ) -> wp.vec2i:
-        # the outermost rows hold what is beyond them too
-        south = (y - cells.y0) - real(row + cells.first_row) * cells.size
-        past = real(0.0)
-        if south < real(0.0) and row > 0:
-            past = south
-        elif south > cells.size and row < cells.rows - 1:
-            past = south - cells.size
-        half = wp.sqrt(wp.max(reach * reach - past * past, real(0.0)))
         first = row * cells.columns
-        return wp.vec2i(
-            load_int(starts, first + column_of(cells, x - half)),
-            load_int(starts, first + column_of(cells, x + half) + 1),
-        )
+        return wp.vec2i(load_int(starts, first + box[2]), load_int(starts, first + box[3]))
 
-    return CellFunctions(column_of, row_of, rows_around, range_in)
+    return CellFunctions(column_of, row_of, cells_around, range_in)
 
 
 @lru_cache
@@ -206,7 +214,7 @@ def _kernels(
         left: wp.array(dtype=wp.float64),
     ):
         i = wp.tid()
-        if i < counts[PARTICLES]:
+        if i < counts[PARTICLES] + counts[NEWCOMERS]:
             p = load(particle, i)
             place(i, p, counts, known, terrain, cells, cell, rank, sizes, left)
 
@@ -236,6 +244,7 @@ def _kernels(
         i = wp.tid()
         if i == 0:
             counts[PARTICLES] = starts[last]
+            counts[NEWCOMERS] = 0
             rates[DIFFUSION] = real(0.0)
             rates[ADVECTION] = real(0.0)
         if i >= starts[last + 1]:
@@ -265,7 +274,7 @@ def _kernels(
         i = wp.tid()
         values[i] = i
         keys[i] = wp.static(2**31 - 1)
-        if i < counts[PARTICLES]:
+        if i < counts[PARTICLES] + counts[NEWCOMERS]:
             keys[i] = cell[i]
 
     @wp.kernel(module='unique', enable_backward=False)
@@ -278,7 +287,7 @@ def _kernels(
     ):
         """Rank in the cell by the order of the particles, not by who came first."""
         i = wp.tid()
-        if i < counts[PARTICLES]:
+        if i < counts[PARTICLES] + counts[NEWCOMERS]:
             rank[values[i]] = i - starts[keys[i]]
 
     return bin_particles, order_particles, list_cells, rank_sorted
@@ -295,8 +304,8 @@ class NeighborGrid:
 
     Attributes:
         frame: Where the cells lie.
-        starts: Index of each cell's first ordered particle, shape [cells + 2]; the entry after the
-            last cell is the number of particles on the terrain, the one after it that of all.
+        starts: Index of each cell's first ordered particle, shape [at least cells + 2]; that after
+            the last cell is the number of particles on the terrain, the one after it that of all.
         is_binned: Whether the particles are in their cells already. Then those that have left are
             counted as such, though they are not dropped yet.
     """
@@ -338,8 +347,9 @@ class NeighborGrid:
         self._cell_count = frame.rows * frame.columns
         self.is_binned = False
         # 0 but while particles are binned
-        self._sizes = wp.zeros(self._cell_count + 2, dtype=wp.int32, device=self._device)
-        self.starts = wp.zeros(self._cell_count + 2, dtype=wp.int32, device=self._device)
+        room = 4 * math.ceil((self._cell_count + 2) / 4)
+        self._sizes = wp.zeros(room, dtype=wp.int32, device=self._device)
+        self.starts = wp.zeros(room, dtype=wp.int32, device=self._device)
 
     def bin(self, state: State) -> None:
         """Put each particle into its cell, as ``place_in`` lets the motion do."""
@@ -366,7 +376,18 @@ class NeighborGrid:
         if not self.is_binned:
             self.bin(state)
         self.is_binned = False
-        wp.utils.array_scan(self._sizes, self.starts, inclusive=False)
+        if self.starts.size <= SCANNED_AT_ONCE:
+            threads = SCAN_THREADS if self._device.is_cuda else 1
+            wp.launch(
+                scan_at_once,
+                dim=threads,
+                inputs=[self._sizes],
+                outputs=[self.starts],
+                block_dim=SCAN_THREADS,
+                device=state.device,
+            )
+        else:
+            wp.utils.array_scan(self._sizes, self.starts, inclusive=False)
         if state.is_deterministic:
             self._rank_by_order(state)
         wp.launch(
@@ -391,7 +412,7 @@ class NeighborGrid:
         Raises:
             LavaError: There are more than ``MOST_IN_CELL`` particles in one cell.
         """
-        most = int(np.diff(self.starts.numpy()[: self._cell_count + 1]).max())
+        most = int(np.diff(read(self.starts)[: self._cell_count + 1]).max())
         if most > MOST_IN_CELL:
             size = f'{self._radius / CELLS_PER_RADIUS:g} m'
             right = f'at most {MOST_IN_CELL} in {size}: give it room, or a larger spacing'

@@ -35,7 +35,7 @@ from lava_ros.simulation.state import PARTICLES, State
 def _kernel(real: Any) -> Any:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    _, _, rows_around, range_in = cell_functions(real)
+    _, _, cells_around, range_in = cell_functions(real)
     load = load4(real)
 
     @wp.func
@@ -51,7 +51,8 @@ def _kernel(real: Any) -> Any:
         cells: cell_frame(real),
         support: wp.float64,
         viscosity: wp.float64,
-        drive: wp.array(dtype=vec4),
+        source: wp.array(dtype=vec4),
+        area: wp.array(dtype=real),
         flow: wp.array(dtype=vec3),
     ):
         i = wp.tid()
@@ -63,9 +64,9 @@ def _kernel(real: Any) -> Any:
         total = real(0.0)
         x = real(0.0)
         y = real(0.0)
-        rows = rows_around(cells, p[1], real(support))
-        for r in range(rows[0], rows[1]):
-            near = range_in(cells, starts, r, p[0], p[1], real(support))
+        box = cells_around(cells, p[0], p[1], real(support))
+        for r in range(box[0], box[1]):
+            near = range_in(cells, starts, r, box)
             for j in range(near[0], near[1]):
                 other = load(ordered, j)
                 dx = p[0] - other[0]
@@ -74,10 +75,10 @@ def _kernel(real: Any) -> Any:
                 if square < limit:
                     weight = series(wp.max(wp.sqrt(square), real(1.0e-3)))
                     total += weight
-                    source = load(drive, j)
-                    x += weight * source[0] / source[2]
-                    y += weight * source[1] / source[2]
-        # drive is h u_local = -h^3 rho g grad S / (3 f): b is 3 / mu of it
+                    there = load(source, j)
+                    x += weight * there[2] / area[j]
+                    y += weight * there[3] / area[j]
+        # source over area is h u_local = -h^3 rho g grad S / (3 f): b is 3 / mu of it
         scale = real(3.0) / real(viscosity) * height * height * height / total
         flow[i] = vec3(height, scale * x, scale * y)
 
@@ -90,7 +91,7 @@ def publish_velocity(
     """Replace the local velocity in ``state.flow`` by that of the printed formulas.
 
     Args:
-        state: The particles; ``state.drive`` holds volume times local velocity, and area.
+        state: The particles; ``state.source`` and ``state.area`` are filled.
         neighbors: Their neighbour grid, built.
         support: Kernel radius l [m].
         viscosity: The constant mu [Pa s].
@@ -105,7 +106,8 @@ def publish_velocity(
             neighbors.frame,
             support,
             viscosity,
-            state.drive,
+            state.source,
+            state.area,
         ],
         outputs=[state.flow],
         device=state.device,

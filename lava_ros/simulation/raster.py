@@ -30,6 +30,7 @@ from lava_ros.simulation.compiled import load4
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import State
+from lava_ros.simulation.streams import read
 from lava_ros.simulation.terrain import StaggeredTerrain, TerrainFrame
 
 #: Share of a cell from which it holds lava.
@@ -41,7 +42,7 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     norm, shape, *_ = smoothing_kernel(kernel_name, real, ratio)
-    _, _, rows_around, range_in = cell_functions(real)
+    _, _, cells_around, range_in = cell_functions(real)
     load = load4(real)
 
     @wp.kernel(module='unique', enable_backward=False)
@@ -64,9 +65,9 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
         height = real(0.0)
         cover = real(0.0)
         heat = real(0.0)
-        rows = rows_around(cells, y, reach)
-        for r in range(rows[0], rows[1]):
-            near = range_in(cells, starts, r, x, y, reach)
+        box = cells_around(cells, x, y, reach)
+        for r in range(box[0], box[1]):
+            near = range_in(cells, starts, r, box)
             for k in range(near[0], near[1]):
                 p = load(ordered, k)
                 dx = (x - p[0]) * inverse
@@ -131,5 +132,4 @@ class Raster:
             outputs=[self._thickness, self._temperature],
             device=self._device,
         )
-        # a copy: on the CPU numpy() is a view of the device array
-        return self._thickness.numpy().copy(), self._temperature.numpy().copy()
+        return read(self._thickness), read(self._temperature)

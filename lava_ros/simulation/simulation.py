@@ -14,9 +14,8 @@
 
 """The simulation of a scene: algorithm 1 of the paper with a step that follows the limits."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
-from functools import partial
 import math
 import time as wall_clock
 from typing import Any
@@ -34,26 +33,22 @@ from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.simulation import timestep
 from lava_ros.simulation.automatic import device_of, formulated, resolved_accuracy
 from lava_ros.simulation.checkpoint import put_back, take
-from lava_ros.simulation.effects import after_step, load
-from lava_ros.simulation.flow import compute_flow, flow_constants, flow_kernels, THICKEST
-from lava_ros.simulation.heat import heat_constants
+from lava_ros.simulation.effects import after_step
 from lava_ros.simulation.neighbors import NeighborGrid
-from lava_ros.simulation.published import publish_velocity
+from lava_ros.simulation.particles import Particles, ParticleSample, rows_of
 from lava_ros.simulation.raster import Raster
-from lava_ros.simulation.rheology import rheology_of
 from lava_ros.simulation.snapshot import Snapshot, VolumeBudget
+from lava_ros.simulation.stage import Stage
 from lava_ros.simulation.state import (
     BEYOND,
     centre_of,
-    Particles,
-    ParticleSample,
-    rows_of,
     STAGE,
     State,
     STEPS,
     TARGET,
     TIME,
 )
+from lava_ros.simulation.streams import read
 from lava_ros.simulation.terrain import StaggeredTerrain
 from lava_ros.simulation.vents import vent_set, VentSet
 
@@ -130,7 +125,7 @@ class Simulation:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return float(self._state.clock.numpy()[TIME])
+        return float(self._state.look()[0][TIME])
 
     @property
     def particle_count(self) -> int:
@@ -140,7 +135,7 @@ class Simulation:
     @property
     def steps(self) -> int:
         """Time steps taken so far."""
-        return int(self._state.counts.numpy()[STEPS])
+        return int(self._state.look()[1][STEPS])
 
     def advance(self, until: float, *, wall_limit: float | None = None) -> float:
         """Simulate up to a time.
@@ -155,22 +150,39 @@ class Simulation:
         Raises:
             LavaError: ``until`` is not a finite number.
         """
+        for _ in self.advancing(until, wall_limit=wall_limit):
+            pass
+        return self.time
+
+    def advancing(self, until: float, *, wall_limit: float | None = None) -> Iterator[None]:
+        """Simulate up to a time, in parts, as ``advance`` does in one go.
+
+        After each part there is time for something else: a GPU is at work on it
+        (``together.interleave``). Only when all parts are taken the simulation is at rest.
+        """
         until = validation.number('until', until, unit='s')
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
         self._state.write_clock(TARGET, until)
-        while self.time < until and wall_clock.monotonic() < deadline:
+        clock, counts = self._state.look()
+        while clock[TIME] < until and wall_clock.monotonic() < deadline:
             self._run_stages()
-            if self._state.make_room():
+            yield
+            clock, counts = self._state.look()
+            if self._state.make_room(counts):
                 self._graph = None
-            if self._state.is_beyond:
+            if counts[BEYOND]:
                 self._cover()
-        self._finish_step()
-        return self.time
+        # the stages that the step at hand still needs, and no other
+        self._state.write_clock(TARGET, clock[TIME])
+        while counts[STAGE]:
+            self._run_stages()
+            yield
+            _, counts = self._state.look()
 
     def snapshot(self) -> Snapshot:
         """Put the flow on the terrain's cells."""
         self._sort()
-        self._compute_flow()
+        self._stage.compute_flow()
         thickness, temperature = self._raster.fill(self._state, self._neighbors)
         frozen = None
         if self.effects.solidification:
@@ -202,16 +214,16 @@ class Simulation:
             emitted=self._emitted_before + self._vents.emitted(time),
             held=float(self._state.read_particles()[:, 2].sum()) + pending,
             pending=pending,
-            left=float(self._state.left.numpy()[0]),
-            frozen=float(self._state.frozen.numpy()[0]) if self.effects.solidification else 0.0,
+            left=float(read(self._state.left)[0]),
+            frozen=float(read(self._state.frozen)[0]) if self.effects.solidification else 0.0,
         )
 
     def sample(self) -> ParticleSample:
         """Read the particles back, with the thickness and velocity they have now."""
         self._sort()
-        self._compute_velocity()
+        self._stage.compute_velocity()
         rows = self._state.read_particles()
-        flow = self._state.flow.numpy()[: len(rows)].astype(np.float64)
+        flow = read(self._state.flow)[: len(rows)].astype(np.float64)
         return ParticleSample(
             position=rows[:, :2] + centre_of(self.scene.terrain),
             volume=rows[:, 2],
@@ -226,7 +238,7 @@ class Simulation:
         Nothing is read back and nothing moves: it is what a stage of a time step costs.
         """
         self._neighbors.rebuild(self._state)
-        self._compute_velocity()
+        self._stage.compute_velocity()
 
     def set_vents(self, vents: Iterable[Vent]) -> None:
         """Replace the vents from now on.
@@ -358,8 +370,6 @@ class Simulation:
         self._raster = Raster(
             self._terrain, output_radius, accuracy.kernel, accuracy.ratio, self._device
         )
-        self._law = rheology_of(self.scene.lava, self._state.real)
-        self._heat = heat_constants(self.scene, self._state.real)
         former = self._after_step
         self._after_step = {
             name: module.AfterStep(self.scene, accuracy, self._terrain, self._state)
@@ -367,22 +377,14 @@ class Simulation:
         }
         if 'solidification' in former:
             self._after_step['solidification'].take_over(former['solidification'], self._state)
-        self._flow = flow_constants(self.scene, accuracy, self.radius, self._state.real)
-        gradient = accuracy.gradient if self._state.has_surface else 'energy'
-        self._flow_kernels = partial(
-            flow_kernels, self._state.real, accuracy.kernel, accuracy.ratio, gradient, self.effects
+        self._stage = Stage(
+            self.scene,
+            accuracy,
+            self._state,
+            self._neighbors,
+            self._terrain,
+            self._after_step,
         )
-        if self.effects.inertia:
-            self._momentum = load('inertia').Momentum(
-                self._terrain,
-                self._law,
-                self._flow,
-                gravity=self.scene.gravity,
-                number=accuracy.diffusion_number,
-                kernel=accuracy.kernel,
-                ratio=accuracy.ratio,
-                effects=self.effects,
-            )
         self._cover()
 
     def _start_with(self, particles: Particles | None) -> None:
@@ -414,72 +416,24 @@ class Simulation:
             vents, terrain, self.accuracy, volume, self._device, since=since, carried=carried
         )
 
-    def _stage(self) -> None:
-        """Take one stage of a time step: algorithm 1 of the paper."""
-        self._neighbors.rebuild(self._state)
-        self._compute_velocity()
-        longest = timestep.longest_step(
-            self.scene, self.accuracy, self.effects, self._vents, self._flow.reach
-        )
-        timestep.choose_stage(self._state, longest, self.accuracy, self._vents.due)
-        if self.effects.inertia:
-            self._momentum.accelerate(self._state, self._neighbors)
-        around = self._neighbors, self._terrain
-        timestep.move_particles(self._state, *around, self._flow, self._heat)
-        for effect in self._after_step.values():
-            effect.apply(self._state, self._neighbors)
-        self._vents.emit(self._state, self._neighbors)
-
-    def _compute_flow(self) -> None:
-        kernels = self._flow_kernels(self._state.lanes)
-        compute_flow(
-            self._state, self._neighbors, self._terrain, self._law, self._flow, kernels
-        )
-
-    def _compute_velocity(self) -> None:
-        self._compute_flow()
-        if self.accuracy.formulation == 'as-published':
-            publish_velocity(
-                self._state, self._neighbors, self.radius, self.scene.lava.viscosity
-            )
-        elif self.effects.inertia:
-            self._momentum.synchronize(self._state)
-        elif self.effects.green:
-            load('green').spread_velocity(self._state, self._neighbors, self.radius)
-        elif self.effects.helmholtz:
-            load('helmholtz').solve_velocity(
-                self._state,
-                self._neighbors,
-                radius=self.radius,
-                thickness=THICKEST * self._thickness,
-                kernel=self.accuracy.kernel,
-                ratio=self.accuracy.ratio,
-            )
-
     def _run_stages(self) -> None:
         """Take one stage on the CPU, a graph of several on a GPU; past the target they idle."""
         if not self._device.is_cuda:
-            self._stage()
+            self._stage.take(self._vents)
             return
         if self._graph is None:
-            self._stage()
+            self._stage.take(self._vents)
             with wp.ScopedCapture(device=self._device) as capture:
                 for _ in range(_GRAPH_STAGES):
-                    self._stage()
+                    self._stage.take(self._vents)
             self._graph = capture.graph
         if self._state.bins_in_motion and not self._neighbors.is_binned:
             self._neighbors.bin(self._state)
         wp.capture_launch(self._graph)
 
-    def _finish_step(self) -> None:
-        """Take the stages that the step at hand still needs, and begin no other."""
-        self._state.write_clock(TARGET, self.time)
-        while self._state.counts.numpy()[STAGE]:
-            self._run_stages()
-
     def _cover(self) -> None:
         """Let the neighbour grid cover the lava and the vents."""
-        if not self._state.counts.numpy()[STAGE]:
+        if not self._state.look()[1][STAGE]:
             # between stages nothing has left
             self._settle()
         self._state.write_count(BEYOND, 0)

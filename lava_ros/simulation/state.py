@@ -12,10 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The arrays of a simulation on its device, and the particles a caller may start from."""
+"""The arrays of a simulation on its device."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 import math
 from typing import Any
 
@@ -26,6 +25,8 @@ from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
+from lava_ros.simulation.memory import forget_failure
+from lava_ros.simulation.streams import read
 
 # Places in State.clock.
 TIME = wp.constant(0)
@@ -51,6 +52,7 @@ IS_LAST = wp.constant(6)
 EVALUATIONS = wp.constant(7)
 CURRENT = wp.constant(8)
 BEYOND = wp.constant(9)
+NEWCOMERS = wp.constant(10)
 
 # Places in State.rates: reciprocals of the longest step each limit allows [1/s].
 DIFFUSION = wp.constant(0)
@@ -67,117 +69,6 @@ FULLEST = 0.875
 SHARED_LANES, SHARED_UP_TO = 4, 50_000
 
 REAL = {'float32': wp.float32, 'float64': wp.float64}
-
-
-@dataclass(frozen=True, eq=False)
-class Particles:
-    """Lava given as particles, each a column of constant volume.
-
-    Attributes:
-        position: Positions (x, y) in the map frame [m], shape [count, 2].
-        volume: Volumes [m3], shape [count] or one for all.
-        temperature: Temperatures [K], shape [count] or one for all.
-        velocity: Velocities [m/s], shape [count, 2] or [2] for all; used with inertia.
-    """
-
-    position: np.ndarray
-    volume: np.ndarray | float
-    temperature: np.ndarray | float
-    velocity: np.ndarray | tuple[float, float] = (0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        """Normalise to float64 arrays.
-
-        Raises:
-            LavaError: A shape does not fit, or a value is not finite or not positive.
-        """
-        position = np.array(self.position, dtype=np.float64)
-        if position.ndim != 2 or position.shape[1] != 2 or not np.isfinite(position).all():
-            raise LavaError(
-                'particles.position',
-                f'array of shape {position.shape}',
-                'finite metres, shape [count, 2]',
-            )
-        object.__setattr__(self, 'position', position)
-        for name in ('volume', 'temperature'):
-            values = np.array(getattr(self, name), dtype=np.float64)
-            if values.ndim == 0:
-                values = np.full(len(position), float(values))
-            if values.shape != (len(position),) or not (np.isfinite(values) & (values > 0)).all():
-                raise LavaError(
-                    f'particles.{name}', f'array of shape {values.shape}', 'positive, one each'
-                )
-            object.__setattr__(self, name, values)
-        velocity = np.array(self.velocity, dtype=np.float64)
-        if velocity.shape == (2,):
-            velocity = np.tile(velocity, (len(position), 1))
-        if velocity.shape != position.shape or not np.isfinite(velocity).all():
-            raise LavaError(
-                'particles.velocity',
-                f'array of shape {velocity.shape}',
-                'finite m/s, shape [count, 2] or [2]',
-            )
-        object.__setattr__(self, 'velocity', velocity)
-
-
-#: Distance between particles that are given in one place, over the usual one.
-_APART = 1e-3
-
-
-def rows_of(particles: Particles, terrain: Terrain, spacing: float) -> np.ndarray:
-    """Rows of (map x, map y, volume, temperature), no two of them in one place.
-
-    Particles in one place push each other nowhere: they would stay together for ever. All but the
-    first are moved a little.
-
-    Args:
-        particles: The lava.
-        terrain: The ground it is to be on.
-        spacing: The usual distance between particles [m].
-
-    Raises:
-        LavaError: A particle is not on the terrain.
-    """
-    places = particles.position.copy()
-    for index in np.flatnonzero(~terrain.covered(places))[:1]:
-        raise LavaError(
-            f'particles.position[{index}]', tuple(places[index]), 'a place on the terrain'
-        )
-    # as complex numbers: a sort of rows takes ten times as long
-    _, which = np.unique(places[:, 0] + 1j * places[:, 1], return_inverse=True)
-    if which.size == 0 or which.max() == which.size - 1:
-        return np.column_stack([places, particles.volume, particles.temperature])
-    order = np.argsort(which.ravel(), kind='stable')
-    group = which.ravel()[order]
-    begin = np.flatnonzero(np.diff(group, prepend=-1))
-    number = np.arange(len(order)) - begin[group]
-    # as evenly as the seeds of a sunflower; back towards where there is ground
-    turn = 2.399963 * number
-    way = np.stack([np.cos(turn), np.sin(turn)], axis=1) * np.sqrt(number)[:, None]
-    way *= _APART * spacing
-    copies, way = order[number > 0], way[number > 0]
-    onto = terrain.covered(places[copies] + way)
-    places[copies] += np.where(onto[:, None], way, -way)
-    return np.column_stack([places, particles.volume, particles.temperature])
-
-
-@dataclass(frozen=True, eq=False)
-class ParticleSample:
-    """The particles of a running simulation, as numpy arrays of float64.
-
-    Attributes:
-        position: Positions (x, y) in the map frame [m], shape [count, 2].
-        volume: Volumes [m3], shape [count].
-        temperature: Temperatures [K], shape [count].
-        thickness: Lava thickness at the particles [m], shape [count].
-        velocity: Depth-averaged velocity [m/s], shape [count, 2].
-    """
-
-    position: np.ndarray
-    volume: np.ndarray
-    temperature: np.ndarray
-    thickness: np.ndarray
-    velocity: np.ndarray
 
 
 class State:
@@ -205,9 +96,9 @@ class State:
         flow: Thickness [m], velocity x and y [m/s], of each ordered particle, shape [capacity].
         surface: Only where the gradient takes differences: elevation of the surface [m] and the
             area V/h [m2] of each ordered particle, shape [capacity].
-        drive: Only with the Green's function: volume times local velocity, x and y [m4/s], area
-            V/h [m2] and a quarter of its squared radius [m2] of each ordered particle, shape
-            [capacity].
+        source: Only with the Green's function: x, y [m], and volume times local velocity, x and y
+            [m4/s], of each ordered particle, shape [capacity].
+        area: Only with the Green's function: V/h [m2] of each ordered particle, shape [capacity].
         slope: Only with viscous heating: gradient of the surface at each ordered particle, shape
             [capacity].
         exchange, warmth: Only with lateral conduction: rate at which each ordered particle
@@ -225,7 +116,8 @@ class State:
         counts: Particles, steps, what limited the step, whether the capacity was reached; then the
             stage at hand (0 from the last one on), the stages of the step, whether it is the last
             one, the velocity evaluations so far, the stage at hand, the last one included,
-            and whether a particle is beyond the neighbour grid.
+            whether a particle is beyond the neighbour grid, and the particles after those counted
+            first that have come out since the cells were built.
         stage: Weights of the stage at hand.
         rates: Reciprocal of the step each limit allows [1/s].
         left: Volume that has left the terrain [m3], float64.
@@ -241,6 +133,7 @@ class State:
         device: Any,
     ) -> None:
         """Allocate for ``capacity`` particles."""
+        forget_failure(device)
         self.real = REAL[accuracy.precision]
         self.vec2 = wp.types.vector(2, self.real)
         self.vec3 = wp.types.vector(3, self.real)
@@ -262,7 +155,12 @@ class State:
         self.has_surface = accuracy.gradient != 'energy' and not effects.inertia
         self.device = device
         self.clock = wp.zeros(5, dtype=wp.float64, device=device)
-        self.counts = wp.zeros(10, dtype=wp.int32, device=device)
+        self.counts = wp.zeros(11, dtype=wp.int32, device=device)
+        pinned = device.is_cuda
+        self._seen = (
+            wp.zeros(5, dtype=wp.float64, device='cpu', pinned=pinned),
+            wp.zeros(11, dtype=wp.int32, device='cpu', pinned=pinned),
+        )
         self.rates = wp.zeros(2, dtype=self.real, device=device)
         self.stage = wp.zeros(4, dtype=self.real, device=device)
         if effects.merging:
@@ -318,7 +216,8 @@ class State:
         if self.has_surface:
             self.surface = wp.zeros(capacity, dtype=self.vec2, device=self.device)
         if self.effects.green:
-            self.drive = wp.zeros(capacity, dtype=self.vec4, device=self.device)
+            self.source = wp.zeros(capacity, dtype=self.vec4, device=self.device)
+            self.area = wp.zeros(capacity, dtype=self.real, device=self.device)
 
     @property
     def lanes(self) -> int:
@@ -330,18 +229,27 @@ class State:
         """Threads of a kernel that rarely has anything to do; each takes every so many-th."""
         return RARE_THREADS if self.device.is_cuda else 1
 
-    def make_room(self) -> bool:
+    def look(self) -> tuple[np.ndarray, np.ndarray]:
+        """Copies of ``clock`` and ``counts``, when all that is launched on this stream is done."""
+        for seen, array in zip(self._seen, (self.clock, self.counts), strict=True):
+            wp.copy(seen, array)
+        if self.device.is_cuda:
+            wp.synchronize_stream(wp.get_stream(self.device))
+        clock, counts = (seen.numpy().copy() for seen in self._seen)
+        return clock, counts
+
+    def make_room(self, counts: np.ndarray) -> bool:
         """Make more room for particles when it is almost full or a vent found none.
 
-        Notes in ``is_beyond`` whether one is beyond the neighbour grid.
+        Args:
+            counts: A copy of ``counts`` as it is.
 
         Returns:
             Whether it has: the arrays are others then.
         """
-        counts = self.counts.numpy()
-        self.is_beyond = bool(counts[BEYOND])
-        if counts[FULL] or counts[PARTICLES] > FULLEST * self.capacity:
-            self.grow(max(room_for(int(counts[PARTICLES])), room_for(self.capacity)))
+        count = int(counts[PARTICLES] + counts[NEWCOMERS])
+        if counts[FULL] or count > FULLEST * self.capacity:
+            self.grow(max(room_for(count), room_for(self.capacity)))
             return True
         return False
 
@@ -360,6 +268,7 @@ class State:
             self._allocate(capacity)
         except RuntimeError as error:
             vars(self).update(former)
+            forget_failure(self.device)
             raise RuntimeError(f'room for {capacity} particles: {error}') from error
         for name, values in kept.items():
             if count:
@@ -379,20 +288,21 @@ class State:
 
     def write_clock(self, place: int, value: float) -> None:
         """Replace one of the times in ``clock``."""
-        clock = self.clock.numpy()
+        clock, _ = self.look()
         clock[place] = value
         self.clock.assign(clock)
 
     def write_count(self, place: int, value: int) -> None:
         """Replace one of the ``counts``."""
-        counts = self.counts.numpy()
+        _, counts = self.look()
         counts[place] = value
         self.counts.assign(counts)
 
     @property
     def count(self) -> int:
         """Number of particles (read back from the device)."""
-        return int(self.counts.numpy()[PARTICLES])
+        _, counts = self.look()
+        return int(counts[PARTICLES] + counts[NEWCOMERS])
 
     def write_particles(self, values: np.ndarray) -> None:
         """Replace all particles by rows of (x, y from the centre, volume, temperature).
@@ -418,6 +328,7 @@ class State:
                 rows = wp.array(former, dtype=array.dtype, device=self.device)
                 wp.copy(array, rows, count=count)
         self.write_count(PARTICLES, len(values))
+        self.write_count(NEWCOMERS, 0)
 
     def take_over(self, former: 'State') -> None:
         """Go on from another state, of other effects: what both have is kept."""
@@ -459,8 +370,8 @@ class State:
             if len(values):
                 rows = wp.array(values, dtype=target.dtype, device=self.device)
                 wp.copy(target, rows, count=len(values))
-        counts = self.counts.numpy()
-        if (counts[PARTICLES], counts[STAGE]) != (count, 0):
+        _, counts = self.look()
+        if (counts[PARTICLES], counts[NEWCOMERS], counts[STAGE]) != (count, 0, 0):
             right = f'{count} particles, between two steps'
             raise LavaError('checkpoint.state.counts', counts.tolist(), right)
 
@@ -478,7 +389,7 @@ class State:
 
     def read_particles(self) -> np.ndarray:
         """Rows of (x, y, volume, temperature), float64, x and y from the centre."""
-        return self.particle.numpy()[: self.count].astype(np.float64)
+        return read(self.particle)[: self.count].astype(np.float64)
 
 
 def room_for(count: int) -> int:

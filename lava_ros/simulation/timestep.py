@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Time integration: the choice of the step and the motion over it, on the device.
+"""Time integration: the choice of the step and of its stages, on the device.
 
 Particles move with dx/dt = u(x), and u follows the surface gradient: a stiff, diffusive system.
 It is integrated by RKL2, the super-time-stepping of Meyer, Balsara & Aslam (2014, J. Comput.
@@ -30,10 +30,7 @@ import warp as wp
 from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
-from lava_ros.simulation.compiled import load2, load4, quick_kernel, store2, store4
-from lava_ros.simulation.flow import flow_constants_of
-from lava_ros.simulation.heat import freezing_step, heat_constants_of, temperature_function
-from lava_ros.simulation.neighbors import bin_function, cell_frame, NeighborGrid
+from lava_ros.simulation.heat import freezing_step
 from lava_ros.simulation.snapshot import StepReport
 from lava_ros.simulation.state import (
     BEFORE_FORMER,
@@ -55,7 +52,6 @@ from lava_ros.simulation.state import (
     TIME,
     VELOCITY,
 )
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
 from lava_ros.simulation.vents import VentSet
 
 #: What can bound a step, by its number in ``State.counts[LIMIT]``.
@@ -63,13 +59,6 @@ LIMITS = ('longest', 'diffusion', 'advection', 'fixed', 'waves')
 
 #: Most stages of a step: more would lose digits, not gain steps.
 MOST_STAGES = 64
-
-#: Displacements in a step over those its length was chosen for: speeds may rise this much in it.
-_MOST_REACH = 2.0
-
-#: Halvings of a displacement that would lift lava out of its reach, before it is given up.
-_HALVINGS = 8
-
 
 @wp.func
 def _b(j: int) -> wp.float64:
@@ -205,184 +194,6 @@ def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool, freezes: bool)
     return choose_stage
 
 
-@lru_cache
-def _guard_function(real: Any) -> Any:
-    """Return the device function that keeps a displacement to what a step can answer for.
-
-    A step is as long as the speeds at its start allow. Where the ground changes from one cell to
-    the next a particle may be a thousand times as fast a stage later, and would be thrown across
-    cells, or high up a wall at whose foot it has to stop. Its displacement in a step is at most
-    ``_MOST_REACH`` times the one that steps are chosen for, and lifts it by no more than it is
-    thick (and its velocity can): the slope of a sum over neighbours is 1.5 h / l at most.
-    """
-    vec2 = wp.types.vector(2, real)
-    height_at = terrain_functions(real).height_at
-
-    @wp.func
-    def guarded(
-        elevation: wp.array2d(dtype=real),
-        terrain: TerrainFrame,
-        reach: real,
-        x: real,
-        y: real,
-        way: vec2,
-        rise: real,
-    ) -> vec2:
-        most = real(_MOST_REACH) * reach
-        size = wp.length(way)
-        kept = way
-        if size > most:
-            kept = way * (most / size)
-        top = height_at(elevation, terrain, x, y) + rise
-        for _ in range(_HALVINGS):
-            if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top:
-                return kept
-            kept *= real(0.5)
-        return vec2()
-
-    return guarded
-
-
-@lru_cache
-def _move_kernel(
-    real: Any, effects: Effects, is_staged: bool, is_guarded: bool, bins: bool
-) -> Any:
-    vec2 = wp.types.vector(2, real)
-    guarded = _guard_function(real)
-    place = bin_function(real, False)
-    load, store = load4(real), store4(real)
-    load_pair, store_pair = load2(real), store2(real)
-    gradient_at, _, height_at, _ = terrain_functions(real)
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
-    temperature_after = temperature_function(real, effects)
-    heats = temperature_after is not None
-    has_age = effects.crust or effects.ground
-    falls = effects.viscous_heating
-
-    @quick_kernel
-    def move(
-        ordered: wp.array(dtype=vec4),
-        flow: wp.array(dtype=vec3),
-        counts: wp.array(dtype=wp.int32),
-        clock: wp.array(dtype=wp.float64),
-        stage: wp.array(dtype=real),
-        elevation: wp.array2d(dtype=real),
-        terrain: TerrainFrame,
-        constants: flow_constants_of(real),
-        heat: heat_constants_of(real),
-        ordered_base: wp.array(dtype=vec4),
-        ordered_drift: wp.array(dtype=vec4),
-        ordered_remainder: wp.array(dtype=vec2),
-        particle: wp.array(dtype=vec4),
-        base: wp.array(dtype=vec4),
-        drift: wp.array(dtype=vec4),
-        remainder: wp.array(dtype=vec2),
-        slope: wp.array(dtype=vec2),
-        ordered_age: wp.array(dtype=real),
-        age: wp.array(dtype=real),
-        cold: wp.array(dtype=wp.int32),
-        known: wp.array2d(dtype=wp.uint8),
-        frame: TerrainFrame,
-        cells: cell_frame(real),
-        cell: wp.array(dtype=wp.int32),
-        rank: wp.array(dtype=wp.int32),
-        sizes: wp.array(dtype=wp.int32),
-        left: wp.array(dtype=wp.float64),
-    ):
-        i = wp.tid()
-        if i >= counts[PARTICLES]:
-            return
-        p = load(ordered, i)
-        f = flow[i]
-        x = p[0]
-        y = p[1]
-        dx = stage[VELOCITY] * f[1]
-        dy = stage[VELOCITY] * f[2]
-        before = vec2()
-        start = vec2(f[1], f[2])
-        if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
-            # displacements, not positions, are combined: a float32 keeps their digits
-            if counts[CURRENT] > 1:
-                b = load(ordered_base, i)
-                d = load(ordered_drift, i)
-                dx += (
-                    stage[FORMER] * d[0]
-                    + stage[BEFORE_FORMER] * b[2]
-                    + stage[FIRST_VELOCITY] * d[2]
-                )
-                dy += (
-                    stage[FORMER] * d[1]
-                    + stage[BEFORE_FORMER] * b[3]
-                    + stage[FIRST_VELOCITY] * d[3]
-                )
-                x = b[0]
-                y = b[1]
-                before = vec2(d[0], d[1])
-                start = vec2(d[2], d[3])
-        if wp.static(is_staged and is_guarded):  # noqa: SIM102, the static test decides
-            if counts[CURRENT] == 2 and counts[STAGES] == 2:
-                # 3/2 of this stage's velocity less 1/2 of the first one's: where lava slows down
-                # to a third that leads back, and never on
-                speed = wp.length(start)
-                if speed > real(0.0) and f[1] * start.x + f[2] * start.y >= real(0.0):
-                    short = wp.dot(before - vec2(dx, dy), start) / (speed * speed)
-                    if short > real(0.0):
-                        dx += short * start.x
-                        dy += short * start.y
-        if wp.static(is_guarded):
-            rise = f[0]
-            if wp.static(effects.inertia):
-                rise += (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * real(constants.gravity))
-            way = guarded(
-                elevation, terrain, real(constants.reach), x, y, vec2(dx, dy), rise
-            )
-            dx = way[0]
-            dy = way[1]
-        if wp.static(is_staged):
-            store(base, i, vec4(x, y, before[0], before[1]))
-            store(drift, i, vec4(dx, dy, start[0], start[1]))
-        temperature = p[3]
-        time_out = real(0.0)
-        if wp.static(has_age):
-            time_out = ordered_age[i]
-            age[i] = time_out
-        if wp.static(heats):  # noqa: SIM102, the static test decides what is compiled
-            if counts[IS_LAST] == 1:
-                step = real(clock[STEP])
-                drop = real(0.0)
-                if wp.static(falls):
-                    drop = -wp.dot(slope[i], vec2(dx, dy))
-                    if wp.static(not effects.inertia):
-                        # what the ground falls by, however steep it is where the step begins
-                        ground = gradient_at(elevation, terrain, p[0], p[1])
-                        drop += wp.dot(ground, vec2(dx, dy))
-                        drop += height_at(elevation, terrain, x, y)
-                        drop -= height_at(elevation, terrain, x + dx, y + dy)
-                temperature = temperature_after(heat, f[0], temperature, time_out, drop, step)
-                if wp.static(has_age):
-                    age[i] = time_out + step
-        if wp.static(effects.solidification):  # noqa: SIM102, the static test decides
-            if counts[IS_LAST] == 1 and temperature < heat.solidus:
-                cold[0] = 1
-        if wp.static(real is wp.float32):
-            rest = load_pair(ordered_remainder, i)
-            dx += rest[0]
-            dy += rest[1]
-            new = vec2(x + dx, y + dy)
-            if counts[IS_LAST] == 1:
-                rest = vec2(dx - (new[0] - x), dy - (new[1] - y))
-            store_pair(remainder, i, rest)
-            p = vec4(new[0], new[1], p[2], temperature)
-        else:
-            p = vec4(x + dx, y + dy, p[2], temperature)
-        store(particle, i, p)
-        if wp.static(bins):
-            place(i, p, counts, known, frame, cells, cell, rank, sizes, left)
-
-    return move
-
-
 def longest_step(
     scene: Scene, accuracy: Accuracy, effects: Effects, vents: VentSet, reach: float
 ) -> float:
@@ -408,7 +219,7 @@ def longest_step(
 
 def step_report(state: State) -> StepReport:
     """Read back how the latest step was chosen, and what it cost so far."""
-    clock, counts = state.clock.numpy(), state.counts.numpy()
+    clock, counts = state.look()
     return StepReport(
         count=int(counts[STEPS]),
         evaluations=int(counts[EVALUATIONS]),
@@ -437,41 +248,3 @@ def choose_stage(state: State, longest: float, accuracy: Accuracy, due: Any) -> 
         outputs=[state.clock, state.counts, state.stage, *state.optional('cold')],
         device=state.device,
     )
-
-
-def move_particles(
-    state: State,
-    neighbors: NeighborGrid,
-    terrain: StaggeredTerrain,
-    constants: Any,
-    heat: Any,
-) -> None:
-    """Move the ordered particles over the stage, heat or cool them at the end of the step.
-
-    Where no pass comes after it, they are put into the cells where they have arrived.
-    """
-    wp.launch(
-        _move_kernel(
-            state.real, state.effects, state.is_staged, state.is_guarded, state.bins_in_motion
-        ),
-        dim=state.capacity,
-        inputs=[
-            state.ordered,
-            state.flow,
-            state.counts,
-            state.clock,
-            state.stage,
-            terrain.height,
-            terrain.frame,
-            constants,
-            heat,
-            *state.optional('ordered_base', 'ordered_drift', 'ordered_remainder'),
-        ],
-        outputs=[
-            state.particle,
-            *state.optional('base', 'drift', 'remainder', 'slope', 'ordered_age', 'age', 'cold'),
-            *neighbors.place_in(state),
-        ],
-        device=state.device,
-    )
-    neighbors.is_binned = state.bins_in_motion

@@ -26,8 +26,20 @@ import warp as wp
 from lava_ros.accuracy import Accuracy
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.neighbors import bin_function, cell_frame, NeighborGrid
-from lava_ros.simulation.state import centre_of, FULL, IS_LAST, PARTICLES, State, TIME
+from lava_ros.simulation.state import (
+    centre_of,
+    FULL,
+    IS_LAST,
+    NEWCOMERS,
+    PARTICLES,
+    State,
+    TIME,
+)
+from lava_ros.simulation.streams import read
 from lava_ros.simulation.terrain import TerrainFrame
+
+#: Relative error of the time at which a particle is due.
+_ROUNDING = 1e-9
 
 #: Particles that come out of a disc and of a fissure at once, so that they have its symmetries.
 _DISC_GROUP, _FISSURE_GROUP = 8, 4
@@ -108,6 +120,8 @@ def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool, bins:
 
     group_of, next_two, _ = _due_functions(symmetric)
     put = bin_function(real, False)
+    # the motion of the others goes on meanwhile, and needs to know how many there are
+    total = NEWCOMERS if bins else PARTICLES
 
     @wp.func
     def place_of(shape: wp.array2d(dtype=wp.float64), v: int, n: int) -> vec2:
@@ -158,7 +172,7 @@ def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool, bins:
             if part >= 4:
                 y = -y
         else:
-            angle = wp.float64(2.0 * wp.pi) * a
+            angle = wp.float64(2.0 * wp.pi) * a + shape[v, 10]
             x = radius * wp.sqrt(b) * wp.cos(angle)
             y = radius * wp.sqrt(b) * wp.sin(angle)
         return vec2(real(shape[v, 0] + x), real(shape[v, 1] + y))
@@ -197,7 +211,9 @@ def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool, bins:
         first = wp.tid() * span
         for v in range(first, wp.min(first + span, vents)):
             k = starts[v]
-            if time >= times[k]:
+            # nothing is read but when something is due, give or take its rounding
+            is_due = time >= (wp.float64(1.0) - wp.float64(_ROUNDING)) * due_times[v][0]
+            if is_due and time >= times[k]:
                 while k + 1 < starts[v + 1] and times[k + 1] <= time:
                     k += 1
                 volume = volumes[k] + fluxes[k] * (time - times[k])
@@ -205,10 +221,12 @@ def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool, bins:
                 due -= due % group_of(shape, v)
                 slot = 0
                 if due > 0:
-                    slot = wp.atomic_add(counts, PARTICLES, due)
+                    slot = wp.atomic_add(counts, wp.static(total), due)
+                    if wp.static(bins):
+                        slot += counts[PARTICLES]
                     if slot + due > capacity:
                         # no room: what is due stays in the conduit until the host has made some
-                        wp.atomic_sub(counts, PARTICLES, due)
+                        wp.atomic_sub(counts, wp.static(total), due)
                         counts[FULL] = 1
                         due = 0
                 for n in range(due):
@@ -251,6 +269,7 @@ class VentSet:
         centre: np.ndarray,
         particle_volume: float,
         least_radius: float,
+        downhill: Sequence[float],
         symmetric: bool,
         device: Any,
     ) -> None:
@@ -263,6 +282,8 @@ class VentSet:
             centre: Map position particles are relative to [m].
             particle_volume: Volume of a particle [m3].
             least_radius: Radius below which a vent is not resolved [m]: it is widened to this.
+            downhill: Direction in which the ground falls at each vent [rad]: places of particles
+                in a disc turn with it, so a scene that is turned has the same ones.
             symmetric: Whether particles come out in groups that have the vent's symmetries.
             device: Warp device.
         """
@@ -272,7 +293,8 @@ class VentSet:
         self._particle_volume = particle_volume
         self._symmetric = symmetric
         self._device = device
-        shape = np.zeros((len(self.vents), 10))
+        shape = np.zeros((len(self.vents), 11))
+        shape[:, 10] = downhill
         places: Counter[Any] = Counter()
         starts, times, fluxes, volumes = [0], [], [], []
         for row, vent, conduit in zip(shape, self.vents, carried, strict=True):
@@ -358,7 +380,7 @@ class VentSet:
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy what is not in the vents themselves: their conduits, and what has come out."""
-        released = self._released.numpy()[: len(self.vents)].copy()
+        released = read(self._released)[: len(self.vents)]
         return {'carried': self._carried.copy(), 'released': released}
 
     def load(self, released: np.ndarray) -> None:
@@ -373,7 +395,7 @@ class VentSet:
 
     def pending(self, time: float) -> np.ndarray:
         """Volume [m3] of each vent that is emitted but not yet a particle."""
-        released = self._released.numpy()[: len(self.vents)]
+        released = read(self._released)[: len(self.vents)]
         given = [vent.volume_between(self.since, time) for vent in self.vents]
         return self._carried + given - released * self._particle_volume
 
@@ -405,6 +427,23 @@ def vent_set(
         centre=centre_of(terrain),
         particle_volume=particle_volume,
         least_radius=accuracy.spacing,
+        downhill=[_downhill(terrain, vent.position) for vent in vents],
         symmetric=accuracy.symmetric,
         device=device,
     )
+
+
+def _downhill(terrain: Terrain, place: tuple[float, float]) -> float:
+    """Direction in which the ground falls around a place [rad], 0 where it does not."""
+    cell = terrain.cell_at(*place)
+    if cell is None:
+        return 0.0
+    rows, columns = (
+        np.clip(np.arange(n - 1, n + 2), 0, side - 1)
+        for n, side in zip(cell, terrain.shape, strict=True)
+    )
+    around = terrain.elevation[np.ix_(rows, columns)].astype(np.float64)
+    fall_x = float((around[:, 0] - around[:, 2]).sum())
+    fall_y = float((around[0, :] - around[2, :]).sum())
+    falls = math.hypot(fall_x, fall_y) > 0.0
+    return math.atan2(fall_y, fall_x) if falls else 0.0

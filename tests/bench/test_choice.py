@@ -24,6 +24,8 @@ from lava_ros.bench import choice
 from lava_ros.bench.scenes import scenes
 from lava_ros.choice import CRITERIA, decide, effects_for
 from lava_ros.presets import DEFAULT, preset_accuracy
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.automatic import resolved_accuracy
 
 ACCURACY = preset_accuracy(DEFAULT)
 
@@ -58,33 +60,60 @@ def test_everything_is_what_the_material_has(item):
 
 @pytest.mark.parametrize('name', ['plain', 'fast'])
 def test_chosen_effects_cover_what_all_effects_cover(name):
-    """A short run reaches the same cells with the chosen effects as with all."""
+    """Short runs reach the same cells with the chosen effects as with all."""
     item = next(item for item in scenes() if item.name == name)
-    item = replace(item, horizon=0.3 * item.horizon)
-    row = choice.measure(item, device='cpu', command='', runs=1)
+    item = replace(item, horizon=0.2 * item.horizon)
+    row = choice.measure(item, device='cpu', command='', runs=2)
     assert row.jaccard >= 0.98
-    assert row.noise >= 0.98
-    assert row.cells > 200
+    assert row.single >= 0.98
+    assert min(row.noise_auto, row.noise_all) >= 0.95
+    assert row.cells > 100
+    assert row.seconds_auto > 0.0
 
 
-def test_disturbed_vents_are_hardly_elsewhere():
-    """Ends move with the vents, series keep their times."""
+def test_copies_are_the_scene_over_and_over():
+    """Each has the terrain and its own vents; ends move with them, series keep their times."""
     scene = next(item.scene for item in scenes() if item.name == 'fissure')
     scene = replace(scene, vents=(replace(scene.vents[0], discharge=((0.0, 2.0), (9.0, 0.0))),))
-    (vent,) = choice.disturbed(scene, 0.5).vents
-    assert vent.position == pytest.approx((0.8, -79.7))
-    assert vent.end == pytest.approx((20.8, 80.7))
-    assert [time for time, _ in vent.series] == [0.0, 9.0]
-    assert vent.series[0][1] == pytest.approx(2.0 * (1.0 + choice.GAIN))
+    wide = choice.copies(scene, 5, shift=0.1)
+    rows, columns = scene.terrain.elevation.shape
+    known = np.isfinite(wide.terrain.elevation)
+    assert known.sum() >= 5 * rows * columns
+    for number, vent in enumerate(wide.vents):
+        place = np.array(vent.position) - scene.vents[0].position
+        column, row = np.floor(place / scene.terrain.resolution + 1e-6).astype(int)
+        tile = wide.terrain.elevation[row : row + rows, column : column + columns]
+        assert (tile == scene.terrain.elevation).all()
+        border = wide.terrain.elevation[row : row + rows, column + columns :][:, : choice.GAP]
+        assert np.isnan(border).all()
+        moved = place - scene.terrain.resolution * np.array([column, row])
+        assert moved == pytest.approx(np.full(2, 0.1 * number * scene.terrain.resolution))
+        assert np.array(vent.end) - vent.position == pytest.approx((20.0, 160.4))
+        assert [time for time, _ in vent.series] == [0.0, 9.0]
+        assert vent.series[0][1] == pytest.approx(2.0 * (1.0 + choice.GAIN * number))
+    assert number == 4
+
+
+def test_runs_side_by_side_are_the_runs_one_by_one():
+    """The copy whose vents are where they were covers what a run of its own does."""
+    item = next(item for item in scenes() if item.name == 'plain')
+    accuracy = resolved_accuracy(preset_accuracy('draft'), item.scene)
+    effects = effects_for(item.scene, accuracy=accuracy, horizon=item.horizon)
+    arguments = {'accuracy': accuracy, 'device': 'cpu'}
+    both = choice.covered(item.scene, 3, effects, horizon=150.0, **arguments)
+    assert both.shape == (3, *item.scene.terrain.elevation.shape)
+    alone = Simulation(item.scene, effects=effects, **arguments)
+    alone.advance(150.0)
+    cells = alone.snapshot().thickness > choice.COVERED
+    assert cells.sum() > 200
+    assert choice.jaccard(both[0], cells) > 0.98
 
 
 def test_a_footprint_is_what_most_runs_cover():
-    """Two of three runs decide for each cell."""
-    runs = [
-        choice.Flow(np.array([[a, b, c]], dtype=bool), particles=1, evaluations=1, seconds=1.0)
-        for a, b, c in ((1, 1, 0), (1, 0, 0), (1, 1, 1))
-    ]
+    """Two of three runs decide for each cell; halves take turns."""
+    runs = np.array([[[1, 1, 0]], [[1, 0, 0]], [[1, 1, 1]]], dtype=bool)
     assert choice.footprint(runs).tolist() == [[True, True, False]]
+    assert choice.noise(runs) == pytest.approx(0.5)
 
 
 def test_jaccard_of_cells():

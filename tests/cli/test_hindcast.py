@@ -103,6 +103,25 @@ def test_bag_has_the_maps(finished: Path) -> None:
     assert read_frame(finished / 'out/bag', 2400.0).time == pytest.approx(2400.0)
 
 
+def test_more_runs_say_how_sure_it_is(tmp_path: Path) -> None:
+    """Scores of two more runs, their majority, and the share of them in each cell."""
+    case = write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)
+    arguments = ['hindcast', str(case), '--preset', 'draft', '--spacing', '20', '--device', 'cpu']
+    arguments += ['--maps', '1', '-o', str(tmp_path / 'out')]
+    assert main([*arguments, '--runs', '0']) == 2
+    assert main([*arguments, '--runs', '2']) == 0
+    runs = json.loads((tmp_path / 'out/hindcast.json').read_text())['runs']
+    assert runs['count'] == len(runs['jaccard']) == 2
+    assert runs['lowest'] <= runs['mean'] <= runs['highest']
+    with rasterio.open(tmp_path / 'out/runs.tif') as file:
+        share = file.read(1)
+    assert set(np.unique(share)) <= {0.0, 0.5, 1.0}
+    assert (share >= 0.5).sum() * CELL**2 == pytest.approx(runs['majority']['area'])
+    page = (tmp_path / 'out/hindcast.html').read_text()
+    assert f'{runs["majority"]["jaccard"]:.3f} (where at least half' in page
+    assert not (tmp_path / 'out/.unfinished').exists()
+
+
 def test_wrong_case_is_refused_in_a_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -44,7 +44,8 @@ def test_every_command_has_a_line_under_a_heading(capsys):
     expected = []
     for heading, commands in cli.GROUPS:
         expected.append(f'  {heading}')
-        expected += [f'    {command.__name__.split(".")[-1]}' for command in commands]
+        words = [command.__name__.split('.')[-1].replace('_', '-') for command in commands]
+        expected += [f'    {word}' for word in words]
     names = [line for line in lines if not line.startswith('     ')]
     assert [line[: 17 if line.startswith('    ') else None].rstrip() for line in names] == expected
     assert all(line[17:].strip() for line in lines if line.startswith('    '))

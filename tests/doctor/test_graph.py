@@ -22,7 +22,7 @@ import pytest
 
 from lava_ros.doctor import graph
 from lava_ros.doctor.finding import FAIL, Finding, OK, WARN
-from lava_ros.layers import layers_from_dict, load_layers
+from lava_ros.layer_files import layers_from_dict, load_layers
 from lava_ros.share import share_path
 
 

@@ -21,7 +21,8 @@ import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.forecast import Forecast
-from lava_ros.layers import IMAGE, layers_from_dict, load_layers, OCCUPANCY_GRID
+from lava_ros.layer_files import layers_from_dict, load_layers
+from lava_ros.layers import IMAGE, OCCUPANCY_GRID
 from lava_ros.scene import Terrain
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'
@@ -101,8 +102,8 @@ def test_peaks():
 
 
 def test_the_file():
-    """Four layers, all of a forecast and latched; none of now among them."""
-    layers = load_layers(CONFIGS / 'forecast.yaml')
+    """Four layers beside those of ensembles, of a forecast and latched; none of now among them."""
+    layers = [item for item in load_layers(CONFIGS / 'forecast.yaml') if not item.is_ensemble]
     shown = {layer.topic: (layer.source, layer.message) for layer in layers}
     assert shown == {
         'arrival_time': ('arrival', IMAGE),

@@ -21,7 +21,14 @@ from disc_flow import disc_fields, disc_members, disc_plan, exact_probability
 from lava_ros.errors import LavaError
 from lava_ros.forecast.probability import footprint_of, Tally
 from lava_ros.forecast.sampling import draw_members
-from lava_ros.forecast.scores import brier_parts, brier_score, reliability
+from lava_ros.forecast.scores import brier_parts, brier_score, entropy, reliability
+
+
+def test_entropy() -> None:
+    """No bit where it is sure, one at even odds, the same for what comes and what does not."""
+    bits = entropy(np.array([0.0, 1.0, 0.5, 0.25, 0.75, np.nan]))
+    expected = [0.0, 0.0, 1.0, 0.811278, 0.811278, np.nan]
+    np.testing.assert_allclose(bits, expected, atol=1e-6)
 
 
 def test_the_score_of_small_cases() -> None:

@@ -25,13 +25,16 @@ from rclpy.serialization import serialize_message
 import yaml
 
 from fuzz.messages import TOPICS
+from hard.invariants import Watch
 from lava_ros.accuracy import Accuracy
 from lava_ros.choice import decide
+from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.lava import Lava
 from lava_ros.ros import inputs
 from lava_ros.ros.raw_input import decode, MAX_CLOUD_FIELDS, OVERHEAD
 from lava_ros.scene import Scene, scene_from_yaml, Terrain, Vent
+from lava_ros.simulation import Simulation
 from lava_ros.terrain_files import load_terrain
 from ros import graph_publisher
 
@@ -158,3 +161,56 @@ def test_signalling_nan_in_a_cloud_warns_nobody(recwarn: pytest.WarningsRecorder
     with pytest.raises(LavaError, match='position'):
         inputs.vents_from_cloud(cloud, inputs.InputRules())
     assert not recwarn.list
+
+
+@pytest.mark.parametrize(
+    ('vent', 'viscosity', 'inertia', 'until', 'spacing'),
+    [
+        (Vent((0.5, 0.5), 700.0, radius=1.0, velocity=(0.0, 40.0)), 165.0, True, 0.2, 2.0),
+        (Vent((20.0, 20.0), 440.0, radius=1.0), 2.5e8, False, 60.0, 1.0),
+    ],
+    ids=['thrown out of its vent', 'pushed by what is behind'],
+)
+def test_lava_that_warms_by_more_than_it_can_fall(
+    vent: Vent, viscosity: float, inertia: bool, until: float, spacing: float
+) -> None:
+    """It was taken for an error: speed warms it, or lava behind it, and all is paid for."""
+    lava = Lava(viscosity=viscosity, specific_heat=600.0)
+    simulation = Simulation(
+        Scene(Terrain(np.zeros((40, 40)), 1.0), (vent,), lava),
+        effects=Effects(arrhenius=False, cooling=False, viscous_heating=True, inertia=inertia),
+        accuracy=Accuracy(spacing=spacing),
+        device='cpu',
+    )
+    watch, thickest = Watch(simulation), 0.0
+    for frame in range(1, 7):
+        simulation.advance(until * frame / 6.0)
+        watch.check()
+        thickest = max(thickest, float(simulation.sample().thickness.max(initial=0.0)))
+    warmer = float(simulation.sample().temperature.max()) - vent.temperature
+    assert warmer > 9.81 / 600.0 * 2.0 * thickest
+    assert 0.0 < watch.largest['heat'] < 1.0
+
+
+def test_lava_whose_speed_drag_does_not_change() -> None:
+    """Heat of nothing over nothing: it was no number, and half a second later nothing was."""
+    rough = Terrain(np.array([[0.001257302, -0.0013210486], [0.006404227, 0.001049001]]), 1.0)
+    discharge = ((0.0, 744.3195958314132), (1.0, 0.0), (5.0, 1488.6391916628263), (1000.0, 0.0))
+    simulation = Simulation(
+        Scene(
+            Terrain(np.zeros((2, 2)), 1.0),
+            (Vent((0.5, 0.5), discharge, 1459.0, radius=1.0),),
+            Lava(viscosity=1.0, density=1000.0, specific_heat=600.0, arrhenius=0.04),
+            ambient_temperature=200.0,
+        ),
+        effects=Effects(cooling=False, steep=False, inertia=True, viscous_heating=True),
+        accuracy=Accuracy(refinement=0.5, ratio=3.5),
+        device='cpu',
+    )
+    watch = Watch(simulation)
+    for frame in range(1, 7):
+        if frame == 4:
+            simulation.set_terrain(rough)
+            watch.renew()
+        simulation.advance(0.461961952225758 * frame / 6.0)
+        watch.check()

@@ -37,7 +37,7 @@ from lava_ros.choice import decide
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.lava import Lava
-from lava_ros.layers import layers_from_dict
+from lava_ros.layer_files import layers_from_dict
 from lava_ros.presets import preset_accuracy
 from lava_ros.ros import parameters
 from lava_ros.scene import Scene, scene_from_yaml, Terrain, Vent, vents_from_list

@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from lava_ros.scene import Vent
+from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation import Simulation
 
 
@@ -103,6 +103,13 @@ class Ground:
 
 def _spline(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return 0.5 * (0.5 - t) ** 2, 0.75 - t * t, 0.5 * (0.5 + t) ** 2
+
+
+def lift(former: Terrain, terrain: Terrain) -> float:
+    """How much higher lava may be on a new terrain than it was on the one before [m]."""
+    if (former.extent, former.shape) != (terrain.extent, terrain.shape):
+        return float(np.nanmax(terrain.elevation) - np.nanmin(former.elevation))
+    return float(np.nanmax(terrain.elevation - former.elevation))
 
 
 def distance(

@@ -19,8 +19,13 @@ A ``Watch`` looks at a simulation between frames and says which invariant does n
 finite       Positions, volumes, temperatures, thicknesses, velocities, cells and the budget.
 volume       What the vents gave is held, has left or has frozen, to ``VOLUME`` of it.
 temperature  No colder than air, vents and lava at the start, no hotter than the hottest of them;
-             with viscous heating by g / c times the height that lava can fall more. To
-             ``DIGITS`` float32 digits of 2048 K.
+             with viscous heating by g / c times the height that its surface can fall by more:
+             from the highest ground there was, raised by what new ground has lifted it; twice the
+             thickest lava, and once more each time that lava's age grows e-fold, for what is
+             behind pushes it and at a front that moves along the surface falls again and again;
+             and with inertia what vents have thrown it. To ``DIGITS`` float32 digits of 2048 K.
+heat         With viscous heating, the heat of what is warmer than the hottest vent is no more
+             than the energy below that is gone since the start: rho c sum V (T - hottest).
 energy       E = sum V (h / 2 + H), over rho g and from the lowest ground, plus V u^2 / 2g with
              inertia; h is the sum over the neighbours that the flow's gradient belongs to, H the
              ground's surface. From one frame to the next it grows by no more than what came in:
@@ -48,12 +53,13 @@ import math
 
 import numpy as np
 
-from hard.ground import distance, Ground
+from hard.ground import distance, Ground, lift
 from lava_ros.accuracy import expected_thickness
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation, Snapshot
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.state import EVALUATIONS, ParticleSample, STEPS
+from lava_ros.simulation.particles import ParticleSample
+from lava_ros.simulation.state import EVALUATIONS, STEPS
 from lava_ros.simulation.timestep import longest_step, MOST_STAGES
 
 #: Largest share of the lava that may be unaccounted for.
@@ -151,19 +157,35 @@ class Watch:
         self._coldest = math.inf
         self._top = -math.inf
         self._head = 0.0
+        self._thrown = 0.0
+        self._first = math.inf
+        self._received = 0.0
+        self._terrain = simulation.scene.terrain
+        self._highest = float(np.nanmax(self._terrain.elevation))
         self.renew()
 
     def renew(self) -> None:
         """Take the simulation as it is, after vents or terrain were changed from outside."""
         sample = self._simulation.sample()
-        self._terrain = self._simulation.scene.terrain
+        former, self._terrain = self._terrain, self._simulation.scene.terrain
+        if former is not self._terrain:
+            top = float(np.nanmax(self._terrain.elevation))
+            self._highest = max(self._highest + lift(former, self._terrain), top)
         self._top = -math.inf
         self._know(sample)
         ground = Ground(self._simulation)
         if len(sample.volume):
             surface = sample.thickness + ground.height(sample.position)
             self._top = max(self._top, float(surface.max()))
-        self._last = self._frame(sample, ground)
+        now = self._frame(sample, ground)
+        if not hasattr(self, '_last'):
+            self._received = now.energy
+        elif now.time == self._last.time:
+            self._received += now.energy - self._last.energy
+        else:
+            # what came in and what is gone since the last check cannot be told apart
+            self._received = math.inf
+        self._last = now
 
     def check(self, snapshot: Snapshot | None = None) -> list[Violation]:
         """Check every invariant at this moment.
@@ -222,6 +244,10 @@ class Watch:
             [self._hottest, scene.ambient_temperature]
             + [vent.temperature for vent in scene.vents]
         )
+        if self._simulation.effects.inertia:
+            speeds = [float(np.hypot(*vent.velocity)) for vent in scene.vents]
+            heads = [speed**2 / (2.0 * scene.gravity) for speed in speeds]
+            self._thrown = max([self._thrown, *heads])
         if not hasattr(self, '_last') and len(sample.temperature):
             self._coldest = min(self._coldest, float(sample.temperature.min()))
             self._hottest = max(self._hottest, float(sample.temperature.max()))
@@ -233,12 +259,14 @@ class Watch:
         tolerance = DIGITS * 2.0**-13
         fall = 0.0
         if self._simulation.effects.viscous_heating:
-            ground = scene.terrain.elevation
             self._thickest = max(self._thickest, float(sample.thickness.max()))
             # lava that came out since the last frame was thicker than any frame shows: granted
             # is twice of that
-            relief = float(np.nanmax(ground) - np.nanmin(ground)) + 2.0 * self._thickest
-            fall = scene.gravity / scene.lava.specific_heat * relief
+            height = self._highest - float(np.nanmin(scene.terrain.elevation))
+            self._first = min(self._first, self._simulation.time)
+            spread = math.log(self._simulation.time / self._first) if self._first else 0.0
+            height += (2.0 + spread) * self._thickest + self._thrown
+            fall = scene.gravity / scene.lava.specific_heat * height
         above = float(sample.temperature.max()) - self._hottest
         below = self._coldest - float(sample.temperature.min())
         bound('temperature', above, fall + tolerance, 'above the hottest vent')
@@ -316,6 +344,11 @@ class Watch:
         half_kick = max(last.half_kick, now.half_kick) * step**2
         grown = now.energy - last.energy
         bound('energy', grown, came_in + rounding + half_kick, 'm4 over the last frame')
+        self._received += came_in + rounding + half_kick
+        if self._simulation.effects.viscous_heating:
+            warmer = np.maximum(sample.temperature - self._hottest - DIGITS * 2.0**-13, 0.0)
+            heat = float((sample.volume * warmer).sum()) * scene.lava.specific_heat / scene.gravity
+            bound('heat', heat, self._received - now.energy, 'm4 since the start')
 
     def _check_cost(self, now: _Frame, bound: Callable[..., None]) -> None:
         span = now.time - self._last.time
@@ -330,7 +363,7 @@ class Watch:
         came = (now.given - self._last.given) / self._simulation.particle_volume
         x0, y0, x1, y1 = self._simulation.scene.terrain.extent
         across = math.hypot(x1 - x0, y1 - y0)
-        most += COST * came * (2.0 + across / self._simulation._flow.reach)
+        most += COST * came * (2.0 + across / self._simulation._stage.constants.reach)
         if self._simulation.accuracy.fixed_step is None:
             bound('cost', evaluations, most, 'evaluations in the frame')
 
@@ -405,7 +438,7 @@ def _not_finite(sample: ParticleSample, snapshot: Snapshot) -> dict[str, int]:
 def _cost(simulation: Simulation, sample: ParticleSample, ground: Ground) -> float:
     """Evaluations in a second that the lava calls for as it is, with steps at their limits."""
     accuracy, scene = simulation.accuracy, simulation.scene
-    vents, reach = simulation._vents, simulation._flow.reach
+    vents, reach = simulation._vents, simulation._stage.constants.reach
     longest = longest_step(scene, accuracy, simulation.effects, vents, reach)
     if not len(sample.volume):
         return 3.0 / longest

@@ -31,12 +31,15 @@ import math
 import multiprocessing
 from pathlib import Path
 import sys
+import time
+
+import warp as wp
 
 from hard.invariants import Violation
 from hard.play import KEPT, Outcome, play
 from hard.scenes import FAMILIES, SCENES
 from lava_ros.cli.progress import Progress
-from lava_ros.verification.measure import machine_name
+from lava_ros.verification.measure import file_stem, machine_name
 
 PUBLISHED = 'as-published'
 
@@ -50,10 +53,11 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Task:
-    """A scene at a preset, and how long it may take [s]."""
+    """A scene at a preset, where it runs, and how long it may take [s]."""
 
     scene: str
     preset: str
+    device: str
     wall_limit: float | None
 
     def run(self) -> Outcome:
@@ -61,7 +65,8 @@ class Task:
         compare = self.preset != PUBLISHED
         try:
             return play(
-                SCENES[self.scene], self.preset, compare=compare, wall_limit=self.wall_limit
+                SCENES[self.scene], self.preset, device=self.device, compare=compare,
+                wall_limit=self.wall_limit,
             )
         except Exception as error:
             raised = Violation('exception', math.nan, 0.0, math.nan, repr(error))
@@ -76,43 +81,66 @@ def main(arguments: Sequence[str] | None = None) -> int:
         '--published', action='store_true', help='the paper\'s settings instead of the presets'
     )
     parser.add_argument('--scene', action='append', choices=[*SCENES, *FAMILIES], metavar='NAME')
+    parser.add_argument('--device', action='append', help='cpu or cuda:0 (default: all there are)')
     parser.add_argument('--jobs', type=int, default=2, help='processes (default: 2)')
     parser.add_argument(
         '--limit', type=float, default=10.0,
         help='wall time of a scene at the paper\'s settings [s] (default: 10)',
     )
+    parser.add_argument(
+        '--begin-within', type=float, metavar='S', default=math.inf,
+        help='begin no scene later than this; the others are named (default: begin all)',
+    )
     parser.add_argument('--csv', type=Path, metavar='FOLDER', help='write hard_cpu.csv and '
-                        'hard_as_published_cpu.csv there')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write every outcome')
+                        'hard_as_published_cpu.csv there, or of another device')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='add every outcome to it')
     options = parser.parse_args(arguments)
     names = [name for name in SCENES if _is_asked(name, options.scene)]
     presets = [name for name in KEPT if name in (options.preset or (name,))]
     if options.published:
         presets = [PUBLISHED]
+    devices = options.device or [str(device) for device in wp.get_devices()]
+    return max(_run_on(device, options, names, presets) for device in devices)
+
+
+def _run_on(
+    device: str, options: argparse.Namespace, names: Sequence[str], presets: Sequence[str]
+) -> int:
+    """Run what is asked for on a device."""
     # the dearest first, lest one of them is left for the end
     tasks = [
-        Task(name, preset, options.limit if preset == PUBLISHED else None)
+        Task(name, preset, device, options.limit if preset == PUBLISHED else None)
         for preset in reversed(presets)
         for name in names
     ]
-    outcomes = run(tasks, options.jobs)
+    outcomes = run(tasks, options.jobs, options.begin_within)
     order = {name: index for index, name in enumerate(names)}
     outcomes.sort(key=lambda item: (order[item.scene], presets.index(item.preset)))
     kept = [item for item in outcomes if item.preset != PUBLISHED]
     published = [item for item in outcomes if item.preset == PUBLISHED]
     if kept:
-        print(table('At the presets', kept))
+        print(table(f'At the presets, {device}', kept))
         print(summary(kept))
     if published:
-        print(table(f'At the paper\'s settings, {options.limit:g} s each', published))
+        print(table(f'At the paper\'s settings, {options.limit:g} s each, {device}', published))
         print(summary(published))
+    missing = [f'{task.scene} {task.preset}' for task in tasks if not _is_in(outcomes, task)]
+    if missing:
+        print(f'{len(missing)} not begun within {options.begin_within:g} s: {", ".join(missing)}')
     if options.csv:
-        for name, items in (('hard_cpu', kept), ('hard_as_published_cpu', published)):
+        for name, items in (('hard', kept), ('hard_as_published', published)):
             if items:
-                write_csv(options.csv / f'{name}.csv', items)
+                path = options.csv / f'{name}_{file_stem(device)}.csv'
+                write_csv(path, items, device)
     if options.json:
-        options.json.write_text(json.dumps([_plain(item) for item in outcomes], indent=1))
-    return int(any(item.verdict != 'holds' for item in kept))
+        known = json.loads(options.json.read_text()) if options.json.exists() else []
+        known += [_plain(item, device) for item in outcomes]
+        options.json.write_text(json.dumps(known, indent=1))
+    return int(bool(missing) or any(item.verdict != 'holds' for item in kept))
+
+
+def _is_in(outcomes: Iterable[Outcome], task: Task) -> bool:
+    return any((item.scene, item.preset) == (task.scene, task.preset) for item in outcomes)
 
 
 def _is_asked(name: str, asked: Iterable[str] | None) -> bool:
@@ -121,13 +149,19 @@ def _is_asked(name: str, asked: Iterable[str] | None) -> bool:
     return any(name == item or SCENES[name] in FAMILIES.get(item, ()) for item in asked)
 
 
-def run(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
-    """Run the tasks in processes of their own."""
+def run(tasks: Sequence[Task], jobs: int, begin_within: float = math.inf) -> list[Outcome]:
+    """Run the tasks in processes of their own, but those whose turn comes too late [s]."""
     outcomes: list[Outcome] = []
+    end = time.monotonic() + begin_within
     context = multiprocessing.get_context('spawn')
     with Progress() as progress, ProcessPoolExecutor(jobs, mp_context=context) as pool:
         futures = {pool.submit(task.run): task for task in tasks}
         for future in as_completed(futures):
+            if time.monotonic() > end:
+                for later in futures:
+                    later.cancel()
+            if future.cancelled():
+                continue
             outcomes.append(future.result())
             last = futures[future]
             progress.show(f'{last.scene} {last.preset}', len(outcomes) / len(tasks))
@@ -188,14 +222,15 @@ def summary(outcomes: Sequence[Outcome]) -> str:
     return '\n'.join(lines)
 
 
-def _plain(item: Outcome) -> dict[str, object]:
+def _plain(item: Outcome, device: str) -> dict[str, object]:
     family = next(name for name in FAMILIES if SCENES[item.scene] in FAMILIES[name])
     values = (
         item.scene, family, item.preset, item.verdict, item.time, item.until, item.particles,
         item.steps, item.smallest_step, item.cost, item.volume_error, item.footprint_change,
         item.footprint_bound, item.asymmetry, round(item.wall_time, 2),
-        '; '.join(map(str, item.violations)), machine_name('cpu'),
-        'make hard-published' if item.preset == PUBLISHED else 'make hard',
+        '; '.join(map(str, item.violations)), machine_name(device),
+        ('make hard-published' if item.preset == PUBLISHED else 'make hard')
+        + ('' if device == 'cpu' else f' ARGS=\'--device {device}\''),
     )
     plain = dict(zip(COLUMNS, values, strict=True))
     return {
@@ -204,13 +239,13 @@ def _plain(item: Outcome) -> dict[str, object]:
     }
 
 
-def write_csv(path: Path, outcomes: Iterable[Outcome]) -> None:
+def write_csv(path: Path, outcomes: Iterable[Outcome], device: str) -> None:
     """Write the outcomes; what was not measured is empty."""
     with path.open('w', newline='', encoding='utf-8') as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator='\n')
         writer.writeheader()
         for item in outcomes:
-            row = _plain(item)
+            row = _plain(item, device)
             writer.writerow(
                 {key: f'{value:.6g}' if isinstance(value, float) else value
                  for key, value in row.items()}

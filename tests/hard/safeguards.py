@@ -62,21 +62,21 @@ SOLVER = 'lava_ros/simulation'
 SAFEGUARDS: tuple[Safeguard, ...] = (
     Safeguard(
         'rise', 'lava thrown up walls by a slope that it meets within a step',
-        f'{SOLVER}/timestep.py',
+        f'{SOLVER}/motion.py',
         'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top:',
         'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top + real(1e30):',
         'spike', 'draft', 'climb',
     ),
     Safeguard(
         'reach', 'lava thrown across the map by a cliff whose edge it creeps over within a step',
-        f'{SOLVER}/timestep.py',
+        f'{SOLVER}/motion.py',
         'if size > most:',
         'if size > most + real(1e30):',
         'brink', 'fine', 'place',
     ),
     Safeguard(
         'onward', 'lava that slows down within a step and is put back, again and again',
-        f'{SOLVER}/timestep.py',
+        f'{SOLVER}/motion.py',
         'if short > real(0.0):',
         'if short > real(1e30):',
         'column_200_m', 'fine', 'energy',
@@ -118,7 +118,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
     ),
     Safeguard(
         'apart', 'particles in one place, that never part',
-        f'{SOLVER}/state.py',
+        f'{SOLVER}/particles.py',
         'places[copies] += np.where(onto[:, None], way, -way)',
         'places[copies] += 0.0 * way',
         'coincident', 'standard', 'spread',

@@ -69,17 +69,17 @@ def test_every_family_is_there():
         assert {item.name for item in family} & set(HARDEST), name
 
 
-def test_a_million_particles_in_a_cell_are_refused():
+def test_a_million_particles_in_a_cell_are_refused(device):
     """Each would look at a million others: no step would ever end."""
     places = np.random.default_rng(1).uniform(0.0, 4.9, (1_000_000, 2))
     with pytest.raises(LavaError, match=r'particles.*1000000 in .* at most 32768'):
-        _simulation(Particles(places, 1e-3, 1423.0))
+        _simulation(Particles(places, 1e-3, 1423.0), device)
 
 
-def test_vents_that_pile_up_lava_without_end_are_refused():
+def test_vents_that_pile_up_lava_without_end_are_refused(device):
     """Strength that holds everything at its vent ends in a clear error, not in endless steps."""
     simulation = _simulation(
-        Particles(np.random.default_rng(1).uniform(0.0, 4.9, (30_000, 2)), 1e-3, 1423.0)
+        Particles(np.random.default_rng(1).uniform(0.0, 4.9, (30_000, 2)), 1e-3, 1423.0), device
     )
     more = np.random.default_rng(2).uniform(0.0, 4.9, (5_000, 2))
     simulation._append([(*place, 1e-3, 1423.0) for place in more])
@@ -87,12 +87,12 @@ def test_vents_that_pile_up_lava_without_end_are_refused():
         simulation.snapshot()
 
 
-def _simulation(particles: Particles) -> Simulation:
+def _simulation(particles: Particles, device: str) -> Simulation:
     return Simulation(
         SCENES['no_particles'].scene,
         effects=PHYSICS['plain'],
         accuracy=Accuracy(thickness=1.0),
-        device='cpu',
+        device=device,
         particles=particles,
     )
 

@@ -15,6 +15,8 @@
 
 """Coarser ground, and maps back on the finer one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -23,20 +25,35 @@ from lava_ros.scene import Terrain
 from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
 
 
-def test_blocks_are_means_of_what_is_known() -> None:
-    """Blocks at the border may be cut, cells without data do not count."""
+def test_larger_cells_are_means_of_what_is_known() -> None:
+    """They reach over all borders alike, share cells by area, and leave out those without data."""
     elevation = np.arange(35.0).reshape(5, 7)
     elevation[0, 0] = np.nan
-    elevation[4, 6] = np.nan
+    elevation[4, 5:] = np.nan
+    elevation[3, 5:] = np.nan
     ground = Terrain(elevation, 10.0, origin=(3.0, 4.0), epsg=32633, offset=(5e5, 4e6))
     coarse = coarsened(ground, 2)
     assert coarse.shape == (3, 4)
-    assert (coarse.resolution, coarse.origin, coarse.offset) == (20.0, (3.0, 4.0), (5e5, 4e6))
-    assert coarse.elevation[0, 0] == pytest.approx((1 + 7 + 8) / 3)
-    assert coarse.elevation[0, 1] == pytest.approx((2 + 3 + 9 + 10) / 4)
-    assert coarse.elevation[0, 3] == pytest.approx((6 + 13) / 2)
+    assert (coarse.resolution, coarse.origin, coarse.offset) == (20.0, (-2.0, -1.0), (5e5, 4e6))
+    # cells 1 and 7 by halves, 8 by a quarter
+    assert coarse.elevation[0, 0] == pytest.approx((0.5 * 1 + 0.5 * 7 + 0.25 * 8) / 1.25)
+    weights = np.outer([0.5, 1.0, 0.5], [0.5, 1.0, 0.5])
+    mean = np.average(elevation[1:4, 1:4], weights=weights)
+    assert coarse.elevation[1, 1] == pytest.approx(mean)
     assert np.isnan(coarse.elevation[2, 3])
     assert coarsened(ground, 1) is ground
+
+
+def test_larger_cells_turn_with_the_ground() -> None:
+    """A terrain that is turned by a quarter, or mirrored, has the same larger cells."""
+    elevation = np.random.default_rng(3).normal(size=(19, 14))
+    elevation[3, 4] = np.nan
+    ground = Terrain(elevation, 10.0)
+    for factor in (2, 3, 4):
+        coarse = coarsened(ground, factor).elevation
+        for change in (np.rot90, np.flipud, np.fliplr):
+            other = coarsened(replace(ground, elevation=change(elevation)), factor)
+            np.testing.assert_allclose(other.elevation, change(coarse), rtol=0.0, atol=1e-14)
 
 
 def test_maps_come_back_on_the_finer_cells() -> None:

@@ -21,7 +21,7 @@ import pytest
 import yaml
 
 from launch_files.stand_in import start
-from lava_ros.layers import load_layers
+from lava_ros.layer_files import load_layers
 from lava_ros.presets import PRESETS
 from lava_ros.ros.parameters import PARAMETERS, SOURCES
 
@@ -72,6 +72,20 @@ def test_arguments_reach_the_node(monkeypatch):
     assert (values['resume'], values['scene']) == ('bags/etna', '')
     assert (values['bag_max_size'], values['bag_max_duration']) == (10**9, 3600.0)
     assert values['preset'] in PRESETS
+    words = {'forecast_horizon': '6.0', 'ensemble_members': '32', 'deadline': '60.0'}
+    (node,), _ = start(monkeypatch, LAVA, **words, forecast_share='0.5')
+    values = node.parameters
+    assert (values['forecast_horizon'], values['ensemble_members']) == (6.0, 32)
+    assert (values['deadline'], values['forecast_share']) == (60.0, 0.5)
+
+
+def test_every_parameter_of_forecasts_is_an_argument(monkeypatch):
+    """Also of the launch file that starts Nav2's masks."""
+    names = {name for name in SPECS if name.startswith(('forecast_', 'ensemble_'))}
+    assert len(names) >= 5
+    for path in (LAVA, KEEPOUT):
+        _, declared = start(monkeypatch, path)
+        assert names | {'deadline'} <= set(declared)
 
 
 def test_a_replay_takes_the_place_of_the_node(monkeypatch):

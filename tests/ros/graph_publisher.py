@@ -26,7 +26,7 @@ import sys
 import time
 
 from geometry_msgs.msg import PointStamped
-from nav_msgs.msg import MapMetaData
+from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.srv import GetMap
 import numpy as np
 from rcl_interfaces.srv import SetParametersAtomically
@@ -46,6 +46,7 @@ TYPES = {
     'terrain_cloud': (PointCloud2, LATCHED),
     'vents': (PointCloud2, QoSProfile(depth=10)),
     'clicked_point': (PointStamped, QoSProfile(depth=10)),
+    'observed_outline': (OccupancyGrid, QoSProfile(depth=10)),
 }
 SERVICES = {
     'reset': Trigger,
@@ -113,6 +114,18 @@ def click(x, y, frame_id='map'):
     message = PointStamped()
     message.header.frame_id = frame_id
     message.point.x, message.point.y = x, y
+    return message
+
+
+def outline(reach=100.0, late=0.0, frame_id='map', **changes):
+    """Lava from the vent down to a distance, seen now or so much later, with the info changed."""
+    y, x = (np.mgrid[0:ROWS, 0:COLUMNS] + 0.5) * RESOLUTION
+    lava = (np.abs(y - 155.0) < 25.0) & (x > 45.0) & (x < 60.0 + reach)
+    message = OccupancyGrid(info=info(**changes))
+    message.header.frame_id = frame_id
+    seconds = time.time() + late
+    message.header.stamp.sec, message.header.stamp.nanosec = int(seconds), int(seconds % 1 * 1e9)
+    message.data = np.where(lava, 100, 0).astype(np.int8).ravel().tolist()
     return message
 
 
@@ -191,6 +204,13 @@ CASES = {
     'higher': ('terrain', lambda: image(higher())),
     'higher_info': ('terrain_info', lambda: info(width=COLUMNS + 8)),
     'away': ('terrain_info', lambda: far_away()),
+    'outline': ('observed_outline', outline),
+    'outline_wrong_frame': ('observed_outline', lambda: outline(frame_id='odom')),
+    'outline_wrong_size': ('observed_outline', lambda: outline(width=COLUMNS + 1)),
+    'outline_no_resolution': ('observed_outline', lambda: outline(resolution=0.0)),
+    'outline_too_early': ('observed_outline', lambda: outline(late=-3600.0)),
+    'outline_of_tomorrow': ('observed_outline', lambda: outline(late=86400.0)),
+    'outline_without_lava': ('observed_outline', lambda: outline(reach=-1e3)),
 }
 
 

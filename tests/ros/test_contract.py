@@ -23,7 +23,7 @@ from pathlib import Path
 
 import pytest
 
-from lava_ros.layers import load_layers
+from lava_ros.layer_files import load_layers
 from lava_ros.ros import grid_map
 
 ROOT = Path(__file__).parents[2]
@@ -47,6 +47,7 @@ GIVEN = {
     'use_sim_time': True,
     'layers_on': OPTIONAL,
     'forecast_horizon': 1.0,
+    'ensemble_members': 4,
 }
 
 #: Parameters that every node has, which no table here describes.

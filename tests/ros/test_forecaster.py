@@ -28,7 +28,7 @@ import pytest
 from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.forecast import process as forecast_process
-from lava_ros.forecast.lookahead import LookAhead
+from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
 from lava_ros.ros.forecast_process import ForecastProcess
 from lava_ros.ros.forecaster import Forecaster, ForecastRules, LEAST_PERIOD
 from lava_ros.ros.speed import LEAST_SHARES, Pace, SHARE_RATE
@@ -294,6 +294,22 @@ def test_the_process_computes_no_more_than_its_share(monkeypatch):
             forecasting.turn()
         elapsed = time.monotonic() - start
         assert 0 < (made.slices - before) * 0.02 <= 1.1 * share * elapsed + 0.04
+
+
+def test_the_first_forecast_of_a_scene_is_there_sooner(monkeypatch):
+    """It looks fewer times; those that come after it are more exact."""
+    looks = []
+    monkeypatch.setattr(
+        forecast_process, 'LookAhead', lambda *_, **options: looks.append(options['looks'])
+    )
+    monkeypatch.setattr(forecast_process, 'from_bytes', lambda body: body)
+    orders = queue.Queue()
+    forecasting = forecast_process.Forecasting(orders, lambda *_: None)
+    fork = {'horizon': 1.0, 'threshold': 1.0, 'device': 'cpu', 'max_particles': 1}
+    for number, is_first in enumerate((True, False)):
+        orders.put(({'order': 'fork', 'number': number, 'is_first': is_first, **fork}, b''))
+        forecasting.turn()
+    assert looks == [FIRST_LOOKS, LOOKS] and 2 * FIRST_LOOKS < LOOKS
 
 
 def test_the_process_ends_with_the_node():

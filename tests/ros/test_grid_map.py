@@ -29,7 +29,8 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
 
 from lava_ros.errors import LavaError
-from lava_ros.layers import GRID_MAP, layers_from_dict
+from lava_ros.layer_files import layers_from_dict
+from lava_ros.layers import GRID_MAP
 from lava_ros.ros import codec, grid_map, inputs, outputs
 from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.parameters import Settings

@@ -17,7 +17,7 @@
 import numpy as np
 import pytest
 
-from lava_ros.layers import layers_from_dict
+from lava_ros.layer_files import layers_from_dict
 from lava_ros.ros import codec, inputs, outputs
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget

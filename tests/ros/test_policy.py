@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from lava_ros.layers import load_layers
+from lava_ros.layer_files import load_layers
 from lava_ros.ros import grid_map
 
 ROOT = Path(__file__).parents[2]
@@ -80,7 +80,8 @@ def test_the_policy_allows_what_the_node_does(graph, profile):
     absent = set() if grid_map.installed_classes() else {'/terrain_grid', '/lava_grid_map'}
     layers = load_layers(ROOT / 'msg_configs' / 'default.yaml')
     optional = [layer.name for layer in layers if f'/{layer.topic}' not in absent]
-    graph.node(device='cpu', layers_on=optional, use_sim_time=True, forecast_horizon=1.0)
+    ahead = {'forecast_horizon': 1.0, 'ensemble_members': 4}
+    graph.node(device='cpu', layers_on=optional, use_sim_time=True, **ahead)
     names = json.loads(graph.process(str(HERE / 'graph_names.py'), 'lava').line(60.0))
     for kind, group, verb in (
         ('publisher', 'topics', 'publish'),

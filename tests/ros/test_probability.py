@@ -91,9 +91,11 @@ def test_masks_that_cannot_be_used_are_refused():
     turned.info.origin.orientation.z = 0.7
     flat = seen([[100, 0], [0, 0]])
     flat.info.resolution = 0.0
+    beyond = seen([[101, 0], [0, 0]])
     for message, field in (
         (other, 'observed.header.frame_id'), (short, 'observed.data'),
         (turned, 'observed.info.origin.orientation'), (flat, 'observed.info.resolution'),
+        (beyond, 'observed.data'),
     ):
         with pytest.raises(LavaError) as caught:
             mask_from_grid(message, RULES)

@@ -140,7 +140,7 @@ def test_foxglove_plots_what_the_diagnostics_say(foxglove):
 
 def test_the_bag_has_what_foxglove_shows(foxglove):
     """Topics of the layout that a layer publishes are recorded, latched."""
-    from lava_ros.layers import load_layers
+    from lava_ros.layer_files import load_layers
     from lava_ros.ros.qos import bag_profile
 
     layers = {f'/{item.topic}': item for item in load_layers(ROOT / 'msg_configs/default.yaml')}

@@ -46,6 +46,11 @@ def similarity_profile(rhs: Callable, slope: float, end: float, *, gap: float = 
     )
 
 
+def integral(values, places):
+    """The trapezoidal rule."""
+    return float(np.diff(places) @ (values[1:] + values[:-1])) / 2.0
+
+
 def test_huppert_coefficients_are_the_published_ones():
     """R = 0.894 (g V^3 t / 3 nu)^(1/8) and h0 = 0.531 (3 nu V / (g t))^(1/4)."""
     assert exact.FixedVolumeSpread.RADIUS == pytest.approx(0.89391, abs=1e-5)
@@ -100,6 +105,31 @@ def test_constant_flux_coefficient():
     x = solution.radius_of_thickness(0.3, 3600.0) / solution.radius(3600.0)
     height = (10.0 / ALPHA) ** 0.25 * front ** (2 / 3) * (4 * profile.sol(x)[0]) ** 0.25
     assert height == pytest.approx(0.3, rel=0.01)
+
+
+def test_constant_flux_profile():
+    """All that came out is under it, all flows through its middle, and none through its front."""
+    solution = exact.ConstantFluxSpread(10.0, NU, GRAVITY)
+    radius = solution.radius(3600.0)
+    r = np.linspace(0.0, radius, 100_001)
+    thickness = solution.thickness(r, 3600.0)
+    assert integral(2.0 * math.pi * r * thickness, r) == pytest.approx(36000.0, rel=1e-4)
+    ends = np.array([0.0, 1.01 * radius])
+    assert solution.flux(ends, 3600.0) == pytest.approx([10.0, 0.0], rel=1e-4)
+    # what flows out of a circle is what is not stored within it: d/dt of R^2 times a constant
+    inner = 0.6 * radius
+    grid = np.linspace(0.0, inner, 100_001)
+    held = [
+        integral(2.0 * math.pi * grid * solution.thickness(grid, time), grid)
+        for time in (3590.0, 3610.0)
+    ]
+    kept = (held[1] - held[0]) / 20.0
+    assert solution.flux(inner, 3600.0) == pytest.approx(10.0 - kept, rel=1e-3)
+    near = radius * (1.0 - 1e-4)
+    assert solution.radius_of_thickness(
+        float(solution.thickness(near, 3600.0)), 3600.0
+    ) == pytest.approx(near, rel=1e-5)
+
 
 
 def test_plane_coefficients():

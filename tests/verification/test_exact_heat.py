@@ -23,6 +23,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.special import erf, erfcx
 
 from lava_ros.verification import exact
+from lava_ros.verification.cases import silicone
 
 CAPACITY = 2500.0 * 1150.0
 
@@ -145,3 +146,54 @@ def test_cooling_current_obeys_its_balance():
     assert float(convecting.temperature(0.7 * radius)) == pytest.approx(
         300.0 + 1123.0 * math.exp(-0.49), rel=1e-4
     )
+
+
+def test_cooling_spread_keeps_its_heat():
+    """What the source supplies is lost or still there, and the middle is the steady current."""
+    discharge, loss, capacity = 2.2e-8, 7.8, 954.0 * 1500.0
+    spread = exact.ConstantFluxSpread(discharge, 3.56e-3, 9.81)
+    cooling = exact.CoolingSpread(spread, loss=loss, capacity=capacity)
+    radius = math.sqrt(capacity * discharge / (math.pi * loss))
+
+    def heat(time):
+        """What is still there, over rho c Q and the source's difference [s]."""
+        r = np.linspace(0.0, spread.radius(time), 20_001)
+        held = cooling.difference(r, time) * spread.thickness(r, time) * 2.0 * math.pi * r
+        return 0.5 * float(np.diff(r) @ (held[1:] + held[:-1])) / discharge
+
+    for front in (0.5, 1.0, 3.0):
+        time = (front * radius / spread.coefficient) ** 2
+        kept = (heat(1.001 * time) - heat(0.999 * time)) / (0.002 * time)
+        assert cooling.power(time) == pytest.approx(1.0 - kept, abs=2e-4)
+        r = np.linspace(0.0, spread.radius(time), 20_001)
+        lost = loss * cooling.difference(r, time) * 2.0 * math.pi * r
+        total = 0.5 * float(np.diff(r) @ (lost[1:] + lost[:-1])) / (capacity * discharge)
+        assert cooling.power(time) == pytest.approx(total, rel=1e-4)
+    long = (30.0 * radius / spread.coefficient) ** 2
+    places = np.array([0.3, 1.0, 1.5])
+    assert cooling.difference(places * radius, long) == pytest.approx(
+        np.exp(-(places**2)), abs=1e-4
+    )
+
+
+def test_silicone_oil_may_lose_heat_linearly():
+    """By T^4 the current is as by the case's one figure, within what the article leaves open."""
+    places = np.array([0.5, 1.0, 1.5]) * 0.0358
+    curves = []
+    for convection in silicone.CONVECTION:
+        current = exact.CoolingCurrent(
+            initial=silicone.OIL,
+            ambient=silicone.ROOM,
+            emissivity=silicone.EMISSIVITY,
+            convection=convection,
+            capacity=silicone.DENSITY * silicone.SPECIFIC_HEAT,
+            discharge=silicone.DISCHARGE,
+        )
+        above = current.temperature(places) - silicone.ROOM
+        curves.append(above / (silicone.OIL - silicone.ROOM))
+    supply = silicone.DENSITY * silicone.SPECIFIC_HEAT * silicone.DISCHARGE
+    linear = np.exp(-math.pi * silicone.LOSS * places**2 / supply)
+    slow, middle, fast = curves
+    assert np.abs(linear - middle).max() < 0.007
+    assert (linear < slow - 0.01).all() and (linear > fast + 0.01).all()
+    assert 0.5 * (slow - fast)[1] == pytest.approx(0.047, abs=0.002)

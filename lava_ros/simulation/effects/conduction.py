@@ -70,7 +70,7 @@ def _kernels(
     vec4 = wp.types.vector(4, real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, slope = kernel.norm, kernel.slope
-    _, _, rows_around, range_in = cell_functions(real)
+    _, _, cells_around, range_in = cell_functions(real)
     load = load4(real)
     latent = effects.latent_heat
     warmed = load_effect('latent_heat').warmed(real) if latent else None
@@ -118,9 +118,9 @@ def _kernels(
             height = flow[i][0]
             inverse = real(1.0) / real(radius)
             total = real(0.0)
-            rows = rows_around(cells, p[1], real(radius))
-            for r in range(rows[0], rows[1]):
-                near = range_in(cells, starts, r, p[0], p[1], real(radius))
+            box = cells_around(cells, p[0], p[1], real(radius))
+            for r in range(box[0], box[1]):
+                near = range_in(cells, starts, r, box)
                 for j in range(near[0], near[1]):
                     other = load(ordered, j)
                     dx = (p[0] - other[0]) * inverse
@@ -158,9 +158,9 @@ def _kernels(
             step = real(waited[1] * share)
             most = wp.max(real(1.0), step * exchange[i])
             rise = real(0.0)
-            rows = rows_around(cells, p[1], real(radius))
-            for r in range(rows[0], rows[1]):
-                near = range_in(cells, starts, r, p[0], p[1], real(radius))
+            box = cells_around(cells, p[0], p[1], real(radius))
+            for r in range(box[0], box[1]):
+                near = range_in(cells, starts, r, box)
                 for j in range(near[0], near[1]):
                     other = load(ordered, j)
                     dx = (p[0] - other[0]) * inverse

@@ -36,20 +36,92 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.compiled import load4, quick_kernel, sum_over
+from lava_ros.simulation.compiled import load1, load4, quick_kernel, sum_over
 from lava_ros.simulation.kernels import bessel
+from lava_ros.simulation.motion import journey_type, motion_of
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 
+#: The squared distance at which K0 is that of a particle's own disc within it, half of the disc's
+#: radius, over the disc's area.
+_NEAR = 0.25 / math.pi
+
+#: (k r / 2)^2 from which on K0 is computed: it is 5.6 there.
+_LEAST = 4e-6
+
 
 @lru_cache
-def _kernel(real: Any, lanes: int) -> Any:
+def _velocity_function(real: Any, lanes: int) -> Any:
+    """Return the device function from a particle's local velocity to its velocity.
+
+    A particle has as many threads as lanes, and only the first one's result counts.
+    """
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    _, _, rows_around, range_in = cell_functions(real)
-    load = load4(real)
+    _, _, cells_around, range_in = cell_functions(real)
+    load, load_number = load4(real), load1(real)
     k0, x_k1 = bessel(real)
     sum_up = sum_over(real, lanes)
+
+    @wp.func
+    def velocity_of(
+        i: int,
+        lane: int,
+        ordered: wp.array(dtype=vec4),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        support: wp.float64,
+        source: wp.array(dtype=vec4),
+        area: wp.array(dtype=real),
+    ) -> vec3:
+        """Thickness and velocity."""
+        p = load(source, i)
+        own = area[i]
+        height = load(ordered, i)[2] / own
+        k = real(wp.static(math.sqrt(3.0))) / height
+        quarter = real(0.25) * k * k
+        limit = real(support) * real(support)
+        least = wp.max(quarter * own * real(_NEAR), real(_LEAST))
+        total = real(0.0)
+        x = real(0.0)
+        y = real(0.0)
+        box = cells_around(cells, p[0], p[1], real(support))
+        for r in range(box[0] + lane, box[1], lanes):
+            near = range_in(cells, starts, r, box)
+            for j in range(near[0], near[1]):
+                other = load(source, j)
+                size = load_number(area, j)
+                dx = p[0] - other[0]
+                dy = p[1] - other[1]
+                square = dx * dx + dy * dy
+                # inside its own disc K0 takes the value at that disc's edge
+                weight = k0(wp.max(quarter * square, least))
+                if square >= limit:
+                    weight = real(0.0)
+                total += weight * size
+                x += weight * other[2]
+                y += weight * other[3]
+        total = sum_up(total)
+        x = sum_up(x)
+        y = sum_up(y)
+        # k times the radius of the disc of area V / h
+        ka = k * wp.sqrt(own / real(wp.pi))
+        # in place of what it counted as its own neighbour
+        weight = real(2.0) / (ka * ka) * (real(1.0) - x_k1(ka)) - k0(least)
+        total += weight * own
+        x += weight * p[2]
+        y += weight * p[3]
+        return vec3(height, x / (total * height), y / (total * height))
+
+    return velocity_of
+
+
+@lru_cache
+def _kernel(real: Any, lanes: int, motion: Any) -> Any:
+    """Return the kernel that writes the velocities, or that moves the particles by them."""
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    velocity_of = _velocity_function(real, lanes)
 
     @quick_kernel
     def green_velocity(
@@ -58,65 +130,63 @@ def _kernel(real: Any, lanes: int) -> Any:
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
         support: wp.float64,
-        drive: wp.array(dtype=vec4),
+        source: wp.array(dtype=vec4),
+        area: wp.array(dtype=real),
         flow: wp.array(dtype=vec3),
     ):
         i = wp.tid() // lanes
         lane = wp.tid() % lanes
-        if i >= counts[PARTICLES]:
-            return
-        p = load(ordered, i)
-        height = flow[i][0]
-        k = real(wp.static(math.sqrt(3.0))) / height
-        quarter = real(0.25) * k * k
-        limit = real(support) * real(support)
-        total = real(0.0)
-        x = real(0.0)
-        y = real(0.0)
-        rows = rows_around(cells, p[1], real(support))
-        for r in range(rows[0] + lane, rows[1], lanes):
-            near = range_in(cells, starts, r, p[0], p[1], real(support))
-            for j in range(near[0], near[1]):
-                other = load(ordered, j)
-                dx = p[0] - other[0]
-                dy = p[1] - other[1]
-                square = dx * dx + dy * dy
-                source = load(drive, j)
-                # inside the other's own disc K0 takes the value at that disc's edge
-                weight = k0(quarter * wp.max(square, source[3]))
-                if square >= limit:
-                    weight = real(0.0)
-                total += weight * source[2]
-                x += weight * source[0]
-                y += weight * source[1]
-        total = sum_up(total)
-        x = sum_up(x)
-        y = sum_up(y)
-        if lane > 0:
-            return
-        own = load(drive, i)
-        # k times the radius of the disc of area V / h
-        ka = k * wp.sqrt(own[2] / real(wp.pi))
-        # in place of what it counted as its own neighbour
-        weight = real(2.0) / (ka * ka) * (real(1.0) - x_k1(ka)) - k0(quarter * own[3])
-        total += weight * own[2]
-        x += weight * own[0]
-        y += weight * own[1]
-        flow[i] = vec3(height, x / (total * height), y / (total * height))
+        if i < counts[PARTICLES]:
+            f = velocity_of(i, lane, ordered, starts, cells, support, source, area)
+            if lane == 0:
+                flow[i] = f
 
-    return green_velocity
+    @quick_kernel
+    def green_motion(
+        starts: wp.array(dtype=wp.int32),
+        support: wp.float64,
+        source: wp.array(dtype=vec4),
+        area: wp.array(dtype=real),
+        way: journey_type(real),
+    ):
+        i = wp.tid() // lanes
+        lane = wp.tid() % lanes
+        if i < way.counts[PARTICLES]:
+            f = velocity_of(i, lane, way.ordered, starts, way.cells, support, source, area)
+            if lane == 0:
+                motion(i, f, way)
+
+    return green_velocity if motion is None else green_motion
+
+
+def move_particles(state: State, neighbors: NeighborGrid, support: float, way: Any) -> None:
+    """Move the ordered particles over the stage by the Green's function's velocity.
+
+    Args:
+        state: The particles; ``source`` and ``area`` of it are filled.
+        neighbors: Their neighbour grid, built.
+        support: Radius at which the Green's function is cut off [m], at most the cells' size.
+        way: Their journey (motion.py).
+    """
+    wp.launch(
+        _kernel(state.real, state.lanes, motion_of(state)),
+        dim=state.capacity * state.lanes,
+        inputs=[neighbors.starts, support, state.source, state.area, way],
+        device=state.device,
+    )
+    neighbors.is_binned = state.bins_in_motion
 
 
 def spread_velocity(state: State, neighbors: NeighborGrid, support: float) -> None:
     """Replace the local velocity in ``state.flow`` by the Green's function's.
 
     Args:
-        state: The particles; ``state.drive`` holds volume times local velocity, and area.
+        state: The particles; ``source`` and ``area`` of it are filled.
         neighbors: Their neighbour grid, built.
         support: Radius at which the Green's function is cut off [m], at most the cells' size.
     """
     wp.launch(
-        _kernel(state.real, state.lanes),
+        _kernel(state.real, state.lanes, None),
         dim=state.capacity * state.lanes,
         inputs=[
             state.ordered,
@@ -124,7 +194,8 @@ def spread_velocity(state: State, neighbors: NeighborGrid, support: float) -> No
             neighbors.starts,
             neighbors.frame,
             support,
-            state.drive,
+            state.source,
+            state.area,
         ],
         outputs=[state.flow],
         device=state.device,

@@ -50,7 +50,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, lanes: int) -> tuple[Any
     vec4 = wp.types.vector(4, real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, slope = kernel.norm, kernel.slope
-    _, _, rows_around, range_in = cell_functions(real)
+    _, _, cells_around, range_in = cell_functions(real)
     load, load_pair, total = load4(real), load2(real), sum_over(real, lanes)
 
     @quick_kernel
@@ -91,9 +91,9 @@ def _kernels(real: Any, kernel_name: str, ratio: float, lanes: int) -> tuple[Any
         diagonal = real(0.0)
         pull = vec2()
         scale = -real(wp.static(norm)) * inverse * inverse * inverse * inverse
-        rows = rows_around(cells, p[1], real(radius))
-        for r in range(rows[0] + lane, rows[1], lanes):
-            near = range_in(cells, starts, r, p[0], p[1], real(radius))
+        box = cells_around(cells, p[0], p[1], real(radius))
+        for r in range(box[0] + lane, box[1], lanes):
+            near = range_in(cells, starts, r, box)
             for j in range(near[0], near[1]):
                 other = load(ordered, j)
                 dx = (p[0] - other[0]) * inverse

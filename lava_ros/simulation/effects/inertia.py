@@ -32,8 +32,12 @@ Du/Dt = -g grad S - gamma u, gamma = 3 mu / (rho h^2) for Newtonian lava (MODEL.
   wave speed and thickness. It takes out energy, never momentum; it is of second order in the
   spacing where the flow is smooth, and nothing where lava spreads.
 * Pressure. The energy sum V_i h_i / 2 has a gradient of sum V_j grad W_ij where h is the kernel's
-  sum; h is that without its excess e, ~ (V / (h l^2))^p, which makes a term
+  sum s; h is that without its excess e = c (V / (s l^2))^p, which makes a term
   (1 + (p - 1) (e_i + e_j) / 2) of each. Where lava thins out waves would else be too slow.
+* Energy. So the force is the gradient of what is counted as energy, and what is left is that of
+  leapfrog: it conserves an energy that differs from it by parts of (w dt)^2 / 8, w the motion's
+  frequency, and with it the energy swings to and fro. Reported velocities leave out the term of e
+  for the last half of a step: they are exact where that is short.
 * Steep slopes. On a map the acceleration down a slope b is g tan b cos^2 b.
 """
 
@@ -120,13 +124,23 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
     norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
     power = _EXCESS_POWERS.get(kernel_name, 1.0)
     gradient_at, bend_at, height_at, _ = terrain_functions(real)
-    _, _, rows_around, range_in = cell_functions(real)
+    _, _, cells_around, range_in = cell_functions(real)
     raised = raise_to(real)
     load = load4(real)
     viscosity = viscosity_function(real, effects)
     is_newtonian = speed_function(real, effects) is None
     slowed = _drag_function(real, effects)
     steep, heats = effects.steep, effects.viscous_heating
+
+    @wp.func
+    def of_sum(e: real) -> real:
+        """The excess at the sum s, from that at h = s (1 - e_s): e_s = e (1 - e_s)^p."""
+        rest = real(1.0) - e / (real(1.0) + real(power) * e)
+        if wp.static(power == 2.5):
+            return e * rest * rest * wp.sqrt(rest)
+        if wp.static(power == 1.5):
+            return e * rest * wp.sqrt(rest)
+        return e
 
     @wp.func
     def share_of(ground: vec2) -> real:
@@ -209,10 +223,10 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         g = real(gravity)
         push = vec2()
         lift = vec2()
-        own = excess(p[2] * inverse * inverse / f[0])
-        rows = rows_around(cells, p[1], real(constants.radius))
-        for r in range(rows[0], rows[1]):
-            near = range_in(cells, starts, r, p[0], p[1], real(constants.radius))
+        own = of_sum(excess(p[2] * inverse * inverse / f[0]))
+        box = cells_around(cells, p[0], p[1], real(constants.radius))
+        for r in range(box[0], box[1]):
+            near = range_in(cells, starts, r, box)
             for j in range(near[0], near[1]):
                 other = load(ordered, j)
                 d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
@@ -221,7 +235,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
                     there = flow[j]
                     q = wp.sqrt(square)
                     pull = other[2] * derivative(q)
-                    both = own + excess(other[2] * inverse * inverse / there[0])
+                    both = own + of_sum(excess(other[2] * inverse * inverse / there[0]))
                     lift += pull * both * d
                     approach = -(d[0] * (f[1] - there[1]) + d[1] * (f[2] - there[2])) / q
                     if approach > real(0.0):
@@ -251,9 +265,10 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
                 given -= height_at(elevation, terrain, p[0] + way.x, p[1] + way.y)
                 given += wp.dot(ground - surface, way)
                 given += real(0.5) * (wp.dot(old[i], old[i]) - wp.dot(new, new)) / g
+                given = wp.max(given, real(0.0))
                 work = -wp.dot(slope[i], way)
                 if work > given:
-                    slope[i] *= wp.max(given, real(0.0)) / work
+                    slope[i] *= given / work
 
     @quick_kernel
     def adopt(

@@ -59,7 +59,7 @@ def _kernels(
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     vec2d = wp.types.vector(2, wp.float64)
-    _, _, rows_around, range_in = cell_functions(real)
+    _, _, cells_around, range_in = cell_functions(real)
     load = load4(real)
 
     @quick_kernel
@@ -110,9 +110,9 @@ def _kernels(
         here = load(ordered, i)
         nearest = partner[i]
         shortest = real(0.0)
-        rows = rows_around(cells, here[1], real(radius))
-        for r in range(rows[0], rows[1]):
-            near = range_in(cells, starts, r, here[0], here[1], real(radius))
+        box = cells_around(cells, here[0], here[1], real(radius))
+        for r in range(box[0], box[1]):
+            near = range_in(cells, starts, r, box)
             for j in range(near[0], near[1]):
                 other = particle[j]
                 if j != i and other[2] > real(0.0):

@@ -21,8 +21,11 @@ At the end of a step the volume V of such a column is spread onto the staggered 
 A the area of a cell, B the quadratic B-spline that the surface is made of, and the sum over the
 cells with data, so that the raised cells hold V wherever the column is. The width d is the side of
 the column's own area, sqrt(V / h): an even layer freezes into an even one. It is at least a cell,
-or the surface would show the column's place in the cell, and reaches at most the kernel radius.
-The column leaves the set of particles; what froze is summed in ``State.frozen``.
+or the surface would show the column's place in the cell, and 0.65 of what reaches as far as the
+kernel did, or columns that lie at random would freeze into bumps that their neighbours had never
+seen, and which of them freezes first would decide where the lava after them turns; it reaches at
+most the kernel radius. The column leaves the set of particles; what froze is summed in
+``State.frozen``.
 
 What has frozen is kept apart from the ground in whole parts of 2^-44 m: sums of integers have no
 order, so runs are the same to the bit, and a float32 of the elevation does not wear off deposits.
@@ -42,7 +45,12 @@ from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.compiled import quick_kernel
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
+from lava_ros.simulation.streams import read
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+
+#: Least width over the largest: wider smooths what freezes by more than the bounds of its case
+#: allow, narrower runs that differ in their last digits part sooner.
+_LEAST = 0.65
 
 #: What the frozen lava's thickness is counted in [m]; its largest thickness is 2^63 of them.
 _PART = 2.0**-44
@@ -57,7 +65,8 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     @wp.func
     def width_of(volume: real, thickness: real, frame: TerrainFrame, widest: wp.float64):
         side = wp.sqrt(wp.float64(volume) / wp.float64(thickness))
-        return wp.max(wp.min(side, widest), frame.resolution)
+        least = wp.max(wp.float64(_LEAST) * widest, frame.resolution)
+        return wp.max(wp.min(side, widest), least)
 
     @wp.func
     def spline(t: wp.float64) -> wp.float64:
@@ -225,7 +234,7 @@ class AfterStep:
 
     def thickness(self) -> np.ndarray:
         """Thickness of the frozen lava [m], float64, shape [rows, columns]."""
-        parts: np.ndarray = self._deposit.numpy()[1:-1, 1:-1]
+        parts: np.ndarray = read(self._deposit)[1:-1, 1:-1]
         return np.where(self._scene_terrain.has_data, parts * _PART, 0.0)
 
     def take_over(self, former: 'AfterStep', state: State) -> None:

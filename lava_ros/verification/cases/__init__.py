@@ -22,6 +22,7 @@ from lava_ros.verification.cases import (
     pond,
     rheology,
     sheets,
+    silicone,
     slopes,
     solid,
     spreading,
@@ -46,12 +47,22 @@ __all__ = [
 CASES: dict[str, Case] = {
     case.name: case
     for module in (
-        sheets, heat, rheology, channel, pond, spreading, slopes, forecast, solid, inertia
+        sheets,
+        heat,
+        silicone,
+        rheology,
+        channel,
+        pond,
+        spreading,
+        slopes,
+        forecast,
+        solid,
+        inertia,
     )
     for case in module.CASES
 }
 
 #: Cases of what lava does beside flowing and spreading: they have a chart of their own.
 EFFECT_CASES = frozenset(
-    case.name for module in (heat, rheology, solid, inertia) for case in module.CASES
+    case.name for module in (heat, silicone, rheology, solid, inertia) for case in module.CASES
 )

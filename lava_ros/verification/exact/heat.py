@@ -20,6 +20,7 @@ import math
 import numpy as np
 
 from lava_ros.verification.exact.sheets import STEFAN_BOLTZMANN
+from lava_ros.verification.exact.spreading import ConstantFluxSpread
 
 
 class ColumnOnGround:
@@ -288,3 +289,73 @@ class CoolingCurrent:
         """T [K] at distances from the source [m]."""
         logs = np.interp(np.asarray(distance) ** 2, self._squares, self._logs)
         return self.ambient + (self.initial - self.ambient) * np.exp(logs)
+
+
+class CoolingSpread:
+    """A constant flux that spreads on a plane and loses lambda (T - Ta) as it goes.
+
+    The isoviscous current of Garel et al. 2012 (J. Geophys. Res. 117), with one temperature to a
+    column and no loss to the ground. The flow is Huppert's (``ConstantFluxSpread``), whatever the
+    temperature. What came out at t0 is at r(t) with dr/dt = q / (2 pi r h), q what flows through
+    its circle, and its difference to the ambient falls at lambda / (rho c h). In x = r / R(t) and
+    s = t / t0 that is one curve for all: d(x^2 s)/ds = q / (pi (R^2 / t) h), and the logarithm of
+    the difference falls by lambda t0 / (rho c) int_1^s ds / h. So near the source the temperature
+    becomes that of ``CoolingCurrent``, while the front goes on.
+    """
+
+    #: Largest t / t0: what came out before is in the last thousandth of the radius.
+    OLDEST = 1e7
+
+    def __init__(self, spread: ConstantFluxSpread, *, loss: float, capacity: float) -> None:
+        """Set the case.
+
+        Args:
+            spread: The flow.
+            loss: lambda [W/(m2 K)].
+            capacity: rho c [J/(m3 K)].
+        """
+        self._spread = spread
+        self._rate = loss / capacity
+        # even in the logarithms of s - 1 and, further on, of s: Runge and Kutta's steps
+        self._ages = 1.0 + np.concatenate(
+            [np.geomspace(1e-9, 1.0, 1500), np.geomspace(1.0, self.OLDEST, 1500)[1:]]
+        )
+        area = math.pi * spread.coefficient**2
+
+        def rates(age: float, square: float) -> np.ndarray:
+            # the flow is similar to itself: as at one second
+            place = np.array(spread.coefficient * math.sqrt(max(square, 0.0) / age))
+            height = max(float(spread.thickness(place, 1.0)), 1e-12)
+            flux = float(spread.flux(place, 1.0))
+            return np.array([flux / (area * height), 1.0 / height])
+
+        state, states = np.zeros(2), []
+        last = 1.0
+        for age in self._ages:
+            step = age - last
+            k1 = rates(last, state[0])
+            k2 = rates(last + 0.5 * step, state[0] + 0.5 * step * k1[0])
+            k3 = rates(last + 0.5 * step, state[0] + 0.5 * step * k2[0])
+            k4 = rates(age, state[0] + step * k3[0])
+            state = state + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            states.append(state)
+            last = age
+        squares, self._falls = np.array(states).T
+        self._shares = np.sqrt(squares / self._ages)
+
+    def difference(self, distance: np.ndarray, time: float) -> np.ndarray:
+        """T - Ta over that of the source, at distances [m] and a time [s]."""
+        ages = np.interp(
+            np.asarray(distance) / self._spread.radius(time), self._shares, self._ages
+        )
+        falls = np.interp(ages, self._ages, self._falls)
+        return np.exp(-self._rate * time / ages * falls)
+
+    def power(self, time: float) -> float:
+        """Loss of the whole surface over the heat that the source supplies, at a time [s]."""
+        distance = self._shares * self._spread.radius(time)
+        height = self._spread.thickness(distance, time)
+        born = time / self._ages
+        lost = self._rate * np.exp(-self._rate * born * self._falls) / np.maximum(height, 1e-12)
+        lost[height <= 0.0] = 0.0
+        return float((0.5 * (lost[1:] + lost[:-1]) * -np.diff(born)).sum())

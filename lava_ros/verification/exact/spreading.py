@@ -20,6 +20,8 @@ variables. The coefficients are eigenvalues of ordinary differential equations, 
 integrate anew.
 """
 
+from functools import cached_property
+from itertools import pairwise
 import math
 
 import numpy as np
@@ -100,6 +102,9 @@ class ConstantFluxSpread:
 
     RADIUS = 0.71502
 
+    #: Smallest distance over R at which the thickness is given: in the middle it has no bound.
+    INNERMOST = 1e-3
+
     def __init__(self, discharge: float, kinematic_viscosity: float, gravity: float) -> None:
         """Set the case.
 
@@ -109,6 +114,7 @@ class ConstantFluxSpread:
             gravity: g [m/s2].
         """
         alpha = gravity / (3.0 * kinematic_viscosity)
+        self._discharge = discharge
         self._length = (alpha * discharge**3) ** 0.125
         self._height = (discharge / alpha) ** 0.25
 
@@ -125,6 +131,45 @@ class ConstantFluxSpread:
         """Distance [m] at which the profile's front has a thickness [m]."""
         behind = (thickness / self._height) ** 3 / (1.5 * self.RADIUS)
         return (self.RADIUS - behind) * self._length * math.sqrt(time)
+
+    def thickness(self, distance: np.ndarray, time: float) -> np.ndarray:
+        """Thickness [m] at distances from the source [m], 0 beyond the front."""
+        places, heights, _ = self._profile
+        return self._height * np.interp(self._place(distance, time), places, heights, right=0.0)
+
+    def flux(self, distance: np.ndarray, time: float) -> np.ndarray:
+        """What flows through circles of radii [m], -2 pi r alpha h^3 dh/dr [m3/s]."""
+        places, _, fluxes = self._profile
+        return self._discharge * np.interp(
+            self._place(distance, time), places, fluxes, right=0.0
+        )
+
+    def _place(self, distance: np.ndarray, time: float) -> np.ndarray:
+        return np.maximum(np.asarray(distance) / self.radius(time), self.INNERMOST)
+
+    @cached_property
+    def _profile(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rising eta / eta_N, f and -2 pi eta f^3 f' there: Runge and Kutta's steps inwards."""
+        behind = np.concatenate(
+            [np.geomspace(1e-6, 0.5, 1000), 1.0 - np.geomspace(0.5, self.INNERMOST, 1000)[1:]]
+        )
+        places = self.RADIUS * (1.0 - behind)
+
+        def rates(eta: float, state: np.ndarray) -> np.ndarray:
+            fall = state[1] / (eta * state[0] ** 3)
+            return np.array([fall, -0.5 * eta**2 * fall])
+
+        front = (1.5 * self.RADIUS * (self.RADIUS - places[0])) ** (1.0 / 3.0)
+        states = [np.array([front, -0.5 * self.RADIUS**2 * front])]
+        for eta, end in pairwise(places):
+            step, state = end - eta, states[-1]
+            k1 = rates(eta, state)
+            k2 = rates(eta + 0.5 * step, state + 0.5 * step * k1)
+            k3 = rates(eta + 0.5 * step, state + 0.5 * step * k2)
+            k4 = rates(end, state + step * k3)
+            states.append(state + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
+        f, flux = np.array(states[::-1]).T
+        return places[::-1] / self.RADIUS, f, -2.0 * math.pi * flux
 
 
 class PlaneFixedArea:

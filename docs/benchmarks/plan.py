@@ -1,0 +1,343 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Whether `lava plan` keeps its promise: plans for scenes and times, and the runs they are for.
+
+A plan is kept if its run takes from 50 to 110 % of the time there was, and errs half to twice as
+much as was said. The error is what the plan says it is: of the cells that lava covers at the
+horizon in the run or in the reference, the share that is covered in one only. The reference is
+made of runs of the same scene ``FINER`` times as fine, in most of which a cell is covered. Where a
+flow splits, where its particles happen to lie decides: the error is the mean of runs with vents
+moved by centimetres, and the time their median; members of an ensemble are such runs too, and the
+time is that of all.
+
+It makes plan.csv, and plan_sampling.csv with how far the probabilities of small ensembles are from
+that of a large one:
+
+    python docs/benchmarks/plan.py --device cpu --machine 'Intel Xeon, 1 core used of 16' --jobs 12
+"""
+
+import argparse
+from concurrent.futures import as_completed, ProcessPoolExecutor
+import csv
+from dataclasses import dataclass, replace
+import math
+import multiprocessing
+from pathlib import Path
+import statistics
+import sys
+import time
+
+import numpy as np
+
+from lava_ros.bench.scenes import scenes
+from lava_ros.errors import LavaError
+from lava_ros.forecast.affordable import accuracy_at, afford, run_at, sampling_error
+from lava_ros.forecast.members import make_plan, run_members
+from lava_ros.forecast.probability import footprint_of, reached_by
+from lava_ros.forecast.sampling import draw_members
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.uncertainty import uncertainty_from_dict
+from lava_ros.verification.rows import write_csv, write_json
+
+FOLDER = Path(__file__).parent
+
+#: Scenes, the time there is [s], the share of their horizon, and members.
+CASES = (
+    ('plain', 2.0, 1.0, 1),
+    ('plain', 8.0, 1.0, 1),
+    ('plain', 8.0, 1.0, 16),
+    ('gentle_slope', 4.0, 1.0, 1),
+    ('valley', 4.0, 1.0, 1),
+    ('ridge', 2.0, 1.0, 1),
+    ('ridge', 6.0, 1.0, 1),
+    ('rough', 6.0, 1.0, 1),
+    ('crater', 8.0, 1.0, 1),
+    ('fast', 3.0, 1.0, 1),
+    ('fast', 8.0, 1.0, 1),
+    ('fast', 8.0, 1.0, 4),
+    ('dome', 6.0, 1.0, 1),
+    ('strong', 5.0, 1.0, 1),
+    ('lobe', 8.0, 0.25, 1),
+    ('fissure', 5.0, 1.0, 1),
+    ('mountain', 6.0, 1.0, 1),
+)
+
+#: Runs of a plan, and how far their vents are apart [m].
+RUNS, SHIFT = 3, 0.03
+
+#: How much finer the reference is than the plan.
+FINER = 3.0
+
+#: Members in all, sizes of the ensembles that they make, and those that are drawn as one as well.
+MEMBERS, SIZES, BALANCED = 256, (8, 16, 32), (16,)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A plan and what came of it: a line of the CSV."""
+
+    scene: str
+    within_s: float
+    members: int
+    horizon_s: float
+    preset: str
+    spacing_m: float
+    refinement: float
+    pilots: int
+    pilots_s: float
+    foreseen_s: float
+    taken_s: float
+    taken_of_time_percent: float
+    foreseen_error_percent: float
+    error_percent: float
+    error_deviation_percent: float
+    foreseen_over_error: float
+    sampling_error_percent: float
+    time_kept: bool
+    error_kept: bool
+    runs: int
+    reference_refinement: float
+    reference_runs: int
+    reference_device: str
+    clock: str
+    device: str
+    machine: str
+    command: str
+
+
+def wrong(one, other):
+    """Cells that only one covers over those that either does."""
+    return np.count_nonzero(one ^ other) / max(np.count_nonzero(one | other), 1)
+
+
+def shifted(scene, distance):
+    """The scene with every vent a distance [m] further along x and y."""
+
+    def moved(place):
+        return place and (place[0] + distance, place[1] + distance)
+
+    vents = [
+        replace(vent, position=moved(vent.position), end=moved(vent.end)) for vent in scene.vents
+    ]
+    return replace(scene, vents=tuple(vents))
+
+
+def runs_of(scene, refinement, horizon, count, device, clock):
+    """Runs of a scene with its vents moved by centimetres."""
+    return [
+        run_at(
+            shifted(scene, SHIFT * number), refinement, horizon,
+            device=device, wall_limit=math.inf, clock=clock,
+        )
+        for number in range(count)
+    ]
+
+
+def measure(name, within, share, members, options):
+    """Plan, run, compare."""
+    item = next(item for item in scenes() if item.name == name)
+    horizon = share * item.horizon
+    clock = time.process_time if options['clock'] == 'process' else time.monotonic
+    plan = afford(
+        item.scene, within=within, horizon=horizon, members=members, device=options['device'],
+        clock=clock,
+    )
+    count = max(RUNS, members)
+    runs = runs_of(item.scene, plan.refinement, horizon, count, options['device'], clock)
+    finer = FINER * plan.refinement
+    references = runs_of(
+        item.scene, finer, horizon, options['references'], options['reference_device'],
+        time.monotonic,
+    )
+    errors = [math.nan] * count
+    if references:
+        reference = np.mean([run.covered for run in references], axis=0) > 0.5
+        errors = [wrong(run.covered, reference) for run in runs]
+    error = statistics.mean(errors)
+    times = [run.wall_time for run in runs]
+    taken = statistics.median(times) if members == 1 else sum(times)
+    return Row(
+        scene=name,
+        within_s=within,
+        members=plan.members,
+        horizon_s=horizon,
+        preset=plan.preset,
+        spacing_m=plan.spacing,
+        refinement=plan.refinement,
+        pilots=plan.pilots,
+        pilots_s=plan.spent,
+        foreseen_s=plan.wall_time,
+        taken_s=taken,
+        taken_of_time_percent=100.0 * taken / within,
+        foreseen_error_percent=100.0 * plan.error,
+        error_percent=100.0 * error,
+        error_deviation_percent=100.0 * float(np.std(errors, ddof=1)),
+        foreseen_over_error=plan.error / error if error else math.nan,
+        sampling_error_percent=100.0 * plan.sampling_error,
+        time_kept=0.5 <= taken / within <= 1.1 or (plan.is_finest and taken <= 1.1 * within),
+        error_kept=0.5 * error <= plan.error <= 2.0 * error,
+        runs=count,
+        reference_refinement=finer,
+        reference_runs=options['references'],
+        reference_device=options['reference_device'],
+        clock=options['clock'],
+        device=options['device'],
+        machine=options['machine'],
+        command=options['command'],
+    )
+
+
+def attempt(name, within, *rest):
+    """What ``measure`` gives, or why there is no plan."""
+    try:
+        return measure(name, within, *rest)
+    except LavaError as error:
+        return f'{name}, {within:g} s: {error}'
+
+
+def hill():
+    """A slope with gentle valleys, and what is uncertain about a flow on it."""
+    y, x = np.mgrid[0:40, 0:40] * 20.0
+    return Scene(
+        Terrain(1500.0 - 0.15 * y + 20.0 * np.sin(x / 150.0), 20.0),
+        (Vent((400.0, 200.0), 20.0, radius=30.0),),
+        Lava(viscosity=1e4),
+        uncertainty=uncertainty_from_dict({
+            'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
+            'viscosity': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5},
+            'position': {'deviation': 40.0},
+        }),
+    )
+
+
+def sampling(machine, command):
+    """How far ensembles are from the limit of many members, where that is 40 to 60 %."""
+    scene, horizon = hill(), 1200.0
+    plan = make_plan(scene, horizon=horizon, accuracy=accuracy_at(scene, 0.3))
+
+    def reached(members):
+        fields = run_members(plan, members, device='cpu')
+        return np.array([reached_by(footprint_of(item, plan), plan, horizon) for item in fields])
+
+    # of different seeds: members of one are balanced, and nearer to the limit than by chance
+    drawn = reached([draw_members(scene, 1, seed=seed)[0] for seed in range(MEMBERS)])
+    balanced = {
+        size: [reached(draw_members(scene, size, seed=seed)) for seed in range(MEMBERS // size)]
+        for size in BALANCED
+    }
+    probability = drawn.mean(axis=0)
+    near = (probability > 0.4) & (probability < 0.6)
+
+    def error(parts):
+        means = np.array([part.mean(axis=0) for part in parts])[:, near]
+        return 100.0 * math.sqrt(means.var(axis=0, ddof=1).mean())
+
+    for size in SIZES:
+        rows = [
+            ('foreseen', 100.0 * sampling_error(size)),
+            ('found, independent members', error(np.split(drawn, MEMBERS // size))),
+        ]
+        if size in balanced:
+            rows.append(('found, members of `lava ensemble`', error(balanced[size])))
+        for kind, value in rows:
+            yield [f'error of a probability, {kind}', size, value, '%', machine, command]
+
+
+def arguments():
+    """What the terminal says."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('--device', default='cpu')
+    parser.add_argument('--reference-device', help='device of the references')
+    parser.add_argument(
+        '--references', type=int, default=3, help='runs of a reference, 0: time only'
+    )
+    parser.add_argument('--machine', required=True, help='what the table says it is')
+    parser.add_argument('--clock', choices=('wall', 'process'), default='wall')
+    parser.add_argument('--scene', action='append', metavar='NAME', help='only these')
+    parser.add_argument('--times', type=float, default=1.0, help='times as much time')
+    parser.add_argument('--jobs', type=int, default=1, help='scenes side by side')
+    parser.add_argument('--output', type=Path, default=FOLDER / 'plan.csv')
+    parser.add_argument('--json', type=Path, help='also write the table as JSON')
+    parser.add_argument('--part', choices=('plans', 'sampling'), help='only this')
+    return parser.parse_args()
+
+
+def main():
+    """Measure and write the tables."""
+    args = arguments()
+    words = sys.argv[1:]
+    for name in ('--output', '--json'):
+        if name in words:
+            # where the table went is nothing to repeat
+            del words[words.index(name) : words.index(name) + 2]
+    quoted = [repr(word) if ' ' in word else word for word in words]
+    command = ' '.join(['python docs/benchmarks/plan.py', *quoted])
+    options = {
+        'device': args.device, 'reference_device': args.reference_device or args.device,
+        'references': args.references, 'machine': args.machine, 'clock': args.clock,
+        'command': command,
+    }
+    if args.part != 'sampling':
+        plans(args, options)
+    if args.part != 'plans':
+        head = ['quantity', 'members', 'value', 'unit', 'machine', 'command']
+        lines = [head, *sampling(args.machine, command)]
+        write(args.output.with_name('plan_sampling.csv'), lines)
+
+
+def plans(args, options):
+    """Measure plans and write their table."""
+    work = [
+        (name, args.times * within, share, members, options)
+        for name, within, share, members in CASES
+        if args.scene is None or name in args.scene
+    ]
+    # the long ones first
+    work.sort(key=lambda item: -item[1])
+    names = [item.name for item in scenes()]
+    rows, refused = [], []
+    context = multiprocessing.get_context('spawn')
+    with ProcessPoolExecutor(args.jobs, mp_context=context) as pool:
+        for future in as_completed([pool.submit(attempt, *item) for item in work]):
+            row = future.result()
+            if isinstance(row, str):
+                refused.append(row)
+                continue
+            rows.append(row)
+            print(
+                f'{row.scene:13} {row.within_s:5.3g} s, {row.members:2} runs: spacing '
+                f'{row.spacing_m:.3g} m, '
+                f'{row.taken_of_time_percent:.0f} % of the time, error '
+                f'{row.foreseen_error_percent:.2g} % foreseen, {row.error_percent:.2g} % found',
+                file=sys.stderr, flush=True,
+            )
+            rows.sort(key=lambda row: (names.index(row.scene), row.within_s, row.members))
+            write_csv(rows, args.output)
+    if args.json:
+        write_json(rows, args.json)
+    if refused:
+        sys.exit('\n'.join(refused))
+
+
+def write(path, lines):
+    """Write lines as CSV, numbers to four digits."""
+    with path.open('w', newline='', encoding='utf-8') as file:
+        table = csv.writer(file, lineterminator='\n')
+        for line in lines:
+            table.writerow([f'{item:.4g}' if isinstance(item, float) else item for item in line])
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,400 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""`lava forecast-demo`: a vent opens, forecasts come, and what is seen narrows them."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from dataclasses import replace
+import json
+import os
+from pathlib import Path
+import tempfile
+import time
+from typing import Any, TYPE_CHECKING
+
+import numpy as np
+import yaml
+
+from lava_ros import validation
+from lava_ros.cli.children import Child, ChildError
+from lava_ros.cli.demo import free_domain
+from lava_ros.cli.ros import require_ros
+from lava_ros.errors import LavaError
+from lava_ros.scene import Lava, Scene, scene_to_dict, Terrain, Vent
+from lava_ros.terrain_files import demo_terrain
+from lava_ros.uncertainty import Displacement, Distribution, Uncertainty
+
+if TYPE_CHECKING:
+    from lava_ros.ros.forecast_watch import ForecastWatch, HeardGrid
+    from lava_ros.simulation import Simulation
+
+#: How far forecasts look [s], and simulated seconds in a second.
+HORIZON, SPEED = 3600.0, 40.0
+
+#: Simulated time at which somebody sees where the lava is [s].
+SEEN_AT = 1200.0
+
+#: Distance between particles [m].
+SPACING = 20.0
+
+#: A vent above a deep valley, as the observatory first takes it to be.
+VENT = Vent((4110.0, 5580.0), 60.0, radius=40.0, name='crest')
+LAVA = Lava(viscosity=2e4)
+
+#: What it is unsure of.
+UNCERTAINTY = Uncertainty(
+    discharge=Distribution('lognormal', (1.0, 1.8)),
+    viscosity=Distribution('loguniform', (0.4, 2.5)),
+    position=Displacement(radius=60.0),
+)
+
+#: What it does not know: there is more lava, and it is thinner.
+TRUE_DISCHARGE, TRUE_VISCOSITY = 1.7, 0.6
+
+#: How long anything may take [s].
+PATIENCE = 300.0
+
+#: Probabilities between which nothing is decided.
+UNDECIDED = (5, 95)
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the command to the `lava` parser."""
+    parser = subparsers.add_parser(
+        'forecast-demo',
+        help='open a vent, live in ROS 2, and see an outline narrow the forecast',
+        description='Start a node that makes forecasts and ensembles, open a vent over DDS, and '
+        'say how long the first forecast takes. Then show the node an outline of a flow whose '
+        'discharge and viscosity it does not know, and draw its probabilities before and after.',
+    )
+    parser.add_argument(
+        '--members', type=int, default=16, metavar='N',
+        help='members of the ensembles (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--picture', default='forecast.png', metavar='FILE',
+        help='probabilities before and after (default: %(default)s)',
+    )
+    parser.add_argument(
+        '--speed', type=float, default=SPEED, metavar='X',
+        help='run X times as fast as real time (default: %(default)g)',
+    )
+    parser.add_argument('--json', metavar='FILE', help='also write the result here')
+    parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
+    parser.add_argument(
+        '--domain', type=int, help='ROS domain to run in (default: a free one, isolated)'
+    )
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the demo.
+
+    Returns:
+        0, or 1 when the node fails.
+
+    Raises:
+        LavaError: An argument cannot be used, or ROS 2 is not installed.
+    """
+    require_ros()
+    members = int(validation.number('--members', args.members, at_least=2, at_most=10_000))
+    speed = validation.number('--speed', args.speed, at_least=1.0, at_most=200.0)
+    if args.domain is not None:
+        validation.number('--domain', args.domain, at_least=0.0, at_most=101.0)
+    domain = free_domain() if args.domain is None else args.domain
+    # what cannot be written had better be known before
+    for name in ('picture', 'json'):
+        _check_writable(f'--{name}', getattr(args, name))
+    scene = Scene(demo_terrain(), (VENT,), LAVA, uncertainty=UNCERTAINTY)
+    truth = _Truth(scene, args.device)
+    try:
+        result, maps = _Demo(
+            scene, truth, members=members, speed=speed, device=args.device, domain=domain
+        ).run()
+    except ChildError as error:
+        print(f'lava forecast-demo: {error}')
+        return 1
+    from lava_ros.forecast.picture import draw_narrowing
+
+    draw_narrowing(
+        scene,
+        maps,
+        seen=truth.seen,
+        came=truth.came,
+        output=Path(args.picture),
+    )
+    result['picture'] = args.picture
+    if args.json:
+        Path(args.json).write_text(json.dumps(result, indent=1) + '\n', encoding='utf-8')
+    _print(result)
+    return 0
+
+
+def _check_writable(name: str, path: str | None) -> None:
+    if path is None:
+        return
+    try:
+        with open(path, 'ab'):
+            pass
+    except OSError as error:
+        raise LavaError(name, path, f'a file to write ({error})') from error
+
+
+class _Truth:
+    """The flow that really comes, which the node is not told.
+
+    Attributes:
+        seen: Where its lava is at ``SEEN_AT``, bool, shape [rows, columns].
+        came: Where its lava has come up to the end, bool, same shape.
+    """
+
+    def __init__(self, scene: Scene, device: str | None) -> None:
+        from lava_ros.presets import preset_accuracy
+        from lava_ros.simulation import Simulation
+
+        vent = replace(VENT, discharge=TRUE_DISCHARGE * float(scene.vents[0].series[0][1]))
+        lava = replace(scene.lava, viscosity=TRUE_VISCOSITY * scene.lava.viscosity)
+        accuracy = preset_accuracy('draft', spacing=SPACING)
+        # the kernels of it are those of the node: it does not compile while people wait
+        self._simulation: Simulation = Simulation(
+            replace(scene, vents=(vent,), lava=lava), accuracy=accuracy, device=device
+        )
+        self.seen = self._reached(SEEN_AT)
+        self.came = self.seen
+
+    def run_to(self, end: float) -> None:
+        """Let it come up to a simulated time [s]."""
+        self.came = self.seen | self._reached(end)
+
+    def _reached(self, time: float) -> np.ndarray:
+        self._simulation.advance(time)
+        return self._simulation.snapshot().thickness >= _threshold()
+
+
+def _threshold() -> float:
+    """Thickness from which on lava has come, as the node has it [m]."""
+    from lava_ros.layer_files import load_layers
+    from lava_ros.layers import PROBABILITY
+    from lava_ros.share import share_path
+
+    layers = load_layers(share_path('msg_configs/forecast.yaml'))
+    return next(layer.threshold for layer in layers if layer.source == PROBABILITY)
+
+
+class _Demo:
+    """A node in a graph, from the vent to the second map of probabilities."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        truth: _Truth,
+        *,
+        members: int,
+        speed: float,
+        device: str | None,
+        domain: int,
+    ) -> None:
+        self._scene, self._truth, self._members, self._speed = scene, truth, members, speed
+        self._device, self._domain = device, domain
+
+    def run(self) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]]]:
+        """Run it.
+
+        Returns:
+            The figures; titles and probabilities before and after.
+
+        Raises:
+            ChildError: The node failed, or took too long.
+        """
+        from lava_ros.ros.forecast_watch import ForecastWatch
+
+        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+        env = os.environ | {'ROS_DOMAIN_ID': str(self._domain)}
+        print(f'ROS domain {self._domain}; to watch: ROS_DOMAIN_ID={self._domain} rviz2')
+        with tempfile.TemporaryDirectory(prefix='lava-forecast-demo-') as folder:
+            parameters = self._write(Path(folder))
+            watch = ForecastWatch(self._domain)
+            self._node = Child(
+                'node',
+                'lava_ros.ros.node',
+                ['--ros-args', '--params-file', str(parameters)],
+                log=Path(folder) / 'node.log',
+                env=env,
+            )
+            try:
+                return self._watch(watch)
+            finally:
+                watch.close()
+                self._node.end()
+
+    def _write(self, folder: Path) -> Path:
+        """Write scene and parameters; the scene has no vent yet."""
+        terrain = self._scene.terrain
+        np.savez(
+            folder / 'ground.npz', elevation=terrain.elevation, resolution=terrain.resolution
+        )
+        scene = scene_to_dict(replace(self._scene, vents=()))
+        scene['terrain'] = {'file': 'ground.npz'}
+        (folder / 'scene.yaml').write_text(yaml.safe_dump(scene), encoding='utf-8')
+        settings = {
+            'scene': str(folder / 'scene.yaml'),
+            'device': self._device or '',
+            'preset': 'draft',
+            'spacing': SPACING,
+            'time_scale': self._speed,
+            'forecast_horizon': HORIZON / 3600.0,
+            # a busy machine takes its time
+            'forecast_max_age': 4.0 * HORIZON,
+            'ensemble_members': self._members,
+        }
+        path = folder / 'parameters.yaml'
+        path.write_text(yaml.safe_dump({'/**': {'ros__parameters': settings}}), encoding='utf-8')
+        return path
+
+    def _watch(self, watch: ForecastWatch) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]]]:
+        self._wait(watch, 'to hear it', lambda: watch.is_heard)
+        # the process of the forecasts is there, too, once it has said something of bare ground
+        self._wait(watch, 'for a first map', lambda: bool(watch.arrivals))
+        opened = watch.open_vents(self._scene.vents, self._scene.terrain)
+        print('a vent opens', flush=True)
+        arrival = self._heard(watch, watch.arrivals, opened)
+        print(f'{arrival.heard - opened:6.1f} s  a forecast of when lava comes', flush=True)
+        first = self._heard(watch, watch.probabilities, opened)
+        print(f'{first.heard - opened:6.1f} s  a first map of how likely', flush=True)
+        self._wait(watch, 'for all members', lambda: self._is_complete(watch))
+        complete = time.monotonic()
+        print(f'{complete - opened:6.1f} s  all {self._members} members', flush=True)
+        self._wait(watch, 'for the flow', lambda: self._time(watch) > SEEN_AT)
+        stamp_ns = self._stamp_at(watch, SEEN_AT)
+        before, status = watch.probabilities[-1], watch.values('ensemble')
+        shown = watch.show_outline(self._truth.seen, self._scene.terrain, stamp_ns)
+        print(f'{shown - opened:6.1f} s  an outline is seen', flush=True)
+        self._wait(
+            watch,
+            'to weigh the members',
+            lambda: watch.values('ensemble').get('outlines') == '1'
+            and watch.probabilities[-1].heard > shown,
+        )
+        after = next(
+            (item for item in watch.probabilities if item.heard > shown
+             and item.stamp_ns == before.stamp_ns),
+            watch.probabilities[-1],
+        )
+        print(f'{after.heard - opened:6.1f} s  the probabilities are narrower', flush=True)
+        weighed = watch.values('ensemble')
+        self._truth.run_to(float(status['start_time_s']) + HORIZON)
+        scored = {
+            name: _scores(item.cells, before.cells, self._truth.came, self._scene.terrain)
+            for name, item in (('before', before), ('after', after))
+        }
+        result = {
+            'forecast_after_s': round(arrival.heard - opened, 2),
+            'probability_after_s': round(first.heard - opened, 2),
+            'all_members_after_s': round(complete - opened, 2),
+            'narrower_after_s': round(after.heard - shown, 2),
+            'is_same_ensemble': after.stamp_ns == before.stamp_ns,
+            'members': self._members,
+            'members_effective': float(weighed['members_effective']),
+            'horizon_s': HORIZON,
+            'seen_at_s': SEEN_AT,
+            'device': watch.values('simulation').get('device', ''),
+            **scored,
+        }
+        maps = [
+            (f'{self._members} members', _probability(before.cells)),
+            (f'after an outline at {SEEN_AT / 60.0:g} min', _probability(after.cells)),
+        ]
+        return result, maps
+
+    def _wait(self, watch: ForecastWatch, what: str, condition: Callable[[], bool]) -> None:
+        end = time.monotonic() + PATIENCE
+        while not condition():
+            self._node.check()
+            watch.listen(0.1)
+            for task in ('simulation', 'inputs', 'forecast', 'ensemble'):
+                said = watch.values(task)
+                if said['error']:
+                    raise ChildError(self._node.failure(f'reports: {task}: {said["message"]}'))
+            if time.monotonic() > end:
+                raise ChildError(self._node.failure(f'took more than {PATIENCE:g} s {what}'))
+
+    def _heard(
+        self, watch: ForecastWatch, grids: list[HeardGrid], since: float
+    ) -> HeardGrid:
+        """The first grid with lava that came since a time [s]."""
+        found: list[HeardGrid] = []
+
+        def is_there() -> bool:
+            found[:] = [item for item in grids if item.heard > since and item.cells.max() > 0]
+            return bool(found)
+
+        self._wait(watch, 'for a forecast', is_there)
+        return found[0]
+
+    def _is_complete(self, watch: ForecastWatch) -> bool:
+        said = watch.values('ensemble')
+        has_lava = bool(watch.probabilities) and watch.probabilities[-1].cells.max() > 0
+        is_newest = has_lava and said.get('frame_stamp_ns') == str(
+            watch.probabilities[-1].stamp_ns
+        )
+        return is_newest and said.get('members') == str(self._members)
+
+    def _time(self, watch: ForecastWatch) -> float:
+        return float(watch.values('simulation').get('simulated_time_s', 0.0))
+
+    def _stamp_at(self, watch: ForecastWatch, time: float) -> int:
+        """ROS time [ns] of a simulated time [s] that has just passed."""
+        said = watch.values('simulation')
+        late = float(said['simulated_time_s']) - time
+        return int(said['stamp_ns']) - round(1e9 * late / self._speed)
+
+
+def _probability(cells: np.ndarray) -> np.ndarray:
+    return np.where(cells < 0, np.nan, cells.astype(np.float64))
+
+
+def _scores(
+    cells: np.ndarray, before: np.ndarray, came: np.ndarray, terrain: Terrain
+) -> dict[str, float]:
+    """How undecided a map is, over the cells that had any lava before, and how right it was."""
+    from lava_ros.forecast.scores import brier_score, entropy
+
+    probability = _probability(cells) / 100.0
+    here = before > 0
+    low, high = UNDECIDED
+    undecided = (cells > low) & (cells < high)
+    return {
+        'mean_entropy_bits': float(np.nanmean(entropy(probability[here]))),
+        'undecided_m2': float(undecided.sum()) * terrain.resolution**2,
+        'brier_score': brier_score(probability[here | came], came[here | came]),
+    }
+
+
+def _print(result: dict[str, Any]) -> None:
+    before, after = result['before'], result['after']
+    low, high = UNDECIDED
+    for name, key, scale, unit in (
+        ('mean entropy', 'mean_entropy_bits', 1.0, 'bit a cell'),
+        (f'between {low} and {high} %', 'undecided_m2', 1e-6, 'km2'),
+        ('Brier score against what came', 'brier_score', 1.0, ''),
+    ):
+        print(f'{name:>30}: {scale * before[key]:.3f} -> {scale * after[key]:.3f} {unit}')
+    print(
+        f'{"members":>30}: {result["members"]} that count like '
+        f'{result["members_effective"]:.1f}'
+    )
+    print(f'written to {result["picture"]}')

@@ -1,0 +1,360 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Ensembles of a simulation that runs: members go on from one moment, outlines weigh them.
+
+Members share what the simulation is at that moment: the lava that is out, its heat, the
+resolution, the effects. They differ in what is drawn from then on: discharge, temperature and
+place of the vents, viscosity and yield strength of all lava, errors of the ground. Member k has
+the same draws in each ensemble of a scene, so what an outline says of it holds in the next.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+import time as wall_clock
+from typing import Any
+
+import numpy as np
+
+from lava_ros.checkpoint import Checkpoint, from_bytes
+from lava_ros.errors import LavaError
+from lava_ros.forecast import wire
+from lava_ros.forecast.assimilation import jaccard, Outline, weigh
+from lava_ros.forecast.members import MemberRun, plan_from
+from lava_ros.forecast.probability import (
+    Footprint,
+    footprint_of,
+    HazardMaps,
+    QUANTILES,
+    reached_by,
+    Tally,
+)
+from lava_ros.forecast.sampling import draw_members
+
+#: Members of the first maps of a scene; more follow each time that there are twice as many.
+FIRST_MAPS = 4
+
+Answer = Callable[..., None]
+
+
+class LiveEnsemble:
+    """The members that go on from one moment, one after the other."""
+
+    def __init__(
+        self,
+        checkpoint: Checkpoint,
+        *,
+        members: int,
+        horizon: float,
+        threshold: float,
+        device: str | None = None,
+        max_particles: int | None = None,
+        deadline: float | None = None,
+        begun: float | None = None,
+        number: int = 0,
+    ) -> None:
+        """Draw the members.
+
+        Args:
+            checkpoint: The moment.
+            members: How many there are to be.
+            horizon: How far ahead they look [s].
+            threshold: Thickness from which on lava has arrived [m].
+            device: Warp device; the first CUDA device when there is one, else the CPU.
+            max_particles: Most particles of each, None for any number.
+            deadline: Wall time after the beginning at which those have to do that there are [s];
+                None: there is time for all.
+            begun: Monotonic wall time of the beginning [s], None for now.
+            number: Its number.
+
+        Raises:
+            LavaError: An argument is not usable, or nothing about the scene is uncertain.
+        """
+        self.number = number
+        self.plan = plan_from(checkpoint, horizon=horizon, threshold=threshold)
+        self.start = checkpoint.time
+        self._members = draw_members(checkpoint.scene, members)
+        self._device = device
+        self._max_particles = max_particles
+        self._deadline = deadline
+        self._begun = wall_clock.monotonic() if begun is None else begun
+        self._first = wall_clock.monotonic()
+        self._run: MemberRun | None = None
+        self._footprints: list[Footprint] = []
+        self.duration = 0.0
+
+    @property
+    def asked(self) -> int:
+        """Members there are to be."""
+        return len(self._members)
+
+    @property
+    def count(self) -> int:
+        """Members there are."""
+        return len(self._footprints)
+
+    @property
+    def progress(self) -> float:
+        """Share of the members that have run."""
+        at_hand = self._run.progress if self._run is not None else 0.0
+        return (self.count + at_hand) / self.asked
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all have run, or another one would be late."""
+        return self.count == self.asked or (self.count > 0 and self._is_late())
+
+    def covers(self, time: float) -> bool:
+        """Whether a simulated time [s] lies between its start and its horizon."""
+        return self.start < time <= self.start + self.plan.horizon
+
+    def advance(self, wall_limit: float) -> bool:
+        """Run for about a wall time [s], or to the next look, and say whether a member is done.
+
+        Raises:
+            LavaError: A member makes no scene, has too many particles or is no flow any more.
+        """
+        if self._run is None:
+            member = self._members[self.count]
+            self._run = MemberRun(
+                self.plan, member, device=self._device, max_particles=self._max_particles
+            )
+        self._run.advance(wall_limit)
+        if not self._run.is_done:
+            return False
+        self._footprints.append(footprint_of(self._run.fields(), self.plan))
+        self._run = None
+        self.duration = wall_clock.monotonic() - self._begun
+        return True
+
+    def agreement(self, outline: Outline) -> np.ndarray:
+        """Jaccard index of each member with an outline.
+
+        Args:
+            outline: What was seen; its time counts from the simulation's own start.
+
+        Returns:
+            float64, one for each that was asked for; those that have not run have the mean.
+        """
+        seen = replace(outline, time=outline.time - self.start)
+        found = [
+            jaccard(reached_by(footprint, self.plan, seen.time), seen)
+            for footprint in self._footprints
+        ]
+        rest = self.asked - len(found)
+        return np.array(found + [float(np.mean(found))] * rest)
+
+    def maps(self, agreement: np.ndarray | None) -> HazardMaps:
+        """The maps of the members so far, weighed by their agreement with what was seen."""
+        tally = Tally(self.plan)
+        weights = None if agreement is None else weigh(agreement[: self.count])
+        for number, footprint in enumerate(self._footprints):
+            tally.add(footprint, 1 if weights is None else int(weights.values[number]))
+        return tally.maps()
+
+    def _is_late(self) -> bool:
+        if self._deadline is None:
+            return False
+        now = wall_clock.monotonic()
+        # there is time for another one if it takes as long as those before
+        one = (now - self._first) / max(self.count, 1)
+        return now - self._begun + (one if self._run is None else 0.0) > self._deadline
+
+
+class LiveEnsembles:
+    """The ensembles of a running simulation, one after the other, and what has been seen.
+
+    Answers (``process``): {answer: outlook, number, ...} with the maps; {answer: weighed, number,
+    ...} or {answer: outline refused, number, field, value, expected} for an outline.
+    """
+
+    def __init__(self, answer: Answer) -> None:
+        """Begin without any.
+
+        Args:
+            answer: Takes a header and perhaps a body.
+        """
+        self._answer = answer
+        self._changes: int | None = None
+        self._ordered: tuple[dict[str, Any], bytes, float] | None = None
+        self._at_hand: LiveEnsemble | None = None
+        self._shown: LiveEnsemble | None = None
+        self._oldest: LiveEnsemble | None = None
+        self._agreement: np.ndarray | None = None
+        self._outlines = 0
+        self._waiting: list[tuple[int, Outline]] = []
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether an ensemble is at hand, or ordered."""
+        return self._at_hand is not None or self._ordered is not None
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether members of an ensemble run."""
+        return self._at_hand is not None
+
+    def order(self, header: dict[str, Any], body: bytes) -> None:
+        """Begin an ensemble with the next turn, in place of one at hand.
+
+        Args:
+            header: As of ``process``: number, changes, members, horizon, threshold, device,
+                max_particles, deadline, agreement, outlines.
+            body: The checkpoint.
+        """
+        self.drop()
+        if header['changes'] != self._changes:
+            # what was seen of another scene says nothing of this one
+            self._changes = header['changes']
+            self._shown = self._oldest = None
+            known = header['agreement']
+            self._agreement = None if known is None else np.array(known)
+            self._outlines = header['outlines']
+        self._ordered = (header, body, wall_clock.monotonic())
+
+    def drop(self) -> None:
+        """Give up what is at hand; what has been done stays."""
+        self._ordered = self._at_hand = None
+        waiting, self._waiting = self._waiting, []
+        for number, _ in waiting:
+            error = LavaError('observed_outline', 'not weighed', 'a scene that stays as it is')
+            self.refuse(number, error)
+
+    def advance(self, wall_limit: float) -> None:
+        """Run members for about a wall time [s].
+
+        Raises:
+            LavaError: An ensemble cannot be; it is given up.
+        """
+        if self._ordered is not None:
+            self._begin(*self._ordered)
+        ensemble = self._at_hand
+        if ensemble is None or not ensemble.advance(wall_limit):
+            return
+        is_better = self._shown is None or self._shown is ensemble
+        is_twice = ensemble.count >= FIRST_MAPS and not ensemble.count & (ensemble.count - 1)
+        if ensemble.is_done:
+            self._at_hand, self._shown = None, ensemble
+            if self._oldest is None or not self._oldest.covers(ensemble.start):
+                self._oldest = ensemble
+            self._tell()
+            waiting, self._waiting = self._waiting, []
+            for number, outline in waiting:
+                self.observe(number, outline)
+        elif is_better and is_twice and self._counts_any(ensemble):
+            self._shown = ensemble
+            self._tell()
+
+    @property
+    def progress(self) -> float:
+        """Share of the members at hand that have run."""
+        return self._at_hand.progress if self._at_hand is not None else 0.0
+
+    def observe(self, number: int, outline: Outline) -> None:
+        """Weigh members by an outline: by that ensemble which has gone on for longest.
+
+        Args:
+            number: Number of the outline.
+            outline: What was seen; its time counts from the simulation's own start.
+        """
+        done = [self._oldest, self._shown if self._shown is not self._at_hand else None]
+        for ensemble in filter(None, done):
+            if ensemble.covers(outline.time):
+                self._weigh(number, outline, ensemble)
+                return
+        if self._at_hand is not None and self._at_hand.covers(outline.time):
+            self._waiting.append((number, outline))
+            return
+        starts = [item.start for item in (*done, self._at_hand) if item is not None]
+        since = f'after {min(starts):.0f} s, the start of the first' if starts else 'there is none'
+        self.refuse(
+            number,
+            LavaError(
+                'observed_outline.header.stamp', f'{outline.time:.0f} s of simulated time',
+                f'a time within the horizon of an ensemble ({since})',
+            ),
+        )
+
+    def _begin(self, header: Mapping[str, Any], body: bytes, begun: float) -> None:
+        self._ordered = None
+        self._at_hand = LiveEnsemble(
+            from_bytes(body),
+            members=header['members'],
+            horizon=header['horizon'],
+            threshold=header['threshold'],
+            device=header['device'] or None,
+            max_particles=header['max_particles'],
+            deadline=header['deadline'],
+            begun=begun,
+            number=header['number'],
+        )
+
+    def _counts_any(self, ensemble: LiveEnsemble) -> bool:
+        return self._agreement is None or bool(self._agreement[: ensemble.count].any())
+
+    def _weigh(self, number: int, outline: Outline, ensemble: LiveEnsemble) -> None:
+        found = ensemble.agreement(outline)
+        # what was seen before counts on: soon after a fork members differ too little
+        together = found if self._agreement is None else self._agreement * found
+        try:
+            weights = weigh(together)
+        except LavaError as error:
+            self.refuse(number, error)
+            return
+        self._agreement = together / together.max()
+        self._outlines += 1
+        self._answer(
+            {
+                'answer': 'weighed',
+                'number': number,
+                'agreement': self._agreement.tolist(),
+                'outlines': self._outlines,
+                'jaccard_mean': float(found.mean()),
+                'jaccard_best': float(found.max()),
+                'effective_members': weights.effective_members,
+            }
+        )
+        if self._shown is not None:
+            self._tell()
+
+    def refuse(self, number: int, error: LavaError) -> None:
+        """Say why an outline is not used."""
+        self._answer(
+            {
+                'answer': 'outline refused',
+                'number': number,
+                'field': error.field,
+                'value': str(error.value),
+                'expected': error.expected,
+            }
+        )
+
+    def _tell(self) -> None:
+        ensemble = self._shown
+        assert ensemble is not None
+        maps = ensemble.maps(self._agreement)
+        header = {
+            'answer': 'outlook',
+            'number': ensemble.number,
+            'shape': maps.probability.shape,
+            'members': maps.members,
+            'asked': ensemble.asked,
+            'is_done': ensemble.is_done,
+            'effective_members': maps.effective_members,
+            'arrival_error': maps.arrival_error,
+            'outlines': self._outlines,
+            'duration': ensemble.duration,
+        }
+        arrival = (maps.arrival[share] for share in QUANTILES)
+        self._answer(header, wire.packed(maps.probability, *arrival, maps.thickness))

@@ -1,0 +1,304 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The motion of the particles over a stage, and what happens to them on the way.
+
+At the end of a step they are heated or cooled. Where no pass comes after it, the motion puts them
+into the cells where they have arrived. It is a device function of a particle and its velocity, so
+that the pass that ends with the velocity can go on with the motion.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.simulation.compiled import load2, load4, quick_kernel, store2, store4
+from lava_ros.simulation.flow import flow_constants_of
+from lava_ros.simulation.heat import heat_constants_of, temperature_function
+from lava_ros.simulation.neighbors import bin_function, cell_frame, NeighborGrid
+from lava_ros.simulation.state import (
+    BEFORE_FORMER,
+    CURRENT,
+    FIRST_VELOCITY,
+    FORMER,
+    IS_LAST,
+    PARTICLES,
+    STAGES,
+    State,
+    STEP,
+    VELOCITY,
+)
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+
+#: Displacements in a step over those its length was chosen for: speeds may rise this much in it.
+_MOST_REACH = 2.0
+
+#: Halvings of a displacement that would lift lava out of its reach, before it is given up.
+_HALVINGS = 8
+
+#: Arrays of ``State`` that a motion reads and writes, those among them that there are.
+_ARRAYS = (
+    'counts', 'clock', 'stage', 'ordered', 'ordered_base', 'ordered_drift', 'ordered_remainder',
+    'ordered_age', 'particle', 'base', 'drift', 'remainder', 'age', 'slope', 'cold',
+)
+
+
+@lru_cache
+def journey_type(real: Any) -> Any:
+    """What a motion reads and writes: arrays of ``State``, the ground, the cells, constants."""
+    vec2 = wp.types.vector(2, real)
+    vec4 = wp.types.vector(4, real)
+
+    @wp.struct
+    class Journey:
+        counts: wp.array(dtype=wp.int32)
+        clock: wp.array(dtype=wp.float64)
+        stage: wp.array(dtype=real)
+        elevation: wp.array2d(dtype=real)
+        terrain: TerrainFrame
+        constants: flow_constants_of(real)
+        heat: heat_constants_of(real)
+        ordered: wp.array(dtype=vec4)
+        ordered_base: wp.array(dtype=vec4)
+        ordered_drift: wp.array(dtype=vec4)
+        ordered_remainder: wp.array(dtype=vec2)
+        ordered_age: wp.array(dtype=real)
+        particle: wp.array(dtype=vec4)
+        base: wp.array(dtype=vec4)
+        drift: wp.array(dtype=vec4)
+        remainder: wp.array(dtype=vec2)
+        age: wp.array(dtype=real)
+        slope: wp.array(dtype=vec2)
+        cold: wp.array(dtype=wp.int32)
+        known: wp.array2d(dtype=wp.uint8)
+        cells: cell_frame(real)
+        cell: wp.array(dtype=wp.int32)
+        rank: wp.array(dtype=wp.int32)
+        sizes: wp.array(dtype=wp.int32)
+        left: wp.array(dtype=wp.float64)
+
+    return Journey
+
+
+def journey(
+    state: State, neighbors: NeighborGrid, terrain: StaggeredTerrain, constants: Any, heat: Any
+) -> Any:
+    """Collect what a motion reads and writes.
+
+    Args:
+        state: The particles, ordered.
+        neighbors: Their neighbour grid.
+        terrain: The ground.
+        constants: The flow's.
+        heat: The heat balance's.
+    """
+    made = journey_type(state.real)()
+    made.elevation, made.terrain = terrain.height, terrain.frame
+    made.constants, made.heat = constants, heat
+    made.known, _, made.cells, made.cell, made.rank, made.sizes, made.left = neighbors.place_in(
+        state
+    )
+    for name in _ARRAYS:
+        if hasattr(state, name):
+            setattr(made, name, getattr(state, name))
+    return made
+
+
+@lru_cache
+def _guard_function(real: Any) -> Any:
+    """Return the device function that keeps a displacement to what a step can answer for.
+
+    A step is as long as the speeds at its start allow. Where the ground changes from one cell to
+    the next a particle may be a thousand times as fast a stage later, and would be thrown across
+    cells, or high up a wall at whose foot it has to stop. Its displacement in a step is at most
+    ``_MOST_REACH`` times the one that steps are chosen for, and lifts it by no more than it is
+    thick (and its velocity can): the slope of a sum over neighbours is 1.5 h / l at most.
+    """
+    vec2 = wp.types.vector(2, real)
+    height_at = terrain_functions(real).height_at
+
+    @wp.func
+    def guarded(
+        elevation: wp.array2d(dtype=real),
+        terrain: TerrainFrame,
+        reach: real,
+        x: real,
+        y: real,
+        way: vec2,
+        rise: real,
+    ) -> vec2:
+        most = real(_MOST_REACH) * reach
+        size = wp.length(way)
+        kept = way
+        if size > most:
+            kept = way * (most / size)
+        top = height_at(elevation, terrain, x, y) + rise
+        for _ in range(_HALVINGS):
+            if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top:
+                return kept
+            kept *= real(0.5)
+        return vec2()
+
+    return guarded
+
+
+@lru_cache
+def motion_function(
+    real: Any, effects: Effects, is_staged: bool, is_guarded: bool, bins: bool
+) -> Any:
+    """Return the device function that moves the i-th of the ordered particles.
+
+    Its arguments: the particle's number, its thickness [m] and velocity [m/s], and a journey.
+    """
+    vec2 = wp.types.vector(2, real)
+    guarded = _guard_function(real)
+    place = bin_function(real, False)
+    load, store = load4(real), store4(real)
+    load_pair, store_pair = load2(real), store2(real)
+    gradient_at, _, height_at, _ = terrain_functions(real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    temperature_after = temperature_function(real, effects)
+    heats = temperature_after is not None
+    has_age = effects.crust or effects.ground
+    falls = effects.viscous_heating
+
+    @wp.func
+    def move_on(i: int, f: vec3, m: journey_type(real)):
+        p = load(m.ordered, i)
+        x = p[0]
+        y = p[1]
+        dx = m.stage[VELOCITY] * f[1]
+        dy = m.stage[VELOCITY] * f[2]
+        before = vec2()
+        start = vec2(f[1], f[2])
+        if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
+            # displacements, not positions, are combined: a float32 keeps their digits
+            if m.counts[CURRENT] > 1:
+                b = load(m.ordered_base, i)
+                d = load(m.ordered_drift, i)
+                dx += (
+                    m.stage[FORMER] * d[0]
+                    + m.stage[BEFORE_FORMER] * b[2]
+                    + m.stage[FIRST_VELOCITY] * d[2]
+                )
+                dy += (
+                    m.stage[FORMER] * d[1]
+                    + m.stage[BEFORE_FORMER] * b[3]
+                    + m.stage[FIRST_VELOCITY] * d[3]
+                )
+                x = b[0]
+                y = b[1]
+                before = vec2(d[0], d[1])
+                start = vec2(d[2], d[3])
+        if wp.static(is_staged and is_guarded):  # noqa: SIM102, the static test decides
+            if m.counts[CURRENT] == 2 and m.counts[STAGES] == 2:
+                # 3/2 of this stage's velocity less 1/2 of the first one's: where lava slows down
+                # to a third that leads back, and never on
+                speed = wp.length(start)
+                if speed > real(0.0) and f[1] * start.x + f[2] * start.y >= real(0.0):
+                    short = wp.dot(before - vec2(dx, dy), start) / (speed * speed)
+                    if short > real(0.0):
+                        dx += short * start.x
+                        dy += short * start.y
+        if wp.static(is_guarded):
+            rise = f[0]
+            if wp.static(effects.inertia):
+                rise += (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * real(m.constants.gravity))
+            way = guarded(
+                m.elevation, m.terrain, real(m.constants.reach), x, y, vec2(dx, dy), rise
+            )
+            dx = way[0]
+            dy = way[1]
+        if wp.static(is_staged):
+            store(m.base, i, vec4(x, y, before[0], before[1]))
+            store(m.drift, i, vec4(dx, dy, start[0], start[1]))
+        temperature = p[3]
+        time_out = real(0.0)
+        if wp.static(has_age):
+            time_out = m.ordered_age[i]
+            m.age[i] = time_out
+        if wp.static(heats):  # noqa: SIM102, the static test decides what is compiled
+            if m.counts[IS_LAST] == 1:
+                step = real(m.clock[STEP])
+                drop = real(0.0)
+                if wp.static(falls):
+                    drop = -wp.dot(m.slope[i], vec2(dx, dy))
+                    if wp.static(not effects.inertia):
+                        # what the ground falls by, however steep it is where the step begins
+                        ground = gradient_at(m.elevation, m.terrain, p[0], p[1])
+                        drop += wp.dot(ground, vec2(dx, dy))
+                        drop += height_at(m.elevation, m.terrain, x, y)
+                        drop -= height_at(m.elevation, m.terrain, x + dx, y + dy)
+                temperature = temperature_after(m.heat, f[0], temperature, time_out, drop, step)
+                if wp.static(has_age):
+                    m.age[i] = time_out + step
+        if wp.static(effects.solidification):  # noqa: SIM102, the static test decides
+            if m.counts[IS_LAST] == 1 and temperature < m.heat.solidus:
+                m.cold[0] = 1
+        if wp.static(real is wp.float32):
+            rest = load_pair(m.ordered_remainder, i)
+            dx += rest[0]
+            dy += rest[1]
+            new = vec2(x + dx, y + dy)
+            if m.counts[IS_LAST] == 1:
+                rest = vec2(dx - (new[0] - x), dy - (new[1] - y))
+            store_pair(m.remainder, i, rest)
+            p = vec4(new[0], new[1], p[2], temperature)
+        else:
+            p = vec4(x + dx, y + dy, p[2], temperature)
+        store(m.particle, i, p)
+        if wp.static(bins):
+            place(i, p, m.counts, m.known, m.terrain, m.cells, m.cell, m.rank, m.sizes, m.left)
+
+    return move_on
+
+
+def motion_of(state: State) -> Any:
+    """The device function ``motion_function`` for the particles of a state."""
+    return motion_function(
+        state.real, state.effects, state.is_staged, state.is_guarded, state.bins_in_motion
+    )
+
+
+@lru_cache
+def _kernel(real: Any, motion: Any) -> Any:
+    vec3 = wp.types.vector(3, real)
+
+    @quick_kernel
+    def move(flow: wp.array(dtype=vec3), m: journey_type(real)):
+        i = wp.tid()
+        if i < m.counts[PARTICLES]:
+            motion(i, flow[i], m)
+
+    return move
+
+
+def move_particles(state: State, neighbors: NeighborGrid, way: Any) -> None:
+    """Move the ordered particles over the stage by the velocity in ``state.flow``.
+
+    Args:
+        state: The particles.
+        neighbors: Their neighbour grid.
+        way: Their journey.
+    """
+    wp.launch(
+        _kernel(state.real, motion_of(state)),
+        dim=state.capacity,
+        inputs=[state.flow, way],
+        device=state.device,
+    )
+    neighbors.is_binned = state.bins_in_motion

@@ -1,0 +1,159 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""One stage of a time step, algorithm 1 of the paper: what is computed, and in which order."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.scene import Scene
+from lava_ros.simulation import motion, timestep
+from lava_ros.simulation.effects import load
+from lava_ros.simulation.flow import compute_flow, flow_constants, flow_kernels, THICKEST
+from lava_ros.simulation.heat import heat_constants
+from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.published import publish_velocity
+from lava_ros.simulation.rheology import rheology_of
+from lava_ros.simulation.state import State
+from lava_ros.simulation.streams import Beside
+from lava_ros.simulation.terrain import StaggeredTerrain
+from lava_ros.simulation.vents import VentSet
+
+
+class Stage:
+    """The equations of a scene on its terrain, for one set of effects.
+
+    Attributes:
+        constants: The flow's constants (flow.py).
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        accuracy: Accuracy,
+        state: State,
+        neighbors: NeighborGrid,
+        terrain: StaggeredTerrain,
+        after_step: Mapping[str, Any],
+    ) -> None:
+        """Collect the constants and the kernels.
+
+        Args:
+            scene: The scene.
+            accuracy: The resolution, resolved.
+            state: The particles; it says which effects are on.
+            neighbors: Their neighbour grid.
+            terrain: The ground.
+            after_step: The passes that effects need at a step's end, by effect.
+        """
+        assert accuracy.spacing is not None and accuracy.thickness is not None
+        self._scene, self._accuracy, self._effects = scene, accuracy, state.effects
+        self._state, self._neighbors, self._terrain = state, neighbors, terrain
+        self._after_step = after_step
+        self._radius = accuracy.ratio * accuracy.spacing
+        self._beside = Beside(state.device)
+        self._law = rheology_of(scene.lava, state.real)
+        self._heat = heat_constants(scene, state.real)
+        self.constants = flow_constants(scene, accuracy, self._radius, state.real)
+        gradient = accuracy.gradient if state.has_surface else 'energy'
+        self._flow_kernels = partial(
+            flow_kernels, state.real, accuracy.kernel, accuracy.ratio, gradient, state.effects
+        )
+        # the pass that ends with the velocity moves the particles too
+        self._moves_at_once = (
+            state.effects.green and accuracy.formulation != 'as-published'
+        )
+        if state.effects.inertia:
+            self._momentum = load('inertia').Momentum(
+                terrain,
+                self._law,
+                self.constants,
+                gravity=scene.gravity,
+                number=accuracy.diffusion_number,
+                kernel=accuracy.kernel,
+                ratio=accuracy.ratio,
+                effects=state.effects,
+            )
+
+    def take(self, vents: VentSet) -> None:
+        """Take one stage; at a step's end the vents emit what is due."""
+        state, neighbors = self._state, self._neighbors
+        neighbors.rebuild(state)
+        self.compute_flow(fills_flow=not self._moves_at_once or bool(self._after_step))
+        if self._effects.inertia:
+            self._momentum.synchronize(state)
+        longest = timestep.longest_step(
+            self._scene, self._accuracy, self._effects, vents, self.constants.reach
+        )
+        timestep.choose_stage(state, longest, self._accuracy, vents.due)
+        emit = partial(vents.emit, state, neighbors)
+        if state.bins_in_motion:
+            with self._beside(emit):
+                self._move()
+        else:
+            self._move()
+            emit()
+
+    def compute_flow(self, *, fills_flow: bool = True) -> None:
+        """Compute thickness and local velocity of the ordered particles."""
+        compute_flow(
+            self._state,
+            self._neighbors,
+            self._terrain,
+            self._law,
+            self.constants,
+            self._flow_kernels(self._state.lanes),
+            fills_flow=fills_flow,
+        )
+
+    def compute_velocity(self) -> None:
+        """Compute thickness and velocity of the ordered particles."""
+        self.compute_flow()
+        if self._effects.inertia:
+            self._momentum.synchronize(self._state)
+        self._spread_velocity()
+
+    def _spread_velocity(self) -> None:
+        """Lateral stress: from the local velocities to the velocities."""
+        if self._accuracy.formulation == 'as-published':
+            viscosity = self._scene.lava.viscosity
+            publish_velocity(self._state, self._neighbors, self._radius, viscosity)
+        elif self._effects.green:
+            load('green').spread_velocity(self._state, self._neighbors, self._radius)
+        elif self._effects.helmholtz:
+            assert self._accuracy.thickness is not None
+            load('helmholtz').solve_velocity(
+                self._state,
+                self._neighbors,
+                radius=self._radius,
+                thickness=THICKEST * self._accuracy.thickness,
+                kernel=self._accuracy.kernel,
+                ratio=self._accuracy.ratio,
+            )
+
+    def _move(self) -> None:
+        """Add the lateral stress, and move, in one go where that is one sum; end the step."""
+        state, neighbors = self._state, self._neighbors
+        way = motion.journey(state, neighbors, self._terrain, self.constants, self._heat)
+        if self._moves_at_once:
+            load('green').move_particles(state, neighbors, self._radius, way)
+        else:
+            self._spread_velocity()
+            if self._effects.inertia:
+                self._momentum.accelerate(state, neighbors)
+            motion.move_particles(state, neighbors, way)
+        for effect in self._after_step.values():
+            effect.apply(state, neighbors)

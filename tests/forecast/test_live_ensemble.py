@@ -1,0 +1,227 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Ensembles of a running simulation: members from one moment, weighed by what is seen."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lava_ros.accuracy import Accuracy
+from lava_ros.checkpoint import Checkpoint
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.forecast import wire
+from lava_ros.forecast.assimilation import Outline
+from lava_ros.forecast.live_ensemble import FIRST_MAPS, LiveEnsemble, LiveEnsembles
+from lava_ros.forecast.members import plan_from, run_members
+from lava_ros.forecast.probability import footprint_of, reached_by, Tally
+from lava_ros.forecast.sampling import draw_members
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.uncertainty import uncertainty_from_dict
+
+SCENE = Scene(
+    Terrain(np.tile(500.0 - 2.0 * np.arange(30), (20, 1)), 10.0),
+    (Vent((55.0, 100.0), 20.0, radius=15.0),),
+    Lava(viscosity=1e4),
+    uncertainty=uncertainty_from_dict(
+        {'discharge': {'distribution': 'loguniform', 'low': 0.2, 'high': 5.0}}
+    ),
+)
+
+RULES: dict[str, Any] = {'horizon': 120.0, 'threshold': 0.01, 'device': 'cpu'}
+
+MEMBERS = 5
+
+
+def checkpoint_at(*times: float) -> list[Checkpoint]:
+    """The scene's simulation at some times [s]."""
+    simulation = Simulation(
+        SCENE, effects=Effects(), accuracy=Accuracy(spacing=10.0, thickness=1.0), device='cpu'
+    )
+    found = []
+    for time in times:
+        simulation.advance(time)
+        found.append(simulation.checkpoint())
+    return found
+
+
+@pytest.fixture(scope='module')
+def moments() -> list[Checkpoint]:
+    """Two moments of one simulation."""
+    return checkpoint_at(30.0, 60.0)
+
+
+def run(ensemble: LiveEnsemble) -> LiveEnsemble:
+    """Run all members."""
+    while not ensemble.is_done:
+        ensemble.advance(0.05)
+    return ensemble
+
+
+def seen_by(checkpoint: Checkpoint, index: int, after: float) -> Outline:
+    """What a member has reached some time after a moment."""
+    plan = plan_from(checkpoint, horizon=120.0, threshold=0.01)
+    member = draw_members(SCENE, index + 1)[index]
+    (fields,) = run_members(plan, [member], device='cpu')
+    reached = reached_by(footprint_of(fields, plan), plan, after)
+    return Outline(checkpoint.time + after, reached, np.ones_like(reached))
+
+
+def test_members_are_those_of_an_ensemble(moments: list[Checkpoint]) -> None:
+    """The maps are the ones that drawing, running and counting make, slice by slice or not."""
+    ensemble = LiveEnsemble(moments[0], members=MEMBERS, **RULES)
+    assert (ensemble.count, ensemble.asked, ensemble.progress) == (0, MEMBERS, 0.0)
+    maps = run(ensemble).maps(None)
+    plan = plan_from(moments[0], horizon=120.0, threshold=0.01)
+    tally = Tally(plan)
+    for fields in run_members(plan, draw_members(SCENE, MEMBERS), device='cpu'):
+        tally.add(footprint_of(fields, plan))
+    expected = tally.maps()
+    np.testing.assert_array_equal(maps.probability, expected.probability)
+    np.testing.assert_array_equal(maps.arrival[0.1], expected.arrival[0.1])
+    np.testing.assert_array_equal(maps.thickness, expected.thickness)
+    assert 0.0 < np.nanmax(expected.probability[expected.probability < 100.0])
+
+
+def test_members_that_would_be_late_are_left_out(moments: list[Checkpoint]) -> None:
+    """One there is in any case; the maps say of how many they are."""
+    ensemble = run(LiveEnsemble(moments[0], members=MEMBERS, deadline=1e-3, **RULES))
+    assert (ensemble.count, ensemble.asked) == (1, MEMBERS)
+    assert ensemble.maps(None).members == 1
+    assert run(LiveEnsemble(moments[0], members=2, deadline=1e4, **RULES)).count == 2
+
+
+def test_particles_of_members_are_limited(moments: list[Checkpoint]) -> None:
+    """As those of the simulation are."""
+    ensemble = LiveEnsemble(moments[0], members=2, max_particles=3, **RULES)
+    with pytest.raises(LavaError, match='member 0 is .*max_particles'):
+        run(ensemble)
+
+
+class Bench:
+    """Ensembles, and what they have answered."""
+
+    def __init__(self) -> None:
+        self.answers: list[tuple[dict[str, Any], bytes]] = []
+        self.ensembles = LiveEnsembles(
+            lambda header, body=b'': self.answers.append((header, body))
+        )
+
+    def run(self, number: int, checkpoint: Checkpoint, **changes: Any) -> list[dict[str, Any]]:
+        """Order an ensemble, run it and return what it answered."""
+        self.order(number, checkpoint, **changes)
+        while self.ensembles.is_busy:
+            self.ensembles.advance(0.05)
+        return self.said()
+
+    def order(self, number: int, checkpoint: Checkpoint, **changes: Any) -> None:
+        """Order an ensemble."""
+        header = {
+            'number': number,
+            'changes': 1,
+            'members': MEMBERS,
+            'max_particles': None,
+            'deadline': None,
+            'agreement': None,
+            'outlines': 0,
+            **RULES,
+            **changes,
+        }
+        self.ensembles.order(header, checkpoint.to_bytes())
+
+    def said(self) -> list[dict[str, Any]]:
+        """What has been answered since the last time."""
+        headers = [header for header, _ in self.answers]
+        self.answers.clear()
+        return headers
+
+
+def test_what_is_seen_weighs_members_now_and_later(moments: list[Checkpoint]) -> None:
+    """Maps are told again at once; the next ensemble keeps the weights, another scene does not."""
+    bench, outline = Bench(), seen_by(moments[0], 2, 60.0)
+    first = bench.run(1, moments[0])
+    assert [item['members'] for item in first] == [FIRST_MAPS, MEMBERS]
+    assert [item['is_done'] for item in first] == [False, True]
+    assert first[-1]['effective_members'] == pytest.approx(MEMBERS)
+
+    bench.ensembles.observe(7, outline)
+    (body,) = [body for header, body in bench.answers if header['answer'] == 'outlook']
+    weighed, again = bench.said()
+    assert (weighed['answer'], weighed['number'], weighed['outlines']) == ('weighed', 7, 1)
+    assert int(np.argmax(weighed['agreement'])) == 2
+    assert weighed['jaccard_best'] == 1.0 > weighed['jaccard_mean']
+    assert (again['answer'], again['number'], again['outlines']) == ('outlook', 1, 1)
+    assert again['effective_members'] < MEMBERS - 1.0
+    assert len(wire.unpacked(body, again['shape'])) == 5
+
+    later = bench.run(2, moments[1])
+    # one at a time would be worse than the one there is
+    assert [(item['number'], item['members']) for item in later] == [(2, MEMBERS)]
+    assert later[0]['effective_members'] == pytest.approx(again['effective_members'])
+    # the ensemble that has gone on for longest tells members best
+    bench.ensembles.observe(8, seen_by(moments[0], 2, 90.0))
+    sharper, told = bench.said()
+    assert (sharper['outlines'], told['number']) == (2, 2)
+    assert sharper['jaccard_best'] == 1.0
+
+    other = bench.run(3, moments[0], changes=2)
+    assert other[-1]['effective_members'] == pytest.approx(MEMBERS)
+    assert other[-1]['outlines'] == 0
+    # a process that has just been started is told what was known
+    restarted = Bench().run(
+        1, moments[0], agreement=sharper['agreement'], outlines=sharper['outlines']
+    )
+    assert restarted[-1]['effective_members'] < MEMBERS - 1.0
+
+
+def test_an_outline_waits_for_an_ensemble_or_is_refused(moments: list[Checkpoint]) -> None:
+    """It is judged when all members are there; none covers a time before the first."""
+    bench, outline = Bench(), seen_by(moments[1], 1, 60.0)
+    bench.ensembles.observe(1, outline)
+    (nothing,) = bench.said()
+    assert nothing['answer'] == 'outline refused' and 'there is none' in nothing['expected']
+    bench.order(1, moments[1])
+    bench.ensembles.advance(0.05)
+    bench.ensembles.observe(2, outline)
+    bench.ensembles.observe(3, Outline(moments[1].time - 5.0, outline.lava, outline.known))
+    (early,) = [item for item in bench.said() if item['answer'] == 'outline refused']
+    assert early['number'] == 3 and early['field'] == 'observed_outline.header.stamp'
+    while bench.ensembles.is_busy:
+        bench.ensembles.advance(0.05)
+    assert [item['answer'] for item in bench.said()][-2:] == ['weighed', 'outlook']
+    elsewhere = np.zeros_like(outline.lava)
+    elsewhere[0, -1] = True
+    bench.ensembles.observe(4, Outline(outline.time, elsewhere, outline.known))
+    (refused,) = bench.said()
+    assert 'no member touches' in refused['value']
+    # what waits when the scene changes is not forgotten without a word
+    bench.order(2, moments[0], changes=2)
+    bench.ensembles.advance(0.05)
+    bench.ensembles.observe(5, seen_by(moments[0], 1, 60.0))
+    bench.said()
+    bench.ensembles.drop()
+    (dropped,) = bench.said()
+    assert (dropped['answer'], dropped['number']) == ('outline refused', 5)
+
+
+def test_masks_go_over_the_wire() -> None:
+    """Bit by bit, whatever their size."""
+    masks = np.random.default_rng(1).random((2, 7, 5)) < 0.5
+    body = wire.packed_masks(*masks)
+    assert len(body) == 9
+    for sent, come in zip(masks, wire.unpacked_masks(body, (7, 5)), strict=True):
+        np.testing.assert_array_equal(sent, come)
