@@ -35,11 +35,14 @@ from lava_ros.scene import Scene, Terrain
 #: How far ahead a scene is looked at when nothing is said [s].
 HORIZON = 86400.0
 
+#: Slope of the side of what freezes, in thicknesses over kernel radii: a column freezes into a
+#: quadratic B-spline at least 0.65 / 1.5 of the radius wide, and the step that a layer ends in,
+#: smoothed with that, is as steep as its greatest value, 0.75 thicknesses over its width.
+FROZEN_SIDE = 0.75 * 1.5 / 0.65
 
-#: Thickness over kernel radius above which the lateral stress is solved for: the Green's function,
-#: cut off at the kernel radius, is right up to there (docs/accuracy, lateral stress: by 0.6 % at
-#: most where l is 3.5 thicknesses, by 13 % where it is 2).
-RESOLVED = 1.0 / 3.5
+#: Share of the way to the solidus, cooled through up to the horizon, above which lava may freeze:
+#: what is thinner than expected is colder.
+FREEZES = 0.9
 
 _NAMES = tuple(item.name for item in fields(Effects))
 
@@ -96,7 +99,7 @@ class Criterion:
         title: What it is, in a few words.
         symbol: The number, as a formula.
         number: Computes it; above ``threshold`` the effect is on.
-        threshold: Where the effect begins to matter.
+        threshold: Where the effect begins to matter; infinite if it is only on when asked for.
         admits: What leaving the effect out below the threshold costs.
         source: Where threshold and cost are from.
         exists: Whether the material has such a thing at all.
@@ -137,6 +140,8 @@ class Decision:
             return 'forced'
         if math.isnan(self.value):
             return 'the material has none'
+        if math.isinf(self.criterion.threshold):
+            return 'only when asked for'
         sign = '>' if self.value > self.criterion.threshold else '<='
         text = f'{self.criterion.symbol} = {self.value:.2g} {sign} {self.criterion.threshold:.2g}'
         return f'{text}, but not beside {self.rival}' if self.rival else text
@@ -217,6 +222,13 @@ def _warmth(scales: Scales, share: float) -> float:
     return max(share, abs(math.log(ratio)) / 3.0)
 
 
+def _steepness(scales: Scales) -> float:
+    """Largest slope of the ground, which what freezes becomes a part of."""
+    if scales.lava.solidus <= 0.0 or _freezing(scales) <= FREEZES:
+        return scales.steepest
+    return max(scales.steepest, FROZEN_SIDE * scales.thickness / scales.kernel_radius)
+
+
 def _drop(scales: Scales) -> float:
     """Share of its heat that a column loses up to the horizon."""
     change = scales.temperature - scales.end_temperature
@@ -295,9 +307,9 @@ def _freezing(scales: Scales) -> float:
 #: Every criterion, in the order in which they are shown.
 CRITERIA: tuple[Criterion, ...] = (
     Criterion(
-        'steep', 'thickness along steep slopes', 'slope', lambda scales: scales.steepest,
+        'steep', 'thickness along steep slopes', 'slope', _steepness,
         math.tan(math.radians(5.0)), 'up to 1.5 % of the speed: 1 - cos^4',
-        'docs/MODEL.md, steep slopes',
+        'docs/MODEL.md, steep slopes; the sides of frozen lava count',
     ),
     Criterion(
         'yielding', 'yield strength', 'Bingham number', _bingham, 0.01,
@@ -330,14 +342,13 @@ CRITERIA: tuple[Criterion, ...] = (
         '2 % of the front: a fifth of the number', 'point source on a slope with and without',
     ),
     Criterion(
-        'green', 'lateral viscous stress, as a sum', 'h / l',
-        lambda scales: _lateral(scales) if _lateral(scales) <= RESOLVED else 0.0, 0.25,
-        '5 % of the speed of the shortest waves: (pi h / 2 l)^2 / 3',
-        'docs/accuracy, lateral stress',
+        'green', 'lateral viscous stress, as a sum', 'h / l', _lateral, math.inf,
+        'nothing: helmholtz is the better form', 'docs/benchmarks/choice_lateral.csv',
     ),
     Criterion(
-        'helmholtz', 'lateral viscous stress, solved', 'h / l', _lateral, RESOLVED,
-        'as much as the sum leaves out', 'docs/accuracy, lateral stress',
+        'helmholtz', 'lateral viscous stress, solved', 'h / l', _lateral, 0.25,
+        '5 % of the speed of the shortest waves: (pi h / 2 l)^2 / 3',
+        'docs/accuracy, lateral stress',
     ),
     Criterion(
         'cooling', 'radiation and convection', 'heat lost', _drop, 0.01,
@@ -370,7 +381,7 @@ CRITERIA: tuple[Criterion, ...] = (
     ),
     Criterion(
         'solidification', 'columns that freeze become ground', 'share of the way to the solidus',
-        _freezing, 0.9, 'nothing freezes before the horizon', 'column at rest',
+        _freezing, FREEZES, 'nothing freezes before the horizon', 'column at rest',
         lambda lava: lava.solidus > 0.0,
     ),
 )

@@ -59,7 +59,7 @@ def test_plain_lava_on_a_gentle_slope_calls_for_nothing():
         (3.0, {'viscosity': 30.0}, {'inertia'}),
         (3.0, {'ground_conductivity': 2.0}, {'ground'}),
         (3.0, {'emissivity': 0.9, 'convection': 50.0, 'solidus': 1300.0},
-         {'cooling', 'solidification'}),
+         {'cooling', 'solidification', 'steep'}),
         (3.0, {'emissivity': 0.9, 'crust': True, 'conductivity': 2.0}, {'crust'}),
     ],
 )
@@ -72,9 +72,22 @@ def test_lateral_stress_is_on_where_the_kernel_resolves_the_thickness():
     """Particles closer than the lava is thick feel the stress between them."""
     scene = Scene(slope(3.0), lava=PLAIN)
     thickness = scales_of(scene).thickness
-    for share, expected in ((0.2, set()), (0.27, {'green'}), (0.5, {'helmholtz'})):
+    for share, expected in ((0.2, set()), (0.24, set()), (0.26, {'helmholtz'})):
         accuracy = Accuracy(spacing=thickness / share / 3.0, ratio=3.0)
         assert switched_on(scene, accuracy=accuracy) == expected
+
+
+def test_what_freezes_makes_the_ground_steep():
+    """On a gentle slope only the sides of frozen lava are steep, where the particles show them."""
+    lava = replace(PLAIN, emissivity=0.9, convection=50.0, solidus=1300.0)
+    frozen = Scene(slope(3.0), lava=lava)
+    thickness = scales_of(frozen).thickness
+    # tan 5 degrees is the slope at h / l = 0.0506: 1.73 times that
+    for share, is_steep in ((0.048, False), (0.053, True)):
+        accuracy = Accuracy(spacing=thickness / share / 3.0, ratio=3.0)
+        assert ('steep' in switched_on(frozen, accuracy=accuracy)) is is_steep
+        warm = replace(frozen, lava=replace(lava, emissivity=0.0, convection=0.0))
+        assert 'steep' not in switched_on(warm, accuracy=accuracy)
 
 
 def test_a_relief_of_kilometres_warms_lava():
@@ -127,6 +140,7 @@ def test_every_decision_says_why():
             assert item.is_on == (item.value > item.criterion.threshold)
     reasons = {item.criterion.effect: item.reason for item in decisions}
     assert reasons['inertia'] == 'forced'
+    assert reasons['green'] == 'only when asked for'
     assert reasons['yielding'] == 'the material has none'
     assert reasons['steep'].startswith('slope = 0.36 > ')
 

@@ -47,6 +47,9 @@ _AT_ONCE = 16
 #: Distance between particles and thickness of the lava [m].
 SPACING, THICKNESS = 2.0, 2.0
 
+#: Kernel radius over the distance between particles: 28 neighbours.
+RATIO = 3.0
+
 #: Length of a step [s]: nothing moves far, so every set of effects steps the same lava.
 STEP = 1e-3
 
@@ -117,7 +120,12 @@ def effect_sets() -> dict[str, Effects]:
 
 
 def lava_field(
-    particles: int, effects: Effects, device: str, *, cells: int | None = None
+    particles: int,
+    effects: Effects,
+    device: str,
+    *,
+    cells: int | None = None,
+    ratio: float = RATIO,
 ) -> Simulation:
     """A field of lava on rough ground, and a vent in it.
 
@@ -126,6 +134,7 @@ def lava_field(
         effects: The physics.
         device: Warp device.
         cells: Cells along a side of the ground; when left out they are two spacings wide.
+        ratio: Kernel radius over spacing: pi times its square is the number of neighbours.
     """
     count = max(8, round(particles**0.5))
     side = count * SPACING
@@ -145,7 +154,7 @@ def lava_field(
         Scene(ground, (Vent((middle, middle), 10.0),), LAVA),
         effects=effects,
         accuracy=Accuracy(
-            spacing=SPACING, thickness=THICKNESS, ratio=3.0, fixed_step=STEP, integrator='euler'
+            spacing=SPACING, thickness=THICKNESS, ratio=ratio, fixed_step=STEP, integrator='euler'
         ),
         device=device,
         particles=Particles(places, THICKNESS * SPACING**2, 1400.0),

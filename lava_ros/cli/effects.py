@@ -107,7 +107,8 @@ def as_dict(decision: Decision, costs: Mapping[str, float]) -> dict[str, Any]:
         'forced': decision.is_forced,
         'number': criterion.symbol,
         'value': None if math.isnan(decision.value) else decision.value,
-        'threshold': criterion.threshold,
+        # JSON has no infinity: what is only on when asked for has no threshold
+        'threshold': None if math.isinf(criterion.threshold) else criterion.threshold,
         'reason': decision.reason,
         'step_time_over_bare': costs[criterion.effect],
         'without_it': criterion.admits,

@@ -71,9 +71,12 @@ def run(args: argparse.Namespace) -> int:
         print(f'pilot: spacing {spacing:.3g} m took {pilot.wall_time:.3g} s', flush=True)
 
     plan = afford(
-        scene, within=within, horizon=horizon, members=members, device=args.device, on_pilot=tell
+        scene, within=within, horizon=horizon, members=members, device=args.device,
+        may_force=True, on_pilot=tell,
     )
     print(f'preset {plan.preset}, spacing {plan.spacing:.3g} m')
+    for name, is_on in plan.forced.items():
+        print(f'effect {name} {"on" if is_on else "off"}: what this spacing calls for is too dear')
     print(
         f'{plan.members} run{"s" * (plan.members > 1)} in about {plan.wall_time:.2g} s of '
         f'{within:g} s' + ('; more time would not help' if plan.is_finest else '')

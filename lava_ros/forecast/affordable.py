@@ -20,14 +20,17 @@ they tell of the cost and the error of a finer run; the error is of the method a
 terrain, discharge and material.
 
 A finer run may call for other effects (choice.py) that cost more. Where the time reaches so far,
-the last two pilots are run again with those effects, and the plan goes on from there.
+the last two pilots are run again with those effects, and the plan goes on from there. Where they
+do not fit and much of the time is left, a plan may go on for a while without them, if it is let.
+
+A last pilot, with the physics of the plan and near to its spacing, corrects the plan.
 
 Members of an ensemble share the time. The probability that n of them give has a sampling error of
 up to 1 / (2 sqrt(n)). Where n is left open, it is the one with which both errors are least.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 import math
 import time as wall_clock
@@ -66,12 +69,22 @@ ENOUGH = 0.2
 #: Share of the time that no pilot takes: one that does is given up.
 TOO_MUCH = 0.6
 
+#: Share of the time that a pilot near to the plan is foreseen to take at most, how much finer than
+#: the others it is at least, and the share for all of these: the first may change the physics.
+NEAR, NEARER, MOST_NEAR = 0.4, 1.1, 0.7
+
 #: Share of the time that a plan uses, the middle of a half and 1.1: what is left is for what it
 #: does not know.
 USED = 0.75
 
 #: Share of the time below which a plan rather uses more than ``USED``, and how much then.
 LEAST_USED, MOST_USED = 0.5, 0.9
+
+#: How much finer a plan may at most be than a pilot that was given up.
+TOO_FINE = 0.8
+
+#: How much finer a plan may be without the effects that are called for there.
+WITHOUT = 1.5
 
 #: Thickness from which on a cell is covered [m].
 COVERED = 0.1
@@ -102,6 +115,7 @@ class Affordable:
         is_finest: Whether more time would not make it finer.
         pilots: Pilots that were run.
         spent: How long they took, without compiling kernels [s].
+        forced: Effects that are on or off in it other than the scene calls for at this spacing.
     """
 
     preset: str
@@ -114,6 +128,7 @@ class Affordable:
     is_finest: bool
     pilots: int
     spent: float
+    forced: dict[str, bool] = field(default_factory=dict)
 
 
 def run_at(
@@ -123,7 +138,7 @@ def run_at(
     *,
     device: str | None,
     wall_limit: float,
-    effects: Effects | None = None,
+    effects: Effects | Mapping[str, bool] | None = None,
     clock: Callable[[], float] = wall_clock.monotonic,
 ) -> Pilot | None:
     """Run a scene to its horizon, None when that takes longer than a time [s].
@@ -137,7 +152,8 @@ def run_at(
         horizon: How far to run [s].
         device: Warp device.
         wall_limit: Longest time [s].
-        effects: The physics; chosen by the scene and the refinement when left out.
+        effects: The physics; chosen by the scene and the refinement when left out, but for those
+            of a mapping.
         clock: What tells the time [s].
     """
     accuracy = accuracy_at(scene, refinement)
@@ -178,6 +194,7 @@ def afford(
     horizon: float,
     members: int | None = 1,
     device: str | None = None,
+    may_force: bool = False,
     on_pilot: Callable[[Pilot], None] = lambda _: None,
     clock: Callable[[], float] = wall_clock.monotonic,
 ) -> Affordable:
@@ -189,12 +206,14 @@ def afford(
         horizon: How far each run goes [s].
         members: Runs, one after the other; None for the number that errs least together.
         device: Warp device; the first CUDA device when there is one, else the CPU.
+        may_force: Whether a plan may go without effects that do not fit (``Affordable.forced``)
+            where most of the time would be left otherwise.
         on_pilot: Called after each pilot.
         clock: What tells the time [s]; ``time.process_time`` on a CPU that others use too.
 
     Returns:
         What to run, how long it will take and what it will err. ``accuracy_at(scene,
-        plan.refinement)`` is its accuracy.
+        plan.refinement)`` is its accuracy, ``plan.forced`` its effects.
 
     Raises:
         LavaError: An argument is not usable, or the time is too short for the coarsest run.
@@ -203,10 +222,11 @@ def afford(
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
     if members is not None and members < 1:
         raise LavaError('members', members, 'at least 1')
-    search = _Search(scene, within, horizon, members, device, on_pilot, clock)
+    search = _Search(scene, within, horizon, members, device, may_force, on_pilot, clock)
     search.climb()
-    refinement, count = search.choose()
-    wall_time = count * search.cost(refinement)
+    best = search.choose()
+    refinement, count = best.refinement, best.members
+    wall_time = count * search.cost(refinement, best.effects)
     if wall_time > within:
         right = f'about {wall_time:.2g} s: that is what the coarsest {count} take'
         raise LavaError('within', within, right)
@@ -219,6 +239,7 @@ def afford(
         error=search.law.at(refinement),
         sampling_error=sampling_error(count),
         is_finest=refinement >= 0.999 * FINEST,
+        forced=search.forced(best),
         pilots=len(search.runs),
         spent=search.spent,
     )
@@ -231,6 +252,16 @@ def _preset(refinement: float) -> str:
     return below[-1] if below else names[0]
 
 
+@dataclass(frozen=True)
+class _Choice:
+    """A plan for now: a refinement, the members, the effects and the share of the time."""
+
+    refinement: float
+    members: int
+    effects: Effects
+    used: float
+
+
 @dataclass
 class _Search:
     """The pilots that are run for a plan, and what they say."""
@@ -240,11 +271,13 @@ class _Search:
     horizon: float
     members: int | None
     device: str | None
+    may_force: bool
     on_pilot: Callable[[Pilot], None]
     clock: Callable[[], float]
     pilots: list[Pilot] = field(default_factory=list)
     runs: list[Pilot] = field(default_factory=list)
     bands: list[tuple[float, Effects]] = field(default_factory=list)
+    too_long: dict[Effects, float] = field(default_factory=dict)
     given_up: float = 0.0
 
     @property
@@ -287,22 +320,50 @@ class _Search:
             refinement *= step
         self.bands = _bands(self.scene)
 
-    def choose(self) -> tuple[float, int]:
-        """Refinement and members that fit into the time and err least."""
+    def choose(self) -> _Choice:
+        """Refinement, members and effects that fit into the time and err least."""
         self._compare(self.pilots[-1].effects)
         best = self._best()
         for start, effects in self.bands:
             # as far as the time reaches
-            if best[0] > 0.97 * start > self.pilots[-1].refinement and self._compare(effects):
+            reached = best.refinement > 0.97 * start > self.pilots[-1].refinement
+            if reached and self._compare(effects):
                 best = self._best()
+        before = self.spent
+        while self._approach(best, self.spent - before):
+            best = self._best()
         return best
 
-    def cost(self, refinement: float) -> float:
+    def cost(self, refinement: float, effects: Effects) -> float:
         """Wall time of a run [s], infinite where no pilot had its physics."""
-        effects = self._effects(refinement)
+        if refinement > TOO_FINE * self.too_long.get(effects, math.inf):
+            return math.inf
         alike = [pilot for pilot in self.runs if pilot.effects == effects]
         alike.sort(key=lambda pilot: pilot.refinement)
         return cost_at(alike, refinement) if alike else math.inf
+
+    def forced(self, best: _Choice) -> dict[str, bool]:
+        """What the scene does not choose by itself."""
+        own, given = asdict(self._effects(best.refinement)), asdict(best.effects)
+        return {name: is_on for name, is_on in given.items() if own[name] != is_on}
+
+    def _approach(self, best: _Choice, spent: float) -> bool:
+        """Run a pilot near to what was chosen, some time [s] after the first; whether one ran."""
+        alike = [pilot.refinement for pilot in self.runs if pilot.effects == best.effects]
+        # no leap: what is foreseen of a much finer run may be far too little
+        finest = min(best.refinement, FINER * max(alike))
+        known = np.geomspace(max(alike), max(finest, max(alike)), 50)
+        limit = min(NEAR * self.within / best.members, MOST_NEAR * self.within - spent)
+        fitting = [float(item) for item in known if self.cost(item, best.effects) <= limit]
+        if not fitting or fitting[-1] < NEARER * max(alike):
+            return False
+        pilot = self._run(fitting[-1], self.within, best.effects)
+        if pilot is None:
+            self.too_long[best.effects] = fitting[-1]
+        elif pilot.effects == self._effects(pilot.refinement):
+            self.pilots.append(pilot)
+            self.pilots.sort(key=lambda pilot: pilot.refinement)
+        return True
 
     def _compare(self, effects: Effects) -> bool:
         """See to it that two pilots have some effects; whether there is anything new."""
@@ -344,17 +405,19 @@ class _Search:
         known = [float(item) for item in np.geomspace(COARSEST, finest, 400)]
         # not so near to other effects that rounding decides
         clear = [item for item in known if self._effects(item) == self._effects(1.001 * item)]
-        return [item for item in clear if math.isfinite(self.cost(item))]
+        return [item for item in clear if math.isfinite(self.cost(item, self._effects(item)))]
 
-    def _best(self) -> tuple[float, int]:
+    def _best(self) -> _Choice:
         law = self.law
         candidates = self._candidates()
-        best = (candidates[0], self.members or 1)
-        least, used = math.inf, 0.0
+        coarsest = candidates[0]
+        best = _Choice(coarsest, self.members or 1, self._effects(coarsest), 0.0)
+        least = math.inf
         for refinement in candidates:
-            cost = max(self.cost(refinement), 1e-9)
+            effects = self._effects(refinement)
+            cost = max(self.cost(refinement, effects), 1e-9)
             # where other effects make a leap in cost, rather too near to the time than half of it
-            most = MOST_USED if 0.0 < used < LEAST_USED * self.within else USED
+            most = MOST_USED if 0.0 < best.used < LEAST_USED else USED
             fitting = int(min(most * self.within / cost, _MOST_MEMBERS))
             count = fitting if self.members is None else self.members
             if not 1 <= count <= fitting:
@@ -362,7 +425,17 @@ class _Search:
             error = math.hypot(law.at(refinement), sampling_error(count))
             # errors below the least one are alike: finer is better
             if error <= least:
-                best, least, used = (refinement, count), error, count * cost
+                best = _Choice(refinement, count, effects, count * cost / self.within)
+                least = error
+        return self._without(best) if self.may_force and best.used < LEAST_USED else best
+
+    def _without(self, best: _Choice) -> _Choice:
+        """The finest that fits with the effects of a choice, also where others are called for."""
+        finest = min(FINEST, WITHOUT * best.refinement)
+        for refinement in np.geomspace(best.refinement, finest, 50):
+            used = best.members * self.cost(float(refinement), best.effects) / self.within
+            if used <= USED:
+                best = replace(best, refinement=float(refinement), used=used)
         return best
 
 

@@ -29,7 +29,7 @@ import warnings
 
 import lava_ros
 from lava_ros.errors import LavaError
-from lava_ros.forecast.members import Plan, run_members
+from lava_ros.forecast.members import batch_of, Plan, run_members
 from lava_ros.forecast.probability import Footprint, footprint_of
 from lava_ros.forecast.sampling import Member
 
@@ -49,7 +49,7 @@ class DaskRunner:
         workers: int | None = None,
         scheduler: str | None = None,
         device: str | None = None,
-        batch: int = 1,
+        batch: int | None = None,
     ) -> None:
         """Describe the cluster.
 
@@ -57,7 +57,7 @@ class DaskRunner:
             workers: Processes on this machine; None: one for each GPU, or else for each core.
             scheduler: Address of a scheduler to use instead, such as ``tcp://host:8786``.
             device: Warp device of every worker; None: its own GPU, or else the CPU.
-            batch: Members that a worker runs side by side.
+            batch: Members that a worker runs side by side; by the device when left out.
 
         Raises:
             LavaError: Dask is not installed.
@@ -66,7 +66,7 @@ class DaskRunner:
         self._workers = workers
         self._scheduler = scheduler
         self._device = device
-        self._batch = batch
+        self._batch = batch_of(device) if batch is None else batch
 
     def __call__(self, plan: Plan, members: Sequence[Member]) -> Iterable[Footprint]:
         """Run members, and give what each did as they finish, in any order.

@@ -22,7 +22,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
-from lava_ros.forecast.members import Plan, run_members
+from lava_ros.forecast.members import batch_of, Plan, run_members
 from lava_ros.forecast.probability import (
     Footprint,
     footprint_of,
@@ -146,7 +146,7 @@ def run_here(
     members: Sequence[Member],
     *,
     device: str | None = None,
-    batch: int = 1,
+    batch: int | None = None,
     on_progress: Callable[[float], None] | None = None,
 ) -> Iterable[Footprint]:
     """Run members in this process, a batch after the other.
@@ -155,9 +155,10 @@ def run_here(
         plan: What they have in common.
         members: The members.
         device: Warp device; the first GPU, else the CPU, when left out.
-        batch: Members that run side by side.
+        batch: Members that run side by side; by the device when left out.
         on_progress: Is told the share of a batch that is done.
     """
+    batch = batch_of(device) if batch is None else batch
     for start in range(0, len(members), batch):
         part = members[start : start + batch]
         for fields in run_members(plan, part, device=device, progress=on_progress):

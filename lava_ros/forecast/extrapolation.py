@@ -15,9 +15,10 @@
 """What coarse runs say about finer ones: their cost and their error.
 
 Cost: the wall time of a run is s + E (a + b r^k). E, its evaluations, grow as a power of the
-refinement r that the runs give. One evaluation has a part that does not depend on the particles
-and one that goes as their number, r^2; the solve for the lateral stress takes iterations as well,
-as many as particles lie across its reach, so that k is 3 with it and 2 without.
+refinement r, that of the last two runs: powers grow with r. One evaluation has a part that does
+not depend on the particles and one that goes as their number, r^2; the solve for the lateral
+stress takes iterations as well, as many as particles lie across its reach, so that k is 3 with it
+and 2 without. The last run is the nearest to what is asked for: all is in proportion to it.
 
 Error: of what two runs cover, the share that only one of them does. An edge is off by a bias that
 all runs have, C r^-p, and by where particles happen to lie, q C r^-p, which differs from run to
@@ -43,6 +44,9 @@ from lava_ros.effects import Effects
 #: What a run errs at least as a share of what it covers: twice the error of the edge that the
 #: finest preset has in docs/accuracy, since an area goes as the square of its radius.
 FLOOR = 0.004
+
+#: How much finer a run is than another to tell how evaluations grow.
+APART = 1.15
 
 #: Powers p at which errors fall, and how usual each is: docs/accuracy has 1 on slopes.
 ORDERS = {0.6: 0.5, 0.8: 1.0, 1.0: 1.5, 1.2: 1.0, 1.5: 0.5}
@@ -92,16 +96,26 @@ def cost_at(pilots: Sequence[Pilot], refinement: float) -> float:
     if len(alike) == 1:
         # nothing to compare with: all of the time is that of the particles
         return last.setup + last.evaluations * each * scale ** (power + 1.0)
-    first = alike[0]
-    ratio = math.log(last.refinement / first.refinement)
-    growth = math.log(max(last.evaluations, 1) / max(first.evaluations, 1)) / ratio
-    evaluations = last.evaluations * scale ** min(max(growth, 0.0), 2.0)
+    evaluations = last.evaluations * scale ** _growth(alike)
     sizes = np.array([(pilot.refinement / last.refinement) ** power for pilot in alike])
     times = np.array([
         (pilot.wall_time - pilot.setup) / max(pilot.evaluations, 1) for pilot in alike
     ])
     constant, slope = _line(sizes, times)
-    return last.setup + evaluations * (constant + slope * scale**power)
+    return last.setup + evaluations * each * (constant + slope * scale**power) / (constant + slope)
+
+
+def _growth(pilots: Sequence[Pilot]) -> float:
+    """Power of the refinement at which evaluations grow."""
+    last = pilots[-1]
+    # those too near say more of chance
+    far = [pilot for pilot in pilots[:-1] if pilot.refinement * APART < last.refinement]
+    before = far[-1] if far else pilots[0]
+    if before.refinement == last.refinement:
+        return 1.0
+    more = max(last.evaluations, 1) / max(before.evaluations, 1)
+    growth = math.log(more) / math.log(last.refinement / before.refinement)
+    return min(max(growth, 0.0), 2.0)
 
 
 def _line(sizes: np.ndarray, times: np.ndarray) -> tuple[float, float]:

@@ -14,7 +14,7 @@
 
 """Runs of members: one interface, whether they run one after the other or side by side."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 import math
 from typing import Any, TYPE_CHECKING
@@ -53,6 +53,10 @@ _HALVINGS = 12
 
 #: Effects of which only one can be on.
 _RIVALS = ('inertia', 'green', 'helmholtz')
+
+
+#: Members side by side on a GPU: twice those at work at once, so that few wait for the last one.
+_BATCH = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,6 +212,13 @@ def check_members(scene: Scene, members: Sequence[Member]) -> None:
         member_scene(scene, member, rough=False)
 
 
+def batch_of(device: str | None) -> int:
+    """Members that are run side by side on a Warp device: on a GPU they take turns."""
+    from lava_ros.simulation.automatic import device_of
+
+    return _BATCH if device_of(device).is_cuda else 1
+
+
 def run_members(
     plan: Plan,
     members: Sequence[Member],
@@ -229,15 +240,27 @@ def run_members(
     Raises:
         LavaError: A member makes no scene, or its flow is no longer one.
     """
-    # one after the other: a launch for several takes the place of this loop
-    results = []
-    for number, member in enumerate(members):
-        def share(done: float, number: int = number) -> None:
-            if progress is not None:
-                progress((number + done) / len(members))
+    # the solver loads Warp, which drawing and merging members do not need
+    from lava_ros.simulation.automatic import device_of
+    from lava_ros.simulation.together import interleave
 
-        results.append(_run(plan, member, device, share))
-    return results
+    shares = np.zeros(len(members))
+    results: dict[int, MemberFields] = {}
+
+    def route(number: int, member: Member) -> Iterator[None]:
+        run = MemberRun(plan, member, device=device)
+        while True:
+            shares[number] = run.progress
+            if progress is not None:
+                progress(float(shares.mean()))
+            if run.is_done:
+                break
+            yield from run.advancing()
+        results[number] = run.fields()
+
+    routes = (route(number, member) for number, member in enumerate(members))
+    interleave(routes, str(device_of(device)))
+    return [results[number] for number in range(len(members))]
 
 
 class MemberRun:
@@ -286,6 +309,16 @@ class MemberRun:
         if self._simulation.advance(due, wall_limit=wall_limit) >= due:
             self._look()
 
+    def advancing(self) -> Iterator[None]:
+        """Run ahead to the next look, in parts: while a GPU is at work others can go on.
+
+        Raises:
+            LavaError: As ``advance``.
+        """
+        due = self._start + self._looks * self._plan.interval
+        yield from self._simulation.advancing(due)
+        self._look()
+
     def fields(self) -> MemberFields:
         """What it has done to the cells so far."""
         arrival, peak = self._gathering.arrival, np.nan_to_num(self._gathering.thickness)
@@ -303,17 +336,6 @@ class MemberRun:
         time = self._simulation.time - self._start
         self._gathering.look(time, snapshot.thickness, snapshot.temperature)
         self._looks += 1
-
-
-def _run(
-    plan: Plan, member: Member, device: str | None, progress: Callable[[float], None]
-) -> MemberFields:
-    run = MemberRun(plan, member, device=device)
-    progress(run.progress)
-    while not run.is_done:
-        run.advance()
-        progress(run.progress)
-    return run.fields()
 
 
 def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':

@@ -43,6 +43,8 @@ def test_every_effect_has_a_line(tmp_path, capsys):
     assert table['steep']['value'] > table['steep']['threshold']
     assert table['yielding']['value'] is None
     assert not table['yielding']['on']
+    assert table['green']['threshold'] is None
+    assert not table['green']['on']
 
 
 def test_effects_can_be_forced(capsys):

@@ -32,11 +32,11 @@ EFFECTS, DEAR = Effects(), Effects(green=True)
 SCENE = Scene(Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),))
 
 
-def _machine(monkeypatch, base=2e-4, each=1e-7, dearer=None, slower=4.0):
+def _machine(monkeypatch, base=2e-4, each=1e-7, dearer=None, slower=4.0, worse=0.0):
     """Runs on a machine of a known speed, of a flow that errs by 0.04 / r, without running.
 
     From the refinement ``dearer`` on the scene calls for physics that take ``slower`` times as
-    long.
+    long. Evaluations grow faster than by any power with ``worse``.
     """
     asked = []
 
@@ -49,7 +49,7 @@ def _machine(monkeypatch, base=2e-4, each=1e-7, dearer=None, slower=4.0):
         effects = effects or effects_for(scene, {}, accuracy=accuracy)
         asked.append((refinement, effects))
         particles = round(1000.0 * refinement**2)
-        evaluations = round(800.0 * refinement)
+        evaluations = round(800.0 * refinement * np.exp(worse * refinement))
         wall_time = evaluations * (base + each * particles)
         wall_time *= slower if effects == DEAR else 1.0
         if wall_time > wall_limit:
@@ -115,6 +115,52 @@ def test_rather_near_to_the_time_than_half_of_it(monkeypatch, slower, is_finer):
     plan = afford(SCENE, within=within, horizon=3600.0, device='cpu')
     assert (plan.refinement > 0.9) == is_finer
     assert plan.wall_time <= 0.92 * within
+
+
+@pytest.mark.parametrize('within', [1.0, 3.0])
+@pytest.mark.parametrize('worse', [1.0, 3.0])
+def test_a_pilot_near_to_the_plan_corrects_it(monkeypatch, within, worse):
+    """A flow whose cost leaves the law of the coarse pilots keeps its time as well."""
+    asked = _machine(monkeypatch, worse=worse)
+    plan = afford(SCENE, within=within, horizon=3600.0, device='cpu')
+    time = np.exp(worse * plan.refinement) * _wall_time(plan.refinement)
+    assert 0.65 * within < time < 0.95 * within
+    assert plan.wall_time == pytest.approx(time, rel=0.2)
+    assert max(refinement for refinement, _ in asked) < plan.refinement
+    assert plan.pilots == len(asked)
+
+
+def test_a_plan_may_do_without_what_does_not_fit(monkeypatch):
+    """Where most of the time would be left it is finer, and says what it leaves out."""
+    within = 1.0
+    for share, gain in ((0.3, 1.2), (0.1, 1.5)):
+        _machine(monkeypatch, dearer=0.9, slower=40.0)
+        within = _wall_time(0.9) / share
+        kept = afford(SCENE, within=within, horizon=3600.0, device='cpu')
+        assert kept.refinement < 0.9 and kept.forced == {}
+        plan = afford(SCENE, within=within, horizon=3600.0, device='cpu', may_force=True)
+        assert plan.forced == {'green': False}
+        assert plan.refinement >= gain * kept.refinement
+        assert plan.refinement <= affordable.WITHOUT * 0.9
+        assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.05)
+        assert plan.wall_time <= 0.76 * within
+
+
+def test_a_pilot_that_takes_too_long_is_no_plan(monkeypatch):
+    """Where runs take ten times as long from some refinement on, the plan stays below."""
+    _machine(monkeypatch)
+    usual = affordable.run_at
+
+    def run_at(scene, refinement, horizon, *, wall_limit, **rest):
+        pilot = usual(scene, refinement, horizon, wall_limit=np.inf, **rest)
+        slower = 10.0 if refinement > 0.8 else 1.0
+        pilot = replace(pilot, wall_time=slower * pilot.wall_time)
+        return pilot if pilot.wall_time <= wall_limit else None
+
+    monkeypatch.setattr(affordable, 'run_at', run_at)
+    plan = afford(SCENE, within=0.6, horizon=3600.0, device='cpu')
+    assert 0.5 < plan.refinement < 0.9
+    assert plan.spent > 0.6
 
 
 def test_pilots_take_no_longer_than_there_is(monkeypatch):

@@ -1,0 +1,86 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Which of the two forms of the lateral stress a scene calls for: what lava covers with each.
+
+The sum (`green`) and the solve (`helmholtz`) are two forms of one effect. Each scene of
+`lava bench choice` that is named is run with its chosen effects and neither, and with either. A
+row has the Jaccard index of the footprints of two of the three, each of many runs, and those of
+both halves of the runs of each, which is what chance leaves. It makes choice_lateral.csv:
+
+    python docs/benchmarks/lateral.py strong --preset standard --runs 8 > choice_lateral.csv
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from dataclasses import replace
+from itertools import combinations
+import sys
+
+from lava_ros.bench.choice import covered, footprint, jaccard, noise
+from lava_ros.bench.scenes import scenes
+from lava_ros.choice import decide, effects_for
+from lava_ros.presets import DEFAULT, preset_accuracy
+from lava_ros.verification.measure import machine_name
+
+FORMS = ('neither', 'green', 'helmholtz')
+
+
+def main() -> None:
+    """Run the scenes that are named and print the rows."""
+    items = {item.name: item for item in scenes()}
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('scene', nargs='+', choices=items)
+    parser.add_argument('--preset', default=DEFAULT)
+    parser.add_argument('--runs', type=int, default=24)
+    parser.add_argument('--device', default='cpu')
+    chosen = parser.parse_args()
+    accuracy = preset_accuracy(chosen.preset)
+    table = csv.writer(sys.stdout, lineterminator='\n')
+    table.writerow(
+        ['scene', 'preset', 'runs', 'h_over_l', 'one', 'other', 'jaccard', 'device', 'machine']
+    )
+    for name in chosen.scene:
+        item = items[name]
+        arguments = {'accuracy': accuracy, 'horizon': item.horizon}
+        effects = effects_for(item.scene, **arguments)
+        ratio = next(
+            decision.value
+            for decision in decide(item.scene, **arguments)
+            if decision.criterion.effect == 'helmholtz'
+        )
+        runs = {}
+        for form in FORMS:
+            only = {other: other == form for other in FORMS[1:]}
+            runs[form] = covered(
+                item.scene,
+                chosen.runs,
+                replace(effects, **only),
+                device=chosen.device,
+                **arguments,
+            )
+        case = [name, chosen.preset, chosen.runs, f'{ratio:.3g}']
+        machine = [chosen.device, machine_name(chosen.device)]
+        for form, cells in runs.items():
+            table.writerow([*case, form, form, f'{noise(cells):.4f}', *machine])
+        for one, other in combinations(FORMS, 2):
+            index = jaccard(footprint(runs[one]), footprint(runs[other]))
+            table.writerow([*case, one, other, f'{index:.4f}', *machine])
+        sys.stdout.flush()
+
+
+if __name__ == '__main__':
+    main()
