@@ -12,16 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What it gains that the members of an ensemble are at work at once, and how many a second there are.
+"""What it gains that members of an ensemble are at work at once, and how many a second there are.
 
 It makes members_h200.csv and members_cpu.csv:
 
     python docs/benchmarks/members.py --device cuda:0 --members 256 --case CASE --machine M
     python docs/benchmarks/members.py --device cpu --members 32 --workers 2 --case CASE --machine M
 
-Fields: simulations of 10,000 particles each, one after the other and together, by steps a second of
-all of them. Day: members of the first day of an eruption (a folder as `lava hindcast` reads it, or
-that case pickled) at `draft`, looked at each hour, on ground no finer than the particles.
+Fields: simulations of 10,000 particles each, one after the other and together, by steps a second
+of all of them. Day: members of the first day of an eruption (a folder as `lava hindcast` reads it,
+or that case pickled) at `draft`, looked at each hour, on ground no finer than the particles.
 """
 
 import argparse

@@ -15,6 +15,7 @@
 """Rewrites a bag whose recording was cut off into a finished one that every tool reads."""
 
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 
 from lava_ros.bag.attachments import Attachment, attachments_in
@@ -22,7 +23,12 @@ from lava_ros.bag.reader import BagReader
 from lava_ros.bag.writer import BagWriter
 
 
-def recover(source: BagReader, directory: str | Path) -> int:
+def recover(
+    source: BagReader,
+    directory: str | Path,
+    *,
+    on_progress: Callable[[str, float], None] | None = None,
+) -> int:
     """Copy every message that can be read, with its definition, QoS and time, into a new bag.
 
     The new bag is split into files where the old one is, and has the same attachments.
@@ -30,6 +36,7 @@ def recover(source: BagReader, directory: str | Path) -> int:
     Args:
         source: The bag, finished or not.
         directory: The new bag.
+        on_progress: Is told what is done, and the share of the recorded time that is.
 
     Returns:
         How many messages were copied.
@@ -57,6 +64,9 @@ def recover(source: BagReader, directory: str | Path) -> int:
                     schema=topic.schema,
                     log_time_ns=message.stamp_ns,
                 )
+                if on_progress is not None and source.start_ns is not None:
+                    done = message.stamp_ns - source.start_ns
+                    on_progress('copying', min(1.0, done / max(source.duration_ns, 1)))
             for item in attachments:
                 _attach(writer, item)
         return writer.message_count

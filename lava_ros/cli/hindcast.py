@@ -77,8 +77,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         type=int,
         default=1,
         metavar='N',
-        help='as many more runs, turned and mirrored, side by side: their scatter, and what at '
-        'least half of them cover (from 2; 8 are all directions; default: none)',
+        help='as many more runs, turned and mirrored: their scatter, and what at least half of '
+        'them cover (from 2; 8 are all directions; default: none)',
     )
     parser.add_argument(
         '--maps', type=int, default=24, metavar='N', help='maps of the run (default: %(default)s)'
@@ -139,14 +139,17 @@ def run(args: argparse.Namespace) -> int:
 
 def _several(case: Case, settings: Settings, runs: int, unfinished: Path) -> Agreement:
     from lava_ros.cli.progress import Progress
-    from lava_ros.hindcast.several import Several
-    from lava_ros.plot import duration
+    from lava_ros.hindcast.several import agreement, run_several
 
-    several = Several(case, settings, runs, folder=unfinished / 'several')
     with Progress() as progress:
-        for share, _ in several.maps():
-            progress.show(f'{runs} runs, {duration(share * case.duration)}', share)
-    return several.agreement()
+        results = run_several(
+            case,
+            settings,
+            runs,
+            folder=unfinished / 'several',
+            progress=lambda share: progress.show(f'{runs} runs', share),
+        )
+    return agreement(case, [result.snapshot.thickness for result in results])
 
 
 def as_dict(case: Case, settings: Settings, result: Result, judged: Score) -> dict[str, Any]:

@@ -41,10 +41,12 @@ def run(args: argparse.Namespace) -> int:
     """
     from lava_ros.bag.reader import BagReader
     from lava_ros.bag.recovery import recover
+    from lava_ros.cli.progress import in_terminal
 
     source = BagReader(args.bag)
     try:
-        count = recover(source, args.output)
+        with in_terminal() as progress:
+            count = recover(source, args.output, on_progress=progress)
     except OSError as error:
         raise LavaError('output', args.output, f'a place that can be written ({error})') from error
     whole = BagReader(args.output)

@@ -57,12 +57,16 @@ def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
     """Put the maps of a coarsened terrain back on the cells of the terrain itself."""
     if factor == 1:
         return snapshot
-    shares = [_shares(side, factor) for side in terrain.shape]
+    rows, columns = (_halves(side, factor) for side in terrain.shape)
+
+    def quarters(values: np.ndarray) -> np.ndarray:
+        total = values[rows[0]] + values[rows[1]]
+        return total[:, columns[0]] + total[:, columns[1]]
 
     def spread(values: np.ndarray) -> np.ndarray:
         known = np.isfinite(values)
-        weight = shares[0].T @ known @ shares[1]
-        total = shares[0].T @ np.where(known, values, 0.0) @ shares[1]
+        weight = quarters(known.astype(float))
+        total = quarters(np.where(known, values, 0.0))
         mean = np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), np.nan)
         return np.where(terrain.has_data, mean, np.nan).astype(np.float32)
 
@@ -73,6 +77,12 @@ def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
         temperature=spread(snapshot.temperature),
         frozen=None if snapshot.frozen is None else spread(snapshot.frozen),
     )
+
+
+def _halves(side: int, factor: int) -> tuple[np.ndarray, np.ndarray]:
+    """The larger cells in which the two halves of each of ``side`` cells lie."""
+    first = np.arange(side) + 0.5 * (-side % factor)
+    return (first // factor).astype(int), ((first + 0.5) // factor).astype(int)
 
 
 def _shares(side: int, factor: int) -> np.ndarray:

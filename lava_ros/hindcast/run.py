@@ -121,7 +121,8 @@ class Result:
         peak: Largest thickness that any map has had [m], float32, shape [rows, columns].
         arrival: Time of the first map with lava that thick (``score.THRESHOLD``) after the start
             of the simulation [s], NaN where there was none, float32, same shape.
-        wall_time: Time that it took [s], without reading and writing files.
+        wall_time: Time that it took [s], without reading and writing files, and without that of
+            others between its parts.
         most_particles: Most particles there were at any look.
         effects: The effects that were on at its end.
         accuracy: The resolution, with every automatic value filled in.
@@ -196,6 +197,19 @@ class Run:
         Yields:
             The share of the time that is simulated, from time to time, and at each map a snapshot.
         """
+        looked = wall_clock.monotonic()
+        for snapshot in self.parts():
+            if snapshot is None and wall_clock.monotonic() < looked + LOOK:
+                continue
+            yield self._prepared().time / self.case.duration, snapshot
+            looked = wall_clock.monotonic()
+
+    def parts(self) -> Iterator[Snapshot | None]:
+        """Simulate in parts, so that others can go on while a GPU is at work.
+
+        Yields:
+            A snapshot at each map, None after the other parts.
+        """
         case, duration = self.case, self.case.duration
         simulation = self._prepared()
         maps = self.settings.maps
@@ -205,10 +219,10 @@ class Run:
                 (event.time - case.start, event) for event in case.events[self._done_events :]
             ]
             for when, event in [item for item in changes if item[0] < time]:
-                yield from self._advance(simulation, max(when, 0.0))
+                yield from self._advancing(simulation, max(when, 0.0))
                 simulation.set_terrain(coarsened(event.terrain, self._coarseness))
                 self._done_events += 1
-            yield from self._advance(simulation, time)
+            yield from self._advancing(simulation, time)
             started = wall_clock.monotonic()
             snapshot = self._snapshot(simulation)
             flaw = snapshot.flaw()
@@ -218,7 +232,7 @@ class Run:
             self._history.wall_time += wall_clock.monotonic() - started
             if self._folder is not None:
                 self._keep(simulation, snapshot)
-            yield time / duration, snapshot
+            yield snapshot
 
     def result(self) -> Result:
         """What it has come to."""
@@ -260,16 +274,15 @@ class Run:
             self._history.wall_time += wall_clock.monotonic() - started
         return self._simulation
 
-    def _advance(
-        self, simulation: Simulation, until: float
-    ) -> Iterator[tuple[float, Snapshot | None]]:
+    def _advancing(self, simulation: Simulation, until: float) -> Iterator[None]:
         history = self._history
-        while simulation.time < until:
-            started = wall_clock.monotonic()
-            time = simulation.advance(until, wall_limit=LOOK)
+        started = wall_clock.monotonic()
+        for _ in simulation.advancing(until):
             history.wall_time += wall_clock.monotonic() - started
             history.most_particles = max(history.most_particles, simulation.particle_count)
-            yield time / self.case.duration, None
+            yield
+            started = wall_clock.monotonic()
+        history.wall_time += wall_clock.monotonic() - started
 
     def _identity(self) -> str:
         """What tells this run from any other."""

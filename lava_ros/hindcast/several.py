@@ -19,29 +19,25 @@ A flow forks where decimetres decide, and which way it goes depends on the last 
 Which cells half of the runs cover does not, and those of a case and of the same case turned are
 the same: a run for each quarter turn, mirrored or not, makes the same set for both.
 
-The runs lie side by side on one terrain, with cells without data between them: one simulation of
-many small flows keeps a GPU busy that one of them would not.
+They take turns on a GPU, which one of them would not keep busy; on the CPU one follows the other.
 """
 
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
-import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.choice import effects_for
 from lava_ros.hindcast.case import Case
-from lava_ros.hindcast.coarse import coarsened, refined
-from lava_ros.hindcast.run import FORCED, Run, Settings
+from lava_ros.hindcast.run import Result, Run, Settings
 from lava_ros.hindcast.score import judge, Score, THRESHOLD
 from lava_ros.hindcast.turned import restored, turned
-from lava_ros.scene import Terrain
-from lava_ros.simulation.snapshot import Snapshot
+from lava_ros.simulation.automatic import device_of
+from lava_ros.simulation.together import interleave
 
-#: Most runs side by side.
+#: Most runs.
 MOST = 64
 
 #: How far vents are moved for runs beyond the eight directions [m]: any length is a new draw.
@@ -99,133 +95,82 @@ class Agreement:
         }
 
 
-class Several:
-    """Several runs on their way."""
+def run_several(
+    case: Case,
+    settings: Settings,
+    runs: int,
+    *,
+    folder: Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> list[Result]:
+    """Run a case in several directions, or go on where that was cut off.
 
-    def __init__(
-        self, case: Case, settings: Settings, runs: int, *, folder: Path | None = None
-    ) -> None:
-        """Begin, or go on where they were cut off.
+    Args:
+        case: The case.
+        settings: How it is run.
+        runs: How many there are.
+        folder: Where what is needed to go on is kept, None for nowhere.
+        progress: Is told the share that is simulated, at each map.
 
-        Args:
-            case: The case.
-            settings: How it is run.
-            runs: How many there are.
-            folder: Where what is needed to go on is kept, None for nowhere.
+    Returns:
+        What each run has come to, put back on the cells of the case.
 
-        Raises:
-            LavaError: A setting is not usable, or the folder is of other runs.
-        """
-        runs = int(validation.number('--runs', runs, at_least=2, at_most=MOST))
-        self.case = case
-        self.directions = directions(runs)
-        self._factor = settings.coarseness(case)
-        self._accuracy = settings.accuracy(case)
-        side_by_side = self._side_by_side()
-        chosen = effects_for(
-            replace(case.scene, terrain=coarsened(case.scene.terrain, self._factor)),
-            {**FORCED, **settings.forced},
-            accuracy=self._accuracy,
-            horizon=case.duration,
+    Raises:
+        LavaError: A setting is not usable, or the folder is of another case or other settings.
+    """
+    runs = int(validation.number('--runs', runs, at_least=2, at_most=MOST))
+    shares = np.zeros(runs)
+    results: dict[int, Result] = {}
+
+    def route(number: int, direction: Direction) -> Iterator[None]:
+        kept = None if folder is None else folder / f'run_{number:02d}'
+        run = Run(directed(case, direction), settings, folder=kept)
+        for snapshot in run.parts():
+            if snapshot is not None:
+                shares[number] = snapshot.time / case.duration
+                if progress is not None:
+                    progress(float(shares.mean()))
+            yield
+        results[number] = _put_back(case, run.result(), direction)
+
+    routes = (route(number, item) for number, item in enumerate(directions(runs)))
+    interleave(routes, str(device_of(settings.device)))
+    return [results[number] for number in range(runs)]
+
+
+def directed(case: Case, direction: Direction) -> Case:
+    """A case as a run of it lies."""
+    vents = tuple(
+        replace(
+            vent,
+            position=(vent.position[0] + direction.moved, vent.position[1]),
+            end=vent.end and (vent.end[0] + direction.moved, vent.end[1]),
         )
-        settings = replace(settings, spacing=self._accuracy.spacing, forced=asdict(chosen))
-        self.run = Run(side_by_side, settings, folder=folder)
+        for vent in case.scene.vents
+    )
+    case = replace(case, scene=replace(case.scene, vents=vents))
+    return turned(case, direction.quarters, mirror=direction.mirror)
 
-    def maps(self) -> Iterator[tuple[float, list[np.ndarray] | None]]:
-        """Simulate.
 
-        Yields:
-            The share of the time that is simulated, from time to time, and at each map the
-            thickness of each run [m], shape [rows, columns] of the case.
-        """
-        for share, snapshot in self.run.snapshots():
-            yield share, None if snapshot is None else self._apart(snapshot)
+def _put_back(case: Case, result: Result, direction: Direction) -> Result:
+    """A result on the cells of the case."""
 
-    def agreement(self) -> Agreement:
-        """What they have come to."""
-        return agreement(self.case, self._apart(self.run.result().snapshot))
+    def back(values: np.ndarray) -> np.ndarray:
+        return restored(values, direction.quarters, mirror=direction.mirror)
 
-    def _side_by_side(self) -> Case:
-        """One case of all: on the coarser cells, as square as they can be put."""
-        cases = [self._directed(item) for item in self.directions]
-        ground = cases[0].scene.terrain
-        accuracy = self._accuracy
-        assert accuracy.spacing is not None
-        gap = 2 + math.ceil(2.0 * accuracy.ratio * accuracy.spacing / ground.resolution)
-        side = max(ground.shape) + gap
-        across = math.ceil(math.sqrt(len(cases)))
-        down = -(-len(cases) // across)
-        self._corners = [(n // across * side, n % across * side) for n in range(len(cases))]
-        shape = (down * side, across * side)
-
-        def joined(grids: list[np.ndarray], nothing: float | bool) -> np.ndarray:
-            whole = np.full(shape, nothing)
-            for (row, column), grid in zip(self._corners, grids, strict=True):
-                whole[row : row + grid.shape[0], column : column + grid.shape[1]] = grid
-            return whole
-
-        def joined_terrain(grounds: list[Terrain]) -> Terrain:
-            elevation = joined([item.elevation for item in grounds], np.nan)
-            return replace(ground, elevation=elevation, origin=(0.0, 0.0))
-
-        vents = []
-        for (row, column), case in zip(self._corners, cases, strict=True):
-            x0, y0 = case.scene.terrain.origin
-            right, up = column * ground.resolution - x0, row * ground.resolution - y0
-            for vent in case.scene.vents:
-                position = (vent.position[0] + right, vent.position[1] + up)
-                end = vent.end and (vent.end[0] + right, vent.end[1] + up)
-                vents.append(replace(vent, position=position, end=end))
-        terrain = joined_terrain([case.scene.terrain for case in cases])
-        return replace(
-            self.case,
-            scene=replace(self.case.scene, terrain=terrain, vents=tuple(vents)),
-            footprint=np.zeros(shape, dtype=bool),
-            events=tuple(
-                replace(event, terrain=joined_terrain([c.events[n].terrain for c in cases]))
-                for n, event in enumerate(self.case.events)
-            ),
-        )
-
-    def _directed(self, direction: Direction) -> Case:
-        case = self.case
-        vents = tuple(
-            replace(
-                vent,
-                position=(vent.position[0] + direction.moved, vent.position[1]),
-                end=vent.end and (vent.end[0] + direction.moved, vent.end[1]),
-            )
-            for vent in case.scene.vents
-        )
-        case = replace(case, scene=replace(case.scene, vents=vents))
-        case = turned(case, direction.quarters, mirror=direction.mirror)
-        ground = coarsened(case.scene.terrain, self._factor)
-        return replace(
-            case,
-            scene=replace(case.scene, terrain=ground),
-            events=tuple(
-                replace(event, terrain=coarsened(event.terrain, self._factor))
-                for event in case.events
-            ),
-        )
-
-    def _apart(self, snapshot: Snapshot) -> list[np.ndarray]:
-        """Thickness of each run on the cells of the case."""
-        found = []
-        for direction, (row, column) in zip(self.directions, self._corners, strict=True):
-            ground = turned(self.case, direction.quarters, mirror=direction.mirror).scene.terrain
-            rows, columns = (-(-side // self._factor) for side in ground.shape)
-            part = np.s_[row : row + rows, column : column + columns]
-            alone = replace(
-                snapshot,
-                terrain=ground,
-                thickness=snapshot.thickness[part],
-                temperature=snapshot.temperature[part],
-                frozen=None,
-            )
-            fine = refined(alone, ground, self._factor).thickness
-            found.append(restored(fine, direction.quarters, mirror=direction.mirror))
-        return found
+    snapshot = result.snapshot
+    return replace(
+        result,
+        snapshot=replace(
+            snapshot,
+            terrain=case.scene.terrain,
+            thickness=back(snapshot.thickness),
+            temperature=back(snapshot.temperature),
+            frozen=None if snapshot.frozen is None else back(snapshot.frozen),
+        ),
+        peak=back(result.peak),
+        arrival=back(result.arrival),
+    )
 
 
 def agreement(case: Case, maps: list[np.ndarray]) -> Agreement:

@@ -153,7 +153,10 @@ def test_a_recovered_bag_is_finished(bag: Bag, tmp_path: Path) -> None:
     (directory / 'metadata.yaml').unlink()
     source = BagReader(directory)
     assert source.recovered
-    assert recover(source, tmp_path / 'new') == len(written)
+    shares: list[float] = []
+    count = recover(source, tmp_path / 'new', on_progress=lambda _, share: shares.append(share))
+    assert count == len(written)
+    assert shares == sorted(shares) and (shares[0], shares[-1]) == (0.0, 1.0)
     result = BagReader(tmp_path / 'new')
     assert not result.recovered
     assert read(result) == written

@@ -69,7 +69,7 @@ def _wall_time(refinement, base=2e-4, each=1e-7):
 
 @pytest.mark.parametrize('within', [0.15, 0.4, 1.0, 2.0])
 def test_a_plan_uses_its_time_and_knows_its_error(monkeypatch, within):
-    """It takes three quarters of the time, and errs by half to twice as much as it says."""
+    """It takes the share that it is to take, and errs by half to twice as much as it says."""
     _machine(monkeypatch)
     plan = afford(SCENE, within=within, horizon=3600.0, device='cpu')
     assert not plan.is_finest
@@ -124,7 +124,7 @@ def test_a_pilot_near_to_the_plan_corrects_it(monkeypatch, within, worse):
     asked = _machine(monkeypatch, worse=worse)
     plan = afford(SCENE, within=within, horizon=3600.0, device='cpu')
     time = np.exp(worse * plan.refinement) * _wall_time(plan.refinement)
-    assert 0.65 * within < time < 0.95 * within
+    assert 0.6 * within < time < 0.95 * within
     assert plan.wall_time == pytest.approx(time, rel=0.2)
     assert max(refinement for refinement, _ in asked) < plan.refinement
     assert plan.pilots == len(asked)
@@ -143,7 +143,7 @@ def test_a_plan_may_do_without_what_does_not_fit(monkeypatch):
         assert plan.refinement >= gain * kept.refinement
         assert plan.refinement <= affordable.WITHOUT * 0.9
         assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.05)
-        assert plan.wall_time <= 0.76 * within
+        assert plan.wall_time <= 1.01 * USED * within
 
 
 def test_a_pilot_that_takes_too_long_is_no_plan(monkeypatch):
@@ -220,6 +220,22 @@ def test_the_command_says_what_to_run(tmp_path, capsys):
     assert "--members is 'many'" in capsys.readouterr().err
 
 
+def test_the_command_says_what_is_left_out(monkeypatch, tmp_path, capsys):
+    """A plan that does without an effect names it, also in JSON."""
+    _machine(monkeypatch, dearer=0.9, slower=40.0)
+    np.savez(tmp_path / 'flat.npz', elevation=np.zeros((40, 40)), resolution=10.0)
+    scene = tmp_path / 'scene.yaml'
+    scene.write_text(
+        'terrain: {file: flat.npz}\nvents: [{position: [200.0, 200.0], discharge: 20.0}]\n'
+    )
+    path = tmp_path / 'plan.json'
+    words = ['plan', str(scene), '--within', '1s', '--device', 'cpu', '--json', str(path)]
+    assert cli.main(words) == 0
+    told = capsys.readouterr().out
+    assert 'effect green off: what this spacing calls for is too dear' in told
+    assert json.loads(path.read_text())['forced'] == {'green': False}
+
+
 def test_refinements_between_presets_have_their_accuracy():
     """All but the spacing is as the presets have it."""
     scene = replace(SCENE, lava=Lava(viscosity=1e4))
@@ -251,4 +267,7 @@ def test_a_run_has_the_effects_it_is_given(device):
     other = replace(own.effects, green=not own.effects.green, helmholtz=False)
     given = affordable.run_at(scene, 0.5, 60.0, device=device, wall_limit=600.0, effects=other)
     assert given.effects == other != own.effects
+    forced = {'green': other.green, 'helmholtz': False}
+    given = affordable.run_at(scene, 0.5, 60.0, device=device, wall_limit=600.0, effects=forced)
+    assert given.effects == other
     assert affordable.run_at(scene, 0.5, 1e9, device=device, wall_limit=1e-3) is None

@@ -23,7 +23,10 @@ temperature  No colder than air, vents and lava at the start, no hotter than the
              from the highest ground there was, raised by what new ground has lifted it; twice the
              thickest lava, and once more each time that lava's age grows e-fold, for what is
              behind pushes it and at a front that moves along the surface falls again and again;
-             and with inertia what vents have thrown it. To ``DIGITS`` float32 digits of 2048 K.
+             and with inertia what vents have thrown it. Under lateral stress heat appears where
+             gravity does the work: lava that is carried along warms by its own slope, which is at
+             most ``STEEPEST`` h / l, all the way across the lava. To ``DIGITS`` float32 digits of
+             2048 K.
 heat         With viscous heating, the heat of what is warmer than the hottest vent is no more
              than the energy below that is gone since the start: rho c sum V (T - hottest).
 energy       E = sum V (h / 2 + H), over rho g and from the lowest ground, plus V u^2 / 2g with
@@ -67,6 +70,9 @@ VOLUME = 1e-5
 
 #: Digits of a float32 that a temperature may be off by.
 DIGITS = 16
+
+#: Slope of a sum over neighbours times its radius over the thickness, at most.
+STEEPEST = 1.5
 
 #: Share of the energy that rounding may add in a frame: positions and heights are float32.
 ENERGY = 1e-6
@@ -153,6 +159,7 @@ class Watch:
         self.smallest_step = math.inf
         self.highest_cost = 0.0
         self._thickest = 0.0
+        self._widest = 0.0
         self._hottest = -math.inf
         self._coldest = math.inf
         self._top = -math.inf
@@ -186,6 +193,15 @@ class Watch:
             # what came in and what is gone since the last check cannot be told apart
             self._received = math.inf
         self._last = now
+
+    def look(self) -> None:
+        """Take note of how high and thick the lava is at a moment between two checks."""
+        sample = self._simulation.sample()
+        if len(sample.volume):
+            ground = Ground(self._simulation)
+            surface = sample.thickness + ground.height(sample.position)
+            self._raise_top(sample, surface, ground)
+            self._thickest = max(self._thickest, float(sample.thickness.max()))
 
     def check(self, snapshot: Snapshot | None = None) -> list[Violation]:
         """Check every invariant at this moment.
@@ -266,6 +282,11 @@ class Watch:
             self._first = min(self._first, self._simulation.time)
             spread = math.log(self._simulation.time / self._first) if self._first else 0.0
             height += (2.0 + spread) * self._thickest + self._thrown
+            effects = self._simulation.effects
+            if effects.green or effects.helmholtz:
+                extent = float(np.hypot(*np.ptp(sample.position, axis=0)))
+                self._widest = max(self._widest, extent)
+                height += STEEPEST * self._thickest / self._simulation.radius * self._widest
             fall = scene.gravity / scene.lava.specific_heat * height
         above = float(sample.temperature.max()) - self._hottest
         below = self._coldest - float(sample.temperature.min())
@@ -475,25 +496,3 @@ def frame_times(scene: Scene, until: float, count: int) -> list[float]:
     times = {until * (index + 1) / count for index in range(count)}
     times |= {time for vent in scene.vents for time, _ in vent.series if 0.0 < time < until}
     return sorted(times)
-
-
-def footprint(snapshot: Snapshot) -> np.ndarray:
-    """Cells with lava, bool, shape [rows, columns]."""
-    return np.nan_to_num(snapshot.thickness) > 0.0
-
-
-def footprint_change(one: np.ndarray, other: np.ndarray) -> float:
-    """Distance between two footprints' borders over their radius.
-
-    The area that only one of them covers over twice the mean area: dR / R for discs. 0 where both
-    are empty.
-    """
-    area = one.sum() + other.sum()
-    return float((one ^ other).sum() / area) if area else 0.0
-
-
-def asymmetry(snapshot: Snapshot) -> float:
-    """Largest difference of thickness from its mirror image left to right, over the largest."""
-    thickness = np.nan_to_num(snapshot.thickness)
-    largest = float(thickness.max())
-    return float(np.abs(thickness - thickness[:, ::-1]).max()) / largest if largest else 0.0

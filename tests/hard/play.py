@@ -41,14 +41,8 @@ import time as wall_clock
 import numpy as np
 
 from hard.case import HardScene, PHYSICS
-from hard.invariants import (
-    asymmetry,
-    footprint,
-    footprint_change,
-    frame_times,
-    Violation,
-    Watch,
-)
+from hard.invariants import frame_times, Violation, Watch
+from hard.maps import asymmetry, footprint, footprint_change
 from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.presets import preset_accuracy, PRESETS

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Runs side by side: each is what it would be alone, and together they are steadier."""
+"""Several runs: each is what it would be alone, and together they are steadier."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -24,10 +24,10 @@ import pytest
 from eruption import write_case
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, Event, load_case
-from lava_ros.hindcast.run import Settings, simulate
+from lava_ros.hindcast.run import Run, Settings, simulate
 from lava_ros.hindcast.score import THRESHOLD
-from lava_ros.hindcast.several import agreement, directions, Several
-from lava_ros.hindcast.turned import restored, turned
+from lava_ros.hindcast.several import agreement, directed, directions, run_several
+from lava_ros.hindcast.turned import restored
 
 SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=2)
 
@@ -37,12 +37,6 @@ def valley(tmp_path_factory: pytest.TempPathFactory) -> Case:
     """A valley down which lava flows for an hour."""
     text = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
     return load_case(write_case(tmp_path_factory.mktemp('several') / 'valley', hours=1, yaml=text))
-
-
-def _last(several: Several) -> list[np.ndarray]:
-    found = [maps for _, maps in several.maps() if maps is not None]
-    assert len(found) == SETTINGS.maps
-    return found[-1]
 
 
 def test_directions_are_all_different() -> None:
@@ -57,21 +51,23 @@ def test_directions_are_all_different() -> None:
 
 
 def test_each_run_is_what_it_would_be_alone(valley: Case) -> None:
-    """Runs side by side cover what a run alone covers, and none is in another's way."""
-    several = Several(valley, SETTINGS, 4)
-    for direction, thickness in zip(several.directions, _last(several), strict=True):
-        case = turned(valley, direction.quarters, mirror=direction.mirror)
-        alone = simulate(case, SETTINGS)
-        assert thickness.shape == valley.footprint.shape
-        np.testing.assert_array_equal(np.isnan(thickness), ~valley.scene.terrain.has_data)
+    """Each run has the bits that it has alone, put back on the cells of the case."""
+    settings = replace(SETTINGS, maps=1)
+    told: list[float] = []
+    results = run_several(valley, settings, 5, progress=told.append)
+    assert told == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
+    for direction, result in zip(directions(5), results, strict=True):
+        alone = simulate(directed(valley, direction), settings)
+        thickness = result.snapshot.thickness
         own = restored(alone.snapshot.thickness, direction.quarters, mirror=direction.mirror)
-        one, other = (np.nan_to_num(item) >= THRESHOLD for item in (thickness, own))
-        assert (one & other).sum() / (one | other).sum() > 0.75
-    budget = several.run.result().snapshot.budget
-    assert budget.emitted == pytest.approx(4.0 * valley.volume)
-    assert budget.error < 1e-5
-    assert set(several.run.result().effects) == set(alone.effects)
-    assert several.run.result().accuracy.spacing == alone.accuracy.spacing
+        np.testing.assert_array_equal(thickness, own)
+        np.testing.assert_array_equal(np.isnan(thickness), ~valley.scene.terrain.has_data)
+        assert result.snapshot.terrain is valley.scene.terrain
+        assert result.peak.shape == result.arrival.shape == valley.footprint.shape
+        assert result.snapshot.budget.emitted == pytest.approx(valley.volume)
+        assert result.snapshot.budget.error < 1e-5
+        assert result.effects == alone.effects
+        assert result.accuracy == alone.accuracy
 
 
 def test_changes_of_the_ground_reach_each_run(valley: Case) -> None:
@@ -80,9 +76,10 @@ def test_changes_of_the_ground_reach_each_run(valley: Case) -> None:
     elevation = ground.elevation.copy()
     elevation[35, :] += 60.0
     event = Event(valley.start + 60.0, replace(ground, elevation=elevation), 'a wall')
-    maps = _last(Several(replace(valley, events=(event,)), SETTINGS, 2))
-    free = _last(Several(valley, SETTINGS, 2))
-    for stopped, thickness in zip(maps, free, strict=True):
+    stopped_runs = run_several(replace(valley, events=(event,)), SETTINGS, 2)
+    free_runs = run_several(valley, SETTINGS, 2)
+    for stopped_run, free_run in zip(stopped_runs, free_runs, strict=True):
+        stopped, thickness = stopped_run.snapshot.thickness, free_run.snapshot.thickness
         assert np.nansum(thickness[:32]) > 30.0
         assert np.nansum(stopped[:32]) < 0.1 * np.nansum(thickness[:32])
 
@@ -108,20 +105,34 @@ def test_agreement_is_what_half_of_the_runs_cover(valley: Case) -> None:
     assert found.majority.area == 60 * valley.scene.terrain.resolution**2
 
 
+class CutOffError(Exception):
+    """What ends runs before their time."""
+
+
 def test_runs_that_are_cut_off_go_on(valley: Case, tmp_path: Path) -> None:
-    """They end with the same bits, and runs of another number are refused."""
-    whole = _last(Several(valley, SETTINGS, 2))
-    first = Several(valley, SETTINGS, 2, folder=tmp_path / 'kept')
-    for _, maps in first.maps():
-        if maps is not None:
-            break
-    second = Several(valley, SETTINGS, 2, folder=tmp_path / 'kept')
-    assert second.run.is_resumed
-    for _ in second.maps():
-        pass
-    for one, other in zip(whole, second._apart(second.run.result().snapshot), strict=True):
-        np.testing.assert_array_equal(one, other)
+    """They end with the same bits, with more of them as well; other settings are refused."""
+
+    def cut_off(share: float) -> None:
+        if share > 0.6:
+            raise CutOffError
+
+    whole = run_several(valley, SETTINGS, 3)
+    with pytest.raises(CutOffError):
+        run_several(valley, SETTINGS, 2, folder=tmp_path, progress=cut_off)
+    kept = tmp_path / 'run_01'
+    assert Run(directed(valley, directions(2)[1]), SETTINGS, folder=kept).is_resumed
+    told: list[float] = []
+    again = run_several(valley, SETTINGS, 3, folder=tmp_path, progress=told.append)
+    assert len(told) == SETTINGS.maps * 3 - 3
+    for one, other in zip(whole, again, strict=True):
+        np.testing.assert_array_equal(one.snapshot.thickness, other.snapshot.thickness)
+        np.testing.assert_array_equal(one.arrival, other.arrival)
     with pytest.raises(LavaError, match='--fresh'):
-        Several(valley, SETTINGS, 3, folder=tmp_path / 'kept')
+        run_several(valley, replace(SETTINGS, spacing=20.0), 3, folder=tmp_path)
+
+
+@pytest.mark.parametrize('runs', [1, 65])
+def test_number_of_runs_has_limits(valley: Case, runs: int) -> None:
+    """One is not several, and too many fit nowhere."""
     with pytest.raises(LavaError, match='--runs'):
-        Several(valley, SETTINGS, 1)
+        run_several(valley, SETTINGS, runs)

@@ -1,0 +1,110 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a day of an eruption takes with particles 10 m apart, and what longer steps change.
+
+It makes day.csv, a run of it for each machine:
+
+    python docs/benchmarks/day.py --device cuda:0 --case CASE --machine M
+
+The case is a folder as `lava hindcast` reads it, or that case pickled; effects are chosen as for
+the whole of it. Courant numbers are those of `lava hindcast`, 1, and smaller ones: a footprint is
+compared with those of the smallest. Runs that differ in nothing but a vent moved by a millionth of
+a metre say how much of the difference is chance.
+"""
+
+import argparse
+import csv
+from dataclasses import replace
+from pathlib import Path
+import pickle
+from statistics import median
+import sys
+import time
+
+from lava_ros.bench.choice import jaccard
+from lava_ros.hindcast.case import load_case
+from lava_ros.hindcast.coarse import coarsened
+from lava_ros.hindcast.run import FORCED, Settings
+from lava_ros.hindcast.score import THRESHOLD
+from lava_ros.simulation import Simulation
+
+DAY, SPACING = 86400.0, 10.0
+
+#: Largest displacement in a step over a cell.
+COURANT = (1.0, 0.5, 0.25)
+
+
+def run(case, device, courant, moved):
+    """Run the first day; return the wall time, and the snapshot at its end."""
+    settings = Settings(preset='standard', spacing=SPACING, device=device, courant=courant)
+    ground = coarsened(case.scene.terrain, settings.coarseness(case))
+    vents = tuple(
+        replace(vent, position=(vent.position[0] + moved, vent.position[1]))
+        for vent in case.scene.vents
+    )
+    simulation = Simulation(
+        replace(case.scene, terrain=ground, vents=vents),
+        effects=FORCED,
+        accuracy=settings.accuracy(case),
+        device=device,
+        horizon=case.duration,
+    )
+    start = time.perf_counter()
+    simulation.advance(DAY)
+    snapshot = simulation.snapshot()
+    return time.perf_counter() - start, snapshot
+
+
+def main():
+    """Measure, and print a CSV."""
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('--device', default='cpu')
+    parser.add_argument('--case', type=Path, required=True)
+    parser.add_argument('--repetitions', type=int, default=3)
+    parser.add_argument('--machine', required=True)
+    args = parser.parse_args()
+    case = pickle.loads(args.case.read_bytes()) if args.case.is_file() else load_case(args.case)
+    rows = csv.writer(sys.stdout)
+    names = 'courant', 'quantity', 'value', 'unit', 'low', 'high', 'repetitions'
+    rows.writerow((*names, 'machine', 'command'))
+    command = f'python docs/benchmarks/day.py --device {args.device}'
+    run(case, args.device, COURANT[0], 0.0)
+    ends = {
+        courant: [run(case, args.device, courant, 1e-6 * n) for n in range(args.repetitions)]
+        for courant in COURANT
+    }
+    covered = {
+        courant: [snapshot.thickness >= THRESHOLD for _, snapshot in found]
+        for courant, found in ends.items()
+    }
+    finest = covered[min(COURANT)]
+    for courant, found in ends.items():
+        pairs = [(one, other) for one in covered[courant] for other in finest if one is not other]
+        quantities = {
+            ('wall time', 's'): [taken for taken, _ in found],
+            ('particles', '1'): [snapshot.particle_count for _, snapshot in found],
+            ('steps', '1'): [snapshot.steps.count for _, snapshot in found],
+            ('velocity evaluations', '1'): [snapshot.steps.evaluations for _, snapshot in found],
+            (f'Jaccard with courant {min(COURANT):g}', '1'): [jaccard(*pair) for pair in pairs],
+        }
+        for (quantity, unit), values in quantities.items():
+            numbers = [f'{value:.5g}' for value in (median(values), min(values), max(values))]
+            row = (courant, quantity, numbers[0], unit, *numbers[1:], len(values))
+            rows.writerow((*row, args.machine, command))
+        sys.stdout.flush()
+
+
+if __name__ == '__main__':
+    main()
