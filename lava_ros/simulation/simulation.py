@@ -267,6 +267,7 @@ class Simulation:
         self._vents = self._vent_set(vents, since=now, carried=carried)
         self.scene = scene
         self._decide()
+        self._stage.scene = scene
         self._append(
             [
                 (*vent.position, volume, vent.temperature)

@@ -37,6 +37,7 @@ class Stage:
     """The equations of a scene on its terrain, for one set of effects.
 
     Attributes:
+        scene: The scene; its vents may be replaced, steps are as short as they call for.
         constants: The flow's constants (flow.py).
     """
 
@@ -60,7 +61,7 @@ class Stage:
             after_step: The passes that effects need at a step's end, by effect.
         """
         assert accuracy.spacing is not None and accuracy.thickness is not None
-        self._scene, self._accuracy, self._effects = scene, accuracy, state.effects
+        self.scene, self._accuracy, self._effects = scene, accuracy, state.effects
         self._state, self._neighbors, self._terrain = state, neighbors, terrain
         self._after_step = after_step
         self._radius = accuracy.ratio * accuracy.spacing
@@ -96,7 +97,7 @@ class Stage:
         if self._effects.inertia:
             self._momentum.synchronize(state)
         longest = timestep.longest_step(
-            self._scene, self._accuracy, self._effects, vents, self.constants.reach
+            self.scene, self._accuracy, self._effects, vents, self.constants.reach
         )
         timestep.choose_stage(state, longest, self._accuracy, vents.due)
         emit = partial(vents.emit, state, neighbors)
@@ -129,7 +130,7 @@ class Stage:
     def _spread_velocity(self) -> None:
         """Lateral stress: from the local velocities to the velocities."""
         if self._accuracy.formulation == 'as-published':
-            viscosity = self._scene.lava.viscosity
+            viscosity = self.scene.lava.viscosity
             publish_velocity(self._state, self._neighbors, self._radius, viscosity)
         elif self._effects.green:
             load('green').spread_velocity(self._state, self._neighbors, self._radius)

@@ -192,6 +192,24 @@ def test_lava_that_warms_by_more_than_it_can_fall(
     assert 0.0 < watch.largest['heat'] < 1.0
 
 
+def test_vents_that_are_replaced_set_the_step() -> None:
+    """Steps stayed those of the vents before: far too short, or far too long for a fast vent."""
+    fast, slow = (Vent((12.0, 12.0), 1.0, velocity=(0.0, speed)) for speed in (40.0, 0.0))
+    simulation = Simulation(
+        Scene(Terrain(np.zeros((24, 24)), 1.0), (slow,), Lava(viscosity=1e6)),
+        effects=Effects(arrhenius=False, cooling=False, inertia=True),
+        accuracy=Accuracy(spacing=1.0, ratio=3.5),
+        device='cpu',
+    )
+    lengths = []
+    for number, vents in enumerate([(slow,), (fast,), ()]):
+        simulation.set_vents(vents)
+        simulation.advance(0.05 * (number + 1))
+        lengths.append(simulation.snapshot().steps.length)
+    most = simulation.accuracy.courant_number / 40.0
+    assert lengths[1] <= most < min(lengths[0], lengths[2])
+
+
 def test_lava_whose_speed_drag_does_not_change() -> None:
     """Heat of nothing over nothing: it was no number, and half a second later nothing was."""
     rough = Terrain(np.array([[0.001257302, -0.0013210486], [0.006404227, 0.001049001]]), 1.0)
