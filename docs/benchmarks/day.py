@@ -76,7 +76,7 @@ def main():
     parser.add_argument('--machine', required=True)
     args = parser.parse_args()
     case = pickle.loads(args.case.read_bytes()) if args.case.is_file() else load_case(args.case)
-    rows = csv.writer(sys.stdout)
+    rows = csv.writer(sys.stdout, lineterminator='\n')
     names = 'courant', 'quantity', 'value', 'unit', 'low', 'high', 'repetitions'
     rows.writerow((*names, 'machine', 'command'))
     command = f'python docs/benchmarks/day.py --device {args.device}'

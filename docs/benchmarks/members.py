@@ -118,7 +118,7 @@ def main():
     parser.add_argument('--case', type=Path)
     parser.add_argument('--machine', required=True)
     args = parser.parse_args()
-    rows = csv.writer(sys.stdout)
+    rows = csv.writer(sys.stdout, lineterminator='\n')
     rows.writerow(
         ('benchmark', 'value', 'unit', 'low', 'high', 'repetitions', 'machine', 'command')
     )
