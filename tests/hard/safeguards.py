@@ -61,13 +61,6 @@ SOLVER = 'lava_ros/simulation'
 
 SAFEGUARDS: tuple[Safeguard, ...] = (
     Safeguard(
-        'rise', 'lava thrown up walls by a slope that it meets within a step',
-        f'{SOLVER}/motion.py',
-        'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top:',
-        'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top + real(1e30):',
-        'spike', 'draft', 'climb',
-    ),
-    Safeguard(
         'reach', 'lava thrown across the map by a cliff whose edge it creeps over within a step',
         f'{SOLVER}/motion.py',
         'if size > most:',
