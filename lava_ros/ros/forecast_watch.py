@@ -21,12 +21,10 @@ import time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import OccupancyGrid
 import numpy as np
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import PointCloud2
 
 from lava_ros.ros import codec, outputs, qos
+from lava_ros.ros.watcher import Watcher
 from lava_ros.scene import Terrain, Vent
 
 _FRAME = 'map'
@@ -47,7 +45,7 @@ class HeardGrid:
     cells: np.ndarray
 
 
-class ForecastWatch:
+class ForecastWatch(Watcher):
     """A node in a ROS context of its own.
 
     Attributes:
@@ -57,15 +55,7 @@ class ForecastWatch:
 
     def __init__(self, domain_id: int) -> None:
         """Join the graph of a domain."""
-        self._context = rclpy.Context()
-        rclpy.init(
-            context=self._context,
-            domain_id=domain_id,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
-        self._node = rclpy.create_node('lava_forecast_watch', context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        super().__init__('lava_forecast_watch', domain_id)
         self._statuses: dict[str, tuple[int, DiagnosticStatus]] = {}
         self.arrivals: list[HeardGrid] = []
         self.probabilities: list[HeardGrid] = []
@@ -91,10 +81,6 @@ class ForecastWatch:
         """Whether a node hears what is published here."""
         publishers = self._vents, self._outline
         return all(publisher.get_subscription_count() for publisher in publishers)
-
-    def listen(self, timeout: float) -> None:
-        """Listen for at most a while [s]."""
-        self._executor.spin_once(timeout_sec=timeout)
 
     def values(self, task: str) -> dict[str, str]:
         """The newest values of a status, with its message and the time of both, by key."""
@@ -124,12 +110,6 @@ class ForecastWatch:
         cells = np.where(lava, 100, 0).astype(np.int8)
         self._outline.publish(codec.occupancy_grid(cells, info, codec.header(_FRAME, stamp_ns)))
         return time.monotonic()
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.shutdown(context=self._context)
 
     def _now_ns(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)

@@ -19,11 +19,9 @@ from dataclasses import dataclass, field
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import OccupancyGrid
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.signals import SignalHandlerOptions
 
 from lava_ros.ros import qos
+from lava_ros.ros.watcher import Watcher
 from lava_ros.ros.worker_status import WorkerState
 
 
@@ -66,20 +64,12 @@ class Observation:
         return self.state == WorkerState.FINISHED.value and self.frame_stamp_ns >= last
 
 
-class Monitor:
+class Monitor(Watcher):
     """Listens to ``/diagnostics`` and ``height``, in a ROS context of its own."""
 
     def __init__(self, domain_id: int) -> None:
         """Join the graph of a domain."""
-        self._context = rclpy.Context()
-        rclpy.init(
-            context=self._context,
-            domain_id=domain_id,
-            signal_handler_options=SignalHandlerOptions.NO,
-        )
-        self._node = rclpy.create_node('lava_monitor', context=self._context)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
+        super().__init__('lava_monitor', domain_id)
         self._statuses: dict[str, DiagnosticStatus] = {}
         self._frames = 0
         self._frame_stamp_ns = 0
@@ -92,7 +82,7 @@ class Monitor:
 
     def observe(self, timeout: float) -> Observation:
         """Listen for at most a while [s] and say what is known."""
-        self._executor.spin_once(timeout_sec=timeout)
+        self.listen(timeout)
         simulation = self._statuses.get('lava: simulation', DiagnosticStatus())
         values = {item.key: item.value for item in simulation.values}
         return Observation(
@@ -104,12 +94,6 @@ class Monitor:
             frames=self._frames,
             frame_stamp_ns=self._frame_stamp_ns,
         )
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self._executor.shutdown()
-        self._node.destroy_node()
-        rclpy.shutdown(context=self._context)
 
     def _complaint(self, name: str) -> str:
         status = self._statuses.get(name)

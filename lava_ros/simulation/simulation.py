@@ -105,7 +105,6 @@ class Simulation:
         self.effects = formulated(chosen, self.accuracy)
         spacing, thickness = self.accuracy.spacing, self.accuracy.thickness
         assert spacing is not None and thickness is not None
-        self._thickness = thickness
         # a float32 keeps the sum of the particles' volumes equal to their number times this
         self.particle_volume = float(np.float32(spacing * spacing * thickness))
         self.radius = self.accuracy.ratio * spacing
