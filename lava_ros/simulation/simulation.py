@@ -266,7 +266,6 @@ class Simulation:
         self._vents = self._vent_set(vents, since=now, carried=carried)
         self.scene = scene
         self._decide()
-        self._stage.scene = scene
         self._append(
             [
                 (*vent.position, volume, vent.temperature)
@@ -419,13 +418,13 @@ class Simulation:
     def _run_stages(self) -> None:
         """Take one stage on the CPU, a graph of several on a GPU; past the target they idle."""
         if not self._device.is_cuda:
-            self._stage.take(self._vents)
+            self._stage.take(self.scene, self._vents)
             return
         if self._graph is None:
-            self._stage.take(self._vents)
+            self._stage.take(self.scene, self._vents)
             with wp.ScopedCapture(device=self._device) as capture:
                 for _ in range(_GRAPH_STAGES):
-                    self._stage.take(self._vents)
+                    self._stage.take(self.scene, self._vents)
             self._graph = capture.graph
         if self._state.bins_in_motion and not self._neighbors.is_binned:
             self._neighbors.bin(self._state)

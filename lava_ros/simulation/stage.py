@@ -37,7 +37,6 @@ class Stage:
     """The equations of a scene on its terrain, for one set of effects.
 
     Attributes:
-        scene: The scene; its vents may be replaced, steps are as short as they call for.
         constants: The flow's constants (flow.py).
     """
 
@@ -61,7 +60,8 @@ class Stage:
             after_step: The passes that effects need at a step's end, by effect.
         """
         assert accuracy.spacing is not None and accuracy.thickness is not None
-        self.scene, self._accuracy, self._effects = scene, accuracy, state.effects
+        self._accuracy, self._effects = accuracy, state.effects
+        self._viscosity = scene.lava.viscosity
         self._state, self._neighbors, self._terrain = state, neighbors, terrain
         self._after_step = after_step
         self._radius = accuracy.ratio * accuracy.spacing
@@ -89,15 +89,20 @@ class Stage:
                 effects=state.effects,
             )
 
-    def take(self, vents: VentSet) -> None:
-        """Take one stage; at a step's end the vents emit what is due."""
+    def take(self, scene: Scene, vents: VentSet) -> None:
+        """Take one stage; at a step's end the vents emit what is due.
+
+        Args:
+            scene: The scene as it is now: steps are as short as its vents call for.
+            vents: Its vents as they emit.
+        """
         state, neighbors = self._state, self._neighbors
         neighbors.rebuild(state)
         self.compute_flow(fills_flow=not self._moves_at_once or bool(self._after_step))
         if self._effects.inertia:
             self._momentum.synchronize(state)
         longest = timestep.longest_step(
-            self.scene, self._accuracy, self._effects, vents, self.constants.reach
+            scene, self._accuracy, self._effects, vents, self.constants.reach
         )
         timestep.choose_stage(state, longest, self._accuracy, vents.due)
         emit = partial(vents.emit, state, neighbors)
@@ -130,8 +135,7 @@ class Stage:
     def _spread_velocity(self) -> None:
         """Lateral stress: from the local velocities to the velocities."""
         if self._accuracy.formulation == 'as-published':
-            viscosity = self.scene.lava.viscosity
-            publish_velocity(self._state, self._neighbors, self._radius, viscosity)
+            publish_velocity(self._state, self._neighbors, self._radius, self._viscosity)
         elif self._effects.green:
             load('green').spread_velocity(self._state, self._neighbors, self._radius)
         elif self._effects.helmholtz:

@@ -131,7 +131,7 @@ def launched(name, lanes=1, integrator='euler'):
                 simulation.scene, effects=simulation.effects, accuracy=accuracy, device='cpu'
             )
         kernels.clear()
-        simulation._stage.take(simulation._vents)
+        simulation._stage.take(simulation.scene, simulation._vents)
     return kernels
 
 

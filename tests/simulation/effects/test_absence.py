@@ -116,9 +116,9 @@ def test_a_bare_step_has_the_bare_arrays_and_kernels(launched):
     simulation = simulation_of('cpu')
     assert arrays_of(simulation) == BARE_ARRAYS
     # the first one has yet to put the particles into cells: later ones do so as they move them
-    simulation._stage.take(simulation._vents)
+    simulation._stage.take(simulation.scene, simulation._vents)
     launched.clear()
-    simulation._stage.take(simulation._vents)
+    simulation._stage.take(simulation.scene, simulation._vents)
     assert launched == BARE_KERNELS
 
 
@@ -129,9 +129,9 @@ def test_an_effect_adds_what_is_its_own(launched, name):
     simulation = simulation_of('cpu', **{name: True})
     assert arrays_of(simulation) == BARE_ARRAYS | arrays
     # the first one has yet to put the particles into cells: later ones do so as they move them
-    simulation._stage.take(simulation._vents)
+    simulation._stage.take(simulation.scene, simulation._vents)
     launched.clear()
-    simulation._stage.take(simulation._vents)
+    simulation._stage.take(simulation.scene, simulation._vents)
     without = {'move'} if name == 'green' else set()
     assert set(launched) == set(BARE_KERNELS) - without | kernels
 
