@@ -53,6 +53,14 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         '--runs', type=int, default=48, metavar='N', help='runs (default: %(default)s)'
     )
     parser.add_argument(
+        '--directions',
+        type=int,
+        default=1,
+        metavar='N',
+        help='runs of each set, turned and mirrored (8 are all): what half of them cover is '
+        'compared, which chance moves less (default: %(default)s)',
+    )
+    parser.add_argument(
         '--unknown',
         action='append',
         default=[],
@@ -103,10 +111,12 @@ def run(args: argparse.Namespace) -> int:
     )
     from lava_ros.hindcast.case import load_case
     from lava_ros.hindcast.run import Settings
+    from lava_ros.hindcast.several import MOST
     from lava_ros.hindcast.unknowns import unknowns_of
 
     runs = int(validation.number('--runs', args.runs, at_least=4, at_most=1e6))
     workers = int(validation.number('--workers', args.workers, at_least=1, at_most=64))
+    directions = int(validation.number('--directions', args.directions, at_least=1, at_most=MOST))
     options = {'material': args.material, 'low_pass_width': args.low_pass}
     case = load_case(args.case, **options)
     unknowns = unknowns_of(case, *_chosen(args.unknown))
@@ -118,7 +128,13 @@ def run(args: argparse.Namespace) -> int:
         raise LavaError('--output', str(output), f'a folder to write to ({error})') from error
     table = output / TABLE
     known = [] if args.fresh else read_trials(table, unknowns)
-    evaluator = Evaluator(Path(args.case), settings, workers=workers, **options)
+    others = {trial.numbers['directions'] for trial in known} - {directions}
+    if others:
+        right = f'{min(others):g} as in {table}, or --fresh'
+        raise LavaError('--directions', directions, right)
+    evaluator = Evaluator(
+        Path(args.case), settings, workers=workers, runs=directions, **options
+    )
     so_far: list[Trial] = []
     with Progress() as progress:
 

@@ -23,8 +23,8 @@ far each unknown spreads in it, and which unknowns the score does not depend on.
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 import csv
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 import multiprocessing
 from pathlib import Path
 from typing import Any
@@ -33,8 +33,9 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, load_case
-from lava_ros.hindcast.run import Settings, simulate
+from lava_ros.hindcast.run import Settings
 from lava_ros.hindcast.score import judge
+from lava_ros.hindcast.several import agreed, directions, run_together
 from lava_ros.hindcast.unknowns import changed, Unknown
 
 #: Difference to the best score up to which a run is as good: what a change of the ground by its
@@ -48,7 +49,9 @@ WIDE = 0.6
 WEAK = 2.0
 
 #: Columns of the table of runs beside the unknowns.
-COLUMNS = ('jaccard', 'recall', 'precision', 'length_error', 'area_error', 'wall_time_s')
+COLUMNS = (
+    'jaccard', 'recall', 'precision', 'length_error', 'area_error', 'directions', 'wall_time_s',
+)
 
 
 @dataclass(frozen=True)
@@ -207,20 +210,27 @@ def near_best(trials: Sequence[Trial]) -> list[Trial]:
 
 
 class Evaluator:
-    """Runs sets of values, several at once in processes of their own."""
+    """Runs sets of values: on a GPU in turns, on the CPU in processes of their own."""
 
     def __init__(
-        self, directory: Path, settings: Settings, *, workers: int, **options: Any
+        self,
+        directory: Path,
+        settings: Settings,
+        *,
+        workers: int = 1,
+        runs: int = 1,
+        **options: Any,
     ) -> None:
         """Start no process yet.
 
         Args:
             directory: The case.
             settings: How it is run.
-            workers: Processes; on a GPU they share it.
+            workers: Processes; more than one share a GPU, too.
+            runs: Runs of each set, turned and mirrored; what half of them cover is compared.
             options: What ``load_case`` takes beside the folder.
         """
-        self._job = (str(directory), settings, tuple(sorted(options.items())))
+        self._job = (str(directory), tuple(sorted(options.items())), settings, runs)
         self._pool: ProcessPoolExecutor | None = None
         if workers > 1:
             context = multiprocessing.get_context('spawn')
@@ -228,10 +238,10 @@ class Evaluator:
 
     def __call__(self, sets: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:
         """Run sets of values."""
-        jobs = [(*self._job, dict(values)) for values in sets]
         if self._pool is None:
-            return [_evaluate(job) for job in jobs]
-        return list(self._pool.map(_evaluate, jobs))
+            return _evaluate(self._job, sets)
+        parts = self._pool.map(partial(_evaluate, self._job), [[values] for values in sets])
+        return [numbers for part in parts for numbers in part]
 
     def close(self) -> None:
         """End the processes."""
@@ -244,17 +254,30 @@ def _case(directory: str, options: tuple[tuple[str, Any], ...]) -> Case:
     return load_case(directory, **dict(options))
 
 
-def _evaluate(job: tuple[str, Settings, tuple[tuple[str, Any], ...], dict[str, float]]) -> Any:
-    """Run one set of values; what cannot flow covers nothing."""
-    directory, settings, options, values = job
+_Job = tuple[str, tuple[tuple[str, Any], ...], Settings, int]
+
+
+def _evaluate(job: _Job, sets: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:
+    """Run sets of values; what cannot flow covers nothing."""
+    directory, options, settings, runs = job
+    settings = replace(settings, maps=1)
+    case = _case(directory, options)
+    ways = directions(runs)
     try:
-        case = changed(_case(directory, options), values)
-        result = simulate(case, settings)
+        jobs = [(changed(case, values), way) for values in sets for way in ways]
+        results = run_together(jobs, settings)
     except LavaError as error:
-        raise LavaError('calibrate', str(values), f'values that can be run ({error})') from error
-    judged = judge(case, result.snapshot.thickness).as_dict()
-    numbers = {name: float(judged[name]) for name in COLUMNS if name in judged}
-    return {**numbers, 'wall_time_s': result.wall_time}
+        said = '; '.join(map(str, sets))
+        raise LavaError('calibrate', said, f'values that can be run ({error})') from error
+    found: list[Mapping[str, float]] = []
+    for first in range(0, len(results), runs):
+        own = results[first : first + runs]
+        maps = [result.snapshot.thickness for result in own]
+        judged = judge(case, maps[0] if runs == 1 else agreed(maps)[1]).as_dict()
+        numbers = {name: float(judged[name]) for name in COLUMNS if name in judged}
+        wall_time = sum(result.wall_time for result in own)
+        found.append({**numbers, 'directions': float(runs), 'wall_time_s': wall_time})
+    return found
 
 
 def write_trials(path: Path, unknowns: Sequence[Unknown], trials: Sequence[Trial]) -> None:

@@ -279,10 +279,10 @@ class Run:
         started = wall_clock.monotonic()
         for _ in simulation.advancing(until):
             history.wall_time += wall_clock.monotonic() - started
-            history.most_particles = max(history.most_particles, simulation.particle_count)
             yield
             started = wall_clock.monotonic()
         history.wall_time += wall_clock.monotonic() - started
+        history.most_particles = max(history.most_particles, simulation.most_particles)
 
     def _identity(self) -> str:
         """What tells this run from any other."""

@@ -22,7 +22,7 @@ the same: a run for each quarter turn, mirrored or not, makes the same set for b
 They take turns on a GPU, which one of them would not keep busy; on the CPU one follows the other.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -119,10 +119,22 @@ def run_several(
         LavaError: A setting is not usable, or the folder is of another case or other settings.
     """
     runs = int(validation.number('--runs', runs, at_least=2, at_most=MOST))
-    shares = np.zeros(runs)
+    jobs = [(case, direction) for direction in directions(runs)]
+    return run_together(jobs, settings, folder=folder, progress=progress)
+
+
+def run_together(
+    jobs: Sequence[tuple[Case, Direction]],
+    settings: Settings,
+    *,
+    folder: Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> list[Result]:
+    """Run cases, each in a direction; arguments and result as those of ``run_several``."""
+    shares = np.zeros(len(jobs))
     results: dict[int, Result] = {}
 
-    def route(number: int, direction: Direction) -> Iterator[None]:
+    def route(number: int, case: Case, direction: Direction) -> Iterator[None]:
         kept = None if folder is None else folder / f'run_{number:02d}'
         run = Run(directed(case, direction), settings, folder=kept)
         for snapshot in run.parts():
@@ -133,9 +145,9 @@ def run_several(
             yield
         results[number] = _put_back(case, run.result(), direction)
 
-    routes = (route(number, item) for number, item in enumerate(directions(runs)))
+    routes = (route(number, *job) for number, job in enumerate(jobs))
     interleave(routes, str(device_of(settings.device)))
-    return [results[number] for number in range(runs)]
+    return [results[number] for number in range(len(jobs))]
 
 
 def directed(case: Case, direction: Direction) -> Case:
@@ -173,6 +185,15 @@ def _put_back(case: Case, result: Result, direction: Direction) -> Result:
     )
 
 
+def agreed(maps: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Share of some maps that cover each cell, and mean thickness where at least half do [m]."""
+    covered = [np.nan_to_num(thickness) >= THRESHOLD for thickness in maps]
+    share = np.mean(covered, axis=0)
+    mean = np.mean([np.nan_to_num(thickness) for thickness in maps], axis=0)
+    # a mean over runs that leave it dry may be less than what counts as covered
+    return share, np.where(share >= 0.5, np.maximum(mean, THRESHOLD), 0.0)
+
+
 def agreement(case: Case, maps: list[np.ndarray]) -> Agreement:
     """Compare runs with the map of their case, each and together.
 
@@ -180,11 +201,7 @@ def agreement(case: Case, maps: list[np.ndarray]) -> Agreement:
         case: The case.
         maps: Thickness of each run [m], shape [rows, columns].
     """
-    covered = [np.nan_to_num(thickness) >= THRESHOLD for thickness in maps]
-    share = np.mean(covered, axis=0)
-    mean = np.mean([np.nan_to_num(thickness) for thickness in maps], axis=0)
-    # a mean over runs that leave it dry may be less than what counts as covered
-    thickness = np.where(share >= 0.5, np.maximum(mean, THRESHOLD), 0.0)
+    share, thickness = agreed(maps)
     return Agreement(
         scores=tuple(judge(case, thickness) for thickness in maps),
         share=share,

@@ -42,6 +42,8 @@ from lava_ros.simulation.stage import Stage
 from lava_ros.simulation.state import (
     BEYOND,
     centre_of,
+    NEWCOMERS,
+    PARTICLES,
     STAGE,
     State,
     STEPS,
@@ -110,6 +112,7 @@ class Simulation:
         self.radius = self.accuracy.ratio * spacing
         self._state = State(_FIRST_CAPACITY, self.effects, self.accuracy, self._device)
         self._emitted_before = 0.0
+        self._most_particles = 0
         self._graph: Any = None
         self._after_step: dict[str, Any] = {}
         self._place(scene.terrain)
@@ -130,6 +133,11 @@ class Simulation:
     def particle_count(self) -> int:
         """Particles there are."""
         return self._state.count
+
+    @property
+    def most_particles(self) -> int:
+        """Most particles there were at any look on the way: asks nothing of the device."""
+        return self._most_particles
 
     @property
     def steps(self) -> int:
@@ -167,6 +175,8 @@ class Simulation:
             self._run_stages()
             yield
             clock, counts = self._state.look()
+            count = int(counts[PARTICLES] + counts[NEWCOMERS])
+            self._most_particles = max(self._most_particles, count)
             if self._state.make_room(counts):
                 self._graph = None
             if counts[BEYOND]:

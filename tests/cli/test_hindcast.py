@@ -155,7 +155,7 @@ def test_calibration_reports_near_best_sets(
     case = write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)
     arguments = ['calibrate', str(case), '--device', 'cpu', '--spacing', '40', '--runs', '5']
     arguments += ['--unknown', 'viscosity=1e3:1e5', '--unknown', 'emissivity']
-    arguments += ['-o', str(tmp_path / 'out')]
+    arguments += ['--directions', '2', '-o', str(tmp_path / 'out')]
     assert main(arguments) == 0
     said = capsys.readouterr().out
     assert 'runs are within' in said
@@ -168,6 +168,9 @@ def test_calibration_reports_near_best_sets(
     assert {item['unknown']['name'] for item in result['unknowns']} == {'viscosity', 'emissivity'}
     assert main(arguments) == 0
     assert (tmp_path / 'out/runs.csv').read_text() == table
+    capsys.readouterr()
+    assert main([*arguments, '--directions', '4']) == 2
+    assert '--directions' in (message := capsys.readouterr().err) and '2 as in' in message
 
 
 def test_barrier_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
