@@ -102,6 +102,7 @@ def run(args: argparse.Namespace) -> int:
     """
     from lava_ros.cli.progress import Progress
     from lava_ros.hindcast.calibration import (
+        BATCH,
         Evaluator,
         findings,
         near_best,
@@ -145,7 +146,13 @@ def run(args: argparse.Namespace) -> int:
 
         try:
             trials = search(
-                unknowns, evaluator, runs=runs, seed=args.seed, known=known, progress=told
+                unknowns,
+                evaluator,
+                runs=runs,
+                seed=args.seed,
+                batch=max(BATCH, workers),
+                known=known,
+                progress=told,
             )
         finally:
             evaluator.close()

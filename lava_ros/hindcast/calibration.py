@@ -48,6 +48,9 @@ WIDE = 0.6
 #: Rank correlation with the score, in standard errors, below which nothing depends on an unknown.
 WEAK = 2.0
 
+#: Sets that are run before their numbers are told: with four directions a set they fill a GPU.
+BATCH = 8
+
 #: Columns of the table of runs beside the unknowns.
 COLUMNS = (
     'jaccard', 'recall', 'precision', 'length_error', 'area_error', 'directions', 'wall_time_s',
@@ -104,6 +107,7 @@ def search(
     *,
     runs: int,
     seed: int = 0,
+    batch: int = BATCH,
     known: Sequence[Trial] = (),
     progress: Callable[[int, Trial], None] | None = None,
 ) -> list[Trial]:
@@ -114,6 +118,7 @@ def search(
         evaluate: Runs many sets of values and gives their numbers.
         runs: How many runs there are.
         seed: Of the random numbers.
+        batch: Sets at once.
         known: Runs of an earlier search of the same unknowns, which are not run again.
         progress: Is told of each run.
 
@@ -135,22 +140,24 @@ def search(
             {u.name: u.value_at(float(x)) for u, x in zip(unknowns, point, strict=True)}
             for point in points
         ]
-        missing = [values for values in sets if _key(values) not in memory]
-        for values, numbers in zip(missing, evaluate(missing), strict=True):
-            memory[_key(values)] = Trial(values, numbers)
-        for values in sets:
-            trials.append(memory[_key(values)])
-            if progress is not None:
-                progress(len(trials), trials[-1])
+        for first in range(0, len(sets), batch):
+            part = sets[first : first + batch]
+            missing = [values for values in part if _key(values) not in memory]
+            for values, numbers in zip(missing, evaluate(missing), strict=True):
+                memory[_key(values)] = Trial(values, numbers)
+            for values in part:
+                trials.append(memory[_key(values)])
+                if progress is not None:
+                    progress(len(trials), trials[-1])
 
     usual = np.clip([[item.share_of(item.usual) for item in unknowns]], 0.0, 1.0)
     tried(usual)
     even = qmc.Sobol(len(unknowns), seed=seed).random(_power(runs // 2))
     tried(even[: max(runs // 2, 1)])
     rng = np.random.default_rng(seed)
-    batch = max(4, 2 * len(unknowns))
+    generation = max(4, 2 * len(unknowns))
     while len(trials) < runs:
-        tried(_offspring(unknowns, trials, min(batch, runs - len(trials)), rng))
+        tried(_offspring(unknowns, trials, min(generation, runs - len(trials)), rng))
     return trials[:runs]
 
 

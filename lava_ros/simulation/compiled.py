@@ -21,6 +21,7 @@ What is done, why, and what it gains is in docs/PERFORMANCE.md:
   as is float32; a float64 is not touched by it, so the reference is not either.
 * ``load4``, ``store4``: Warp knows no alignment and reads a vec4 as four numbers; here it is one
   16-byte access. Reads go through the read-only cache: never read so what the kernel writes.
+* ``is_last_of_all``: what one thread does with what all have found needs no launch of its own.
 * ``raise_to``: a maximum over all particles. Each thread comparing and swapping one address is
   slower than the rest of the kernel; a warp of 32 finds its own maximum and asks once.
 """
@@ -92,49 +93,22 @@ _ONE_LESS = """
     float left;
     asm("fma.rn.ftz.sat.f32 %0, %1, %2, %3;" : "=f"(left) : "f"(-a), "f"(b), "f"(1.0f));
     return left;"""
-#: A warp has 1024 items, a thread four of each 128 of them, all read before the first is needed.
-_SCAN = """
+#: Whether a block is the last to come here; then all that the others have written can be read.
+_LAST = """
 #if defined(__CUDA_ARCH__)
-    __shared__ int sums[32];
-    const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
-    const int first = 256 * warp + lane, end = sizes.shape[0] / 4;
-    int4 items[8];
-    for (int n = 0; n < 8; ++n) {
-        const int at = first + 32 * n;
-        items[n] = make_int4(0, 0, 0, 0);
-        if (at < end)
-            items[n] = reinterpret_cast<const int4*>(sizes.data)[at];
-    }
-    int starting[8], total = 0;
-    for (int n = 0; n < 8; ++n) {
-        const int own = items[n].x + items[n].y + items[n].z + items[n].w;
-        int sum = own;
-        for (int apart = 1; apart < 32; apart *= 2) {
-            const int other = __shfl_up_sync(0xffffffffu, sum, apart);
-            sum += lane >= apart ? other : 0;
-        }
-        starting[n] = total + sum - own;
-        total += __shfl_sync(0xffffffffu, sum, 31);
-    }
-    if (lane == 0)
-        sums[warp] = total;
+    __shared__ bool is_last;
     __syncthreads();
-    int before = lane < warp ? sums[lane] : 0;
-    for (int apart = 16; apart > 0; apart /= 2)
-        before += __shfl_xor_sync(0xffffffffu, before, apart);
-    for (int n = 0; n < 8; ++n) {
-        const int at = first + 32 * n, start = before + starting[n];
-        const int4 item = items[n];
-        if (at < end)
-            reinterpret_cast<int4*>(starts.data)[at] = make_int4(
-                start, start + item.x, start + item.x + item.y, start + item.x + item.y + item.z);
+    if (threadIdx.x == 0) {
+        __threadfence();
+        is_last = atomicAdd(ticket.data, 1) == gridDim.x - 1;
+        if (is_last)
+            ticket.data[0] = 0;
+        __threadfence();
     }
+    __syncthreads();
+    return is_last && threadIdx.x == 0;
 #else
-    int start = 0;
-    for (int n = 0; n < sizes.shape[0]; ++n) {
-        starts.data[n] = start;
-        start += sizes.data[n];
-    }
+    return false;
 #endif
 """
 #: What is no number raises nothing: positive floats are in the order of their bits.
@@ -243,18 +217,13 @@ def load9(real: Any) -> Any:
     return load
 
 
-#: Threads of ``scan_at_once``, and the most items it takes; their number is a multiple of 4.
-SCAN_THREADS, SCANNED_AT_ONCE = 1024, 32 * 1024
+@wp.func_native(_LAST)
+def is_last_of_all(ticket: wp.array(dtype=wp.int32)) -> bool:
+    """Whether a thread of a CUDA kernel is to go on alone when all others are done.
 
-
-@wp.func_native(_SCAN)
-def _scan(sizes: wp.array(dtype=wp.int32), starts: wp.array(dtype=wp.int32)): ...
-
-
-@wp.kernel(module='unique', enable_backward=False, grid_stride=False)
-def scan_at_once(sizes: wp.array(dtype=wp.int32), starts: wp.array(dtype=wp.int32)):
-    """Sum up what is before each item, in one block of threads (on the CPU, in one thread)."""
-    _scan(sizes, starts)
+    All threads of each block have to come here. ``ticket`` is 0 before and after.
+    """
+    ...
 
 
 @lru_cache

@@ -38,6 +38,7 @@ from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
 from lava_ros.simulation.compiled import (
+    is_last_of_all,
     load2,
     load4,
     quick_kernel,
@@ -51,6 +52,7 @@ from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGr
 from lava_ros.simulation.rheology import rheology_type, speed_function, viscosity_function
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+from lava_ros.simulation.timestep import pace_type
 
 #: Thickness over the expected one up to which the Helmholtz solve converges in full.
 THICKEST = 2.0
@@ -97,10 +99,14 @@ def flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -
 
 
 class FlowKernels(NamedTuple):
-    """The kernels of ``compute_flow`` for one set of effects; ``elevate`` for differences only."""
+    """The kernels of ``compute_flow`` for one set of effects.
+
+    ``elevate`` is for differences only, ``flow_and_stage`` for few particles only.
+    """
 
     elevate: Any
     flow: Any
+    flow_and_stage: Any
 
 
 @lru_cache
@@ -193,11 +199,19 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
 
 @lru_cache
 def flow_kernels(
-    real: Any, kernel_name: str, ratio: float, gradient: str, effects: Effects, lanes: int = 1
+    real: Any,
+    kernel_name: str,
+    ratio: float,
+    gradient: str,
+    effects: Effects,
+    choose: Any,
+    lanes: int = 1,
+    is_short: bool = False,
 ) -> FlowKernels:
     """Return the kernels that compute thickness and local velocity, for one set of effects.
 
-    ``lanes`` is the number of threads that share a particle's neighbours.
+    ``choose`` is the choice of the stage (timestep.py), ``lanes`` the number of threads that share
+    a particle's neighbours, ``is_short`` whether there are so few that waiting takes the time.
     """
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
@@ -211,6 +225,62 @@ def flow_kernels(
     load, load_pair = load4(real), load2(real)
     balance = _balance_function(real, kernel.stiffness, effects)
     total = sum_over(real, lanes)
+
+    @wp.func
+    def flow_at(
+        i: int,
+        lane: int,
+        ordered: wp.array(dtype=vec4),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        elevation: wp.array2d(dtype=real),
+        terrain: TerrainFrame,
+        law: rheology_type(real),
+        constants: flow_constants_of(real),
+        flow: wp.array(dtype=vec3),
+        source: wp.array(dtype=vec4),
+        area_of: wp.array(dtype=real),
+        rates: wp.array(dtype=real),
+        slope_of: wp.array(dtype=vec2),
+    ):
+        p = load(ordered, i)
+        radius = real(constants.radius)
+        inverse = real(1.0) / radius
+        height = real(0.0)
+        rise_x = real(0.0)
+        rise_y = real(0.0)
+        box = cells_around(cells, p[0], p[1], radius)
+        near = range_in(cells, starts, wp.min(box[0] + lane, box[1] - 1), box)
+        for r in range(box[0] + lane, box[1], lanes):
+            following = near
+            if wp.static(is_short):
+                following = range_in(cells, starts, wp.min(r + lanes, box[1] - 1), box)
+            else:
+                near = range_in(cells, starts, r, box)
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
+                dx = p[0] - other[0]
+                dy = p[1] - other[1]
+                part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
+                height += part[0]
+                rise_x += part[1] * dx
+                rise_y += part[1] * dy
+            near = following
+        height = total(height)
+        rise_x = total(rise_x) * inverse * real(wp.static(factor))
+        rise_y = total(rise_y) * inverse * real(wp.static(factor))
+        if lane > 0:
+            return
+        scale = real(wp.static(norm)) * inverse * inverse
+        height *= scale
+        height *= real(1.0) - excess(p[2] * inverse * inverse / height)
+        ground = gradient_at(elevation, terrain, p[0], p[1])
+        surface = vec2(rise_x, rise_y) * (scale * inverse) + ground
+        bend = bend_at(elevation, terrain, p[0], p[1])
+        balance(
+            i, vec2(p[0], p[1]), p[2], p[3], height, surface, ground, bend, law, constants,
+            flow, source, area_of, rates, slope_of,
+        )
 
     @quick_kernel
     def thickness_and_velocity(
@@ -230,40 +300,39 @@ def flow_kernels(
     ):
         i = wp.tid() // lanes
         lane = wp.tid() % lanes
-        if i >= counts[PARTICLES]:
-            return
-        p = load(ordered, i)
-        radius = real(constants.radius)
-        inverse = real(1.0) / radius
-        height = real(0.0)
-        rise_x = real(0.0)
-        rise_y = real(0.0)
-        box = cells_around(cells, p[0], p[1], radius)
-        for r in range(box[0] + lane, box[1], lanes):
-            near = range_in(cells, starts, r, box)
-            for j in range(near[0], near[1]):
-                other = load(ordered, j)
-                dx = p[0] - other[0]
-                dy = p[1] - other[1]
-                part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
-                height += part[0]
-                rise_x += part[1] * dx
-                rise_y += part[1] * dy
-        height = total(height)
-        rise_x = total(rise_x) * inverse * real(wp.static(factor))
-        rise_y = total(rise_y) * inverse * real(wp.static(factor))
-        if lane > 0:
-            return
-        scale = real(wp.static(norm)) * inverse * inverse
-        height *= scale
-        height *= real(1.0) - excess(p[2] * inverse * inverse / height)
-        ground = gradient_at(elevation, terrain, p[0], p[1])
-        surface = vec2(rise_x, rise_y) * (scale * inverse) + ground
-        bend = bend_at(elevation, terrain, p[0], p[1])
-        balance(
-            i, vec2(p[0], p[1]), p[2], p[3], height, surface, ground, bend, law, constants,
-            flow, source, area_of, rates, slope_of,
-        )
+        if i < counts[PARTICLES]:
+            flow_at(
+                i, lane, ordered, starts, cells, elevation, terrain, law, constants,
+                flow, source, area_of, rates, slope_of,
+            )
+
+    @quick_kernel
+    def thickness_velocity_and_stage(
+        ordered: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        elevation: wp.array2d(dtype=real),
+        terrain: TerrainFrame,
+        law: rheology_type(real),
+        constants: flow_constants_of(real),
+        pace: pace_type(real),
+        flow: wp.array(dtype=vec3),
+        source: wp.array(dtype=vec4),
+        area_of: wp.array(dtype=real),
+        rates: wp.array(dtype=real),
+        slope_of: wp.array(dtype=vec2),
+    ):
+        """All of them are whole blocks: the last one is waited for."""
+        i = wp.tid() // lanes
+        lane = wp.tid() % lanes
+        if i < counts[PARTICLES]:
+            flow_at(
+                i, lane, ordered, starts, cells, elevation, terrain, law, constants,
+                flow, source, area_of, rates, slope_of,
+            )
+        if is_last_of_all(pace.ticket):
+            choose(pace)
 
     @quick_kernel
     def elevate(
@@ -370,8 +439,9 @@ def flow_kernels(
         )
 
     if gradient == 'energy':
-        return FlowKernels(None, thickness_and_velocity)
-    return FlowKernels(elevate, velocity_of_differences)
+        at_once = thickness_velocity_and_stage if is_short else None
+        return FlowKernels(None, thickness_and_velocity, at_once)
+    return FlowKernels(elevate, velocity_of_differences, None)
 
 
 def compute_flow(
@@ -383,11 +453,13 @@ def compute_flow(
     kernels: FlowKernels,
     *,
     fills_flow: bool = True,
+    pace: Any = None,
 ) -> None:
     """Compute thickness and local velocity of the ordered particles, and raise the rates.
 
     They are left in ``state.flow``, unless that is not asked for, and as lateral stress needs
-    them in ``state.source`` and ``state.area``.
+    them in ``state.source`` and ``state.area``. With a pace (timestep.py) the stage is chosen when
+    all rates are known, where ``kernels`` can do so.
     """
     ground = [
         state.ordered,
@@ -405,10 +477,11 @@ def compute_flow(
             outputs=[state.surface, state.flow],
             device=state.device,
         )
+    more = [state.surface] if state.has_surface else [] if pace is None else [pace]
     wp.launch(
-        kernels.flow,
+        kernels.flow if pace is None else kernels.flow_and_stage,
         dim=state.capacity * state.lanes,
-        inputs=[*ground, law, constants, *((state.surface,) if state.has_surface else ())],
+        inputs=[*ground, law, constants, *more],
         outputs=[
             state.flow if fills_flow or state.has_surface else None,
             *state.optional('source', 'area'),

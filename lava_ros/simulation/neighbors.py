@@ -36,12 +36,10 @@ from lava_ros.simulation.compiled import (
     load4,
     load_int,
     quick_kernel,
-    scan_at_once,
-    SCAN_THREADS,
-    SCANNED_AT_ONCE,
     store2,
     store4,
 )
+from lava_ros.simulation.scan import Scan
 from lava_ros.simulation.state import (
     ADVECTION,
     BEYOND,
@@ -350,6 +348,7 @@ class NeighborGrid:
         room = 4 * math.ceil((self._cell_count + 2) / 4)
         self._sizes = wp.zeros(room, dtype=wp.int32, device=self._device)
         self.starts = wp.zeros(room, dtype=wp.int32, device=self._device)
+        self._scan = Scan(room, self._device)
 
     def bin(self, state: State) -> None:
         """Put each particle into its cell, as ``place_in`` lets the motion do."""
@@ -376,18 +375,7 @@ class NeighborGrid:
         if not self.is_binned:
             self.bin(state)
         self.is_binned = False
-        if self.starts.size <= SCANNED_AT_ONCE:
-            threads = SCAN_THREADS if self._device.is_cuda else 1
-            wp.launch(
-                scan_at_once,
-                dim=threads,
-                inputs=[self._sizes],
-                outputs=[self.starts],
-                block_dim=SCAN_THREADS,
-                device=state.device,
-            )
-        else:
-            wp.utils.array_scan(self._sizes, self.starts, inclusive=False)
+        self._scan(self._sizes, self.starts)
         if state.is_deterministic:
             self._rank_by_order(state)
         wp.launch(

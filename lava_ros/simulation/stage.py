@@ -71,7 +71,13 @@ class Stage:
         self.constants = flow_constants(scene, accuracy, self._radius, state.real)
         gradient = accuracy.gradient if state.has_surface else 'energy'
         self._flow_kernels = partial(
-            flow_kernels, state.real, accuracy.kernel, accuracy.ratio, gradient, state.effects
+            flow_kernels,
+            state.real,
+            accuracy.kernel,
+            accuracy.ratio,
+            gradient,
+            state.effects,
+            timestep.choice_of(state),
         )
         # the pass that ends with the velocity moves the particles too
         self._moves_at_once = (
@@ -98,13 +104,19 @@ class Stage:
         """
         state, neighbors = self._state, self._neighbors
         neighbors.rebuild(state)
-        self.compute_flow(fills_flow=not self._moves_at_once or bool(self._after_step))
-        if self._effects.inertia:
-            self._momentum.synchronize(state)
         longest = timestep.longest_step(
             scene, self._accuracy, self._effects, vents, self.constants.reach
         )
-        timestep.choose_stage(state, longest, self._accuracy, vents.due)
+        pace = timestep.pace_of(state, longest, self._accuracy, vents.due)
+        chooses_at_once = state.is_short and not state.has_surface and not self._effects.inertia
+        self.compute_flow(
+            fills_flow=not self._moves_at_once or bool(self._after_step),
+            pace=pace if chooses_at_once else None,
+        )
+        if self._effects.inertia:
+            self._momentum.synchronize(state)
+        if not chooses_at_once:
+            timestep.choose_stage(state, pace)
         emit = partial(vents.emit, state, neighbors)
         if state.bins_in_motion:
             with self._beside(emit):
@@ -113,16 +125,17 @@ class Stage:
             self._move()
             emit()
 
-    def compute_flow(self, *, fills_flow: bool = True) -> None:
-        """Compute thickness and local velocity of the ordered particles."""
+    def compute_flow(self, *, fills_flow: bool = True, pace: Any = None) -> None:
+        """Compute thickness and local velocity of the ordered particles; with a pace, go on."""
         compute_flow(
             self._state,
             self._neighbors,
             self._terrain,
             self._law,
             self.constants,
-            self._flow_kernels(self._state.lanes),
+            self._flow_kernels(self._state.lanes, self._state.is_short),
             fills_flow=fills_flow,
+            pace=pace,
         )
 
     def compute_velocity(self) -> None:

@@ -68,6 +68,10 @@ FULLEST = 0.875
 #: Threads to a particle on a GPU, and the room for particles up to which they pay.
 SHARED_LANES, SHARED_UP_TO = 4, 50_000
 
+#: Threads that a GPU holds at once, roughly. With no more of them it is waiting that takes the
+#: time: registers are not scarce then, and launches are dear.
+AT_ONCE = 160_000
+
 REAL = {'float32': wp.float32, 'float64': wp.float64}
 
 
@@ -118,6 +122,7 @@ class State:
             one, the velocity evaluations so far, the stage at hand, the last one included,
             whether a particle is beyond the neighbour grid, and the particles after those counted
             first that have come out since the cells were built.
+        ticket: Blocks of threads that have ended a pass: 0 between two of them.
         stage: Weights of the stage at hand.
         rates: Reciprocal of the step each limit allows [1/s].
         left: Volume that has left the terrain [m3], float64.
@@ -161,6 +166,7 @@ class State:
             wp.zeros(5, dtype=wp.float64, device='cpu', pinned=pinned),
             wp.zeros(11, dtype=wp.int32, device='cpu', pinned=pinned),
         )
+        self.ticket = wp.zeros(1, dtype=wp.int32, device=device)
         self.rates = wp.zeros(2, dtype=self.real, device=device)
         self.stage = wp.zeros(4, dtype=self.real, device=device)
         if effects.merging:
@@ -223,6 +229,11 @@ class State:
     def lanes(self) -> int:
         """Threads that share a particle's neighbours: few particles alone do not fill a GPU."""
         return SHARED_LANES if self.device.is_cuda and self.capacity <= SHARED_UP_TO else 1
+
+    @property
+    def is_short(self) -> bool:
+        """Whether all threads of a pass over the particles are at work on a GPU at once."""
+        return self.device.is_cuda and self.capacity * self.lanes <= AT_ONCE
 
     @property
     def rare_threads(self) -> int:

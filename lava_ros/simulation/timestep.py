@@ -100,38 +100,52 @@ def up_to_one(due: wp.array(dtype=wp.vec2d), time: wp.float64, step: wp.float64)
 
 
 @lru_cache
-def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool, freezes: bool) -> Any:
-    @wp.kernel(module='unique', enable_backward=False)
-    def choose_stage(
-        longest: wp.float64,
-        fixed: wp.float64,
-        rates: wp.array(dtype=real),
-        due: wp.array(dtype=wp.vec2d),
-        few: int,
-        clock: wp.array(dtype=wp.float64),
-        counts: wp.array(dtype=wp.int32),
-        stage: wp.array(dtype=real),
-        cold: wp.array(dtype=wp.int32),
-    ):
-        """Begin a step or go on to its next stage; the last stage advances the clock."""
+def pace_type(real: Any) -> Any:
+    """What the choice of a stage reads and writes: limits, arrays of ``State``, vents."""
+
+    @wp.struct
+    class Pace:
+        longest: wp.float64
+        fixed: wp.float64
+        few: wp.int32
+        rates: wp.array(dtype=real)
+        due: wp.array(dtype=wp.vec2d)
+        clock: wp.array(dtype=wp.float64)
+        counts: wp.array(dtype=wp.int32)
+        stage: wp.array(dtype=real)
+        cold: wp.array(dtype=wp.int32)
+        ticket: wp.array(dtype=wp.int32)
+
+    return Pace
+
+
+@lru_cache
+def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: bool) -> Any:
+    """Return the device function that begins a step or goes on to its next stage.
+
+    The last stage advances the clock. One thread calls it, when all rates are known.
+    """
+
+    @wp.func
+    def choose(pace: pace_type(real)):
         one = wp.float64(1.0)
         if wp.static(freezes):
-            cold[0] = 0
+            pace.cold[0] = 0
         if wp.static(has_velocity):
-            clock[FORMER_STEP] = clock[STEP]
-        if counts[STAGE] == 0:
-            remaining = clock[TARGET] - clock[TIME]
+            pace.clock[FORMER_STEP] = pace.clock[STEP]
+        if pace.counts[STAGE] == 0:
+            remaining = pace.clock[TARGET] - pace.clock[TIME]
             if remaining <= wp.float64(0.0):
-                clock[STEP] = wp.float64(0.0)
-                counts[IS_LAST] = 1
-                counts[CURRENT] = 0
-                stage[VELOCITY] = real(0.0)
+                pace.clock[STEP] = wp.float64(0.0)
+                pace.counts[IS_LAST] = 1
+                pace.counts[CURRENT] = 0
+                pace.stage[VELOCITY] = real(0.0)
                 return
-            step = longest
+            step = pace.longest
             limit = 0
-            explicit = longest
-            if wp.float64(rates[0]) * longest > one:
-                explicit = one / wp.float64(rates[0])
+            explicit = pace.longest
+            if wp.float64(pace.rates[0]) * pace.longest > one:
+                explicit = one / wp.float64(pace.rates[0])
             if wp.static(is_staged):
                 most = wp.float64(wp.static(0.25 * (MOST_STAGES**2 + MOST_STAGES - 2)))
                 explicit_limit = most * explicit
@@ -142,56 +156,72 @@ def _stage_kernel(real: Any, is_staged: bool, has_velocity: bool, freezes: bool)
                 if explicit < step:
                     step = explicit
                     limit = wp.static(LIMITS.index('waves' if has_velocity else 'diffusion'))
-            if wp.float64(rates[1]) * step > one:
-                step = one / wp.float64(rates[1])
+            if wp.float64(pace.rates[1]) * step > one:
+                step = one / wp.float64(pace.rates[1])
                 limit = 2
-            if fixed > wp.float64(0.0):
-                step = fixed
+            if pace.fixed > wp.float64(0.0):
+                step = pace.fixed
                 limit = 3
-            clock[FULL_STEP] = step
-            counts[LIMIT] = limit
-            counts[STEPS] = counts[STEPS] + 1
+            pace.clock[FULL_STEP] = step
+            pace.counts[LIMIT] = limit
+            pace.counts[STEPS] = pace.counts[STEPS] + 1
             if remaining <= step:
                 step = remaining
-            elif remaining < wp.float64(2.0) * step and fixed == wp.float64(0.0):
+            elif remaining < wp.float64(2.0) * step and pace.fixed == wp.float64(0.0):
                 # two equal steps rather than a full one and a sliver
                 step = wp.float64(0.5) * remaining
-            if fixed == wp.float64(0.0) and counts[PARTICLES] < few:
-                step = up_to_one(due, clock[TIME], step)
-            clock[STEP] = step
+            if pace.fixed == wp.float64(0.0) and pace.counts[PARTICLES] < pace.few:
+                step = up_to_one(pace.due, pace.clock[TIME], step)
+            pace.clock[STEP] = step
             stages = 1
             if wp.static(is_staged):
                 # (s^2 + s - 2) / 4 explicit steps are at least this step
                 root = wp.sqrt(wp.float64(9.0) + wp.float64(16.0) * step / explicit)
                 stages = wp.max(2, int(wp.ceil(wp.float64(0.5) * (root - one) - wp.float64(1e-9))))
-            counts[STAGES] = stages
-        j = counts[STAGE] + 1
-        s = counts[STAGES]
-        counts[STAGE] = j
-        counts[CURRENT] = j
-        counts[EVALUATIONS] = counts[EVALUATIONS] + 1
+            pace.counts[STAGES] = stages
+        j = pace.counts[STAGE] + 1
+        s = pace.counts[STAGES]
+        pace.counts[STAGE] = j
+        pace.counts[CURRENT] = j
+        pace.counts[EVALUATIONS] = pace.counts[EVALUATIONS] + 1
         if s == 1:
-            stage[VELOCITY] = real(clock[STEP])
+            pace.stage[VELOCITY] = real(pace.clock[STEP])
         else:
             w = wp.float64(4.0) / wp.float64(s * s + s - 2)
             if j == 1:
-                stage[VELOCITY] = real(_b(1) * w * clock[STEP])
+                pace.stage[VELOCITY] = real(_b(1) * w * pace.clock[STEP])
             else:
                 n = wp.float64(j)
                 mu = (wp.float64(2.0) * n - one) / n * _b(j) / _b(j - 1)
-                stage[FORMER] = real(mu)
-                stage[BEFORE_FORMER] = real(-(n - one) / n * _b(j) / _b(j - 2))
-                stage[VELOCITY] = real(mu * w * clock[STEP])
-                stage[FIRST_VELOCITY] = real(-(one - _b(j - 1)) * mu * w * clock[STEP])
-        counts[IS_LAST] = 0
+                pace.stage[FORMER] = real(mu)
+                pace.stage[BEFORE_FORMER] = real(-(n - one) / n * _b(j) / _b(j - 2))
+                pace.stage[VELOCITY] = real(mu * w * pace.clock[STEP])
+                pace.stage[FIRST_VELOCITY] = real(-(one - _b(j - 1)) * mu * w * pace.clock[STEP])
+        pace.counts[IS_LAST] = 0
         if j == s:
-            counts[IS_LAST] = 1
-            counts[STAGE] = 0
-            clock[TIME] = clock[TIME] + clock[STEP]
-            if wp.abs(clock[TARGET] - clock[TIME]) < wp.float64(1e-9) * clock[STEP]:
-                clock[TIME] = clock[TARGET]
+            pace.counts[IS_LAST] = 1
+            pace.counts[STAGE] = 0
+            pace.clock[TIME] = pace.clock[TIME] + pace.clock[STEP]
+            if wp.abs(pace.clock[TARGET] - pace.clock[TIME]) < wp.float64(1e-9) * pace.clock[STEP]:
+                pace.clock[TIME] = pace.clock[TARGET]
+
+    return choose
+
+
+@lru_cache
+def _kernel(real: Any, choose: Any) -> Any:
+    @wp.kernel(module='unique', enable_backward=False)
+    def choose_stage(pace: pace_type(real)):
+        choose(pace)
 
     return choose_stage
+
+
+def choice_of(state: State) -> Any:
+    """The device function ``choice_function`` for the particles of a state."""
+    return choice_function(
+        state.real, state.is_staged, state.has_velocity, state.effects.solidification
+    )
 
 
 def longest_step(
@@ -229,8 +259,8 @@ def step_report(state: State) -> StepReport:
     )
 
 
-def choose_stage(state: State, longest: float, accuracy: Accuracy, due: Any) -> None:
-    """Begin a step, bounded by the rates in the state, or go on to its next stage.
+def pace_of(state: State, longest: float, accuracy: Accuracy, due: Any) -> Any:
+    """Collect what the choice of a stage reads and writes.
 
     Args:
         state: The particles.
@@ -238,13 +268,18 @@ def choose_stage(state: State, longest: float, accuracy: Accuracy, due: Any) -> 
         accuracy: Says whether steps are fixed, and up to how many particles they wait for one.
         due: Times at which the next particles of each vent come out, and those after them [s].
     """
-    few = int(FEW * accuracy.refinement)
+    pace = pace_type(state.real)()
+    pace.longest, pace.fixed = longest, accuracy.fixed_step or 0.0
+    pace.few = int(FEW * accuracy.refinement)
+    pace.due = due
+    for name in ('rates', 'clock', 'counts', 'stage', 'cold', 'ticket'):
+        if hasattr(state, name):
+            setattr(pace, name, getattr(state, name))
+    return pace
+
+
+def choose_stage(state: State, pace: Any) -> None:
+    """Begin a step, bounded by the rates in the state, or go on to its next stage."""
     wp.launch(
-        _stage_kernel(
-            state.real, state.is_staged, state.has_velocity, state.effects.solidification
-        ),
-        dim=1,
-        inputs=[longest, accuracy.fixed_step or 0.0, state.rates, due, few],
-        outputs=[state.clock, state.counts, state.stage, *state.optional('cold')],
-        device=state.device,
+        _kernel(state.real, choice_of(state)), dim=1, inputs=[pace], device=state.device
     )

@@ -36,7 +36,10 @@ from lava_ros.simulation.state import State
 SETS = ('bare', 'green', 'everything with green')
 
 #: Kernels that sum over neighbours in every step, and those that only carry particles.
-SUMS = ('thickness_and_velocity', 'elevate', 'velocity_of_differences', 'green_motion')
+SUMS = (
+    'thickness_and_velocity', 'thickness_velocity_and_stage', 'elevate', 'velocity_of_differences',
+    'green_motion',
+)
 CARRIERS = ('order_particles', 'move', 'green_motion')
 
 #: Carriers in a stage.
@@ -114,7 +117,7 @@ def compiled(kernel, arch, folder):
 
 
 def launched(name, lanes=1, integrator='euler'):
-    """Kernels that a stage launches, none of which runs."""
+    """Kernels that a stage launches, none of which runs; with lanes those for few particles."""
     kernels = []
 
     def record(kernel, *_, **__):
@@ -124,6 +127,7 @@ def launched(name, lanes=1, integrator='euler'):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(wp, 'launch', record)
         patch.setattr(State, 'lanes', property(lambda _: lanes))
+        patch.setattr(State, 'is_short', property(lambda _: lanes > 1))
         simulation = lava_field(400, effect_sets()[name], 'cpu')
         if integrator != 'euler':
             accuracy = replace(simulation.accuracy, integrator=integrator, fixed_step=None)
@@ -269,9 +273,9 @@ def test_sums_on_other_hardware_and_shared(folder, arch, lanes):
 def test_sums_of_differences(folder):
     """The other gradient's two sums are as lean."""
     kernels = flow.flow_kernels(
-        wp.float32, 'wendland', 3.0, 'balanced', effect_sets()['everything with green']
+        wp.float32, 'wendland', 3.0, 'balanced', effect_sets()['everything with green'], None
     )
-    for kernel in kernels:
+    for kernel in (kernels.elevate, kernels.flow):
         code = compiled(kernel, 90, folder)
         check_sum(code)
         check_local(code)
@@ -347,9 +351,9 @@ def test_checks_see_plain_reads(folder, monkeypatch):
     monkeypatch.setattr(green, '_velocity_function', green._velocity_function.__wrapped__)
     kernels = [
         flow.flow_kernels.__wrapped__(
-            wp.float32, 'wendland', 3.0, 'energy', effect_sets()['green']
+            wp.float32, 'wendland', 3.0, 'energy', effect_sets()['green'], None
         ).flow,
-        green._kernel.__wrapped__(wp.float32, 1, None),
+        green._kernel.__wrapped__(wp.float32, 1, False, None),
     ]
     for kernel in kernels:
         with pytest.raises(AssertionError):
@@ -361,7 +365,7 @@ def test_checks_see_slow_arithmetic(folder, monkeypatch):
     assert flow.quick_kernel is quick_kernel
     monkeypatch.setattr(flow, 'quick_kernel', plain_kernel)
     kernels = flow.flow_kernels.__wrapped__(
-        wp.float32, 'wendland', 3.0, 'energy', effect_sets()['bare']
+        wp.float32, 'wendland', 3.0, 'energy', effect_sets()['bare'], None
     )
     with pytest.raises(AssertionError):
         check_arithmetic(compiled(kernels.flow, 90, folder))

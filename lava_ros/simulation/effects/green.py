@@ -51,7 +51,7 @@ _LEAST = 4e-6
 
 
 @lru_cache
-def _velocity_function(real: Any, lanes: int) -> Any:
+def _velocity_function(real: Any, lanes: int, is_short: bool) -> Any:
     """Return the device function from a particle's local velocity to its velocity.
 
     A particle has as many threads as lanes, and only the first one's result counts.
@@ -86,8 +86,13 @@ def _velocity_function(real: Any, lanes: int) -> Any:
         x = real(0.0)
         y = real(0.0)
         box = cells_around(cells, p[0], p[1], real(support))
+        near = range_in(cells, starts, wp.min(box[0] + lane, box[1] - 1), box)
         for r in range(box[0] + lane, box[1], lanes):
-            near = range_in(cells, starts, r, box)
+            following = near
+            if wp.static(is_short):
+                following = range_in(cells, starts, wp.min(r + lanes, box[1] - 1), box)
+            else:
+                near = range_in(cells, starts, r, box)
             for j in range(near[0], near[1]):
                 other = load(source, j)
                 size = load_number(area, j)
@@ -101,6 +106,7 @@ def _velocity_function(real: Any, lanes: int) -> Any:
                 total += weight * size
                 x += weight * other[2]
                 y += weight * other[3]
+            near = following
         total = sum_up(total)
         x = sum_up(x)
         y = sum_up(y)
@@ -117,11 +123,11 @@ def _velocity_function(real: Any, lanes: int) -> Any:
 
 
 @lru_cache
-def _kernel(real: Any, lanes: int, motion: Any) -> Any:
+def _kernel(real: Any, lanes: int, is_short: bool, motion: Any) -> Any:
     """Return the kernel that writes the velocities, or that moves the particles by them."""
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    velocity_of = _velocity_function(real, lanes)
+    velocity_of = _velocity_function(real, lanes, is_short)
 
     @quick_kernel
     def green_velocity(
@@ -169,7 +175,7 @@ def move_particles(state: State, neighbors: NeighborGrid, support: float, way: A
         way: Their journey (motion.py).
     """
     wp.launch(
-        _kernel(state.real, state.lanes, motion_of(state)),
+        _kernel(state.real, state.lanes, state.is_short, motion_of(state)),
         dim=state.capacity * state.lanes,
         inputs=[neighbors.starts, support, state.source, state.area, way],
         device=state.device,
@@ -186,7 +192,7 @@ def spread_velocity(state: State, neighbors: NeighborGrid, support: float) -> No
         support: Radius at which the Green's function is cut off [m], at most the cells' size.
     """
     wp.launch(
-        _kernel(state.real, state.lanes, None),
+        _kernel(state.real, state.lanes, state.is_short, None),
         dim=state.capacity * state.lanes,
         inputs=[
             state.ordered,

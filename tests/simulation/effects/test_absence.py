@@ -37,12 +37,12 @@ NONE = {item.name: False for item in fields(Effects)}
 #: The arrays of a step without effects.
 BARE_ARRAYS = {
     'particle', 'ordered', 'flow', 'cell', 'rank', 'remainder', 'ordered_remainder', 'clock',
-    'counts', 'rates', 'stage', 'left', 'base', 'drift', 'ordered_base', 'ordered_drift',
+    'counts', 'ticket', 'rates', 'stage', 'left', 'base', 'drift', 'ordered_base', 'ordered_drift',
 }
 
 #: The kernels it launches, in their order.
 BARE_KERNELS = [
-    'scan_at_once', 'order_particles', 'thickness_and_velocity', 'choose_stage', 'emit', 'move',
+    'scan', 'order_particles', 'thickness_and_velocity', 'choose_stage', 'emit', 'move',
 ]
 
 #: What each effect adds: arrays, and kernels of its own.

@@ -1,0 +1,159 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Exclusive sums over an array of integers, in one launch.
+
+On a GPU this is the decoupled look-back of Merrill & Garland (2016, Single-pass Parallel Prefix
+Scan with Decoupled Look-back, NVIDIA): a block of threads sums up a tile, tells the others, and
+finds what comes before it from those it can see. Blocks start in the order of their numbers, so
+none waits for one that has no room.
+"""
+
+import math
+from typing import Any
+
+import warp as wp
+
+#: Threads of a block and items of a tile; a thread has two times four.
+_THREADS, _TILE = 1024, 8192
+
+#: A tile's word is 0, then (1, sum of the tile), then (2, sum up to its end); the word after the
+#: last tile's counts those who need no other's any more.
+_SCAN = """
+#if defined(__CUDA_ARCH__)
+    __shared__ int sums[32];
+    __shared__ int start_of_tile;
+    const unsigned all = 0xffffffffu;
+    const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5, tile = blockIdx.x;
+    const int first = 2048 * tile + 64 * warp + lane, end = sizes.shape[0] / 4;
+    int4 items[2];
+    for (int n = 0; n < 2; ++n) {
+        const int at = first + 32 * n;
+        items[n] = make_int4(0, 0, 0, 0);
+        if (at < end)
+            items[n] = reinterpret_cast<const int4*>(sizes.data)[at];
+    }
+    int starting[2], total = 0;
+    for (int n = 0; n < 2; ++n) {
+        const int own = items[n].x + items[n].y + items[n].z + items[n].w;
+        int sum = own;
+        for (int apart = 1; apart < 32; apart *= 2) {
+            const int other = __shfl_up_sync(all, sum, apart);
+            sum += lane >= apart ? other : 0;
+        }
+        starting[n] = total + sum - own;
+        total += __shfl_sync(all, sum, 31);
+    }
+    if (lane == 0)
+        sums[warp] = total;
+    __syncthreads();
+    int before = lane < warp ? sums[lane] : 0;
+    for (int apart = 16; apart > 0; apart /= 2)
+        before += __shfl_xor_sync(all, before, apart);
+    if (gridDim.x > 1) {
+        if (warp == 0) {
+            typedef unsigned long long word_t;
+            word_t* words = reinterpret_cast<word_t*>(tiles.data);
+            int whole = sums[lane];
+            for (int apart = 16; apart > 0; apart /= 2)
+                whole += __shfl_xor_sync(all, whole, apart);
+            if (lane == 0)
+                atomicExch(words + tile, word_t(tile == 0 ? 2 : 1) << 32 | unsigned(whole));
+            int earlier = 0;
+            for (int nearest = tile - 1; nearest >= 0; nearest -= 32) {
+                const int at = nearest - lane;
+                word_t word = word_t(2) << 32;
+                if (at >= 0)
+                    do
+                        word = *reinterpret_cast<volatile word_t*>(words + at);
+                    while (word >> 32 == 0);
+                const unsigned is_whole = __ballot_sync(all, word >> 32 == 2);
+                int part = static_cast<int>(word & all);
+                part = lane < (is_whole ? __ffs(is_whole) : 32) ? part : 0;
+                for (int apart = 16; apart > 0; apart /= 2)
+                    part += __shfl_xor_sync(all, part, apart);
+                earlier += part;
+                if (is_whole)
+                    break;
+            }
+            int is_last = 0;
+            if (lane == 0) {
+                start_of_tile = earlier;
+                if (tile > 0)
+                    atomicExch(words + tile, word_t(2) << 32 | unsigned(earlier + whole));
+                __threadfence();
+                is_last = atomicAdd(words + gridDim.x, word_t(1)) == gridDim.x - 1;
+            }
+            // nobody reads them any more
+            if (__shfl_sync(all, is_last, 0))
+                for (int n = lane; n <= gridDim.x; n += 32)
+                    words[n] = 0;
+        }
+        __syncthreads();
+        before += start_of_tile;
+    }
+    for (int n = 0; n < 2; ++n) {
+        const int at = first + 32 * n, start = before + starting[n];
+        const int4 item = items[n];
+        if (at < end)
+            reinterpret_cast<int4*>(starts.data)[at] = make_int4(
+                start, start + item.x, start + item.x + item.y, start + item.x + item.y + item.z);
+    }
+#else
+    int start = 0;
+    for (int n = 0; n < sizes.shape[0]; ++n) {
+        starts.data[n] = start;
+        start += sizes.data[n];
+    }
+#endif
+"""
+
+
+@wp.func_native(_SCAN)
+def _scan(
+    sizes: wp.array(dtype=wp.int32),
+    starts: wp.array(dtype=wp.int32),
+    tiles: wp.array(dtype=wp.uint64),
+): ...
+
+
+@wp.kernel(module='unique', enable_backward=False, grid_stride=False)
+def scan(
+    sizes: wp.array(dtype=wp.int32),
+    starts: wp.array(dtype=wp.int32),
+    tiles: wp.array(dtype=wp.uint64),
+):
+    """Sum up what is before each item; on the CPU in one thread."""
+    _scan(sizes, starts, tiles)
+
+
+class Scan:
+    """Sums what is before each item of arrays of one length."""
+
+    def __init__(self, length: int, device: Any) -> None:
+        """Make ready for arrays of a length, which is a multiple of 4."""
+        self._device = device
+        self._tiles = math.ceil(length / _TILE)
+        self._words = wp.zeros(self._tiles + 1, dtype=wp.uint64, device=device)
+
+    def __call__(self, sizes: Any, starts: Any) -> None:
+        """Write the sum of all ``sizes`` before each of them into ``starts``."""
+        wp.launch(
+            scan,
+            dim=self._tiles * _THREADS if self._device.is_cuda else 1,
+            inputs=[sizes],
+            outputs=[starts, self._words],
+            block_dim=_THREADS,
+            device=self._device,
+        )
