@@ -86,15 +86,16 @@ class Settings:
     def accuracy(self, case: Case) -> Accuracy:
         """The knobs that the preset stands for in a case.
 
-        Particles are as far apart as the elevation's cells over the preset's refinement, or
-        further where more than ``MOST_PARTICLES`` would come out.
+        Particles are as far apart as the elevation's cells over the preset's refinement, over its
+        root where they are closer, as ground has no detail below its cells; or further where more
+        than ``MOST_PARTICLES`` would come out.
         """
         accuracy = preset_accuracy(self.preset)
         thickness = accuracy.thickness or mature_thickness(case.scene)
-        refinement = accuracy.refinement
-        most = MOST_PARTICLES * refinement**2
+        finer = min(accuracy.refinement, math.sqrt(accuracy.refinement))
+        most = MOST_PARTICLES * finer**2
         least = math.sqrt(case.volume / (thickness * most))
-        spacing = max(case.scene.terrain.resolution / refinement, least)
+        spacing = max(case.scene.terrain.resolution / finer, least)
         courant = accuracy.courant_number
         if courant == Accuracy().courant_number:
             courant = self.courant

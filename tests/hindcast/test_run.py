@@ -157,7 +157,7 @@ def test_particles_are_no_more_than_are_worth_it(valley: Case) -> None:
     assert Settings('reference').accuracy(valley).courant_number == 0.25
     assert Settings('standard').accuracy(valley).spacing == 20.0
     assert Settings('standard').coarseness(valley) == 1
-    assert Settings('fine').accuracy(valley).spacing == 10.0
+    assert Settings('fine').accuracy(valley).spacing == pytest.approx(20.0 / 2.0**0.5)
     assert Settings('fine').coarseness(valley) == 1
     assert Settings('fine', spacing=45.0).coarseness(valley) == 2
     long = replace(valley, volume=1e10)
