@@ -33,8 +33,10 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.heat import freezing_step
 from lava_ros.simulation.snapshot import StepReport
 from lava_ros.simulation.state import (
+    ADVECTION,
     BEFORE_FORMER,
     CURRENT,
+    DIFFUSION,
     EVALUATIONS,
     FIRST_VELOCITY,
     FORMER,
@@ -129,12 +131,23 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
     @wp.func
     def choose(pace: pace_type(real)):
         one = wp.float64(1.0)
+        # all is read before anything is written: after that it would be read again, one by one
+        time = pace.clock[TIME]
+        target = pace.clock[TARGET]
+        step = pace.clock[STEP]
+        j = pace.counts[STAGE] + 1
+        s = pace.counts[STAGES]
+        steps = pace.counts[STEPS]
+        evaluations = pace.counts[EVALUATIONS]
+        particles = pace.counts[PARTICLES]
+        diffusion = wp.float64(pace.rates[DIFFUSION])
+        advection = wp.float64(pace.rates[ADVECTION])
         if wp.static(freezes):
             pace.cold[0] = 0
         if wp.static(has_velocity):
-            pace.clock[FORMER_STEP] = pace.clock[STEP]
-        if pace.counts[STAGE] == 0:
-            remaining = pace.clock[TARGET] - pace.clock[TIME]
+            pace.clock[FORMER_STEP] = step
+        if j == 1:
+            remaining = target - time
             if remaining <= wp.float64(0.0):
                 pace.clock[STEP] = wp.float64(0.0)
                 pace.counts[IS_LAST] = 1
@@ -144,8 +157,8 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
             step = pace.longest
             limit = 0
             explicit = pace.longest
-            if wp.float64(pace.rates[0]) * pace.longest > one:
-                explicit = one / wp.float64(pace.rates[0])
+            if diffusion * pace.longest > one:
+                explicit = one / diffusion
             if wp.static(is_staged):
                 most = wp.float64(wp.static(0.25 * (MOST_STAGES**2 + MOST_STAGES - 2)))
                 explicit_limit = most * explicit
@@ -156,54 +169,54 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
                 if explicit < step:
                     step = explicit
                     limit = wp.static(LIMITS.index('waves' if has_velocity else 'diffusion'))
-            if wp.float64(pace.rates[1]) * step > one:
-                step = one / wp.float64(pace.rates[1])
+            if advection * step > one:
+                step = one / advection
                 limit = 2
             if pace.fixed > wp.float64(0.0):
                 step = pace.fixed
                 limit = 3
             pace.clock[FULL_STEP] = step
             pace.counts[LIMIT] = limit
-            pace.counts[STEPS] = pace.counts[STEPS] + 1
+            pace.counts[STEPS] = steps + 1
             if remaining <= step:
                 step = remaining
             elif remaining < wp.float64(2.0) * step and pace.fixed == wp.float64(0.0):
                 # two equal steps rather than a full one and a sliver
                 step = wp.float64(0.5) * remaining
-            if pace.fixed == wp.float64(0.0) and pace.counts[PARTICLES] < pace.few:
-                step = up_to_one(pace.due, pace.clock[TIME], step)
+            if pace.fixed == wp.float64(0.0) and particles < pace.few:
+                step = up_to_one(pace.due, time, step)
             pace.clock[STEP] = step
-            stages = 1
+            s = 1
             if wp.static(is_staged):
                 # (s^2 + s - 2) / 4 explicit steps are at least this step
                 root = wp.sqrt(wp.float64(9.0) + wp.float64(16.0) * step / explicit)
-                stages = wp.max(2, int(wp.ceil(wp.float64(0.5) * (root - one) - wp.float64(1e-9))))
-            pace.counts[STAGES] = stages
-        j = pace.counts[STAGE] + 1
-        s = pace.counts[STAGES]
-        pace.counts[STAGE] = j
+                s = wp.max(2, int(wp.ceil(wp.float64(0.5) * (root - one) - wp.float64(1e-9))))
+            pace.counts[STAGES] = s
         pace.counts[CURRENT] = j
-        pace.counts[EVALUATIONS] = pace.counts[EVALUATIONS] + 1
+        pace.counts[EVALUATIONS] = evaluations + 1
         if s == 1:
-            pace.stage[VELOCITY] = real(pace.clock[STEP])
+            pace.stage[VELOCITY] = real(step)
         else:
             w = wp.float64(4.0) / wp.float64(s * s + s - 2)
             if j == 1:
-                pace.stage[VELOCITY] = real(_b(1) * w * pace.clock[STEP])
+                pace.stage[VELOCITY] = real(_b(1) * w * step)
             else:
                 n = wp.float64(j)
                 mu = (wp.float64(2.0) * n - one) / n * _b(j) / _b(j - 1)
                 pace.stage[FORMER] = real(mu)
                 pace.stage[BEFORE_FORMER] = real(-(n - one) / n * _b(j) / _b(j - 2))
-                pace.stage[VELOCITY] = real(mu * w * pace.clock[STEP])
-                pace.stage[FIRST_VELOCITY] = real(-(one - _b(j - 1)) * mu * w * pace.clock[STEP])
-        pace.counts[IS_LAST] = 0
+                pace.stage[VELOCITY] = real(mu * w * step)
+                pace.stage[FIRST_VELOCITY] = real(-(one - _b(j - 1)) * mu * w * step)
         if j == s:
             pace.counts[IS_LAST] = 1
             pace.counts[STAGE] = 0
-            pace.clock[TIME] = pace.clock[TIME] + pace.clock[STEP]
-            if wp.abs(pace.clock[TARGET] - pace.clock[TIME]) < wp.float64(1e-9) * pace.clock[STEP]:
-                pace.clock[TIME] = pace.clock[TARGET]
+            time += step
+            if wp.abs(target - time) < wp.float64(1e-9) * step:
+                time = target
+            pace.clock[TIME] = time
+        else:
+            pace.counts[IS_LAST] = 0
+            pace.counts[STAGE] = j
 
     return choose
 
