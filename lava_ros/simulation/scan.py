@@ -20,13 +20,18 @@ finds what comes before it from those it can see. Blocks start in the order of t
 none waits for one that has no room.
 """
 
+from functools import lru_cache
 import math
 from typing import Any
 
 import warp as wp
 
-#: Threads of a block and items of a tile; a thread has two times four.
-_THREADS, _TILE = 1024, 8192
+#: Threads of a block.
+_THREADS = 1024
+
+#: Fours of items that a thread takes, and the items from which it takes more: with few of them
+#: many blocks are quicker, with many the way back over their tiles is long.
+_FOURS, _MORE_FOURS, _MANY = 2, 8, 1 << 21
 
 #: A tile's word is 0, then (1, sum of the tile), then (2, sum up to its end); the word after the
 #: last tile's counts those who need no other's any more.
@@ -36,16 +41,16 @@ _SCAN = """
     __shared__ int start_of_tile;
     const unsigned all = 0xffffffffu;
     const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5, tile = blockIdx.x;
-    const int first = 2048 * tile + 64 * warp + lane, end = sizes.shape[0] / 4;
-    int4 items[2];
-    for (int n = 0; n < 2; ++n) {
+    const int first = 32 * FOURS * (32 * tile + warp) + lane, end = sizes.shape[0] / 4;
+    int4 items[FOURS];
+    for (int n = 0; n < FOURS; ++n) {
         const int at = first + 32 * n;
         items[n] = make_int4(0, 0, 0, 0);
         if (at < end)
             items[n] = reinterpret_cast<const int4*>(sizes.data)[at];
     }
-    int starting[2], total = 0;
-    for (int n = 0; n < 2; ++n) {
+    int starting[FOURS], total = 0;
+    for (int n = 0; n < FOURS; ++n) {
         const int own = items[n].x + items[n].y + items[n].z + items[n].w;
         int sum = own;
         for (int apart = 1; apart < 32; apart *= 2) {
@@ -103,7 +108,7 @@ _SCAN = """
         __syncthreads();
         before += start_of_tile;
     }
-    for (int n = 0; n < 2; ++n) {
+    for (int n = 0; n < FOURS; ++n) {
         const int at = first + 32 * n, start = before + starting[n];
         const int4 item = items[n];
         if (at < end)
@@ -120,22 +125,25 @@ _SCAN = """
 """
 
 
-@wp.func_native(_SCAN)
-def _scan(
-    sizes: wp.array(dtype=wp.int32),
-    starts: wp.array(dtype=wp.int32),
-    tiles: wp.array(dtype=wp.uint64),
-): ...
+@lru_cache
+def _kernel(fours: int) -> Any:
+    @wp.func_native(_SCAN.replace('FOURS', str(fours)))
+    def sum_up(
+        sizes: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        tiles: wp.array(dtype=wp.uint64),
+    ): ...
 
+    @wp.kernel(module='unique', enable_backward=False, grid_stride=False)
+    def scan(
+        sizes: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        tiles: wp.array(dtype=wp.uint64),
+    ):
+        """Sum up what is before each item; on the CPU in one thread."""
+        sum_up(sizes, starts, tiles)
 
-@wp.kernel(module='unique', enable_backward=False, grid_stride=False)
-def scan(
-    sizes: wp.array(dtype=wp.int32),
-    starts: wp.array(dtype=wp.int32),
-    tiles: wp.array(dtype=wp.uint64),
-):
-    """Sum up what is before each item; on the CPU in one thread."""
-    _scan(sizes, starts, tiles)
+    return scan
 
 
 class Scan:
@@ -144,13 +152,14 @@ class Scan:
     def __init__(self, length: int, device: Any) -> None:
         """Make ready for arrays of a length, which is a multiple of 4."""
         self._device = device
-        self._tiles = math.ceil(length / _TILE)
+        self._fours = _FOURS if length < _MANY else _MORE_FOURS
+        self._tiles = math.ceil(length / (4 * self._fours * _THREADS))
         self._words = wp.zeros(self._tiles + 1, dtype=wp.uint64, device=device)
 
     def __call__(self, sizes: Any, starts: Any) -> None:
         """Write the sum of all ``sizes`` before each of them into ``starts``."""
         wp.launch(
-            scan,
+            _kernel(self._fours),
             dim=self._tiles * _THREADS if self._device.is_cuda else 1,
             inputs=[sizes],
             outputs=[starts, self._words],
