@@ -79,6 +79,8 @@ def put_back(simulation: Simulation, checkpoint: Checkpoint) -> Simulation:
         raise LavaError('checkpoint.time', checkpoint.time, right)
     simulation._forced = None if checkpoint.forced is None else dict(checkpoint.forced)
     simulation._emitted_before = checkpoint.emitted
+    # it was made without the particles, and knows where vents are only
+    simulation._cover()
     return simulation
 
 

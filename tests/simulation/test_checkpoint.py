@@ -25,7 +25,7 @@ from lava_ros.checkpoint import from_bytes
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Simulation
+from lava_ros.simulation import neighbors, Particles, Simulation
 
 #: The moment a run is stopped at, and the end [s].
 STOP, END = 200.0, 400.0
@@ -164,6 +164,24 @@ def test_room_that_was_made_is_kept(device):
         run.advance(216.0)
     assert simulation.checkpoint().capacity > checkpoint.capacity
     assert equal(simulation, resumed)
+
+
+def test_lava_far_from_its_vents_is_found(device, monkeypatch):
+    """The neighbour grid of a large terrain covers the lava at once, not only the vents."""
+    ground = Terrain(np.zeros((300, 300)), 10.0)
+    places = np.stack(np.meshgrid(*[np.arange(100.0, 300.0, 10.0)] * 2), axis=-1).reshape(-1, 2)
+    simulation = Simulation(
+        Scene(ground, (Vent((2800.0, 2800.0), 1.0),), Lava()),
+        effects=Effects(),
+        accuracy=Accuracy(spacing=10.0, thickness=1.0),
+        device=device,
+        particles=Particles(places, 100.0, 1400.0),
+    )
+    monkeypatch.setattr(neighbors, 'MOST_IN_CELL', 50)
+    resumed = Simulation.resume(simulation.checkpoint(), device=device)
+    snapshots = [run.snapshot() for run in (simulation, resumed)]
+    assert snapshots[0].budget.held == pytest.approx(4e4, rel=1e-6)
+    assert (snapshots[0].thickness == snapshots[1].thickness).all()
 
 
 @pytest.mark.parametrize(
