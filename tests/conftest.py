@@ -14,6 +14,7 @@
 
 """Fixtures for every test."""
 
+import os
 import signal
 
 import pytest
@@ -26,6 +27,9 @@ def pytest_configure() -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if 'PYTEST_XDIST_WORKER' in os.environ:
+        # they share the cores
+        os.environ.setdefault('LAVA_THREADS', '1')
 
 
 def _devices() -> list[str]:

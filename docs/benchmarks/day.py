@@ -100,6 +100,9 @@ def main():
             (f'Jaccard with courant {min(COURANT):g}', '1'): [jaccard(*pair) for pair in pairs],
         }
         for (quantity, unit), values in quantities.items():
+            if not values:
+                # a run by itself has none to be compared with
+                continue
             numbers = [f'{value:.5g}' for value in (median(values), min(values), max(values))]
             row = (courant, quantity, numbers[0], unit, *numbers[1:], len(values))
             rows.writerow((*row, args.machine, command))

@@ -202,7 +202,10 @@ def _version() -> str:
 
 
 def _run(plan: Plan, members: Sequence[Member], device: str | None) -> list[Footprint]:
-    """Run a batch on a worker."""
+    """Run a batch on a worker, which is as much as a core does."""
+    from lava_ros.simulation.threads import use_threads
+
+    use_threads(1)
     fields = run_members(plan, members, device=device or own_device())
     return [footprint_of(item, plan) for item in fields]
 

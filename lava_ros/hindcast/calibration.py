@@ -37,6 +37,7 @@ from lava_ros.hindcast.run import Settings
 from lava_ros.hindcast.score import judge
 from lava_ros.hindcast.several import agreed, directions, run_together
 from lava_ros.hindcast.unknowns import changed, Unknown
+from lava_ros.simulation.threads import use_threads
 
 #: Difference to the best score up to which a run is as good: what a change of the ground by its
 #: own error does to it (docs/VALIDATION.md).
@@ -241,7 +242,10 @@ class Evaluator:
         self._pool: ProcessPoolExecutor | None = None
         if workers > 1:
             context = multiprocessing.get_context('spawn')
-            self._pool = ProcessPoolExecutor(workers, mp_context=context)
+            # a process is as much as a core does
+            self._pool = ProcessPoolExecutor(
+                workers, mp_context=context, initializer=use_threads, initargs=(1,)
+            )
 
     def __call__(self, sets: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:
         """Run sets of values."""

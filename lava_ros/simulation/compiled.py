@@ -121,13 +121,27 @@ _RAISE = {
     unsigned* place = reinterpret_cast<unsigned*>(values.data + i);
     if ((threadIdx.x & 31u) == static_cast<unsigned>(__ffs(mask)) - 1u && most > __ldcg(place))
         atomicMax(place, most);
-#else
+#elif defined(__CUDA_ARCH__)
     wp::atomic_max(values.data + i, value > 0.0f ? value : 0.0f);
+#else
+    RAISE_ON_CPU
 #endif
 """,
     wp.float64: """
-    wp::atomic_max(values.data + i, value > 0.0 ? value : 0.0);""",
+#if defined(__CUDA_ARCH__)
+    wp::atomic_max(values.data + i, value > 0.0 ? value : 0.0);
+#else
+    RAISE_ON_CPU
+#endif
+""",
 }
+#: Warp's own is none for the threads of a CPU (threads.py).
+_RAISE_ON_CPU = """
+    auto most = values.data[i];
+    __atomic_load(values.data + i, &most, __ATOMIC_RELAXED);
+    while (value > most && !__atomic_compare_exchange(
+        values.data + i, &most, &value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {}
+"""
 
 
 def quick_kernel(function: Callable[..., None]) -> Any:
@@ -193,6 +207,18 @@ def store2(real: Any) -> Any:
 @wp.func_native(_on_cuda('return __ldg(values.data + i);', 'return values.data[i];'))
 def load_int(values: wp.array(dtype=wp.int32), i: int) -> int:
     """Read item i >= 0 of an array of integers, which nothing writes; a device function."""
+    ...
+
+
+@wp.func_native(_on_cuda('return i;', 'return first + i;'))
+def counted_from(first: int, i: int) -> int:
+    """Return the i-th item of a launch, on the CPU of one from ``first`` on (threads.py)."""
+    ...
+
+
+@wp.func_native(_on_cuda('return true;', 'return false;'))
+def can_count() -> bool:
+    """Whether many threads may count together: on the CPU Warp's atomics are none."""
     ...
 
 
@@ -267,7 +293,7 @@ def sum_over(real: Any, lanes: int) -> Any:
 def raise_to(real: Any) -> Any:
     """Return the device function that raises item i of an array to a value, if that is larger."""
 
-    @wp.func_native(_RAISE[real])
+    @wp.func_native(_RAISE[real].replace('RAISE_ON_CPU', _RAISE_ON_CPU))
     def raised(values: wp.array(dtype=real), i: int, value: real): ...
 
     return raised

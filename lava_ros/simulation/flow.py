@@ -38,6 +38,7 @@ from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
 from lava_ros.simulation.compiled import (
+    counted_from,
     is_last_of_all,
     load2,
     load4,
@@ -52,6 +53,7 @@ from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGr
 from lava_ros.simulation.rheology import rheology_type, speed_function, viscosity_function
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+from lava_ros.simulation.threads import launch_over
 from lava_ros.simulation.timestep import pace_type
 
 #: Thickness over the expected one up to which the Helmholtz solve converges in full.
@@ -282,57 +284,38 @@ def flow_kernels(
             flow, source, area_of, rates, slope_of,
         )
 
-    @quick_kernel
-    def thickness_and_velocity(
-        ordered: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        elevation: wp.array2d(dtype=real),
-        terrain: TerrainFrame,
-        law: rheology_type(real),
-        constants: flow_constants_of(real),
-        flow: wp.array(dtype=vec3),
-        source: wp.array(dtype=vec4),
-        area_of: wp.array(dtype=real),
-        rates: wp.array(dtype=real),
-        slope_of: wp.array(dtype=vec2),
-    ):
-        i = wp.tid() // lanes
-        lane = wp.tid() % lanes
-        if i < counts[PARTICLES]:
-            flow_at(
-                i, lane, ordered, starts, cells, elevation, terrain, law, constants,
-                flow, source, area_of, rates, slope_of,
-            )
+    def kernel_that(chooses: bool) -> Any:
+        @quick_kernel
+        def thickness_and_velocity(
+            ordered: wp.array(dtype=vec4),
+            counts: wp.array(dtype=wp.int32),
+            starts: wp.array(dtype=wp.int32),
+            cells: cell_frame(real),
+            elevation: wp.array2d(dtype=real),
+            terrain: TerrainFrame,
+            law: rheology_type(real),
+            constants: flow_constants_of(real),
+            pace: pace_type(real),
+            flow: wp.array(dtype=vec3),
+            source: wp.array(dtype=vec4),
+            area_of: wp.array(dtype=real),
+            rates: wp.array(dtype=real),
+            slope_of: wp.array(dtype=vec2),
+            first: int,
+        ):
+            i = counted_from(first, wp.tid() // lanes)
+            lane = wp.tid() % lanes
+            if i < counts[PARTICLES]:
+                flow_at(
+                    i, lane, ordered, starts, cells, elevation, terrain, law, constants,
+                    flow, source, area_of, rates, slope_of,
+                )
+            if wp.static(chooses):  # noqa: SIM102, the static test decides what is compiled
+                # there are whole blocks only, as that asks for
+                if is_last_of_all(pace.ticket):
+                    choose(pace)
 
-    @quick_kernel
-    def thickness_velocity_and_stage(
-        ordered: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        elevation: wp.array2d(dtype=real),
-        terrain: TerrainFrame,
-        law: rheology_type(real),
-        constants: flow_constants_of(real),
-        pace: pace_type(real),
-        flow: wp.array(dtype=vec3),
-        source: wp.array(dtype=vec4),
-        area_of: wp.array(dtype=real),
-        rates: wp.array(dtype=real),
-        slope_of: wp.array(dtype=vec2),
-    ):
-        """All of them are whole blocks: the last one is waited for."""
-        i = wp.tid() // lanes
-        lane = wp.tid() % lanes
-        if i < counts[PARTICLES]:
-            flow_at(
-                i, lane, ordered, starts, cells, elevation, terrain, law, constants,
-                flow, source, area_of, rates, slope_of,
-            )
-        if is_last_of_all(pace.ticket):
-            choose(pace)
+        return thickness_and_velocity
 
     @quick_kernel
     def elevate(
@@ -345,9 +328,10 @@ def flow_kernels(
         constants: flow_constants_of(real),
         surface: wp.array(dtype=vec2),
         flow: wp.array(dtype=vec3),
+        first: int,
     ):
         """Thickness, the surface's elevation and the area V / h of each particle."""
-        i = wp.tid() // lanes
+        i = counted_from(first, wp.tid() // lanes)
         lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
             return
@@ -386,8 +370,9 @@ def flow_kernels(
         area_of: wp.array(dtype=real),
         rates: wp.array(dtype=real),
         slope_of: wp.array(dtype=vec2),
+        first: int,
     ):
-        i = wp.tid() // lanes
+        i = counted_from(first, wp.tid() // lanes)
         lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
             return
@@ -439,8 +424,7 @@ def flow_kernels(
         )
 
     if gradient == 'energy':
-        at_once = thickness_velocity_and_stage if is_short else None
-        return FlowKernels(None, thickness_and_velocity, at_once)
+        return FlowKernels(None, kernel_that(False), kernel_that(True) if is_short else None)
     return FlowKernels(elevate, velocity_of_differences, None)
 
 
@@ -459,7 +443,7 @@ def compute_flow(
 
     They are left in ``state.flow``, unless that is not asked for, and as lateral stress needs
     them in ``state.source`` and ``state.area``. With a pace (timestep.py) the stage is chosen when
-    all rates are known, where ``kernels`` can do so.
+    all rates are known.
     """
     ground = [
         state.ordered,
@@ -470,23 +454,23 @@ def compute_flow(
         terrain.frame,
     ]
     if state.has_surface:
-        wp.launch(
+        launch_over(
+            state,
             kernels.elevate,
-            dim=state.capacity * state.lanes,
             inputs=[*ground, constants],
             outputs=[state.surface, state.flow],
-            device=state.device,
+            lanes=state.lanes,
         )
-    more = [state.surface] if state.has_surface else [] if pace is None else [pace]
-    wp.launch(
+    more = state.surface if state.has_surface else pace or pace_type(state.real)()
+    launch_over(
+        state,
         kernels.flow if pace is None else kernels.flow_and_stage,
-        dim=state.capacity * state.lanes,
-        inputs=[*ground, law, constants, *more],
+        inputs=[*ground, law, constants, more],
         outputs=[
             state.flow if fills_flow or state.has_surface else None,
             *state.optional('source', 'area'),
             state.rates,
             *state.optional('slope'),
         ],
-        device=state.device,
+        lanes=state.lanes,
     )

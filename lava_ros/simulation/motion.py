@@ -25,7 +25,14 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.simulation.compiled import load2, load4, quick_kernel, store2, store4
+from lava_ros.simulation.compiled import (
+    counted_from,
+    load2,
+    load4,
+    quick_kernel,
+    store2,
+    store4,
+)
 from lava_ros.simulation.flow import flow_constants_of
 from lava_ros.simulation.heat import heat_constants_of, temperature_function
 from lava_ros.simulation.neighbors import bin_function, cell_frame, NeighborGrid
@@ -42,6 +49,7 @@ from lava_ros.simulation.state import (
     VELOCITY,
 )
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+from lava_ros.simulation.threads import launch_over, LEAST_MOVES
 
 #: Displacements in a step over those its length was chosen for: speeds may rise this much in it.
 _MOST_REACH = 2.0
@@ -279,8 +287,8 @@ def _kernel(real: Any, motion: Any) -> Any:
     vec3 = wp.types.vector(3, real)
 
     @quick_kernel
-    def move(flow: wp.array(dtype=vec3), m: journey_type(real)):
-        i = wp.tid()
+    def move(flow: wp.array(dtype=vec3), m: journey_type(real), first: int):
+        i = counted_from(first, wp.tid())
         if i < m.counts[PARTICLES]:
             motion(i, flow[i], m)
 
@@ -295,10 +303,11 @@ def move_particles(state: State, neighbors: NeighborGrid, way: Any) -> None:
         neighbors: Their neighbour grid.
         way: Their journey.
     """
-    wp.launch(
+    launch_over(
+        state,
         _kernel(state.real, motion_of(state)),
-        dim=state.capacity,
-        inputs=[state.flow, way],
-        device=state.device,
+        inputs=[state.flow],
+        outputs=[way],
+        least=LEAST_MOVES,
     )
     neighbors.is_binned = state.bins_in_motion

@@ -32,6 +32,8 @@ import warp as wp
 
 from lava_ros.errors import LavaError
 from lava_ros.simulation.compiled import (
+    can_count,
+    counted_from,
     load2,
     load4,
     load_int,
@@ -51,6 +53,7 @@ from lava_ros.simulation.state import (
 )
 from lava_ros.simulation.streams import read
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+from lava_ros.simulation.threads import launch_over, LEAST_MOVES
 
 #: Cells to a kernel radius. Fewer hold more that is out of reach, more cost more look-ups.
 CELLS_PER_RADIUS = 3
@@ -144,6 +147,7 @@ def bin_function(real: Any, has_empty: bool) -> Any:
     vec4 = wp.types.vector(4, real)
     is_known = terrain_functions(real).is_known
     column_of, row_of, _, _ = cell_functions(real)
+    volume_lost = _loss_function(real)
 
     @wp.func
     def is_beyond(cells: cell_frame(real), x: real, y: real) -> bool:
@@ -169,7 +173,10 @@ def bin_function(real: Any, has_empty: bool) -> Any:
         sizes: wp.array(dtype=wp.int32),
         left: wp.array(dtype=wp.float64),
     ):
-        """Find a particle's cell and its rank there; what left the terrain goes last."""
+        """Find a particle's cell and its rank there; what left the terrain goes last.
+
+        On the CPU ranks are counted afterwards, by ``rank_particles``.
+        """
         c = cells.rows * cells.columns
         if not (wp.static(has_empty) and p[2] == real(0.0)):
             # between the stages of a step nothing leaves: a stage may overshoot the border
@@ -178,14 +185,26 @@ def bin_function(real: Any, has_empty: bool) -> Any:
                 c = row_of(cells, p[1]) * cells.columns + column_of(cells, p[0])
                 if is_beyond(cells, p[0], p[1]):
                     counts[BEYOND] = 1
-            else:
-                # what is no number any more must not leave as if it had flowed off: it marks
-                # the sum
-                wp.atomic_add(left, 0, wp.float64(p[2] + real(0.0) * number))
+            elif can_count():
+                wp.atomic_add(left, 0, volume_lost(p))
         cell[i] = c
-        rank[i] = wp.atomic_add(sizes, c, 1)
+        if can_count():
+            rank[i] = wp.atomic_add(sizes, c, 1)
 
     return place
+
+
+@lru_cache
+def _loss_function(real: Any) -> Any:
+    """Return the device function from a particle that has left the terrain to what left."""
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func
+    def volume_lost(p: vec4) -> wp.float64:
+        # what is no number any more must not leave as if it had flowed off: it marks the sum
+        return wp.float64(p[2] + real(0.0) * (p[0] + p[1] + p[3]))
+
+    return volume_lost
 
 
 @lru_cache
@@ -197,7 +216,7 @@ def _kernels(
     load, store = load4(real), store4(real)
     load_pair, store_pair = load2(real), store2(real)
 
-    place = bin_function(real, has_empty)
+    place, volume_lost = bin_function(real, has_empty), _loss_function(real)
 
     @quick_kernel
     def bin_particles(
@@ -210,11 +229,31 @@ def _kernels(
         rank: wp.array(dtype=wp.int32),
         sizes: wp.array(dtype=wp.int32),
         left: wp.array(dtype=wp.float64),
+        first: int,
     ):
-        i = wp.tid()
+        i = counted_from(first, wp.tid())
         if i < counts[PARTICLES] + counts[NEWCOMERS]:
             p = load(particle, i)
             place(i, p, counts, known, terrain, cells, cell, rank, sizes, left)
+
+    @quick_kernel
+    def rank_particles(
+        particle: wp.array(dtype=vec4),
+        last: int,
+        cell: wp.array(dtype=wp.int32),
+        rank: wp.array(dtype=wp.int32),
+        sizes: wp.array(dtype=wp.int32),
+        left: wp.array(dtype=wp.float64),
+    ):
+        """Rank particles in their cells in the order of all, one after the other."""
+        i = wp.tid()
+        c = cell[i]
+        if c == last:
+            p = particle[i]
+            if not (wp.static(has_empty) and p[2] == real(0.0)):
+                left[0] += volume_lost(p)
+        rank[i] = sizes[c]
+        sizes[c] += 1
 
     @quick_kernel
     def order_particles(
@@ -237,9 +276,10 @@ def _kernels(
         ordered_velocity: wp.array(dtype=vec2),
         age: wp.array(dtype=real),
         ordered_age: wp.array(dtype=real),
+        first: int,
     ):
         """Gather the particles of each cell, and make ready for the next sums over them."""
-        i = wp.tid()
+        i = counted_from(first, wp.tid())
         if i == 0:
             counts[PARTICLES] = starts[last]
             counts[NEWCOMERS] = 0
@@ -288,7 +328,7 @@ def _kernels(
         if i < counts[PARTICLES] + counts[NEWCOMERS]:
             rank[values[i]] = i - starts[keys[i]]
 
-    return bin_particles, order_particles, list_cells, rank_sorted
+    return bin_particles, order_particles, rank_particles, list_cells, rank_sorted
 
 
 def _kernels_of(state: State) -> tuple[Any, ...]:
@@ -352,12 +392,12 @@ class NeighborGrid:
 
     def bin(self, state: State) -> None:
         """Put each particle into its cell, as ``place_in`` lets the motion do."""
-        wp.launch(
+        launch_over(
+            state,
             _kernels_of(state)[0],
-            dim=state.capacity,
             inputs=[state.particle, state.counts],
             outputs=self.place_in(state),
-            device=state.device,
+            least=LEAST_MOVES,
         )
         self.is_binned = True
 
@@ -375,12 +415,20 @@ class NeighborGrid:
         if not self.is_binned:
             self.bin(state)
         self.is_binned = False
+        if not state.device.is_cuda:
+            wp.launch(
+                _kernels_of(state)[2],
+                dim=state.extent,
+                inputs=[state.particle, self._cell_count, state.cell],
+                outputs=[state.rank, self._sizes, state.left],
+                device=state.device,
+            )
         self._scan(self._sizes, self.starts)
         if state.is_deterministic:
             self._rank_by_order(state)
-        wp.launch(
+        launch_over(
+            state,
             _kernels_of(state)[1],
-            dim=state.capacity,
             inputs=[state.particle, self._cell_count, state.cell, state.rank, self.starts],
             outputs=[
                 self._sizes,
@@ -391,7 +439,7 @@ class NeighborGrid:
                 *state.optional('base', 'drift', 'ordered_base', 'ordered_drift'),
                 *state.optional('velocity', 'ordered_velocity', 'age', 'ordered_age'),
             ],
-            device=state.device,
+            least=LEAST_MOVES,
         )
 
     def refuse_crowds(self) -> None:

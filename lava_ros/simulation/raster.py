@@ -21,17 +21,19 @@ cell that is covered in part the thickness is that of the covered part.
 """
 
 from functools import lru_cache
+import math
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from lava_ros.simulation.compiled import load4
+from lava_ros.simulation.compiled import counted_from, load4
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import State
 from lava_ros.simulation.streams import read
 from lava_ros.simulation.terrain import StaggeredTerrain, TerrainFrame
+from lava_ros.simulation.threads import launch, LEAST_SUMS
 
 #: Share of a cell from which it holds lava.
 LEAST_COVER = 0.5
@@ -55,9 +57,11 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
+        first: int,
     ):
         """Sum V W over the cover sum (V / h) W, and the V W-weighted mean of T, at a centre."""
-        i, j = wp.tid()
+        n, j = wp.tid()
+        i = counted_from(first, n)
         x = real(terrain.x0 + (wp.float64(j) + wp.float64(0.5)) * terrain.resolution)
         y = real(terrain.y0 + (wp.float64(i) + wp.float64(0.5)) * terrain.resolution)
         reach = real(radius)
@@ -118,9 +122,10 @@ class Raster:
 
     def fill(self, state: State, neighbors: NeighborGrid) -> tuple[np.ndarray, np.ndarray]:
         """Thickness [m] and temperature [K, NaN where dry] from the ordered particles' flow."""
-        wp.launch(
+        rows, columns = self._thickness.shape
+        launch(
             _kernel(state.real, *self._choice),
-            dim=self._thickness.shape,
+            rows,
             inputs=[
                 state.ordered,
                 state.flow,
@@ -131,5 +136,7 @@ class Raster:
             ],
             outputs=[self._thickness, self._temperature],
             device=self._device,
+            least=math.ceil(LEAST_SUMS / columns),
+            columns=columns,
         )
         return read(self._thickness), read(self._temperature)

@@ -16,6 +16,7 @@
 
 from collections.abc import Mapping
 from functools import partial
+from operator import is_not
 from typing import Any
 
 from lava_ros.accuracy import Accuracy
@@ -66,6 +67,7 @@ class Stage:
         self._after_step = after_step
         self._radius = accuracy.ratio * accuracy.spacing
         self._beside = Beside(state.device)
+        self._way: tuple[Any, Any] | None = None
         self._law = rheology_of(scene.lava, state.real)
         self._heat = heat_constants(scene, state.real)
         self.constants = flow_constants(scene, accuracy, self._radius, state.real)
@@ -165,7 +167,7 @@ class Stage:
     def _move(self) -> None:
         """Add the lateral stress, and move, in one go where that is one sum; end the step."""
         state, neighbors = self._state, self._neighbors
-        way = motion.journey(state, neighbors, self._terrain, self.constants, self._heat)
+        way = self._journey()
         if self._moves_at_once:
             load('green').move_particles(state, neighbors, self._radius, way)
         else:
@@ -175,3 +177,12 @@ class Stage:
             motion.move_particles(state, neighbors, way)
         for effect in self._after_step.values():
             effect.apply(state, neighbors)
+
+    def _journey(self) -> Any:
+        """What a motion reads and writes; to collect it takes longer than to launch it."""
+        state, neighbors = self._state, self._neighbors
+        arrays = state.particle, neighbors.starts
+        if self._way is None or any(map(is_not, self._way[0], arrays)):
+            way = motion.journey(state, neighbors, self._terrain, self.constants, self._heat)
+            self._way = arrays, way
+        return self._way[1]

@@ -226,6 +226,14 @@ class State:
             self.area = wp.zeros(capacity, dtype=self.real, device=self.device)
 
     @property
+    def extent(self) -> int:
+        """Particles that a launch has to take: on a GPU as many as there is room for."""
+        if self.device.is_cuda:
+            return self.capacity
+        counts = self.counts.numpy()
+        return int(counts[PARTICLES] + counts[NEWCOMERS])
+
+    @property
     def lanes(self) -> int:
         """Threads that share a particle's neighbours: few particles alone do not fill a GPU."""
         return SHARED_LANES if self.device.is_cuda and self.capacity <= SHARED_UP_TO else 1

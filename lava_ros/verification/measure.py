@@ -27,6 +27,7 @@ from typing import TYPE_CHECKING
 
 import warp as wp
 
+from lava_ros.simulation.threads import threads
 from lava_ros.verification.rows import Row
 from lava_ros.verification.settings import expected_cost, Setting
 
@@ -138,7 +139,8 @@ def machine_name(device: str) -> str:
     found = wp.get_device(device)
     if found.is_cuda:
         return str(found.name)
-    return f'{_processor()}, 1 core used of {os.cpu_count()}'
+    used = threads()
+    return f'{_processor()}, {used} {"core" if used == 1 else "cores"} used of {os.cpu_count()}'
 
 
 def _processor() -> str:

@@ -39,6 +39,7 @@ from hard.invariants import Violation
 from hard.play import KEPT, Outcome, play
 from hard.scenes import FAMILIES, SCENES
 from lava_ros.cli.progress import Progress
+from lava_ros.simulation.threads import use_threads
 from lava_ros.verification.measure import file_stem, machine_name
 
 PUBLISHED = 'as-published'
@@ -95,6 +96,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
                         'hard_as_published_cpu.csv there, or of another device')
     parser.add_argument('--json', type=Path, metavar='FILE', help='add every outcome to it')
     options = parser.parse_args(arguments)
+    # a process is as much as a core does
+    use_threads(1)
     names = [name for name in SCENES if _is_asked(name, options.scene)]
     presets = [name for name in KEPT if name in (options.preset or (name,))]
     if options.published:
@@ -154,7 +157,8 @@ def run(tasks: Sequence[Task], jobs: int, begin_within: float = math.inf) -> lis
     outcomes: list[Outcome] = []
     end = time.monotonic() + begin_within
     context = multiprocessing.get_context('spawn')
-    with Progress() as progress, ProcessPoolExecutor(jobs, mp_context=context) as pool:
+    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=use_threads, initargs=(1,))
+    with Progress() as progress, pool:
         futures = {pool.submit(task.run): task for task in tasks}
         for future in as_completed(futures):
             if time.monotonic() > end:

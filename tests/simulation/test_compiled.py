@@ -36,10 +36,7 @@ from lava_ros.simulation.state import State
 SETS = ('bare', 'green', 'everything with green')
 
 #: Kernels that sum over neighbours in every step, and those that only carry particles.
-SUMS = (
-    'thickness_and_velocity', 'thickness_velocity_and_stage', 'elevate', 'velocity_of_differences',
-    'green_motion',
-)
+SUMS = ('thickness_and_velocity', 'elevate', 'velocity_of_differences', 'green_motion')
 CARRIERS = ('order_particles', 'move', 'green_motion')
 
 #: Carriers in a stage.

@@ -36,11 +36,12 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.compiled import load1, load4, quick_kernel, sum_over
+from lava_ros.simulation.compiled import counted_from, load1, load4, quick_kernel, sum_over
 from lava_ros.simulation.kernels import bessel
 from lava_ros.simulation.motion import journey_type, motion_of
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
+from lava_ros.simulation.threads import launch_over, LEAST_SUMS
 
 #: The squared distance at which K0 is that of a particle's own disc within it, half of the disc's
 #: radius, over the disc's area.
@@ -48,6 +49,9 @@ _NEAR = 0.25 / math.pi
 
 #: (k r / 2)^2 from which on K0 is computed: it is 5.6 there.
 _LEAST = 4e-6
+
+#: Fewest particles that are worth a part on the CPU: K0 takes as long as three other kernels.
+_LEAST_PART = LEAST_SUMS // 2
 
 
 @lru_cache
@@ -139,8 +143,9 @@ def _kernel(real: Any, lanes: int, is_short: bool, motion: Any) -> Any:
         source: wp.array(dtype=vec4),
         area: wp.array(dtype=real),
         flow: wp.array(dtype=vec3),
+        first: int,
     ):
-        i = wp.tid() // lanes
+        i = counted_from(first, wp.tid() // lanes)
         lane = wp.tid() % lanes
         if i < counts[PARTICLES]:
             f = velocity_of(i, lane, ordered, starts, cells, support, source, area)
@@ -154,8 +159,9 @@ def _kernel(real: Any, lanes: int, is_short: bool, motion: Any) -> Any:
         source: wp.array(dtype=vec4),
         area: wp.array(dtype=real),
         way: journey_type(real),
+        first: int,
     ):
-        i = wp.tid() // lanes
+        i = counted_from(first, wp.tid() // lanes)
         lane = wp.tid() % lanes
         if i < way.counts[PARTICLES]:
             f = velocity_of(i, lane, way.ordered, starts, way.cells, support, source, area)
@@ -174,11 +180,13 @@ def move_particles(state: State, neighbors: NeighborGrid, support: float, way: A
         support: Radius at which the Green's function is cut off [m], at most the cells' size.
         way: Their journey (motion.py).
     """
-    wp.launch(
+    launch_over(
+        state,
         _kernel(state.real, state.lanes, state.is_short, motion_of(state)),
-        dim=state.capacity * state.lanes,
-        inputs=[neighbors.starts, support, state.source, state.area, way],
-        device=state.device,
+        inputs=[neighbors.starts, support, state.source, state.area],
+        outputs=[way],
+        least=_LEAST_PART,
+        lanes=state.lanes,
     )
     neighbors.is_binned = state.bins_in_motion
 
@@ -191,9 +199,9 @@ def spread_velocity(state: State, neighbors: NeighborGrid, support: float) -> No
         neighbors: Their neighbour grid, built.
         support: Radius at which the Green's function is cut off [m], at most the cells' size.
     """
-    wp.launch(
+    launch_over(
+        state,
         _kernel(state.real, state.lanes, state.is_short, None),
-        dim=state.capacity * state.lanes,
         inputs=[
             state.ordered,
             state.counts,
@@ -204,5 +212,6 @@ def spread_velocity(state: State, neighbors: NeighborGrid, support: float) -> No
             state.area,
         ],
         outputs=[state.flow],
-        device=state.device,
+        least=_LEAST_PART,
+        lanes=state.lanes,
     )

@@ -31,10 +31,11 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.compiled import load2, load4, quick_kernel, sum_over
+from lava_ros.simulation.compiled import counted_from, load2, load4, quick_kernel, sum_over
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
+from lava_ros.simulation.threads import launch_over
 
 #: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
 REDUCTION = 1e-4
@@ -78,9 +79,10 @@ def _kernels(real: Any, kernel_name: str, ratio: float, lanes: int) -> tuple[Any
         solution: wp.array(dtype=vec2),
         correction: wp.array(dtype=vec2),
         next_solution: wp.array(dtype=vec2),
+        first: int,
     ):
         """One Chebyshev sweep: the residual over the diagonal, and the momentum of the last."""
-        i = wp.tid() // lanes
+        i = counted_from(first, wp.tid() // lanes)
         lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
             return
@@ -176,9 +178,9 @@ def solve_velocity(
     )
     current, following = state.solution, state.next_solution
     for _ in range(sweeps_for(thickness, radius)):
-        wp.launch(
+        launch_over(
+            state,
             sweep,
-            dim=state.capacity * state.lanes,
             inputs=[
                 state.ordered,
                 state.counts,
@@ -191,7 +193,7 @@ def solve_velocity(
                 current,
             ],
             outputs=[state.correction, following],
-            device=state.device,
+            lanes=state.lanes,
         )
         current, following = following, current
         new_rho = 1.0 / (2.0 * centre / half - rho)

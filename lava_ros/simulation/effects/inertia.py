@@ -47,7 +47,7 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.simulation.compiled import load4, quick_kernel, raise_to
+from lava_ros.simulation.compiled import counted_from, load4, quick_kernel, raise_to
 from lava_ros.simulation.effects import load as load_effect
 from lava_ros.simulation.flow import flow_constants_of
 from lava_ros.simulation.kernels import smoothing_kernel
@@ -55,6 +55,7 @@ from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGr
 from lava_ros.simulation.rheology import rheology_type, speed_function, viscosity_function
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, FORMER_STEP, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+from lava_ros.simulation.threads import launch_over, LEAST_MOVES
 
 #: Wave speed of the dissipation over the speed of approach, until it reaches c.
 STRENGTH = 3.0
@@ -164,9 +165,10 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         flow: wp.array(dtype=vec3),
         kick: wp.array(dtype=vec2),
         rates: wp.array(dtype=real),
+        first: int,
     ):
         """Acceleration from the slope, the velocity half a step after the stored one, limits."""
-        i = wp.tid()
+        i = counted_from(first, wp.tid())
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)
@@ -213,8 +215,9 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         old: wp.array(dtype=vec2),
         velocity: wp.array(dtype=vec2),
         slope: wp.array(dtype=vec2),
+        first: int,
     ):
-        i = wp.tid()
+        i = counted_from(first, wp.tid())
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)
@@ -322,9 +325,9 @@ class Momentum:
 
         ``state.kick`` gets the accelerations, ``state.rates`` is raised.
         """
-        wp.launch(
+        launch_over(
+            state,
             _kernels(state.real, *self._of).synchronize,
-            dim=state.capacity,
             inputs=[
                 state.ordered,
                 state.counts,
@@ -338,15 +341,15 @@ class Momentum:
                 state.ordered_velocity,
             ],
             outputs=[state.flow, state.kick, state.rates],
-            device=state.device,
+            least=LEAST_MOVES,
         )
 
     def accelerate(self, state: State, neighbors: NeighborGrid) -> None:
         """Bring the velocities to the middle of the step that was chosen."""
         kernels = _kernels(state.real, *self._of)
-        wp.launch(
+        launch_over(
+            state,
             kernels.accelerate,
-            dim=state.capacity,
             inputs=[
                 state.ordered,
                 state.counts,
@@ -363,7 +366,6 @@ class Momentum:
                 state.ordered_velocity,
             ],
             outputs=[state.velocity, *state.optional('slope')],
-            device=state.device,
         )
         wp.launch(
             kernels.adopt,

@@ -42,7 +42,8 @@ BARE_ARRAYS = {
 
 #: The kernels it launches, in their order.
 BARE_KERNELS = [
-    'scan', 'order_particles', 'thickness_and_velocity', 'choose_stage', 'emit', 'move',
+    'rank_particles', 'scan', 'order_particles', 'thickness_and_velocity', 'choose_stage', 'emit',
+    'move',
 ]
 
 #: What each effect adds: arrays, and kernels of its own.

@@ -1,0 +1,68 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a step takes on the CPU by the number of threads.
+
+It makes threads_cpu.csv, a run of it for each number, on cores of their own:
+
+    taskset -c 0,2,4,6 python docs/benchmarks/threads.py --machine M > threads_cpu.csv
+
+Threads are as many as cores that it may use. The lava is that of `lava bench steps`.
+"""
+
+import argparse
+import csv
+from statistics import median
+import sys
+import time
+
+from lava_ros.bench.effects import effect_sets, lava_field, STEP
+from lava_ros.simulation.threads import threads
+
+#: Sets of effects, by their names in the benchmark, and particles.
+SETS, PARTICLES = ('bare', 'green'), (1000, 10_000, 100_000)
+
+#: Times that each is measured, and the least time that is measured at once [s].
+REPETITIONS, LEAST = 5, 0.1
+
+
+def main():
+    """Measure, and print a CSV."""
+    parser = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    parser.add_argument('--machine', required=True)
+    machine = parser.parse_args().machine
+    rows = csv.writer(sys.stdout, lineterminator='\n')
+    names = 'benchmark', 'particles', 'threads', 'value', 'unit', 'low', 'high', 'repetitions'
+    rows.writerow((*names, 'machine', 'command'))
+    for name in SETS:
+        for particles in PARTICLES:
+            simulation = lava_field(particles, effect_sets()[name], 'cpu')
+
+            def each(steps, simulation=simulation):
+                start = time.perf_counter()
+                simulation.advance(simulation.time + steps * STEP)
+                return (time.perf_counter() - start) / steps
+
+            each(3)
+            steps = 1 + int(LEAST / each(2))
+            rates = [1e-6 * simulation.particle_count / each(steps) for _ in range(REPETITIONS)]
+            values = [f'{value:.4g}' for value in (median(rates), min(rates), max(rates))]
+            row = (f'{name}: rate', simulation.particle_count, threads(), values[0])
+            row = (*row, 'M particle-steps/s', *values[1:], REPETITIONS, machine)
+            rows.writerow((*row, 'python docs/benchmarks/threads.py'))
+            sys.stdout.flush()
+
+
+if __name__ == '__main__':
+    main()
