@@ -68,7 +68,11 @@ def run(args: argparse.Namespace) -> int:
 
     def tell(pilot: Pilot) -> None:
         spacing = scene.terrain.resolution / pilot.refinement
-        print(f'pilot: spacing {spacing:.3g} m took {pilot.wall_time:.3g} s', flush=True)
+        print(
+            f'pilot: spacing {spacing:.3g} m took {pilot.spent:.3g} s'
+            + ('' if pilot.is_done else f', stopped: it would take {pilot.wall_time:.3g} s'),
+            flush=True,
+        )
 
     plan = afford(
         scene, within=within, horizon=horizon, members=members, device=args.device,

@@ -15,15 +15,15 @@
 """The accuracy one can afford: spacing, preset and members for a scene, a horizon and a time.
 
 Nothing is known of a scene's cost before some of it has been run, so coarse pilots are, each
-finer than the one before, until one takes a fifth of the time there is. extrapolation.py says what
-they tell of the cost and the error of a finer run; the error is of the method alone, not of
+finer than the one before, until one takes a good part of the time there is. extrapolation.py says
+what they tell of the cost and the error of a finer run; the error is of the method alone, not of
 terrain, discharge and material.
 
-A finer run may call for other effects (choice.py) that cost more. Where the time reaches so far,
-the last two pilots are run again with those effects, and the plan goes on from there. Where they
-do not fit and much of the time is left, a plan may go on for a while without them, if it is let.
-
-A last pilot, with the physics of the plan and near to its spacing, corrects the plan.
+What they say of the cost is good enough to begin with. The run that is planned is then begun
+itself, with the effects (choice.py) that it calls for, and stopped after a seventh of the time;
+how the coarse ones went on says how long it would take. Where that is not what was foreseen, the
+plan is changed and begun again. Where effects do not fit and much of the time is left, a plan may
+go on for a while without them, if it is let.
 
 Members of an ensemble share the time. The probability that n of them give has a sampling error of
 up to 1 / (2 sqrt(n)). Where n is left open, it is the one with which both errors are least.
@@ -42,7 +42,7 @@ from lava_ros.accuracy import Accuracy
 from lava_ros.choice import effects_for
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast.extrapolation import cost_at, error_law, ErrorLaw, Pilot
+from lava_ros.forecast.extrapolation import completed, cost_at, error_law, ErrorLaw, MARKS, Pilot
 from lava_ros.presets import PRESETS
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation
@@ -50,38 +50,37 @@ from lava_ros.simulation.automatic import resolved_accuracy
 
 __all__ = ['FINEST', 'Affordable', 'Pilot', 'accuracy_at', 'afford', 'run_at', 'sampling_error']
 
-#: Refinement of the first pilot, and how much finer each is than the one before: twice where the
-#: cost hardly grows.
+#: Refinement of the first pilot, and how much finer each is than the one before: twice where there
+#: is time for that.
 FIRST, FINER, MUCH_FINER = 0.2, 1.4, 2.0
 
 #: Refinements that a plan may have.
 COARSEST, FINEST = FIRST, 8.0
 
-#: How much finer than the last pilot a plan may be.
-REACH = 3.0
+#: How much finer than the finest pilot a plan may be.
+REACH = 2.0
 
-#: Pilots that are run where there is time for them: two say nothing of how errors fall.
+#: Pilots that are run to the horizon where there is time for them: two say nothing of how errors
+#: fall.
 AT_LEAST = 3
 
-#: Share of the time that the last pilot takes: five times as much is foreseen at most.
-ENOUGH = 0.2
+#: Share of the time that the last of them takes, that all take before one much finer than the one
+#: before is too dear, and that all take at most.
+ENOUGH, MUCH_CLIMBING, MOST_CLIMBING = 0.15, 0.4, 0.9
 
-#: Share of the time that no pilot takes: one that does is given up.
-TOO_MUCH = 0.6
+#: Share of the time after which a planned run is stopped that was begun to see what it takes, the
+#: share that all pilots take at most, and how many are begun at most.
+BEGINNING, MOST_SPENT, MOST_BEGUN = 0.15, 1.25, 6
 
-#: Share of the time that a pilot near to the plan is foreseen to take at most, how much finer than
-#: the others it is at least, and the share for all of these: the first may change the physics.
-NEAR, NEARER, MOST_NEAR = 0.4, 1.1, 0.7
+#: How far a plan may be from a run that was begun, as factors of the refinement and of the time.
+NEAR, ALIKE = 1.08, 1.35
 
-#: Share of the time that a plan uses, below the middle of a half and 1.1, since finer runs take
-#: rather more than foreseen: what is left is for what it does not know.
+#: Share of the time that a plan uses, rather below the middle of a half and 1.1: of what may
+#: happen beside a run, nothing makes it faster.
 USED = 0.7
 
 #: Share of the time below which a plan rather uses more than ``USED``, and how much then.
 LEAST_USED, MOST_USED = 0.6, 0.9
-
-#: How much finer a plan may at most be than a pilot that was given up.
-TOO_FINE = 0.8
 
 #: How much finer a plan may be without the effects that are called for there: without the lateral
 #: stress, on a ridge, lava then covers as much other ground as with a vent 3 cm away.
@@ -141,18 +140,18 @@ def run_at(
     wall_limit: float,
     effects: Effects | Mapping[str, bool] | None = None,
     clock: Callable[[], float] = wall_clock.monotonic,
-) -> Pilot | None:
-    """Run a scene to its horizon, None when that takes longer than a time [s].
+) -> Pilot:
+    """Run a scene to its horizon, or for a time [s] if that is shorter.
 
-    Kernels are compiled before the clock starts. Only the wall clock interrupts a run; by another
-    one it is found too long at its end.
+    Kernels are compiled before the clock starts. Looks at the flow on its way do not count
+    as wall time of the run, but as time spent.
 
     Args:
         scene: The scene.
         refinement: The terrain's resolution over the spacing.
         horizon: How far to run [s].
         device: Warp device.
-        wall_limit: Longest time [s].
+        wall_limit: Wall time after which it is stopped [s].
         effects: The physics; chosen by the scene and the refinement when left out, but for those
             of a mapping.
         clock: What tells the time [s].
@@ -164,21 +163,40 @@ def run_at(
     begun = clock()
     simulation = Simulation(scene, accuracy=accuracy, device=device, effects=effects)
     setup = clock() - begun
-    interrupt = wall_limit if clock is wall_clock.monotonic else None
-    if simulation.advance(horizon, wall_limit=interrupt) < horizon:
-        return None
-    snapshot = simulation.snapshot()
-    wall_time = clock() - begun
-    if wall_time > wall_limit:
-        return None
+    progress, covered = [(0.0, 0.0, 0, 0)], []
+    parts, looked, taken = 0, 0.0, 0.0
+    for mark in range(1, MARKS + 1):
+        until = horizon * mark / MARKS
+        for _ in simulation.advancing(until):
+            parts += 1
+            taken = clock() - begun - setup - looked
+            # some hundred rows, whatever the number of parts
+            if taken > 1.02 * progress[-1][1]:
+                share = simulation.time / horizon
+                progress.append((share, taken, parts, simulation.particle_count))
+            if taken > wall_limit:
+                # finish the step at hand
+                simulation.advance(simulation.time)
+                break
+        before = clock()
+        progress.append((simulation.time / horizon, taken, parts, simulation.particle_count))
+        snapshot = simulation.snapshot()
+        if simulation.time < until:
+            break
+        covered.append(snapshot.thickness >= COVERED)
+        if mark < MARKS:
+            # only the last one is part of the run
+            looked += clock() - before
+    wall_time = clock() - begun - looked
     return Pilot(
         refinement,
         wall_time,
         snapshot.steps.evaluations,
-        snapshot.particle_count,
         simulation.effects,
-        snapshot.thickness >= COVERED,
+        np.array(covered, dtype=bool).reshape(-1, *scene.terrain.shape),
+        wall_time + looked,
         setup,
+        np.array(progress),
     )
 
 
@@ -199,7 +217,9 @@ def afford(
     on_pilot: Callable[[Pilot], None] = lambda _: None,
     clock: Callable[[], float] = wall_clock.monotonic,
 ) -> Affordable:
-    """Find the finest runs that fit into a time, by pilots that take one to three times as long.
+    """Find the finest runs that fit into a time, by pilots that take up to ``MOST_SPENT`` of it.
+
+    They take more only where the two coarsest do.
 
     Args:
         scene: The scene; of an ensemble the one in the middle.
@@ -263,6 +283,9 @@ class _Choice:
     used: float
 
 
+_Cost = Callable[[float, Effects], float]
+
+
 @dataclass
 class _Search:
     """The pilots that are run for a plan, and what they say."""
@@ -278,13 +301,11 @@ class _Search:
     pilots: list[Pilot] = field(default_factory=list)
     runs: list[Pilot] = field(default_factory=list)
     bands: list[tuple[float, Effects]] = field(default_factory=list)
-    too_long: dict[Effects, float] = field(default_factory=dict)
-    given_up: float = 0.0
 
     @property
     def spent(self) -> float:
-        """Time of all pilots, those that were given up included [s]."""
-        return sum(pilot.wall_time for pilot in self.runs) + self.given_up
+        """Time of all pilots [s]."""
+        return sum(pilot.spent for pilot in self.runs)
 
     @property
     def share(self) -> float:
@@ -294,140 +315,124 @@ class _Search:
     @property
     def law(self) -> ErrorLaw:
         """The law of errors; pilots with the effects of other refinements do not enter."""
-        return error_law(self.pilots)
+        begun = [run for run in self.runs if not run.is_done]
+        own = [run for run in begun if run.effects == self._effects(run.refinement)]
+        return error_law(sorted([*self.pilots, *own], key=lambda pilot: pilot.refinement))
 
     def climb(self) -> None:
-        """Run pilots, each finer than the one before."""
+        """Run pilots to the horizon, each finer than the one before."""
         refinement = FIRST
         while refinement <= FINEST:
-            patience = self.within if len(self.pilots) < 2 else TOO_MUCH * self.within
-            pilot = self._run(refinement, patience, None)
-            if pilot is None and len(self.pilots) < 2:
-                raise LavaError('within', self.within, 'longer: the coarsest runs take more')
-            if pilot is None:
+            left = MOST_CLIMBING * self.within - self.spent
+            if not self._run(refinement, left if len(self.pilots) >= 2 else self.within, None):
                 # finer physics, or a busy machine: what has been seen will do
                 break
-            self.pilots.append(pilot)
-            step = FINER
-            if len(self.pilots) >= 2:
-                before = self.pilots[-2]
-                if pilot.wall_time < FINER * before.wall_time:
-                    step = MUCH_FINER
-                # those of few members may be finer than what all can have
-                if pilot.wall_time >= ENOUGH * self.share and len(self.pilots) >= AT_LEAST:
-                    break
-                if self.spent + cost_at(self.pilots, step * refinement) > self.within:
-                    break
+            last = self.pilots[-1]
+            # those of few members may be finer than what all can have
+            if last.wall_time >= ENOUGH * self.share and len(self.pilots) >= AT_LEAST:
+                break
+            step = MUCH_FINER
+            if self._with(step * refinement) > MUCH_CLIMBING * self.within:
+                step = FINER
+            is_dear = self._with(step * refinement) > MOST_CLIMBING * self.within
+            if is_dear and len(self.pilots) >= 2:
+                break
             refinement *= step
+        if len(self.pilots) < 2:
+            raise LavaError('within', self.within, 'longer: the coarsest runs take more')
         self.bands = _bands(self.scene)
 
     def choose(self) -> _Choice:
         """Refinement, members and effects that fit into the time and err least."""
-        self._compare(self.pilots[-1].effects)
-        best = self._best()
-        for start, effects in self.bands:
-            # as far as the time reaches
-            reached = best.refinement > 0.97 * start > self.pilots[-1].refinement
-            if reached and self._compare(effects):
-                best = self._best()
-        before = self.spent
-        while self._approach(best, self.spent - before):
-            best = self._best()
-        return best
+        for _ in range(MOST_BEGUN):
+            best = self._best(self._guess)
+            if self._is_known(best):
+                return best
+            if self.spent + BEGINNING * self.within > MOST_SPENT * self.within:
+                break
+            self._run(best.refinement, BEGINNING * self.within, best.effects)
+        return self._best(self.cost)
 
     def cost(self, refinement: float, effects: Effects) -> float:
         """Wall time of a run [s], infinite where no pilot had its physics."""
-        if refinement > TOO_FINE * self.too_long.get(effects, math.inf):
-            return math.inf
         alike = [pilot for pilot in self.runs if pilot.effects == effects]
         alike.sort(key=lambda pilot: pilot.refinement)
         return cost_at(alike, refinement) if alike else math.inf
+
+    def _is_known(self, best: _Choice) -> bool:
+        """Whether a run near to a choice took what is foreseen of it."""
+        cost = self.cost(best.refinement, best.effects)
+        return any(
+            pilot.effects == best.effects
+            and 1.0 / NEAR <= best.refinement / pilot.refinement <= NEAR
+            and 1.0 / ALIKE <= cost / pilot.wall_time <= ALIKE
+            for pilot in self.runs
+        )
+
+    def _with(self, refinement: float) -> float:
+        """Time of all pilots with one more [s]."""
+        return self.spent + self.cost(refinement, self.pilots[-1].effects)
+
+    def _guess(self, refinement: float, effects: Effects) -> float:
+        """Wall time of a run [s]; physics that have not been seen yet may cost no more."""
+        cost = self.cost(refinement, effects)
+        return cost if math.isfinite(cost) else self.cost(refinement, self.pilots[-1].effects)
 
     def forced(self, best: _Choice) -> dict[str, bool]:
         """What the scene does not choose by itself."""
         own, given = asdict(self._effects(best.refinement)), asdict(best.effects)
         return {name: is_on for name, is_on in given.items() if own[name] != is_on}
 
-    def _approach(self, best: _Choice, spent: float) -> bool:
-        """Run a pilot near to what was chosen, some time [s] after the first; whether one ran."""
-        alike = [pilot.refinement for pilot in self.runs if pilot.effects == best.effects]
-        # no leap: what is foreseen of a much finer run may be far too little
-        finest = min(best.refinement, FINER * max(alike))
-        known = np.geomspace(max(alike), max(finest, max(alike)), 50)
-        limit = min(NEAR * self.within / best.members, MOST_NEAR * self.within - spent)
-        fitting = [float(item) for item in known if self.cost(item, best.effects) <= limit]
-        if not fitting or fitting[-1] < NEARER * max(alike):
-            return False
-        pilot = self._run(fitting[-1], self.within, best.effects)
-        if pilot is None:
-            self.too_long[best.effects] = fitting[-1]
-        elif pilot.effects == self._effects(pilot.refinement):
-            self.pilots.append(pilot)
-            self.pilots.sort(key=lambda pilot: pilot.refinement)
-        return True
-
-    def _compare(self, effects: Effects) -> bool:
-        """See to it that two pilots have some effects; whether there is anything new."""
-        runs = [pilot for pilot in self.runs if pilot.effects == effects]
-        patience = TOO_MUCH * self.within
-        news, dearer = False, 1.0
-        for pilot in (*self.pilots[-2:], *self.pilots[-3:-2]):
-            if len(runs) >= 2 or dearer * pilot.wall_time > patience:
-                continue
-            if any(run.refinement == pilot.refinement for run in runs):
-                continue
-            run = self._run(pilot.refinement, patience, effects)
-            if run is None:
-                break
-            dearer = run.wall_time / pilot.wall_time
-            runs.append(run)
-            news = True
-        return news
-
-    def _run(self, refinement: float, patience: float, effects: Effects | None) -> Pilot | None:
+    def _run(self, refinement: float, patience: float, effects: Effects | None) -> bool:
+        """Run a pilot for some time [s]; whether it came to the horizon."""
         pilot = run_at(
             self.scene, refinement, self.horizon, device=self.device, wall_limit=patience,
             effects=effects, clock=self.clock,
         )
-        if pilot is None:
-            self.given_up += patience
-            return None
+        if not pilot.is_done:
+            alike = [run for run in self.runs if run.is_done and run.effects == pilot.effects]
+            if not self.pilots:
+                raise LavaError('within', self.within, 'longer: the coarsest run takes more')
+            pilot = completed(pilot, (alike or self.pilots)[-1])
+        elif effects is None or effects == self._effects(refinement):
+            self.pilots.append(pilot)
+            self.pilots.sort(key=lambda pilot: pilot.refinement)
         self.runs.append(pilot)
         self.on_pilot(pilot)
-        return pilot
+        return pilot.is_done
 
     def _effects(self, refinement: float) -> Effects:
         """The effects that the scene calls for at a refinement."""
         return [effects for start, effects in self.bands if start <= refinement][-1]
 
-    def _candidates(self) -> list[float]:
-        """Refinements whose cost is known, from the coarsest."""
-        finest = min(FINEST, REACH * self.pilots[-1].refinement)
+    def _candidates(self, cost: _Cost) -> list[float]:
+        """Refinements of finite cost, from the coarsest."""
+        finest = min(FINEST, REACH * max(pilot.refinement for pilot in self.runs))
         known = [float(item) for item in np.geomspace(COARSEST, finest, 400)]
         # not so near to other effects that rounding decides
         clear = [item for item in known if self._effects(item) == self._effects(1.001 * item)]
-        return [item for item in clear if math.isfinite(self.cost(item, self._effects(item)))]
+        return [item for item in clear if math.isfinite(cost(item, self._effects(item)))]
 
-    def _best(self) -> _Choice:
+    def _best(self, cost: _Cost) -> _Choice:
         law = self.law
-        candidates = self._candidates()
+        candidates = self._candidates(cost)
         coarsest = candidates[0]
         best = _Choice(coarsest, self.members or 1, self._effects(coarsest), 0.0)
         least = math.inf
         for refinement in candidates:
             effects = self._effects(refinement)
-            cost = max(self.cost(refinement, effects), 1e-9)
+            each = max(cost(refinement, effects), 1e-9)
             # where other effects make a leap in cost, rather too near to the time than half of it
             is_leap = 0.0 < best.used < LEAST_USED and not self.may_force
             most = MOST_USED if is_leap else USED
-            fitting = int(min(most * self.within / cost, _MOST_MEMBERS))
+            fitting = int(min(most * self.within / each, _MOST_MEMBERS))
             count = fitting if self.members is None else self.members
             if not 1 <= count <= fitting:
                 continue
             error = math.hypot(law.at(refinement), sampling_error(count))
             # errors below the least one are alike: finer is better
             if error <= least:
-                best = _Choice(refinement, count, effects, count * cost / self.within)
+                best = _Choice(refinement, count, effects, count * each / self.within)
                 least = error
         return self._without(best) if self.may_force and best.used < LEAST_USED else best
 

@@ -18,7 +18,12 @@ Cost: the wall time of a run is s + E (a + b r^k). E, its evaluations, grow as a
 refinement r, that of the last two runs: powers grow with r. One evaluation has a part that does
 not depend on the particles and one that goes as their number, r^2; the solve for the lateral
 stress takes iterations as well, as many as particles lie across its reach, so that k is 3 with it
-and 2 without. The last run is the nearest to what is asked for: all is in proportion to it.
+and 2 without. All is in proportion to the run that is nearest to what is asked for, and between
+two runs a power of the refinement.
+
+A run that was stopped would have gone on as a coarser one did: its evaluations and its particles
+in proportion, each evaluation for as long as its own ones, and those of the coarser one if that
+had the same physics, say of so many particles.
 
 Error: of what two runs cover, the share that only one of them does. An edge is off by a bias that
 all runs have, C r^-p, and by where particles happen to lie, q C r^-p, which differs from run to
@@ -26,15 +31,17 @@ run. Two runs then differ by
 
     d_ij = C sqrt((r_i^-p - r_j^-p)^2 + q^2 (r_i^-2p + r_j^-2p))
 
-and each from the limit by C r^-p sqrt(1 + q^2). Neither p nor q can be told from few runs alone:
-those of a grid are weighed by how well they explain what was seen and by what is usual.
+and each from the limit by C r^-p sqrt(1 + q^2). A run that was stopped is compared where it
+stopped; from there to the horizon differences grow as those of the coarser runs did. Neither p
+nor q can be told from few runs alone: those of a grid are weighed by how well they explain what
+was seen and by what is usual.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, replace
+from itertools import combinations, product
 import math
 
 import numpy as np
@@ -45,11 +52,15 @@ from lava_ros.effects import Effects
 #: finest preset has in docs/accuracy, since an area goes as the square of its radius.
 FLOOR = 0.004
 
+#: Times at which pilots are compared.
+MARKS = 10
+
 #: How much finer a run is than another to tell how evaluations grow.
 APART = 1.15
 
-#: Powers p at which errors fall, and how usual each is: docs/accuracy has 1 on slopes.
-ORDERS = {0.6: 0.5, 0.8: 1.0, 1.0: 1.5, 1.2: 1.0, 1.5: 0.5}
+#: Powers p at which errors fall, and how usual each is: docs/accuracy has 1 on slopes; where
+#: coarse runs hardly see the ground or the thickness they fall faster.
+ORDERS = {0.6: 1.0, 0.8: 1.0, 1.0: 1.0, 1.25: 1.0, 1.5: 1.0, 1.8: 0.5}
 
 #: Scatter q over bias.
 SCATTERS = (0.0, 0.3, 0.6, 1.0, 2.0)
@@ -64,45 +75,104 @@ class Pilot:
 
     Attributes:
         refinement: Its refinement.
-        wall_time: How long it took, kernels compiled before [s].
-        evaluations: Velocity evaluations.
-        particles: Particles at the end.
+        wall_time: How long it took, kernels compiled before; how long it would have taken to the
+            horizon where it was stopped and ``completed`` [s].
+        evaluations: Velocity evaluations, likewise.
         effects: The physics that was chosen.
-        covered: Cells with lava at the end, bool, shape [rows, columns].
+        covered: Cells with lava at the ends of ``MARKS`` equal parts of the horizon, as far as it
+            came, bool, shape [marks, rows, columns].
+        spent: How long it did take [s].
         setup: Part of the wall time before the first step [s].
+        progress: Simulated time as a share of the horizon, wall time after the setup [s],
+            evaluations and particles, as they grew, shape [n, 4].
     """
 
     refinement: float
     wall_time: float
-    evaluations: int
-    particles: int
+    evaluations: float
     effects: Effects
     covered: np.ndarray
-    setup: float = 0.0
+    spent: float
+    setup: float
+    progress: np.ndarray
+
+    @property
+    def is_done(self) -> bool:
+        """Whether it came to the horizon."""
+        return len(self.covered) == MARKS
+
+
+def completed(pilot: Pilot, model: Pilot) -> Pilot:
+    """A run that was stopped, as if it had gone on to the horizon.
+
+    Args:
+        pilot: The run.
+        model: A coarser one that was not stopped.
+    """
+    share, taken, *_ = pilot.progress[-1]
+    shares = model.progress[:, 0]
+    at_that = np.array([np.interp(share, shares, column) for column in model.progress.T[2:]])
+    scale = pilot.progress[-1, 2:] / np.maximum(at_that, 1.0)
+    is_later = shares > share
+    to_come = np.vstack([at_that, model.progress[is_later, 2:]]) * scale
+    runs = [pilot, model] if model.effects == pilot.effects else [pilot]
+    sizes, more, times = np.concatenate([_increments(run) for run in runs]).T
+    constant, slope = _line(sizes, times / more, more)
+    sizes, more, _ = _increments(pilot).T
+    faster = taken / float((more * (constant + slope * sizes)).sum())
+    sizes = (0.5 * (to_come[1:, 1] + to_come[:-1, 1])) ** _power(pilot.effects)
+    times = faster * np.diff(to_come[:, 0]) * (constant + slope * sizes)
+    rest = np.column_stack([shares[is_later], taken + np.cumsum(times), to_come[1:]])
+    return replace(
+        pilot,
+        wall_time=pilot.setup + float(rest[-1, 1]),
+        evaluations=pilot.evaluations * float(rest[-1, 2] / pilot.progress[-1, 2]),
+        progress=np.concatenate([pilot.progress, rest]),
+    )
+
+
+def _power(effects: Effects) -> float:
+    """Power of the particles' number that an evaluation goes as."""
+    return 1.5 if effects.helmholtz else 1.0
+
+
+def _increments(pilot: Pilot) -> np.ndarray:
+    """Particles to their power, evaluations and wall time [s] of each part, shape [n, 3]."""
+    _, times, evaluations, particles = pilot.progress.T
+    sizes = (0.5 * (particles[1:] + particles[:-1])) ** _power(pilot.effects)
+    parts = np.stack([sizes, np.diff(evaluations), np.diff(times)], axis=1)
+    return parts[(parts[:, 1:] > 0.0).all(axis=1)]
 
 
 def cost_at(pilots: Sequence[Pilot], refinement: float) -> float:
-    """Wall time [s] of a run with the physics of the last pilot.
+    """Wall time [s] of a run.
 
     Args:
-        pilots: From the coarsest to the finest; those with other physics say nothing of it.
+        pilots: Runs with the physics that it has, from the coarsest to the finest.
         refinement: Refinement of the run.
     """
-    last = pilots[-1]
-    alike = [pilot for pilot in pilots if pilot.effects == last.effects][-4:]
-    scale = refinement / last.refinement
-    power = 3.0 if last.effects.helmholtz else 2.0
-    each = (last.wall_time - last.setup) / max(last.evaluations, 1)
-    if len(alike) == 1:
-        # nothing to compare with: all of the time is that of the particles
-        return last.setup + last.evaluations * each * scale ** (power + 1.0)
-    evaluations = last.evaluations * scale ** _growth(alike)
-    sizes = np.array([(pilot.refinement / last.refinement) ** power for pilot in alike])
-    times = np.array([
-        (pilot.wall_time - pilot.setup) / max(pilot.evaluations, 1) for pilot in alike
-    ])
-    constant, slope = _line(sizes, times)
-    return last.setup + evaluations * each * (constant + slope * scale**power) / (constant + slope)
+    if len(pilots) > 1 and pilots[0].refinement <= refinement <= pilots[-1].refinement:
+        known = np.log([(pilot.refinement, pilot.wall_time) for pilot in pilots]).T
+        return math.exp(float(np.interp(math.log(refinement), *known)))
+    pilots = pilots[-4:]
+    nearest = min(pilots, key=lambda pilot: abs(math.log(pilot.refinement / refinement)))
+    scale = refinement / nearest.refinement
+    power = _power(nearest.effects)
+    if len(pilots) == 1:
+        # nothing to compare with but its own parts
+        sizes, more, times = _increments(nearest).T
+        weights = more / np.sqrt(times)
+        sizes, times = sizes / max(np.average(sizes, weights=more), 1.0), times / more
+    else:
+        sizes = np.array([run.refinement / nearest.refinement for run in pilots]) ** (2.0 * power)
+        times = np.array([
+            (pilot.wall_time - pilot.setup) / max(pilot.evaluations, 1.0) for pilot in pilots
+        ])
+        # a run that is twice as long is half as uncertain, that is four times the weight
+        weights = np.sqrt(sizes) / np.maximum(times, 1e-12)
+    constant, slope = _line(sizes, times, weights)
+    each = (constant + slope * scale ** (2.0 * power)) / (constant + slope)
+    return nearest.setup + (nearest.wall_time - nearest.setup) * scale ** _growth(pilots) * each
 
 
 def _growth(pilots: Sequence[Pilot]) -> float:
@@ -113,15 +183,13 @@ def _growth(pilots: Sequence[Pilot]) -> float:
     before = far[-1] if far else pilots[0]
     if before.refinement == last.refinement:
         return 1.0
-    more = max(last.evaluations, 1) / max(before.evaluations, 1)
+    more = max(last.evaluations, 1.0) / max(before.evaluations, 1.0)
     growth = math.log(more) / math.log(last.refinement / before.refinement)
     return min(max(growth, 0.0), 2.0)
 
 
-def _line(sizes: np.ndarray, times: np.ndarray) -> tuple[float, float]:
-    """Constant and slope, neither negative, of the line with the least relative errors."""
-    # a run that is twice as long is half as uncertain, that is four times the weight
-    weights = np.sqrt(sizes) / np.maximum(times, 1e-12)
+def _line(sizes: np.ndarray, times: np.ndarray, weights: np.ndarray) -> tuple[float, float]:
+    """Constant and slope, neither negative, of the line with the least weighted errors."""
     rows = np.stack([weights, weights * sizes], axis=1)
     (constant, slope), *_ = np.linalg.lstsq(rows, weights * times, rcond=None)
     if slope < 0.0:
@@ -132,27 +200,44 @@ def _line(sizes: np.ndarray, times: np.ndarray) -> tuple[float, float]:
 
 
 def error_law(pilots: Sequence[Pilot]) -> ErrorLaw:
-    """The law of errors that the last four pilots give; at least two."""
-    pilots = pilots[-4:]
+    """The law of errors that the finest pilots give.
+
+    Args:
+        pilots: From the coarsest to the finest, at least two that came to the horizon.
+    """
+    done = [pilot for pilot in pilots if pilot.is_done][-4:]
+    begun = [pilot for pilot in pilots if not pilot.is_done and len(pilot.covered)]
+    begun = [pilot for pilot in begun if pilot.refinement > done[-1].refinement][-2:]
+    # what differences are of those at the horizon
+    growth = np.mean([_differences(one, other) for one, other in combinations(done, 2)], axis=0)
+    growth -= growth[-1]
     pairs = []
-    for place, one in enumerate(pilots):
-        for other in pilots[place + 1 :]:
-            both = int(np.count_nonzero(one.covered | other.covered))
-            wrong = int(np.count_nonzero(one.covered ^ other.covered))
-            # half a cell, lest runs that agree would be without error
-            pairs.append((one.refinement, other.refinement, max(wrong, 0.5) / max(both, 1)))
-    coarse, fine, seen = np.array(pairs).T
+    for one, other in combinations([*done, *begun], 2):
+        seen = _differences(one, other)
+        last = seen[-1] - growth[len(seen) - 1]
+        pairs.append((one.refinement, other.refinement, last))
+    ones, others, differences = np.array(pairs).T
     terms = []
     for (order, usual), scatter in product(ORDERS.items(), SCATTERS):
-        x, y = coarse**-order, fine**-order
+        x, y = ones**-order, others**-order
         law = np.sqrt((x - y) ** 2 + scatter**2 * (x**2 + y**2))
-        logarithm = np.log(seen / law)
+        logarithm = differences - np.log(law)
         constant = float(logarithm.mean())
         misfit = float(((logarithm - constant) ** 2).sum()) / (2.0 * _SPREAD**2)
         size = math.exp(constant) * math.hypot(1.0, scatter)
         terms.append((usual * math.exp(-misfit), size, order))
     weights, sizes, orders = np.array(terms).T
     return ErrorLaw(weights / weights.sum(), sizes, orders)
+
+
+def _differences(one: Pilot, other: Pilot) -> np.ndarray:
+    """Logarithm of the share that only one of two covers, at each mark that both have."""
+    count = min(len(one.covered), len(other.covered))
+    here, there = one.covered[:count], other.covered[:count]
+    both = np.count_nonzero(here | there, axis=(1, 2))
+    wrong = np.count_nonzero(here ^ there, axis=(1, 2))
+    # half a cell, lest runs that agree would be without error
+    return np.log(np.maximum(wrong, 0.5) / np.maximum(both, 1))
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,7 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.forecast import affordable
 from lava_ros.forecast.affordable import afford, FINEST, Pilot, USED
+from lava_ros.forecast.extrapolation import MARKS
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 
 EFFECTS, DEAR = Effects(), Effects(green=True)
@@ -48,15 +49,21 @@ def _machine(monkeypatch, base=2e-4, each=1e-7, dearer=None, slower=4.0, worse=0
         accuracy = affordable.accuracy_at(scene, refinement)
         effects = effects or effects_for(scene, {}, accuracy=accuracy)
         asked.append((refinement, effects))
-        particles = round(1000.0 * refinement**2)
-        evaluations = round(800.0 * refinement * np.exp(worse * refinement))
-        wall_time = evaluations * (base + each * particles)
-        wall_time *= slower if effects == DEAR else 1.0
-        if wall_time > wall_limit:
-            return None
+        particles = 1000.0 * refinement**2
+        evaluations = 800.0 * refinement * np.exp(worse * refinement)
+        # particles come at a constant rate
+        share = np.linspace(0.0, 1.0, 41)
+        times = evaluations * (base * share + each * particles * share**2)
+        times *= slower if effects == DEAR else 1.0
+        progress = np.stack([share, times, evaluations * share, particles * share], axis=1)
+        progress = progress[: np.count_nonzero(times <= wall_limit) + 1]
+        spent = progress[-1, 1]
         # 10000 cells are right; what the coarse ones err is on one side of the border
         covered = np.arange(20_000) < 10_000.0 * (1.0 + 0.04 / refinement)
-        return Pilot(refinement, wall_time, evaluations, particles, effects, covered)
+        covered = np.tile(covered, (int(MARKS * progress[-1, 0] + 1e-9), 1, 1))
+        return Pilot(
+            refinement, spent, progress[-1, 2], effects, covered, spent, 0.0, progress
+        )
 
     monkeypatch.setattr(affordable, 'run_at', run_at)
     monkeypatch.setattr(affordable, 'effects_for', effects_for)
@@ -126,7 +133,8 @@ def test_a_pilot_near_to_the_plan_corrects_it(monkeypatch, within, worse):
     time = np.exp(worse * plan.refinement) * _wall_time(plan.refinement)
     assert 0.6 * within < time < 0.95 * within
     assert plan.wall_time == pytest.approx(time, rel=0.2)
-    assert max(refinement for refinement, _ in asked) < plan.refinement
+    nearest = min(abs(np.log(refinement / plan.refinement)) for refinement, _ in asked)
+    assert nearest <= np.log(affordable.NEAR)
     assert plan.pilots == len(asked)
 
 
@@ -146,21 +154,23 @@ def test_a_plan_may_do_without_what_does_not_fit(monkeypatch):
         assert plan.wall_time <= 1.01 * USED * within
 
 
-def test_a_pilot_that_takes_too_long_is_no_plan(monkeypatch):
-    """Where runs take ten times as long from some refinement on, the plan stays below."""
+def test_a_leap_in_cost_is_seen_by_a_run_that_is_stopped(monkeypatch):
+    """Where runs take four times as long from some refinement on, the plan stays below."""
     _machine(monkeypatch)
     usual = affordable.run_at
 
     def run_at(scene, refinement, horizon, *, wall_limit, **rest):
-        pilot = usual(scene, refinement, horizon, wall_limit=np.inf, **rest)
-        slower = 10.0 if refinement > 0.8 else 1.0
-        pilot = replace(pilot, wall_time=slower * pilot.wall_time)
-        return pilot if pilot.wall_time <= wall_limit else None
+        slower = 4.0 if refinement > 0.7 else 1.0
+        pilot = usual(scene, refinement, horizon, wall_limit=wall_limit / slower, **rest)
+        progress = pilot.progress * [1.0, slower, 1.0, 1.0]
+        spent = slower * pilot.spent
+        return replace(pilot, wall_time=spent, spent=spent, progress=progress)
 
     monkeypatch.setattr(affordable, 'run_at', run_at)
-    plan = afford(SCENE, within=0.6, horizon=3600.0, device='cpu')
-    assert 0.5 < plan.refinement < 0.9
-    assert plan.spent > 0.6
+    within = 4.0 * _wall_time(0.7) / 2.0
+    plan = afford(SCENE, within=within, horizon=3600.0, device='cpu')
+    assert 0.5 < plan.refinement < 0.7
+    assert plan.spent < affordable.MOST_SPENT * within
 
 
 def test_pilots_take_no_longer_than_there_is(monkeypatch):
@@ -168,7 +178,7 @@ def test_pilots_take_no_longer_than_there_is(monkeypatch):
     for within in (1.0, 5.0):
         _machine(monkeypatch, base=1e-3, each=1e-9)
         plan = afford(SCENE, within=within, horizon=3600.0, device='cpu')
-        assert plan.spent <= 1.1 * within
+        assert plan.spent <= affordable.MOST_SPENT * within
         time = _wall_time(plan.refinement, 1e-3, 1e-9)
         assert plan.is_finest or 0.5 * within <= time <= 1.1 * within
 
@@ -247,17 +257,23 @@ def test_refinements_between_presets_have_their_accuracy():
 
 
 def test_a_run_is_timed_by_the_clock_it_is_given():
-    """From building the simulation to its snapshot; one that takes too long is no pilot."""
+    """From building the simulation to its snapshot; one that takes too long is stopped."""
     scene = replace(SCENE, lava=Lava(viscosity=1e6))
-    for wall_limit, is_in_time in ((5.0, True), (4.0, False)):
-        ticks = iter((10.0, 10.5, 15.0))
-        pilot = affordable.run_at(
-            scene, 0.5, 3600.0, device='cpu', wall_limit=wall_limit, clock=ticks.__next__
+    full, stopped = (
+        affordable.run_at(
+            scene, 0.5, 3600.0, device='cpu', wall_limit=limit, clock=iter(range(10**6)).__next__
         )
-        assert (pilot is not None) == is_in_time
-        if pilot is not None:
-            assert (pilot.wall_time, pilot.setup) == (5.0, 0.5)
-            assert pilot.particles > 0 and pilot.evaluations > 0
+        for limit in (1e6, 10.0)
+    )
+    assert full.is_done and full.setup == 1.0
+    # a tick for each part, before each look, and before and after all of them
+    assert full.wall_time == full.progress[-1, 2] + MARKS + 2.0
+    assert full.spent == full.wall_time + MARKS - 1
+    assert not stopped.is_done and stopped.progress[-1, 2] == 11.0
+    assert 0.0 < stopped.progress[-1, 0] < 1.0 == full.progress[-1, 0]
+    assert (np.diff(full.progress, axis=0) >= 0.0).all()
+    assert stopped.progress[-1, 3] < full.progress[-1, 3]
+    assert stopped.evaluations < full.evaluations
 
 
 def test_a_run_has_the_effects_it_is_given(device):
@@ -270,4 +286,5 @@ def test_a_run_has_the_effects_it_is_given(device):
     forced = {'green': other.green, 'helmholtz': False}
     given = affordable.run_at(scene, 0.5, 60.0, device=device, wall_limit=600.0, effects=forced)
     assert given.effects == other
-    assert affordable.run_at(scene, 0.5, 1e9, device=device, wall_limit=1e-3) is None
+    stopped = affordable.run_at(scene, 0.5, 1e9, device=device, wall_limit=1e-3)
+    assert not stopped.is_done and stopped.progress[-1, 0] < 1.0
