@@ -89,6 +89,7 @@ def animate_bag(
     """
     output = Path(output)
     validation.choice('format', output.suffix.lower(), FORMATS)
+    validation.file_to_write('output', output)
     validation.choice('layer', source, SOURCES)
     validation.number('fps', fps, at_least=1.0, at_most=60.0)
     most = MOST_FRAMES / fps

@@ -16,6 +16,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 import math
+from pathlib import Path
 
 from lava_ros.errors import LavaError
 
@@ -111,3 +112,21 @@ def keys(
         if key not in value:
             raise LavaError(f'{field}.{key}', None, 'a value: this key is required')
     return dict(value)
+
+
+def file_to_write(field: str, value: str | Path) -> Path:
+    """Return ``value`` as the path of a file that can be written; what is there stays as it is.
+
+    Raises:
+        LavaError: It is a folder, in none that exists, or not to be written.
+    """
+    path = Path(value)
+    is_new = not path.exists()
+    try:
+        with path.open('ab'):
+            pass
+        if is_new:
+            path.unlink()
+    except OSError as error:
+        raise LavaError(field, str(value), f'a file to write ({error})') from error
+    return path

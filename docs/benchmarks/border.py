@@ -160,6 +160,7 @@ def dam_break(ratio, least, rows=40):
 
 def main():
     """Print the table."""
+    machine = sys.argv[1]
     table = csv.writer(sys.stdout, lineterminator='\n')
     names = 'case,quantity,ratio,least_radius,value,unit,steps,wall_s,machine,command'
     table.writerow(names.split(','))
@@ -170,8 +171,8 @@ def main():
             wall = f'{time.perf_counter() - begin:.2f}'
             for name, quantity, error, steps in rows:
                 value = f'{100.0 * error:.3f}'
-                row = [name, quantity, ratio, least, value, '%', steps, wall, sys.argv[1]]
-                table.writerow([*row, f"python docs/benchmarks/border.py '{sys.argv[1]}'"])
+                row = [name, quantity, ratio, least, value, '%', steps, wall, machine]
+                table.writerow([*row, f"python docs/benchmarks/border.py '{machine}'"])
 
 
 if __name__ == '__main__':

@@ -28,6 +28,7 @@ import time
 import matplotlib
 import numpy as np
 
+from lava_ros import validation
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh
 from lava_ros.forecast.members import make_plan, run_members
 from lava_ros.forecast.probability import footprint_of, reached_by, Tally
@@ -154,15 +155,18 @@ def draw(diagrams, path):
 def main() -> None:
     """Measure, write the table, draw."""
     machine = sys.argv[1]
+    table, picture = FOLDER / 'ensemble.csv', FOLDER / 'ensemble.png'
+    for path in (table, picture):
+        validation.file_to_write('output', path)
     rows, diagrams = measure()
-    with (FOLDER / 'ensemble.csv').open('w', newline='', encoding='utf-8') as file:
+    with table.open('w', newline='', encoding='utf-8') as file:
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(['quantity', 'members', 'value', 'unit', 'machine', 'command'])
         for quantity, members, value, unit in rows:
             command = f'python docs/benchmarks/ensemble.py {machine!r}'
             writer.writerow([quantity, members, f'{value:.4g}', unit, machine, command])
             print(f'{quantity:60} {members:4} {value:9.4g} {unit}')
-    draw(diagrams, FOLDER / 'ensemble.png')
+    draw(diagrams, picture)
 
 
 if __name__ == '__main__':

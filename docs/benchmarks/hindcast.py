@@ -30,6 +30,7 @@ import platform
 
 import numpy as np
 
+from lava_ros import validation
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import judge
@@ -114,6 +115,7 @@ def main() -> None:
     if args.output.is_file():
         with args.output.open(newline='', encoding='utf-8') as file:
             rows = list(csv.reader(file))[1:]
+    validation.file_to_write('output', args.output)
     done = {row[1] for row in rows}
     command = f'python docs/benchmarks/hindcast.py {case.name} --preset {args.preset}'
     runs = variations(args.case, case, args.preset, args.device)

@@ -169,6 +169,8 @@ def main():
     parser.add_argument('--device', default='cpu')
     parser.add_argument('--finest', type=float, help='etna: smallest spacing [m]')
     args = parser.parse_args()
+    if args.scene == 'etna' and args.case is None:
+        parser.error('etna needs --case')
     runs, options = [], ''
     if args.scene == 'huppert':
         for refinement in (0.35, 0.5, 0.7, 1.0):

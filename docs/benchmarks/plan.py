@@ -46,6 +46,7 @@ import time
 import numpy as np
 from plan_scenes import held_out
 
+from lava_ros import validation
 from lava_ros.bench.scenes import scenes
 from lava_ros.errors import LavaError
 from lava_ros.forecast.affordable import accuracy_at, afford, run_at, sampling_error
@@ -338,7 +339,11 @@ def arguments():
     parser.add_argument('--output', type=Path, default=FOLDER / 'plan.csv')
     parser.add_argument('--json', type=Path, help='also write the table as JSON')
     parser.add_argument('--part', choices=('plans', 'sampling'), help='only this')
-    return parser.parse_args()
+    args = parser.parse_args()
+    for name in ('output', 'json'):
+        if getattr(args, name):
+            validation.file_to_write(f'--{name}', getattr(args, name))
+    return args
 
 
 def main():

@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
     device = _device(args.device)
     folder, stem = _folder(args.output), measure.file_stem(device)
     if args.json:
-        _write('--json', Path(args.json), '[]\n')
+        validation.file_to_write('--json', args.json)
     measured: list[Row] = []
     kept: list[Row] = []
     if args.case and (folder / f'{stem}.csv').exists():

@@ -85,8 +85,8 @@ def run(args: argparse.Namespace) -> int:
         raise LavaError('--particles', args.particles, 'one number for effects')
     for name in ('output', 'json'):
         place = getattr(args, name)
-        if place and not Path(place).absolute().parent.is_dir():
-            raise LavaError(f'--{name}', place, 'a file in a folder that exists')
+        if place:
+            validation.file_to_write(f'--{name}', place)
     with Progress() as progress:
         if args.benchmark == 'effects':
             rows = _effects(args, device, repetitions, progress)

@@ -128,6 +128,10 @@ def run(args: argparse.Namespace) -> int:
     except OSError as error:
         raise LavaError('--output', str(output), f'a folder to write to ({error})') from error
     table = output / TABLE
+    validation.file_to_write('--output', table)
+    if args.json:
+        # what cannot be written had better be known before
+        validation.file_to_write('--json', args.json)
     known = [] if args.fresh else read_trials(table, unknowns)
     others = {trial.numbers['directions'] for trial in known} - {directions}
     if others:

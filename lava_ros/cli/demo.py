@@ -132,6 +132,9 @@ def run(args: argparse.Namespace) -> int:
         validation.number('--domain', args.domain, at_least=0.0, at_most=101.0)
     scene = scene_from_arguments(args)
     _check_defaults(scene)
+    if args.json:
+        # what cannot be written had better be known before
+        validation.file_to_write('--json', args.json)
     output = Path(args.output)
     _remove_earlier_demo(output)
     domain = free_domain() if args.domain is None else args.domain

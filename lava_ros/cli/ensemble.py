@@ -115,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
     require_rasterio(args.output)
     if args.json:
         # what cannot be written had better be known before the members have run
-        write_report(args.json, {})
+        validation.file_to_write('--json', args.json)
     scene = scene_from_yaml(args.scene)
     susceptibility = None
     if args.susceptibility is not None:

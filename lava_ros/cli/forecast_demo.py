@@ -33,7 +33,6 @@ from lava_ros import validation
 from lava_ros.cli.children import Child, ChildError
 from lava_ros.cli.demo import free_domain
 from lava_ros.cli.ros import require_ros
-from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, scene_to_dict, Terrain, Vent
 from lava_ros.terrain_files import demo_terrain
 from lava_ros.uncertainty import Displacement, Distribution, Uncertainty
@@ -118,7 +117,8 @@ def run(args: argparse.Namespace) -> int:
     domain = free_domain() if args.domain is None else args.domain
     # what cannot be written had better be known before
     for name in ('picture', 'json'):
-        _check_writable(f'--{name}', getattr(args, name))
+        if getattr(args, name) is not None:
+            validation.file_to_write(f'--{name}', getattr(args, name))
     scene = Scene(demo_terrain(), (VENT,), LAVA, uncertainty=UNCERTAINTY)
     truth = _Truth(scene, args.device)
     try:
@@ -142,16 +142,6 @@ def run(args: argparse.Namespace) -> int:
         Path(args.json).write_text(json.dumps(result, indent=1) + '\n', encoding='utf-8')
     _print(result)
     return 0
-
-
-def _check_writable(name: str, path: str | None) -> None:
-    if path is None:
-        return
-    try:
-        with open(path, 'ab'):
-            pass
-    except OSError as error:
-        raise LavaError(name, path, f'a file to write ({error})') from error
 
 
 class _Truth:

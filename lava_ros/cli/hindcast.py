@@ -25,6 +25,7 @@ import shutil
 import sys
 from typing import Any, TYPE_CHECKING
 
+from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.presets import DEFAULT, PRESETS
 
@@ -110,6 +111,9 @@ def run(args: argparse.Namespace) -> int:
     settings = Settings(args.preset, args.spacing, args.device, forced, args.maps)
     output = Path(args.output or Path('hindcasts') / f'{case.name}_{args.preset}')
     _prepare(output)
+    if args.json:
+        # what cannot be written had better be known before
+        validation.file_to_write('--json', args.json)
     unfinished = output / UNFINISHED
     if args.fresh:
         shutil.rmtree(unfinished, ignore_errors=True)
@@ -196,6 +200,7 @@ def _prepare(output: Path) -> None:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise LavaError('--output', str(output), f'a folder to write to ({error})') from error
+    validation.file_to_write('--output', output / PICTURE)
 
 
 def _write(

@@ -21,6 +21,7 @@ from dataclasses import asdict
 import json
 from pathlib import Path
 
+from lava_ros import validation
 from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
 from lava_ros.errors import LavaError
 
@@ -64,6 +65,9 @@ def run(args: argparse.Namespace) -> int:
     horizon = seconds_of('--horizon', args.horizon)
     members = _members(args.members)
     scene = scene_from_arguments(args)
+    if args.json:
+        # what cannot be written had better be known before
+        validation.file_to_write('--json', args.json)
     from lava_ros.forecast.affordable import afford, Pilot
 
     def tell(pilot: Pilot) -> None:

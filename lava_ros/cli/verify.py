@@ -160,8 +160,8 @@ def _with_progress(cases: Sequence[Case]) -> Iterator[Case]:
 
 def _check_writable(name: str | None) -> None:
     """Refuse a file that cannot be written before the time is spent."""
-    if name not in (None, '-') and not Path(str(name)).absolute().parent.is_dir():
-        raise LavaError('--json', name, 'a file in a folder that exists')
+    if name is not None and name != '-':
+        validation.file_to_write('--json', name)
 
 
 def _write_json(name: str, data: dict[str, Any]) -> None:

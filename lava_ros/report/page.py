@@ -26,6 +26,7 @@ from string import Template
 from typing import Any
 
 import lava_ros
+from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.export import placement_of
 from lava_ros.frames import Recording
@@ -63,6 +64,7 @@ def write_report(
     output = Path(output)
     if output.suffix.lower() not in ('.html', '.htm'):
         raise LavaError('output', str(output), 'a file whose name ends with .html')
+    validation.file_to_write('output', output)
     data = page(Recording(path), progress).encode()
     partial = output.with_name(f'.{output.name}.partial')
     try:

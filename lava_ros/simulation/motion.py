@@ -57,6 +57,10 @@ _MOST_REACH = 2.0
 #: Halvings of a displacement that would lift lava out of its reach, before it is given up.
 _HALVINGS = 8
 
+#: Slope of a sum over neighbours times its radius over the thickness; where the lava behind is
+#: twice as thick it is twice of that at the edge.
+_STEEPEST = 3.0
+
 #: Arrays of ``State`` that a motion reads and writes, those among them that there are.
 _ARRAYS = (
     'counts', 'clock', 'stage', 'ordered', 'ordered_base', 'ordered_drift', 'ordered_remainder',
@@ -126,14 +130,15 @@ def journey(
 
 
 @lru_cache
-def _guard_function(real: Any) -> Any:
+def _guard_function(real: Any, is_pushed: bool) -> Any:
     """Return the device function that keeps a displacement to what a step can answer for.
 
     A step is as long as the speeds at its start allow. Where the ground changes from one cell to
     the next a particle may be a thousand times as fast a stage later, and would be thrown across
     cells, or high up a wall at whose foot it has to stop. Its displacement in a step is at most
     ``_MOST_REACH`` times the one that steps are chosen for, and lifts it by no more than it is
-    thick (and its velocity can): the slope of a sum over neighbours is 1.5 h / l at most.
+    thick (and its velocity can). Where the slope of its surface alone moves it, ``is_pushed`` is
+    False, it is lifted by no more than that slope times the way either, ``_STEEPEST`` h / l.
     """
     vec2 = wp.types.vector(2, real)
     height_at = terrain_functions(real).height_at
@@ -146,15 +151,21 @@ def _guard_function(real: Any) -> Any:
         x: real,
         y: real,
         way: vec2,
-        rise: real,
+        radius: real,
+        thickness: real,
+        head: real,
     ) -> vec2:
         most = real(_MOST_REACH) * reach
         size = wp.length(way)
         kept = way
         if size > most:
             kept = way * (most / size)
-        top = height_at(elevation, terrain, x, y) + rise
+        here = height_at(elevation, terrain, x, y) + head
         for _ in range(_HALVINGS):
+            share = real(1.0)
+            if wp.static(not is_pushed):
+                share = wp.min(share, real(_STEEPEST) * wp.length(kept) / radius)
+            top = here + share * thickness
             if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top:
                 return kept
             kept *= real(0.5)
@@ -165,14 +176,20 @@ def _guard_function(real: Any) -> Any:
 
 @lru_cache
 def motion_function(
-    real: Any, effects: Effects, is_staged: bool, is_guarded: bool, bins: bool
+    real: Any,
+    effects: Effects,
+    is_staged: bool,
+    is_guarded: bool,
+    bins: bool,
+    has_surface: bool,
 ) -> Any:
     """Return the device function that moves the i-th of the ordered particles.
 
     Its arguments: the particle's number, its thickness [m] and velocity [m/s], and a journey.
     """
     vec2 = wp.types.vector(2, real)
-    guarded = _guard_function(real)
+    # differences and lateral stress push lava up slopes that its own surface does not
+    guarded = _guard_function(real, has_surface or effects.green or effects.helmholtz)
     place = bin_function(real, False)
     load, store = load4(real), store4(real)
     load_pair, store_pair = load2(real), store2(real)
@@ -223,11 +240,12 @@ def motion_function(
                         dx += short * start.x
                         dy += short * start.y
         if wp.static(is_guarded):
-            rise = f[0]
+            head = real(0.0)
             if wp.static(effects.inertia):
-                rise += (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * real(m.constants.gravity))
+                head = (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * real(m.constants.gravity))
             way = guarded(
-                m.elevation, m.terrain, real(m.constants.reach), x, y, vec2(dx, dy), rise
+                m.elevation, m.terrain, real(m.constants.reach), x, y, vec2(dx, dy),
+                real(m.constants.radius), f[0], head,
             )
             dx = way[0]
             dy = way[1]
@@ -278,7 +296,8 @@ def motion_function(
 def motion_of(state: State) -> Any:
     """The device function ``motion_function`` for the particles of a state."""
     return motion_function(
-        state.real, state.effects, state.is_staged, state.is_guarded, state.bins_in_motion
+        state.real, state.effects, state.is_staged, state.is_guarded, state.bins_in_motion,
+        state.has_surface,
     )
 
 

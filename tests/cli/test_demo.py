@@ -90,6 +90,19 @@ def test_what_no_demo_made_is_not_touched(
     assert len(list((tmp_path / 'mine').iterdir())) == 4
 
 
+def test_what_cannot_be_written_is_refused_before_anything_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A result for a folder that is missing is named at once, and an earlier demo stays."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'lava_demo').mkdir()
+    (tmp_path / 'lava_demo/demo.json').write_text('{}')
+    words = ['demo', '--output', 'lava_demo', '--json', 'none/out.json']
+    assert cli.main(words) == 2
+    assert '--json is' in capsys.readouterr().err
+    assert (tmp_path / 'lava_demo/demo.json').exists()
+
+
 def test_a_scene_that_topics_cannot_carry(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -93,7 +93,13 @@ def test_bench_effects_writes_its_table(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    'words', [('--device', 'cuda:77'), ('--repetitions', '0'), ('--output', 'none/a.csv')]
+    'words',
+    [
+        ('--device', 'cuda:77'),
+        ('--repetitions', '0'),
+        ('--output', 'none/a.csv'),
+        ('--json', '.'),
+    ],
 )
 def test_what_cannot_be_used_is_refused(words, capsys):
     """An argument that is not usable is named before anything is measured."""

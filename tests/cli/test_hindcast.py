@@ -136,6 +136,17 @@ def test_wrong_case_is_refused_in_a_sentence(
     assert not (tmp_path / 'out').exists()
 
 
+@pytest.mark.parametrize('command', ['hindcast', 'calibrate'])
+def test_what_cannot_be_written_is_refused_before_the_flow(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A file in a folder that is missing is named at once: nothing has run."""
+    words = [command, str(write_case(tmp_path / 'valley')), '-o', str(tmp_path / 'out')]
+    assert main([*words, '--json', str(tmp_path / 'none/a.json')]) == 2
+    assert capsys.readouterr().err.startswith(f'lava {command}: --json is ')
+    assert not list((tmp_path / 'out').iterdir())
+
+
 def test_folder_of_something_else_is_left_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

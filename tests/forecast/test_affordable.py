@@ -244,6 +244,10 @@ def test_the_command_says_what_is_left_out(monkeypatch, tmp_path, capsys):
     told = capsys.readouterr().out
     assert 'effect green off: what this spacing calls for is too dear' in told
     assert json.loads(path.read_text())['forced'] == {'green': False}
+    assert cli.main([*words[:-1], str(tmp_path / 'none/plan.json')]) == 2
+    told = capsys.readouterr()
+    assert '--json' in told.err
+    assert 'pilot' not in told.out
 
 
 def test_refinements_between_presets_have_their_accuracy():

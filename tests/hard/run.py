@@ -38,7 +38,9 @@ import warp as wp
 from hard.invariants import Violation
 from hard.play import KEPT, Outcome, play
 from hard.scenes import FAMILIES, SCENES
+from lava_ros import validation
 from lava_ros.cli.progress import Progress
+from lava_ros.errors import LavaError
 from lava_ros.simulation.threads import use_threads
 from lava_ros.verification.measure import file_stem, machine_name
 
@@ -96,6 +98,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
                         'hard_as_published_cpu.csv there, or of another device')
     parser.add_argument('--json', type=Path, metavar='FILE', help='add every outcome to it')
     options = parser.parse_args(arguments)
+    try:
+        _check_outputs(options.csv, options.json)
+    except LavaError as error:
+        parser.error(str(error))
     # a process is as much as a core does
     use_threads(1)
     names = [name for name in SCENES if _is_asked(name, options.scene)]
@@ -104,6 +110,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
         presets = [PUBLISHED]
     devices = options.device or [str(device) for device in wp.get_devices()]
     return max(_run_on(device, options, names, presets) for device in devices)
+
+
+def _check_outputs(folder: Path | None, file: Path | None) -> None:
+    """Make the folder, and refuse what cannot be written before the time is spent."""
+    if folder is not None:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise LavaError('--csv', str(folder), f'a folder to write to ({error})') from error
+        validation.file_to_write('--csv', folder / 'hard_cpu.csv')
+    if file is not None:
+        validation.file_to_write('--json', file)
+        try:
+            _known(file)
+        except ValueError as error:
+            raise LavaError('--json', str(file), f'a file of outcomes ({error})') from error
+
+
+def _known(file: Path) -> list[dict[str, object]]:
+    """The outcomes that are in a file already."""
+    known = json.loads(file.read_text(encoding='utf-8')) if file.exists() else []
+    if not isinstance(known, list):
+        raise ValueError('not a list')
+    return known
 
 
 def _run_on(
@@ -136,9 +166,8 @@ def _run_on(
                 path = options.csv / f'{name}_{file_stem(device)}.csv'
                 write_csv(path, items, device)
     if options.json:
-        known = json.loads(options.json.read_text()) if options.json.exists() else []
-        known += [_plain(item, device) for item in outcomes]
-        options.json.write_text(json.dumps(known, indent=1))
+        known = [*_known(options.json), *(_plain(item, device) for item in outcomes)]
+        options.json.write_text(json.dumps(known, indent=1), encoding='utf-8')
     return int(bool(missing) or any(item.verdict != 'holds' for item in kept))
 
 

@@ -61,6 +61,20 @@ SOLVER = 'lava_ros/simulation'
 
 SAFEGUARDS: tuple[Safeguard, ...] = (
     Safeguard(
+        'rise', 'thin lava thrown up a wall that it meets within a step',
+        f'{SOLVER}/motion.py',
+        'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top:',
+        'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top + real(1e30):',
+        'film_at_wall', 'fine', 'climb',
+    ),
+    Safeguard(
+        'push', 'lava lifted by all of its thickness where its surface is all but level',
+        f'{SOLVER}/motion.py',
+        'share = wp.min(share, real(_STEEPEST) * wp.length(kept) / radius)',
+        'share = wp.min(share, real(1e30) * wp.length(kept) / radius)',
+        'film_at_low_wall', 'draft', 'energy',
+    ),
+    Safeguard(
         'reach', 'lava thrown across the map by a cliff whose edge it creeps over within a step',
         f'{SOLVER}/motion.py',
         'if size > most:',
@@ -77,8 +91,8 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
     Safeguard(
         'due', 'lava that comes out of its vent late by as long as a step',
         f'{SOLVER}/timestep.py',
-        'counts[PARTICLES] < few',
-        'counts[PARTICLES] < 0',
+        'particles < pace.few',
+        'particles < 0',
         'vent_1e5_narrow', 'draft', 'halving',
     ),
     Safeguard(
@@ -100,13 +114,13 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
         f'{SOLVER}/flow.py',
         'rate += largest * bend * real(constants.share)',
         'rate += real(0.0) * bend',
-        'noise_level', 'standard', 'cost',
+        'canyon_level', 'standard', 'cost',
     ),
     Safeguard(
         'diffusion', 'steps beyond what is stable: noise that pushes lava apart',
         f'{SOLVER}/timestep.py',
-        'if wp.float64(rates[0]) * longest > one:',
-        'if wp.float64(rates[0]) * longest > wp.float64(1e30):',
+        'if diffusion * pace.longest > one:',
+        'if diffusion * pace.longest > wp.float64(1e30):',
         'thick_200_m', 'standard', 'energy',
     ),
     Safeguard(

@@ -62,19 +62,19 @@ def test_mirrored_and_rotated_scenes_give_mirrored_and_rotated_grids(device, kin
     effects = Effects(green=kind == 'green', helmholtz=kind == 'helmholtz')
     hills = smooth_hills()
     places = np.random.default_rng(9).uniform(-40.0, 40.0, (400, 2))
-    plain, sample = flow(hills, places, effects, precision='float64', device=device)
+    options = {'time': 40.0, 'precision': 'float64', 'device': device}
+    plain, sample = flow(hills, places, effects, **options)
     assert np.linalg.norm(sample.velocity, axis=1).max() > 1e-3
-    mirrored, _ = flow(
-        hills[:, ::-1], places * [-1.0, 1.0], effects, precision='float64', device=device
-    )
+    mirrored, _ = flow(hills[:, ::-1], places * [-1.0, 1.0], effects, **options)
     # rows run with y: a quarter turn anticlockwise takes (x, y) to (-y, x)
     turned, _ = flow(
         np.rot90(hills, -1),
         np.stack([-places[:, 1], places[:, 0]], axis=1),
         effects,
-        precision='float64',
-        device=device,
+        **options,
     )
+    # it has gone on its way
+    assert np.linalg.norm(np.sort(sample.position, axis=0) - np.sort(places, axis=0)) > 20.0
     scale = plain.thickness.max()
     assert np.abs(mirrored.thickness[:, ::-1] - plain.thickness).max() < 1e-6 * scale
     assert np.abs(np.rot90(turned.thickness) - plain.thickness).max() < 1e-6 * scale

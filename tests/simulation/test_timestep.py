@@ -58,7 +58,8 @@ def relaxed(
 
 def test_order_in_time_is_two():
     """Halving the step divides the error of RKL2 by four, of Euler by two."""
-    reference, _ = relaxed(0.0025)
+    # of second order its own error is a 25th of the smallest that is held against it
+    reference, _ = relaxed(0.01)
     for integrator, order in (('rkl2', 2.0), ('euler', 1.0)):
         steps = (0.2, 0.1, 0.05)
         errors = [

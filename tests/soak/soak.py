@@ -48,7 +48,9 @@ from typing import Any
 
 import numpy as np
 
+from lava_ros import validation
 from lava_ros.bag import BagReader
+from lava_ros.errors import LavaError
 from ros.conftest import Graph
 
 #: Time a grid may come late [s]: a step, a snapshot, a reset, and whoever shares the processor.
@@ -310,6 +312,11 @@ def main() -> int:
     parser.add_argument('--json', metavar='FILE', help='write the figures to a file as well')
     parser.add_argument('--keep', metavar='FOLDER', help='keep the bag in a new folder')
     args = parser.parse_args()
+    if args.json:
+        try:
+            validation.file_to_write('--json', args.json)
+        except LavaError as error:
+            parser.error(str(error))
     directory = Path(args.keep or tempfile.mkdtemp(prefix='lava_soak_')).absolute()
     directory.mkdir(parents=True, exist_ok=not args.keep)
     try:

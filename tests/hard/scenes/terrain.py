@@ -87,7 +87,7 @@ SCENES = (
     ),
     HardScene(
         'spike', 'a spike of 100 m in the way',
-        scene(_single(100.0), (TOP,)), 300.0, mirrored=True,
+        scene(_single(100.0), (TOP,)), 300.0, mirrored=True, mirrored_until=200.0,
         dry=lambda places: (np.abs(places) < 0.25 * CELL).all(axis=1),
     ),
     HardScene(
@@ -106,7 +106,7 @@ SCENES = (
     ),
     HardScene(
         'canyon_level', 'the same, thickness taken in plan',
-        scene(_canyon(50.0), (TOP,)), 150.0, 'level',
+        scene(_canyon(50.0), (TOP,)), 150.0, 'level', most_steps={'standard': 400},
     ),
     HardScene(
         'canyon_film', 'a few drops in the canyon, thickness taken in plan',
@@ -147,6 +147,20 @@ SCENES = (
         scene(lambda x, y: np.where(y > 0.0, 0.2 * y, 57.29 * np.clip(-y, 0.0, 20.0)), (TOP,),
               material(viscosity=100.0)),
         60.0, 'inertia', mirrored=True, dry=_behind,
+    ),
+    HardScene(
+        'film_at_wall', 'a fast film of 10 cm against a wall of 1000 m',
+        scene(lambda x, y: 0.01 * y + np.where(y < -20.0, 1000.0, 0.0), (),
+              material(viscosity=1.0)),
+        30.0, frames=6, lava=block(60.0, 40.0, 0.1, centre=(0.0, 20.0)), thickness=0.1,
+        mirrored=True, mirrored_until=20.0, dry=lambda places: places[:, 1] < -20.0,
+    ),
+    HardScene(
+        'film_at_low_wall', 'the same against a wall of 100 m',
+        scene(lambda x, y: 0.01 * y + np.where(y < -20.0, 100.0, 0.0), (),
+              material(viscosity=1.0)),
+        40.0, frames=16, lava=block(100.0, 40.0, 0.1, centre=(0.0, 20.0)), thickness=0.1,
+        mirrored=True, mirrored_until=20.0, dry=lambda places: places[:, 1] < -20.0,
     ),
     HardScene(
         'slope_89_degrees', 'a plane of 89 degrees everywhere', scene(plane(57.29), (TOP,)),
