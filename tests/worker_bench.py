@@ -22,7 +22,7 @@ import numpy as np
 from lava_ros.choice import decide, effects_for, HORIZON
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
-from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot, StepReport, VolumeBudget
 
 TERRAIN = Terrain(np.zeros((4, 5)), 10.0)
 VENT = Vent((25.0, 15.0), 2.0, name='one')
@@ -47,6 +47,9 @@ class KeepsTime:
         self.flawed = False
         self.is_compiled = threading.Event()
         self.is_compiled.set()
+        self.begun = 0
+        self.is_copied = threading.Event()
+        self.is_copied.set()
 
     @property
     def effects(self):
@@ -89,6 +92,15 @@ class KeepsTime:
             particle_count=0,
             steps=StepReport(1, 1, 1, 1.0, 'longest'),
         )
+
+    def begin_snapshot(self):
+        begun, self.begun = self.snapshot(), self.begun + 1
+
+        def finish():
+            assert self.is_copied.wait(30.0)
+            return begun
+
+        return PendingSnapshot(finish)
 
     def set_vents(self, vents):
         scene = Scene(self.scene.terrain, check_vents(vents, self.scene.terrain))

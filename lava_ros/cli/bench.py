@@ -29,6 +29,7 @@ from lava_ros.errors import LavaError
 BENCHMARKS = {
     'effects': 'the time of a step with each effect, and with all, over that of the bare step',
     'steps': 'steps, memory and snapshots from few particles to many, beside a plain step',
+    'publishing': 'steps while grids are taken ten times a second, and memory on a large map',
     'choice': 'twelve scenes with the effects they call for, and with all there are',
 }
 
@@ -48,10 +49,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         type=int,
         nargs='+',
         metavar='N',
-        help='effects, steps: particles, of steps one or several (default: by the device)',
+        help='effects, steps, publishing: particles, of steps several (default: by the device)',
     )
     parser.add_argument(
-        '--repetitions', type=int, default=5, metavar='N', help='effects, steps (default: 5)'
+        '--repetitions', type=int, default=5, metavar='N', help='not choice (default: 5)'
     )
     parser.add_argument(
         '--preset', default=presets.DEFAULT, metavar='NAME', help='choice (default: %(default)s)'
@@ -81,8 +82,8 @@ def run(args: argparse.Namespace) -> int:
     runs = int(validation.number('--runs', args.runs, at_least=2))
     for particles in args.particles or ():
         validation.number('--particles', particles, at_least=100, at_most=1e8)
-    if args.benchmark == 'effects' and len(args.particles or ()) > 1:
-        raise LavaError('--particles', args.particles, 'one number for effects')
+    if args.benchmark != 'steps' and len(args.particles or ()) > 1:
+        raise LavaError('--particles', args.particles, f'one number for {args.benchmark}')
     for name in ('output', 'json'):
         place = getattr(args, name)
         if place:
@@ -90,8 +91,8 @@ def run(args: argparse.Namespace) -> int:
     with Progress() as progress:
         if args.benchmark == 'effects':
             rows = _effects(args, device, repetitions, progress)
-        elif args.benchmark == 'steps':
-            rows = _steps(args, device, repetitions, progress)
+        elif args.benchmark in ('steps', 'publishing'):
+            rows = _rows(args, device, repetitions, progress)
         else:
             rows = _choice(device, args.preset, runs, progress)
     if args.output:
@@ -121,20 +122,21 @@ def _effects(
     return rows
 
 
-def _steps(
+def _rows(
     args: argparse.Namespace, device: str, repetitions: int, progress: Progress
 ) -> Sequence[Any]:
-    from lava_ros.bench.steps import measure
+    from lava_ros.bench import publishing, steps
 
-    rows = list(
-        measure(
-            device,
-            command=_command(args, device, repetitions),
-            particles=args.particles,
-            repetitions=repetitions,
-            on_progress=progress.show,
-        )
-    )
+    options: dict[str, Any] = {
+        'command': _command(args, device, repetitions),
+        'repetitions': repetitions,
+        'on_progress': progress.show,
+    }
+    if args.benchmark == 'steps':
+        rows = list(steps.measure(device, particles=args.particles, **options))
+    else:
+        particles = args.particles[0] if args.particles else None
+        rows = list(publishing.measure(device, particles=particles, **options))
     width = max(len(row.benchmark) for row in rows)
     print(f'{"":{width}}  particles     median        low       high')
     for row in rows:

@@ -106,3 +106,15 @@ class CommandQueue:
             self._by_kind.clear()
         for command in commands:
             command.future.cancel()
+
+
+def finish(
+    future: 'Future[Any]', error: Exception | None = None, *, result: Any = None
+) -> None:
+    """Give a future its result or its error, unless it has been cancelled."""
+    if not future.set_running_or_notify_cancel():
+        return
+    if error is None:
+        future.set_result(result)
+    else:
+        future.set_exception(error)

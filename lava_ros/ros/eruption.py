@@ -16,6 +16,8 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
+from itertools import count
+import threading
 from typing import NamedTuple, Protocol, TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +31,7 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 
 if TYPE_CHECKING:
     # The solver's package loads Warp; the worker's thread does that, not the importer.
-    from lava_ros.simulation.snapshot import Snapshot
+    from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot
 
 
 class SimulationError(Exception):
@@ -94,6 +96,9 @@ class SimulationLike(Protocol):
     def snapshot(self) -> 'Snapshot':
         """Show the state of the flow."""
 
+    def begin_snapshot(self) -> 'PendingSnapshot':
+        """Begin to show it as it is now, whatever comes before the result is there."""
+
     def set_vents(self, vents: Iterable[Vent]) -> None:
         """Replace the vents."""
 
@@ -140,6 +145,8 @@ class Eruption:
         self._make_simulation = make_simulation
         self._lava = lava or Lava()
         self._is_changed = False
+        self._numbers, self._latest_number = count(), -1
+        self._taking = threading.Lock()
         self.simulation: SimulationLike | None = None
         self.scene: Scene | None = None
         self.origin: Origin | None = None
@@ -194,11 +201,11 @@ class Eruption:
         before = self.simulation.time
         reached = self.simulation.advance(until, wall_limit=wall_limit)
         self._is_changed |= reached > before
-        count = self.simulation.particle_count
-        if count > self.max_particles:
+        particles = self.simulation.particle_count
+        if particles > self.max_particles:
             self.renew_snapshot()
             raise SimulationError(
-                f'{count} particles, expected at most {self.max_particles} (max_particles); '
+                f'{particles} particles, expected at most {self.max_particles} (max_particles); '
                 'a larger spacing needs fewer'
             )
         return reached
@@ -267,13 +274,32 @@ class Eruption:
         """
         if self.simulation is None or not self._is_changed:
             return False
-        snapshot = self.simulation.snapshot()
+        number = next(self._numbers)
+        self._take(self.simulation.snapshot(), number)
+        self._is_changed = False
+        return True
+
+    def begin_snapshot(self) -> Callable[[], None] | None:
+        """Begin to bring ``latest`` up to date, if anything has changed.
+
+        Returns:
+            What does the rest, in any thread and while the simulation goes on. It raises what
+            ``renew_snapshot`` does.
+        """
+        if self.simulation is None or not self._is_changed:
+            return None
+        number, pending = next(self._numbers), self.simulation.begin_snapshot()
+        self._is_changed = False
+        return lambda: self._take(pending.result(), number)
+
+    def _take(self, snapshot: 'Snapshot', number: int) -> None:
         flaw = snapshot.flaw()
         if flaw:
             raise SimulationError(f'the flow has become unusable: {flaw}')
-        self.latest = snapshot
-        self._is_changed = False
-        return True
+        with self._taking:
+            # One that was begun later may have been there sooner.
+            if number > self._latest_number:
+                self.latest, self._latest_number = snapshot, number
 
     def _note_change(self) -> None:
         assert self.simulation is not None

@@ -17,15 +17,17 @@
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import partial
 import queue
 import threading
 import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
-from lava_ros.ros.commands import Command, CommandQueue
+from lava_ros.ros.commands import Command, CommandQueue, finish
 from lava_ros.ros.eruption import Eruption, Fork, Origin, SimulationLike
 from lava_ros.ros.failure import failure_text
+from lava_ros.ros.finisher import Finisher
 from lava_ros.ros.speed import SpeedMeter
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import check_vents, Lava, Scene, Terrain, Vent
@@ -84,7 +86,7 @@ class SimulationWorker:
             end_time: Simulated time at which to stop [s], None for never.
             paused: Whether to hold simulated time at the start.
             max_particles: Most particles, beyond which the simulation stops.
-            on_snapshot: Called in the thread when ``latest`` has changed.
+            on_snapshot: Called when ``latest`` has changed, in the thread or in another.
         """
         self._make_simulation = make_simulation
         self._eruption = Eruption(self._make, lava=lava, max_particles=max_particles)
@@ -95,6 +97,7 @@ class SimulationWorker:
         self._on_snapshot = on_snapshot
         self._waiting_vents: tuple[tuple[Vent, ...], Future[None]] | None = None
         self._snapshot_asked = False
+        self._finisher = Finisher()
         self._last_clock = 0.0
         self._target = 0.0
         self._step_target: float | None = None
@@ -245,10 +248,13 @@ class SimulationWorker:
         return self._put(lambda: self._begin_step(duration))
 
     def request_snapshot(self) -> None:
-        """Ask for ``latest`` to be renewed when the slice at hand is done, if anything changed."""
+        """Ask for ``latest`` to be renewed when the slice at hand is done, if anything changed.
+
+        It is finished in a thread of its own while the simulation goes on, one after the other.
+        """
         if not self._snapshot_asked:
             self._snapshot_asked = True
-            self._put(self._renew_snapshot, kind='snapshot')
+            self._put(self._begin_snapshot, kind='snapshot')
 
     def _put(
         self, action: Callable[[], Any], future: 'Future[Any] | None' = None, *, kind: str = ''
@@ -266,6 +272,7 @@ class SimulationWorker:
                 self._guard(self._update_status)
         self._status = replace(self._status, state=WorkerState.STOPPED, speed=0.0)
         self._cancel_commands()
+        self._finisher.close()
         # The device's memory is given back, whoever still holds the worker.
         self._eruption.fail()
 
@@ -292,14 +299,14 @@ class SimulationWorker:
         try:
             result = command.action()
         except LavaError as error:
-            _finish(future, error)
+            finish(future, error)
         except Exception as error:
             self._fail(error)
-            _finish(future, error)
+            finish(future, error)
         else:
             waits = self._waiting_vents is not None and self._waiting_vents[1] is future
             if not waits:
-                _finish(future, result=result)
+                finish(future, result=result)
         self._guard(self._update_status)
 
     def _guard(self, action: Callable[[], None]) -> None:
@@ -365,7 +372,7 @@ class SimulationWorker:
         if state is not WorkerState.RUNNING and self._step_target is None:
             self._speed.clear()
         # What is at rest is shown as it is by the time its state says so.
-        is_new = not self._is_moving() and self._eruption.renew_snapshot()
+        is_new = not self._is_moving() and self._is_snapshot_new()
         self._status = WorkerStatus(
             state=state,
             error=self._error,
@@ -385,9 +392,32 @@ class SimulationWorker:
         self._speed.note(self._target)
 
     def _renew_snapshot(self) -> None:
-        self._snapshot_asked = False
-        if self._eruption.renew_snapshot():
+        if self._is_snapshot_new():
             self._on_snapshot()
+
+    def _is_snapshot_new(self) -> bool:
+        """Bring ``latest`` up to date now, and say whether it may not have been."""
+        was_under_way = self._finisher.wait()
+        return self._eruption.renew_snapshot() or was_under_way
+
+    def _begin_snapshot(self) -> None:
+        if self._finisher.is_busy:
+            self._finisher.afterwards(partial(self._put, self._begin_snapshot, kind='snapshot'))
+            return
+        self._snapshot_asked = False
+        rest = self._eruption.begin_snapshot()
+        if rest is not None:
+            fail = partial(self._fail_later, self._eruption.simulation)
+            self._finisher.begin(rest, then=self._on_snapshot, on_error=fail)
+
+    def _fail_later(self, simulation: SimulationLike | None, error: Exception) -> None:
+        """Fail for a simulation, unless there is another one by then."""
+
+        def fail() -> None:
+            if self._eruption.simulation is simulation:
+                self._fail(error)
+
+        self._put(fail, kind='failure')
 
     def _go_on_with(
         self, make_simulation: Callable[[], SimulationLike], scene: Scene, origin: Origin | None
@@ -436,7 +466,7 @@ class SimulationWorker:
         if self._waiting_vents is not None:
             future = self._waiting_vents[1]
             self._waiting_vents = None
-            _finish(future, error)
+            finish(future, error)
 
     def _set_vents(self, vents: tuple[Vent, ...], future: 'Future[None]') -> None:
         if self._eruption.scene is None:
@@ -465,14 +495,3 @@ class SimulationWorker:
         if self._eruption.simulation is None or not self._paused:
             raise LavaError('step', self._status.state.value, 'a paused simulation')
         self._step_target = self._eruption.time + duration
-
-
-def _finish(
-    future: 'Future[Any]', error: Exception | None = None, *, result: Any = None
-) -> None:
-    if not future.set_running_or_notify_cancel():
-        return
-    if error is None:
-        future.set_result(result)
-    else:
-        future.set_exception(error)

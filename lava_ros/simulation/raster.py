@@ -24,14 +24,12 @@ from functools import lru_cache
 import math
 from typing import Any
 
-import numpy as np
 import warp as wp
 
 from lava_ros.simulation.compiled import counted_from, load4
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import State
-from lava_ros.simulation.streams import read
 from lava_ros.simulation.terrain import StaggeredTerrain, TerrainFrame
 from lava_ros.simulation.threads import launch, LEAST_SUMS
 
@@ -54,6 +52,7 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
         terrain: TerrainFrame,
+        known: wp.array2d(dtype=wp.uint8),
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
@@ -62,6 +61,10 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
         """Sum V W over the cover sum (V / h) W, and the V W-weighted mean of T, at a centre."""
         n, j = wp.tid()
         i = counted_from(first, n)
+        if known[i, j] == wp.uint8(0):
+            thickness[i, j] = wp.float32(wp.nan)
+            temperature[i, j] = wp.float32(wp.nan)
+            return
         x = real(terrain.x0 + (wp.float64(j) + wp.float64(0.5)) * terrain.resolution)
         y = real(terrain.y0 + (wp.float64(i) + wp.float64(0.5)) * terrain.resolution)
         reach = real(radius)
@@ -98,10 +101,24 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
 
 
 class Raster:
-    """Output grids on a device, one value for each cell of a terrain."""
+    """Output grids on a device, one value for each cell of a terrain.
+
+    Attributes:
+        grids: What ``fill`` fills, and one more grid for what has frozen where there is
+            solidification, float32, shape [2 or 3, rows, columns].
+        thickness: The first of them [m], NaN where the terrain has no data.
+        temperature: The second [K], NaN where it is dry too.
+    """
 
     def __init__(
-        self, terrain: StaggeredTerrain, radius: float, kernel: str, ratio: float, device: Any
+        self,
+        terrain: StaggeredTerrain,
+        radius: float,
+        kernel: str,
+        ratio: float,
+        device: Any,
+        *,
+        has_frozen: bool = False,
     ) -> None:
         """Allocate the grids.
 
@@ -111,18 +128,19 @@ class Raster:
             kernel: Name of the smoothing kernel.
             ratio: Kernel radius over particle spacing.
             device: Warp device.
+            has_frozen: Whether there is a grid for what has frozen.
         """
-        shape = (terrain.frame.rows, terrain.frame.columns)
         self._terrain = terrain
         self._radius = radius
         self._choice = (kernel, ratio)
         self._device = device
-        self._thickness = wp.zeros(shape, dtype=wp.float32, device=device)
-        self._temperature = wp.zeros(shape, dtype=wp.float32, device=device)
+        shape = (3 if has_frozen else 2, terrain.frame.rows, terrain.frame.columns)
+        self.grids = wp.zeros(shape, dtype=wp.float32, device=device)
+        self.thickness, self.temperature = self.grids[0], self.grids[1]
 
-    def fill(self, state: State, neighbors: NeighborGrid) -> tuple[np.ndarray, np.ndarray]:
-        """Thickness [m] and temperature [K, NaN where dry] from the ordered particles' flow."""
-        rows, columns = self._thickness.shape
+    def fill(self, state: State, neighbors: NeighborGrid) -> None:
+        """Fill thickness and temperature from the ordered particles' flow."""
+        rows, columns = self.thickness.shape
         launch(
             _kernel(state.real, *self._choice),
             rows,
@@ -132,11 +150,11 @@ class Raster:
                 neighbors.starts,
                 neighbors.frame,
                 self._terrain.frame,
+                self._terrain.known,
                 self._radius,
             ],
-            outputs=[self._thickness, self._temperature],
+            outputs=[self.thickness, self.temperature],
             device=self._device,
             least=math.ceil(LEAST_SUMS / columns),
             columns=columns,
         )
-        return read(self._thickness), read(self._temperature)

@@ -14,6 +14,7 @@
 
 """The simulation of a scene: algorithm 1 of the paper with a step that follows the limits."""
 
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
 import math
@@ -30,14 +31,14 @@ from lava_ros.choice import decide, Decision, effects_for, HORIZON
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
-from lava_ros.simulation import timestep
 from lava_ros.simulation.automatic import device_of, formulated, resolved_accuracy
+from lava_ros.simulation.census import budget_of, Census, moment_of, snapshot_of
 from lava_ros.simulation.checkpoint import put_back, take
 from lava_ros.simulation.effects import after_step
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.particles import Particles, ParticleSample, rows_of
 from lava_ros.simulation.raster import Raster
-from lava_ros.simulation.snapshot import Snapshot, VolumeBudget
+from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot, VolumeBudget
 from lava_ros.simulation.stage import Stage
 from lava_ros.simulation.state import (
     BEYOND,
@@ -50,7 +51,7 @@ from lava_ros.simulation.state import (
     TARGET,
     TIME,
 )
-from lava_ros.simulation.streams import read
+from lava_ros.simulation.streams import capture_lock, read, Reader
 from lava_ros.simulation.terrain import StaggeredTerrain
 from lava_ros.simulation.vents import vent_set, VentSet
 
@@ -59,6 +60,9 @@ _FIRST_CAPACITY = 4096
 
 #: Stages between two looks at the clock: on CUDA they are one graph launch.
 _GRAPH_STAGES = 16
+
+#: Launches under way at a time, by whether it is a GPU, as long as the target is far enough away.
+_UNDER_WAY = {True: 2, False: 1}
 
 
 class Simulation:
@@ -111,6 +115,7 @@ class Simulation:
         self.particle_volume = float(np.float32(spacing * spacing * thickness))
         self.radius = self.accuracy.ratio * spacing
         self._state = State(_FIRST_CAPACITY, self.effects, self.accuracy, self._device)
+        self._census, self._reader = Census(), Reader(self._device)
         self._emitted_before = 0.0
         self._most_particles = 0
         self._graph: Any = None
@@ -171,16 +176,30 @@ class Simulation:
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
         self._state.write_clock(TARGET, until)
         clock, counts = self._state.look()
+        # a GPU has the next stages to do while the host looks at what came of the last ones
+        under_way: deque[Any] = deque()
+        gain = math.inf
         while clock[TIME] < until and wall_clock.monotonic() < deadline:
-            self._run_stages()
-            yield
-            clock, counts = self._state.look()
+            is_free = len(under_way) < _UNDER_WAY[self._device.is_cuda]
+            if not under_way or (is_free and clock[TIME] + len(under_way) * gain < until):
+                self._run_stages()
+                under_way.append(self._state.begin_look())
+                yield
+                continue
+            former = clock[TIME]
+            clock, counts = under_way.popleft()()
+            gain = clock[TIME] - former
             count = int(counts[PARTICLES] + counts[NEWCOMERS])
             self._most_particles = max(self._most_particles, count)
-            if self._state.make_room(counts):
-                self._graph = None
-            if counts[BEYOND]:
-                self._cover()
+            if self._state.needs_room(counts) or counts[BEYOND]:
+                while under_way:
+                    clock, counts = under_way.popleft()()
+                if self._state.make_room(counts):
+                    self._graph = None
+                if counts[BEYOND]:
+                    self._cover()
+        while under_way:
+            clock, counts = under_way.popleft()()
         # the stages that the step at hand still needs, and no other
         self._state.write_clock(TARGET, clock[TIME])
         while counts[STAGE]:
@@ -191,41 +210,23 @@ class Simulation:
     def snapshot(self) -> Snapshot:
         """Put the flow on the terrain's cells."""
         self._sort()
-        self._stage.compute_flow()
-        thickness, temperature = self._raster.fill(self._state, self._neighbors)
-        frozen = None
-        if self.effects.solidification:
-            frozen = self._after_step['solidification'].thickness().astype(np.float32)
-            thickness += frozen
-            temperature[np.isnan(temperature) & (frozen > 0.0)] = self.scene.lava.solidus
-        unknown = ~self.scene.terrain.has_data
-        thickness[unknown] = np.nan
-        temperature[unknown] = np.nan
-        if frozen is not None:
-            frozen[unknown] = np.nan
-        return Snapshot(
-            time=self.time,
-            terrain=self.scene.terrain,
-            thickness=thickness,
-            temperature=temperature,
-            budget=self.budget(),
-            particle_count=self.particle_count,
-            steps=timestep.step_report(self._state),
-            frozen=frozen,
-        )
+        return self._show(beside=False).result()
+
+    def begin_snapshot(self) -> PendingSnapshot:
+        """Begin to put the flow of now on the terrain's cells.
+
+        A GPU copies it to the host while it takes the next steps; whoever asks for the result does
+        what is left to do there.
+        """
+        self._order()
+        return self._show(beside=True)
 
     def budget(self) -> VolumeBudget:
         """Account for the volume: emitted by the integral of Q(t), held by summing particles."""
         self._settle()
-        time = self.time
-        pending = float(self._vents.pending(time).sum())
-        return VolumeBudget(
-            emitted=self._emitted_before + self._vents.emitted(time),
-            held=float(self._state.read_particles()[:, 2].sum()) + pending,
-            pending=pending,
-            left=float(read(self._state.left)[0]),
-            frozen=float(read(self._state.frozen)[0]) if self.effects.solidification else 0.0,
-        )
+        self._reader.before_writing()
+        numbers = read(self._census.take(self._state, self._vents))
+        return budget_of(moment_of(numbers, self._state), self._vents, self._emitted_before)
 
     def sample(self) -> ParticleSample:
         """Read the particles back, with the thickness and velocity they have now."""
@@ -377,7 +378,12 @@ class Simulation:
         self._neighbors = NeighborGrid(self._terrain, self.radius, self._device)
         output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
         self._raster = Raster(
-            self._terrain, output_radius, accuracy.kernel, accuracy.ratio, self._device
+            self._terrain,
+            output_radius,
+            accuracy.kernel,
+            accuracy.ratio,
+            self._device,
+            has_frozen=self.effects.solidification,
         )
         former = self._after_step
         self._after_step = {
@@ -432,7 +438,7 @@ class Simulation:
             return
         if self._graph is None:
             self._stage.take(self.scene, self._vents)
-            with wp.ScopedCapture(device=self._device) as capture:
+            with capture_lock, wp.ScopedCapture(device=self._device) as capture:
                 for _ in range(_GRAPH_STAGES):
                     self._stage.take(self.scene, self._vents)
             self._graph = capture.graph
@@ -458,6 +464,22 @@ class Simulation:
 
     def _sort(self) -> None:
         """Bring the particles into the order of their cells and drop those that have left."""
-        self._neighbors.rebuild(self._state)
+        self._order()
         self._neighbors.refuse_crowds()
+
+    def _order(self) -> None:
+        self._neighbors.rebuild(self._state)
         self._state.take_order()
+
+    def _show(self, *, beside: bool) -> PendingSnapshot:
+        """Put the ordered particles on the terrain's cells, copied while others go on or now."""
+        state, raster = self._state, self._raster
+        self._stage.compute_flow()
+        self._reader.before_writing()
+        raster.fill(state, self._neighbors)
+        if self.effects.solidification:
+            self._after_step['solidification'].show(raster.grids)
+        numbers = self._census.take(state, self._vents)
+        copies = self._reader.begin([raster.grids, numbers], beside=beside)
+        terrain, vents, before = self.scene.terrain, self._vents, self._emitted_before
+        return PendingSnapshot(lambda: snapshot_of(copies(), terrain, state, vents, before))

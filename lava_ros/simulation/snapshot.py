@@ -14,6 +14,7 @@
 
 """What a simulation shows of itself: plain numpy data, free of device arrays."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
 
@@ -110,3 +111,20 @@ class Snapshot:
         if bad:
             return f'temperature is not a number of kelvin in {bad} cells with lava'
         return ''
+
+
+class PendingSnapshot:
+    """A snapshot of a moment that has passed, on its way from the device."""
+
+    def __init__(self, finish: Callable[[], Snapshot]) -> None:
+        """Take what waits for it and makes it, called once."""
+        self._finish: Callable[[], Snapshot] | None = finish
+        self._snapshot: Snapshot | None = None
+
+    def result(self) -> Snapshot:
+        """Wait for it; in any thread, but in one of them only."""
+        if self._finish is not None:
+            self._snapshot = self._finish()
+            self._finish = None
+        assert self._snapshot is not None
+        return self._snapshot

@@ -14,7 +14,7 @@
 
 """The arrays of a simulation on its device."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 import math
 from typing import Any
 
@@ -26,7 +26,7 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 from lava_ros.simulation.memory import forget_failure
-from lava_ros.simulation.streams import read
+from lava_ros.simulation.streams import Look, read
 
 # Places in State.clock.
 TIME = wp.constant(0)
@@ -161,11 +161,7 @@ class State:
         self.device = device
         self.clock = wp.zeros(5, dtype=wp.float64, device=device)
         self.counts = wp.zeros(11, dtype=wp.int32, device=device)
-        pinned = device.is_cuda
-        self._seen = (
-            wp.zeros(5, dtype=wp.float64, device='cpu', pinned=pinned),
-            wp.zeros(11, dtype=wp.int32, device='cpu', pinned=pinned),
-        )
+        self._looks = [Look((self.clock, self.counts)) for _ in range(3)]
         self.ticket = wp.zeros(1, dtype=wp.int32, device=device)
         self.rates = wp.zeros(2, dtype=self.real, device=device)
         self.stage = wp.zeros(4, dtype=self.real, device=device)
@@ -250,12 +246,16 @@ class State:
 
     def look(self) -> tuple[np.ndarray, np.ndarray]:
         """Copies of ``clock`` and ``counts``, when all that is launched on this stream is done."""
-        for seen, array in zip(self._seen, (self.clock, self.counts), strict=True):
-            wp.copy(seen, array)
-        if self.device.is_cuda:
-            wp.synchronize_stream(wp.get_stream(self.device))
-        clock, counts = (seen.numpy().copy() for seen in self._seen)
-        return clock, counts
+        return self._looks[0].begin()()
+
+    def begin_look(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
+        """Begin to copy them as they are when all that is launched so far is done.
+
+        Returns:
+            What waits for the copies and gives them, before a third is begun.
+        """
+        self._looks[1:] = reversed(self._looks[1:])
+        return self._looks[1].begin()
 
     def make_room(self, counts: np.ndarray) -> bool:
         """Make more room for particles when it is almost full or a vent found none.
@@ -266,11 +266,16 @@ class State:
         Returns:
             Whether it has: the arrays are others then.
         """
+        if not self.needs_room(counts):
+            return False
         count = int(counts[PARTICLES] + counts[NEWCOMERS])
-        if counts[FULL] or count > FULLEST * self.capacity:
-            self.grow(max(room_for(count), room_for(self.capacity)))
-            return True
-        return False
+        self.grow(max(room_for(count), room_for(self.capacity)))
+        return True
+
+    def needs_room(self, counts: np.ndarray) -> bool:
+        """Whether ``make_room`` would make more."""
+        count = int(counts[PARTICLES] + counts[NEWCOMERS])
+        return bool(counts[FULL] or count > FULLEST * self.capacity)
 
     def grow(self, capacity: int) -> None:
         """Make room for ``capacity`` particles and keep those there are.

@@ -258,6 +258,7 @@ class VentSet:
         since: Time from which they emit [s].
         due: Times at which the next particles of each vent come out, and those after them [s],
             float64, shape [vents, 2].
+        released: Particles that have come out of each vent, shape [vents], at least one.
     """
 
     def __init__(
@@ -318,7 +319,7 @@ class VentSet:
         self._times = wp.array(times, dtype=wp.float64, device=device)
         self._fluxes = wp.array(fluxes, dtype=wp.float64, device=device)
         self._volumes = wp.array(volumes, dtype=wp.float64, device=device)
-        self._released = wp.zeros(max(1, len(self.vents)), dtype=wp.int32, device=device)
+        self.released = wp.zeros(max(1, len(self.vents)), dtype=wp.int32, device=device)
         self.due = wp.zeros(len(self.vents), dtype=wp.vec2d, device=device)
         self._foresee()
 
@@ -349,7 +350,7 @@ class VentSet:
                 state.capacity,
             ],
             outputs=[
-                self._released,
+                self.released,
                 self.due,
                 state.counts,
                 state.particle,
@@ -372,7 +373,7 @@ class VentSet:
                 self._fluxes,
                 self._volumes,
                 self._particle_volume,
-                self._released,
+                self.released,
             ],
             outputs=[self.due],
             device=self._device,
@@ -380,22 +381,29 @@ class VentSet:
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy what is not in the vents themselves: their conduits, and what has come out."""
-        released = read(self._released)[: len(self.vents)]
+        released = read(self.released)[: len(self.vents)]
         return {'carried': self._carried.copy(), 'released': released}
 
     def load(self, released: np.ndarray) -> None:
         """Go on after as many particles as ``save`` has found released."""
         if len(released):
-            self._released.assign(released)
+            self.released.assign(released)
             self._foresee()
 
     def emitted(self, time: float) -> float:
         """Volume [m3] the vents have given from ``since`` to ``time``."""
         return sum(vent.volume_between(self.since, time) for vent in self.vents)
 
-    def pending(self, time: float) -> np.ndarray:
-        """Volume [m3] of each vent that is emitted but not yet a particle."""
-        released = read(self._released)[: len(self.vents)]
+    def pending(self, time: float, released: np.ndarray | None = None) -> np.ndarray:
+        """Volume [m3] of each vent that is emitted but not yet a particle.
+
+        Args:
+            time: Simulated time [s].
+            released: A copy of ``released`` as it was then, read when left out.
+        """
+        if released is None:
+            released = read(self.released)
+        released = released[: len(self.vents)]
         given = [vent.volume_between(self.since, time) for vent in self.vents]
         return self._carried + given - released * self._particle_volume
 

@@ -77,7 +77,7 @@ def test_the_examples_of_the_page_parse(capsys):
         (('replay', 'bag', '--rte', '2'), "lava replay: '--rte' is not known here, '--rate' is"),
         (('info', 'a', 'b'), "lava info: 'b' is not known here"),
         (('plot', 'bag'), 'lava plot: -o/--output is missing'),
-        (('bench', 'speed'), "'speed' is not known; there are effects, steps, choice"),
+        (('bench', 'speed'), "'speed' is not known; there are effects, steps, publishing, choice"),
         (('bench', 'effects', '--runs', '1.5'), "--runs: '1.5' is not a whole number"),
         (('completion', 'fish'), "'fish' is not known; there are bash, zsh"),
         (('node', 'scene.yaml'), "lava node: 'scene.yaml' is not known here"),

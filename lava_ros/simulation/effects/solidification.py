@@ -183,6 +183,28 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     return freeze, raise_ground
 
 
+@wp.kernel(module='unique', enable_backward=False)
+def _show(
+    deposit: wp.array2d(dtype=wp.int64),
+    known: wp.array2d(dtype=wp.uint8),
+    solidus: wp.float32,
+    thickness: wp.array2d(dtype=wp.float32),
+    temperature: wp.array2d(dtype=wp.float32),
+    frozen: wp.array2d(dtype=wp.float32),
+):
+    """Add what has frozen to a map; where all has, it has the solidus."""
+    i, j = wp.tid()
+    if known[i, j] == wp.uint8(0):
+        frozen[i, j] = wp.float32(wp.nan)
+        return
+    parts = wp.float64(deposit[i + 1, j + 1])
+    solid = wp.float32(parts * wp.float64(wp.static(_PART)))
+    frozen[i, j] = solid
+    thickness[i, j] = thickness[i, j] + solid
+    if solid > wp.float32(0.0) and wp.isnan(temperature[i, j]):
+        temperature[i, j] = solidus
+
+
 class AfterStep:
     """The frozen lava on a terrain, and the pass that adds to it."""
 
@@ -230,6 +252,21 @@ class AfterStep:
             ],
             outputs=[state.particle, self._terrain.height],
             device=state.device,
+        )
+
+    def show(self, grids: Any) -> None:
+        """Add the frozen lava to a map.
+
+        Args:
+            grids: Thickness [m] and temperature [K] of the fluid lava, to be made those of all,
+                and the thickness of what has frozen [m], to be filled; float32, on the device.
+        """
+        wp.launch(
+            _show,
+            dim=grids.shape[1:],
+            inputs=[self._deposit, self._terrain.known, self._solidus],
+            outputs=[grids[0], grids[1], grids[2]],
+            device=grids.device,
         )
 
     def thickness(self) -> np.ndarray:
