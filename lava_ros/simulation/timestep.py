@@ -31,7 +31,6 @@ from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
 from lava_ros.simulation.heat import freezing_step
-from lava_ros.simulation.snapshot import StepReport
 from lava_ros.simulation.state import (
     ADVECTION,
     BEFORE_FORMER,
@@ -258,18 +257,6 @@ def longest_step(
         fastest = max((math.hypot(*vent.velocity) for vent in scene.vents), default=0.0)
         longest = min(longest, reach / max(fastest, 1e-9))
     return longest
-
-
-def step_report(state: State) -> StepReport:
-    """Read back how the latest step was chosen, and what it cost so far."""
-    clock, counts = state.look()
-    return StepReport(
-        count=int(counts[STEPS]),
-        evaluations=int(counts[EVALUATIONS]),
-        stages=int(counts[STAGES]),
-        length=float(clock[FULL_STEP]),
-        limit=LIMITS[int(counts[LIMIT])],
-    )
 
 
 def pace_of(state: State, longest: float, accuracy: Accuracy, due: Any) -> Any:
