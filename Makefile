@@ -27,7 +27,7 @@ forecast-demo: $(STAMP)  ## Open a vent, live in ROS 2, and see an outline narro
 	$(VENV)/bin/lava forecast-demo --picture docs/images/forecast.png $(ARGS)
 
 test: $(STAMP)  ## Run every test, two at a time (ARGS='-k bag' selects)
-	$(VENV)/bin/python -m pytest --numprocesses 2 --dist loadfile $(ARGS)
+	$(VENV)/bin/python -m pytest --numprocesses 3 --dist loadfile $(ARGS)
 
 hard: $(STAMP)  ## Run the hard scenes at every preset on every device, 10 minutes on 2 cores (ARGS='--scene cliff')
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.run $(ARGS)
@@ -60,7 +60,7 @@ docs: $(STAMP)  ## Build the pages of docs/, API reference included, into build/
 coverage: $(STAMP)  ## Run every test and list the lines that none of them runs
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check 'coverage==7.17.3'
 	$(VENV)/bin/python -m coverage erase
-	$(VENV)/bin/python -m coverage run -m pytest --numprocesses 2 --dist loadfile $(ARGS)
+	$(VENV)/bin/python -m coverage run -m pytest --numprocesses 3 --dist loadfile $(ARGS)
 	$(VENV)/bin/python -m coverage combine --quiet
 	$(VENV)/bin/python -m coverage report
 

@@ -35,6 +35,7 @@ from lava_ros.ros import operation
 from lava_ros.ros.node import main
 from lava_ros.ros.operation import Operation
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.snapshot import PendingSnapshot
 from lava_ros.simulation.state import State
 
 FAULT = Path(sys.argv.pop(1))
@@ -42,7 +43,7 @@ FAULT = Path(sys.argv.pop(1))
 #: What Warp raises when an allocation fails.
 NO_MEMORY = "Failed to allocate 1342177280 bytes on device 'cpu'"
 
-advance, snapshot, allocate = Simulation.advance, Simulation.snapshot, State._allocate
+advance, result, allocate = Simulation.advance, PendingSnapshot.result, State._allocate
 
 
 def fault():
@@ -68,9 +69,9 @@ def faulty_advance(simulation, until, *, wall_limit=None):
     return advance(simulation, until, wall_limit=wall_limit)
 
 
-def faulty_snapshot(simulation):
+def faulty_result(pending):
     """Show the flow, or a map with a hole."""
-    shown = snapshot(simulation)
+    shown = result(pending)
     if fault() == 'map':
         thickness = shown.thickness.copy()
         thickness[15, 6] = np.nan
@@ -106,6 +107,6 @@ if __name__ == '__main__':
     ):
         setattr(Operation, method, breaking(name, getattr(Operation, method)))
     Simulation.advance = faulty_advance
-    Simulation.snapshot = faulty_snapshot
+    PendingSnapshot.result = faulty_result
     State._allocate = faulty_allocate
     sys.exit(main())
