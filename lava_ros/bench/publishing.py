@@ -28,7 +28,8 @@ uses the device.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import pairwise
 import json
 from pathlib import Path
@@ -42,14 +43,13 @@ from typing import Any
 import warp as wp
 
 from lava_ros.bench.effects import effect_sets, lava_field, STEP
-from lava_ros.bench.steps import Row
+from lava_ros.bench.steps import Row, row_of
 from lava_ros.errors import LavaError
 from lava_ros.layer_files import load_layers
 from lava_ros.layers import Layer
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.share import find_file
 from lava_ros.simulation import Simulation
-from lava_ros.verification.measure import machine_name
 
 #: Particles by default: on a GPU, and on a CPU.
 PARTICLES = {'cuda': 1_000_000, 'cpu': 20_000}
@@ -95,21 +95,7 @@ def measure(
         on_progress: Told what begins, and the share of the work that is done.
     """
     kind = 'cuda' if wp.get_device(device).is_cuda else 'cpu'
-    machine = machine_name(device)
-
-    def row(benchmark: str, count: int, values: Sequence[float], unit: str) -> Row:
-        return Row(
-            benchmark=benchmark,
-            particles=count,
-            value=median(values),
-            unit=unit,
-            low=min(values),
-            high=max(values),
-            repetitions=len(values),
-            device=device,
-            machine=machine,
-            command=command,
-        )
+    row = partial(row_of, device=device, command=command)
 
     parts = len(GRIDS) + 1
     for index, cells in enumerate(GRIDS):

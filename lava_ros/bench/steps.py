@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 import gc
 import math
 from statistics import median
@@ -93,6 +94,30 @@ class Row:
     command: str
 
 
+def row_of(
+    benchmark: str,
+    particles: int,
+    values: Sequence[float],
+    unit: str,
+    *,
+    device: str,
+    command: str,
+) -> Row:
+    """The row of a benchmark's repetitions."""
+    return Row(
+        benchmark=benchmark,
+        particles=particles,
+        value=median(values),
+        unit=unit,
+        low=min(values),
+        high=max(values),
+        repetitions=len(values),
+        device=device,
+        machine=machine_name(device),
+        command=command,
+    )
+
+
 def measure(
     device: str,
     *,
@@ -112,21 +137,7 @@ def measure(
     """
     if particles is None:
         particles = PARTICLES['cuda' if wp.get_device(device).is_cuda else 'cpu']
-    machine = machine_name(device)
-
-    def row(benchmark: str, count: int, values: Sequence[float], unit: str) -> Row:
-        return Row(
-            benchmark=benchmark,
-            particles=count,
-            value=median(values),
-            unit=unit,
-            low=min(values),
-            high=max(values),
-            repetitions=len(values),
-            device=device,
-            machine=machine,
-            command=command,
-        )
+    row = partial(row_of, device=device, command=command)
 
     parts = len(particles) + 2
     for index, number in enumerate(particles):
