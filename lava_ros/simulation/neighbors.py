@@ -424,7 +424,7 @@ class NeighborGrid:
                 device=state.device,
             )
         self._scan(self._sizes, self.starts)
-        if state.is_deterministic:
+        if state.is_deterministic and state.device.is_cuda:
             self._rank_by_order(state)
         launch_over(
             state,
@@ -455,7 +455,7 @@ class NeighborGrid:
             raise LavaError('particles', f'{most} in {size}', right)
 
     def _rank_by_order(self, state: State) -> None:
-        """Replace the ranks that atomics gave, which vary on a GPU, by a stable sort's."""
+        """Replace the ranks that a GPU's atomics gave, which vary, by a stable sort's."""
         *_, list_cells, rank_sorted = _kernels_of(state)
         wp.launch(
             list_cells,

@@ -84,7 +84,8 @@ class State:
     Attributes:
         particle: x, y [m], volume [m3], temperature [K] of each particle, shape [capacity].
         cell, rank: Cell of each particle and its rank there, shape [capacity].
-        sort_keys, sort_values: Only when deterministic: cells and particles to sort by cell.
+        sort_keys, sort_values: Only when deterministic on a GPU: cells and particles to sort by
+            cell.
         ordered: The same as ``particle`` in the order of the neighbour grid's cells.
         remainder: Only in float32: what rounding cut off each particle's position [m], shape
             [capacity]. Without it slow lava far from the centre would never move.
@@ -183,7 +184,7 @@ class State:
         self.flow = wp.zeros(capacity, dtype=self.vec3, device=self.device)
         self.cell = wp.zeros(capacity, dtype=wp.int32, device=self.device)
         self.rank = wp.zeros(capacity, dtype=wp.int32, device=self.device)
-        if self.is_deterministic:
+        if self.is_deterministic and self.device.is_cuda:
             # a radix sort needs room for as many again
             self.sort_keys = wp.zeros(2 * capacity, dtype=wp.int32, device=self.device)
             self.sort_values = wp.zeros(2 * capacity, dtype=wp.int32, device=self.device)
