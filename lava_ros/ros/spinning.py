@@ -14,7 +14,10 @@
 
 """Runs the callbacks of a node; one that fails does not end it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import signal
+import threading
 import time
 
 from rclpy.executors import Executor
@@ -42,3 +45,24 @@ def spin(
         except Exception as error:
             on_error(error)
             time.sleep(PAUSE)
+
+
+@contextmanager
+def interrupts_wait() -> Iterator[None]:
+    """Have Ctrl+C wait for the end of what rclpy does here.
+
+    A KeyboardInterrupt that comes while rclpy makes a message is lost there: a RuntimeError about
+    a call argument is all that is left of it. In threads other than the main one, which no signal
+    reaches, nothing changes.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    came: list[int] = []
+    handler = signal.signal(signal.SIGINT, lambda number, _: came.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, handler)
+        if came:
+            signal.raise_signal(signal.SIGINT)

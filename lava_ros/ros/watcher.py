@@ -18,6 +18,8 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
+from lava_ros.ros.spinning import interrupts_wait
+
 
 class Watcher:
     """A node in a ROS context of its own; what it hears is up to those derived from it."""
@@ -36,7 +38,8 @@ class Watcher:
 
     def listen(self, timeout: float) -> None:
         """Listen for at most a while [s]."""
-        self._executor.spin_once(timeout_sec=timeout)
+        with interrupts_wait():
+            self._executor.spin_once(timeout_sec=timeout)
 
     def close(self) -> None:
         """Leave the graph."""
