@@ -49,8 +49,9 @@ from plan_scenes import held_out
 from lava_ros import validation
 from lava_ros.bench.scenes import scenes
 from lava_ros.errors import LavaError
-from lava_ros.forecast.affordable import accuracy_at, afford, run_at, sampling_error
+from lava_ros.forecast.affordable import afford, sampling_error
 from lava_ros.forecast.members import make_plan, run_members
+from lava_ros.forecast.pilots import accuracy_at, run_at
 from lava_ros.forecast.probability import footprint_of, reached_by
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.scene import Lava, Scene, Terrain, Vent

@@ -68,7 +68,8 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         # what cannot be written had better be known before
         validation.file_to_write('--json', args.json)
-    from lava_ros.forecast.affordable import afford, Pilot
+    from lava_ros.forecast.affordable import afford
+    from lava_ros.forecast.pilots import Pilot
 
     def tell(pilot: Pilot) -> None:
         spacing = scene.terrain.resolution / pilot.refinement

@@ -22,14 +22,15 @@ terrain, discharge and material.
 What they say of the cost is good enough to begin with. The run that is planned is then begun
 itself, with the effects (choice.py) that it calls for, and stopped after a seventh of the time;
 how the coarse ones went on says how long it would take. Where that is not what was foreseen, the
-plan is changed and begun again. Where effects do not fit and much of the time is left, a plan may
-go on for a while without them, if it is let.
+plan is changed and begun again. Once it is, the run is made as a whole, and one somewhat coarser:
+what these differ by says more of the error than all before. Where effects do not fit and much of
+the time is left, a plan may go on for a while without them, if it is let.
 
 Members of an ensemble share the time. The probability that n of them give has a sampling error of
 up to 1 / (2 sqrt(n)). Where n is left open, it is the one with which both errors are least.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 import math
@@ -38,17 +39,15 @@ import time as wall_clock
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.accuracy import Accuracy
 from lava_ros.choice import effects_for
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast.extrapolation import completed, cost_at, error_law, ErrorLaw, MARKS, Pilot
-from lava_ros.presets import PRESETS
+from lava_ros.forecast.extrapolation import completed, cost_at, error_law, ErrorLaw
+from lava_ros.forecast.pilots import accuracy_at, Pilot, preset_below, run_at
 from lava_ros.scene import Scene
-from lava_ros.simulation import Simulation
 from lava_ros.simulation.automatic import resolved_accuracy
 
-__all__ = ['FINEST', 'Affordable', 'Pilot', 'accuracy_at', 'afford', 'run_at', 'sampling_error']
+__all__ = ['FINEST', 'Affordable', 'afford', 'sampling_error']
 
 #: Refinement of the first pilot, and how much finer each is than the one before: twice where there
 #: is time for that.
@@ -69,11 +68,19 @@ AT_LEAST = 3
 ENOUGH, MUCH_CLIMBING, MOST_CLIMBING = 0.15, 0.4, 0.9
 
 #: Share of the time after which a planned run is stopped that was begun to see what it takes, the
-#: share that all pilots take at most, and how many are begun at most.
-BEGINNING, MOST_SPENT, MOST_BEGUN = 0.15, 1.25, 6
+#: share that all take then at most, and how many are begun at most.
+BEGINNING, MOST_BEGINNING, MOST_BEGUN = 0.15, 1.25, 6
 
 #: How far a plan may be from a run that was begun, as factors of the refinement and of the time.
 NEAR, ALIKE = 1.08, 1.35
+
+#: Share of the time after which a whole run is stopped too, how many there are at most, and how
+#: far a plan may be from one, as a factor of the refinement.
+PATIENCE, MOST_WHOLE, NEAR_WHOLE = 1.1, 2, 1.2
+
+#: How much coarser the run is that tells the error, and how much finer or coarser than that one
+#: that was made already may be.
+COARSER, ABOUT = 1.45, 1.2
 
 #: Share of the time that a plan uses, rather below the middle of a half and 1.1: of what may
 #: happen beside a run, nothing makes it faster.
@@ -85,9 +92,6 @@ LEAST_USED, MOST_USED = 0.6, 0.9
 #: How much finer a plan may be without the effects that are called for there: without the lateral
 #: stress, on a ridge, lava then covers as much other ground as with a vent 3 cm away.
 WITHOUT = 2.0
-
-#: Thickness from which on a cell is covered [m].
-COVERED = 0.1
 
 #: Most members worth having: 1 % of sampling error.
 _MOST_MEMBERS = 2500
@@ -131,81 +135,6 @@ class Affordable:
     forced: dict[str, bool] = field(default_factory=dict)
 
 
-def run_at(
-    scene: Scene,
-    refinement: float,
-    horizon: float,
-    *,
-    device: str | None,
-    wall_limit: float,
-    effects: Effects | Mapping[str, bool] | None = None,
-    clock: Callable[[], float] = wall_clock.monotonic,
-) -> Pilot:
-    """Run a scene to its horizon, or for a time [s] if that is shorter.
-
-    Kernels are compiled before the clock starts. Looks at the flow on its way do not count
-    as wall time of the run, but as time spent.
-
-    Args:
-        scene: The scene.
-        refinement: The terrain's resolution over the spacing.
-        horizon: How far to run [s].
-        device: Warp device.
-        wall_limit: Wall time after which it is stopped [s].
-        effects: The physics; chosen by the scene and the refinement when left out, but for those
-            of a mapping.
-        clock: What tells the time [s].
-    """
-    accuracy = accuracy_at(scene, refinement)
-    warm = Simulation(scene, accuracy=accuracy, device=device, effects=effects)
-    warm.advance(1e-3)
-    warm.snapshot()
-    begun = clock()
-    simulation = Simulation(scene, accuracy=accuracy, device=device, effects=effects)
-    setup = clock() - begun
-    progress, covered = [(0.0, 0.0, 0, 0)], []
-    parts, looked, taken = 0, 0.0, 0.0
-    for mark in range(1, MARKS + 1):
-        until = horizon * mark / MARKS
-        for _ in simulation.advancing(until):
-            parts += 1
-            taken = clock() - begun - setup - looked
-            # some hundred rows, whatever the number of parts
-            if taken > 1.02 * progress[-1][1]:
-                share = simulation.time / horizon
-                progress.append((share, taken, parts, simulation.particle_count))
-            if taken > wall_limit:
-                # finish the step at hand
-                simulation.advance(simulation.time)
-                break
-        before = clock()
-        progress.append((simulation.time / horizon, taken, parts, simulation.particle_count))
-        snapshot = simulation.snapshot()
-        if simulation.time < until:
-            break
-        covered.append(snapshot.thickness >= COVERED)
-        if mark < MARKS:
-            # only the last one is part of the run
-            looked += clock() - before
-    wall_time = clock() - begun - looked
-    return Pilot(
-        refinement,
-        wall_time,
-        snapshot.steps.evaluations,
-        simulation.effects,
-        np.array(covered, dtype=bool).reshape(-1, *scene.terrain.shape),
-        wall_time + looked,
-        setup,
-        np.array(progress),
-    )
-
-
-def accuracy_at(scene: Scene, refinement: float) -> Accuracy:
-    """The accuracy of the presets at a refinement between theirs."""
-    spacing = scene.terrain.resolution / refinement
-    return replace(PRESETS[_preset(refinement)].accuracy, spacing=spacing)
-
-
 def afford(
     scene: Scene,
     *,
@@ -217,9 +146,7 @@ def afford(
     on_pilot: Callable[[Pilot], None] = lambda _: None,
     clock: Callable[[], float] = wall_clock.monotonic,
 ) -> Affordable:
-    """Find the finest runs that fit into a time, by pilots that take up to ``MOST_SPENT`` of it.
-
-    They take more only where the two coarsest do.
+    """Find the finest runs that fit into a time, by pilots that take one to three times as long.
 
     Args:
         scene: The scene; of an ensemble the one in the middle.
@@ -252,7 +179,7 @@ def afford(
         right = f'about {wall_time:.2g} s: that is what the coarsest {count} take'
         raise LavaError('within', within, right)
     return Affordable(
-        preset=_preset(refinement),
+        preset=preset_below(refinement),
         spacing=scene.terrain.resolution / refinement,
         refinement=refinement,
         members=count,
@@ -264,13 +191,6 @@ def afford(
         pilots=len(search.runs),
         spent=search.spent,
     )
-
-
-def _preset(refinement: float) -> str:
-    """The finest preset that is no finer, ``draft`` below all."""
-    names = ['draft', 'standard', 'fine']
-    below = [name for name in names if PRESETS[name].accuracy.refinement <= refinement * 1.001]
-    return below[-1] if below else names[0]
 
 
 @dataclass(frozen=True)
@@ -314,7 +234,7 @@ class _Search:
 
     @property
     def law(self) -> ErrorLaw:
-        """The law of errors; pilots with the effects of other refinements do not enter."""
+        """The law of errors; begun runs with the effects of other refinements do not enter."""
         begun = [run for run in self.runs if not run.is_done]
         own = [run for run in begun if run.effects == self._effects(run.refinement)]
         return error_law(sorted([*self.pilots, *own], key=lambda pilot: pilot.refinement))
@@ -346,18 +266,35 @@ class _Search:
         """Refinement, members and effects that fit into the time and err least."""
         for _ in range(MOST_BEGUN):
             best = self._best(self._guess)
-            if self._is_known(best):
-                return best
-            if self.spent + BEGINNING * self.within > MOST_SPENT * self.within:
+            is_dear = self.spent + BEGINNING * self.within > MOST_BEGINNING * self.within
+            if is_dear or self._is_known(best):
                 break
             self._run(best.refinement, BEGINNING * self.within, best.effects)
-        return self._best(self.cost)
+        for _ in range(MOST_WHOLE):
+            best = self._best(self.cost)
+            if self._is_whole(best.refinement, best.effects, NEAR_WHOLE):
+                break
+            self._run(best.refinement, PATIENCE * self.within / best.members, best.effects)
+        best = self._best(self.cost)
+        if not self._is_whole(best.refinement / COARSER, None, ABOUT):
+            self._run(best.refinement / COARSER, self.within, best.effects)
+        return best
 
     def cost(self, refinement: float, effects: Effects) -> float:
         """Wall time of a run [s], infinite where no pilot had its physics."""
         alike = [pilot for pilot in self.runs if pilot.effects == effects]
-        alike.sort(key=lambda pilot: pilot.refinement)
-        return cost_at(alike, refinement) if alike else math.inf
+        known = [pilot for pilot in alike if not _is_superseded(pilot, alike)]
+        known.sort(key=lambda pilot: pilot.refinement)
+        return cost_at(known, refinement) if known else math.inf
+
+    def _is_whole(self, refinement: float, effects: Effects | None, near: float) -> bool:
+        """Whether a run near to a refinement came to the horizon."""
+        return any(
+            pilot.is_done
+            and effects in (None, pilot.effects)
+            and 1.0 / near <= pilot.refinement / refinement <= near
+            for pilot in self.runs
+        )
 
     def _is_known(self, best: _Choice) -> bool:
         """Whether a run near to a choice took what is foreseen of it."""
@@ -394,7 +331,7 @@ class _Search:
             if not self.pilots:
                 raise LavaError('within', self.within, 'longer: the coarsest run takes more')
             pilot = completed(pilot, (alike or self.pilots)[-1])
-        elif effects is None or effects == self._effects(refinement):
+        else:
             self.pilots.append(pilot)
             self.pilots.sort(key=lambda pilot: pilot.refinement)
         self.runs.append(pilot)
@@ -444,6 +381,15 @@ class _Search:
             if used <= USED:
                 best = replace(best, refinement=float(refinement), used=used)
         return best
+
+
+def _is_superseded(pilot: Pilot, others: list[Pilot]) -> bool:
+    """Whether a run that was stopped has one near to it that was not, or much later."""
+    return not pilot.is_done and any(
+        (other.is_done or other.spent > 2.0 * pilot.spent)
+        and 1.0 / NEAR_WHOLE <= other.refinement / pilot.refinement <= NEAR_WHOLE
+        for other in others
+    )
 
 
 def _bands(scene: Scene) -> list[tuple[float, Effects]]:

@@ -47,16 +47,14 @@ import math
 import numpy as np
 
 from lava_ros.effects import Effects
+from lava_ros.forecast.pilots import Pilot
 
 #: What a run errs at least as a share of what it covers: twice the error of the edge that the
 #: finest preset has in docs/accuracy, since an area goes as the square of its radius.
 FLOOR = 0.004
 
-#: Times at which pilots are compared.
-MARKS = 10
-
-#: How much finer a run is than another to tell how evaluations grow.
-APART = 1.15
+#: How much finer a run is than another to tell how evaluations grow, and how errors fall.
+APART, WELL_APART = 1.15, 1.3
 
 #: Powers p at which errors fall, and how usual each is: docs/accuracy has 1 on slopes; where
 #: coarse runs hardly see the ground or the thickness they fall faster.
@@ -67,39 +65,6 @@ SCATTERS = (0.0, 0.3, 0.6, 1.0, 2.0)
 
 #: How far what is seen of two runs is from the law, as a factor's logarithm.
 _SPREAD = 0.3
-
-
-@dataclass(frozen=True, eq=False)
-class Pilot:
-    """A coarse run.
-
-    Attributes:
-        refinement: Its refinement.
-        wall_time: How long it took, kernels compiled before; how long it would have taken to the
-            horizon where it was stopped and ``completed`` [s].
-        evaluations: Velocity evaluations, likewise.
-        effects: The physics that was chosen.
-        covered: Cells with lava at the ends of ``MARKS`` equal parts of the horizon, as far as it
-            came, bool, shape [marks, rows, columns].
-        spent: How long it did take [s].
-        setup: Part of the wall time before the first step [s].
-        progress: Simulated time as a share of the horizon, wall time after the setup [s],
-            evaluations and particles, as they grew, shape [n, 4].
-    """
-
-    refinement: float
-    wall_time: float
-    evaluations: float
-    effects: Effects
-    covered: np.ndarray
-    spent: float
-    setup: float
-    progress: np.ndarray
-
-    @property
-    def is_done(self) -> bool:
-        """Whether it came to the horizon."""
-        return len(self.covered) == MARKS
 
 
 def completed(pilot: Pilot, model: Pilot) -> Pilot:
@@ -205,9 +170,10 @@ def error_law(pilots: Sequence[Pilot]) -> ErrorLaw:
     Args:
         pilots: From the coarsest to the finest, at least two that came to the horizon.
     """
-    done = [pilot for pilot in pilots if pilot.is_done][-4:]
+    done = _apart([pilot for pilot in pilots if pilot.is_done])[-4:]
     begun = [pilot for pilot in pilots if not pilot.is_done and len(pilot.covered)]
-    begun = [pilot for pilot in begun if pilot.refinement > done[-1].refinement][-2:]
+    begun = [pilot for pilot in begun if pilot.refinement > WELL_APART * done[-1].refinement]
+    begun = _apart(begun)[-2:]
     # what differences are of those at the horizon
     growth = np.mean([_differences(one, other) for one, other in combinations(done, 2)], axis=0)
     growth -= growth[-1]
@@ -228,6 +194,15 @@ def error_law(pilots: Sequence[Pilot]) -> ErrorLaw:
         terms.append((usual * math.exp(-misfit), size, order))
     weights, sizes, orders = np.array(terms).T
     return ErrorLaw(weights / weights.sum(), sizes, orders)
+
+
+def _apart(pilots: Sequence[Pilot]) -> list[Pilot]:
+    """Those that are far enough from each other, from the coarsest; of others the finest."""
+    kept: list[Pilot] = []
+    for pilot in sorted(pilots, key=lambda pilot: (pilot.refinement, pilot.spent), reverse=True):
+        if not kept or kept[0].refinement > WELL_APART * pilot.refinement:
+            kept.insert(0, pilot)
+    return kept
 
 
 def _differences(one: Pilot, other: Pilot) -> np.ndarray:

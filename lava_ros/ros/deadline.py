@@ -81,7 +81,8 @@ class DeadlineChooser:
 
     def _afford(self, scene: Scene, settings: Settings) -> Accuracy:
         # the solver loads Warp; the worker's thread does that, not the importer
-        from lava_ros.forecast.affordable import accuracy_at, afford, sampling_error
+        from lava_ros.forecast.affordable import afford, sampling_error
+        from lava_ros.forecast.pilots import accuracy_at
 
         begun = time.monotonic()
         asked = settings.ensemble_members

@@ -20,7 +20,8 @@ import numpy as np
 import pytest
 
 from lava_ros.effects import Effects
-from lava_ros.forecast.extrapolation import completed, cost_at, error_law, FLOOR, MARKS, Pilot
+from lava_ros.forecast.extrapolation import completed, cost_at, error_law, FLOOR
+from lava_ros.forecast.pilots import MARKS, Pilot
 
 EFFECTS = Effects()
 
