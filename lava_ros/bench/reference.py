@@ -31,7 +31,7 @@ import warp as wp
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.state import centre_of
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
 
 
 class Reference:
@@ -113,7 +113,7 @@ def _kernels(name: str, ratio: float) -> tuple[Any, Any, Any]:
         volume: wp.array(dtype=float),
         radius: float,
         elevation: wp.array2d(dtype=float),
-        terrain: TerrainFrame,
+        terrain: terrain_frame(wp.float32),
         surface: wp.array(dtype=wp.vec2),
     ):
         i = wp.tid()

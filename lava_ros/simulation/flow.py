@@ -52,7 +52,7 @@ from lava_ros.simulation.kernels import bessel, smoothing_kernel
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.rheology import rheology_type, speed_function, viscosity_function
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
 from lava_ros.simulation.threads import launch_over
 from lava_ros.simulation.timestep import pace_type
 
@@ -236,7 +236,7 @@ def flow_kernels(
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
         elevation: wp.array2d(dtype=real),
-        terrain: TerrainFrame,
+        terrain: terrain_frame(real),
         law: rheology_type(real),
         constants: flow_constants_of(real),
         flow: wp.array(dtype=vec3),
@@ -292,7 +292,7 @@ def flow_kernels(
             starts: wp.array(dtype=wp.int32),
             cells: cell_frame(real),
             elevation: wp.array2d(dtype=real),
-            terrain: TerrainFrame,
+            terrain: terrain_frame(real),
             law: rheology_type(real),
             constants: flow_constants_of(real),
             pace: pace_type(real),
@@ -324,7 +324,7 @@ def flow_kernels(
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
         elevation: wp.array2d(dtype=real),
-        terrain: TerrainFrame,
+        terrain: terrain_frame(real),
         constants: flow_constants_of(real),
         surface: wp.array(dtype=vec2),
         flow: wp.array(dtype=vec3),
@@ -361,7 +361,7 @@ def flow_kernels(
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
         elevation: wp.array2d(dtype=real),
-        terrain: TerrainFrame,
+        terrain: terrain_frame(real),
         law: rheology_type(real),
         constants: flow_constants_of(real),
         surface: wp.array(dtype=vec2),

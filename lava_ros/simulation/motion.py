@@ -48,7 +48,7 @@ from lava_ros.simulation.state import (
     STEP,
     VELOCITY,
 )
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
 from lava_ros.simulation.threads import launch_over, LEAST_MOVES
 
 #: Displacements in a step over those its length was chosen for: speeds may rise this much in it.
@@ -80,7 +80,7 @@ def journey_type(real: Any) -> Any:
         clock: wp.array(dtype=wp.float64)
         stage: wp.array(dtype=real)
         elevation: wp.array2d(dtype=real)
-        terrain: TerrainFrame
+        terrain: terrain_frame(real)
         constants: flow_constants_of(real)
         heat: heat_constants_of(real)
         ordered: wp.array(dtype=vec4)
@@ -146,7 +146,7 @@ def _guard_function(real: Any, is_pushed: bool) -> Any:
     @wp.func
     def guarded(
         elevation: wp.array2d(dtype=real),
-        terrain: TerrainFrame,
+        terrain: terrain_frame(real),
         reach: real,
         x: real,
         y: real,

@@ -52,7 +52,7 @@ from lava_ros.simulation.state import (
     State,
 )
 from lava_ros.simulation.streams import read
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
 from lava_ros.simulation.threads import launch_over, LEAST_MOVES
 
 #: Cells to a kernel radius. Fewer hold more that is out of reach, more cost more look-ups.
@@ -166,7 +166,7 @@ def bin_function(real: Any, has_empty: bool) -> Any:
         p: vec4,
         counts: wp.array(dtype=wp.int32),
         known: wp.array2d(dtype=wp.uint8),
-        terrain: TerrainFrame,
+        terrain: terrain_frame(real),
         cells: cell_frame(real),
         cell: wp.array(dtype=wp.int32),
         rank: wp.array(dtype=wp.int32),
@@ -223,7 +223,7 @@ def _kernels(
         particle: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         known: wp.array2d(dtype=wp.uint8),
-        terrain: TerrainFrame,
+        terrain: terrain_frame(real),
         cells: cell_frame(real),
         cell: wp.array(dtype=wp.int32),
         rank: wp.array(dtype=wp.int32),
@@ -357,7 +357,7 @@ class NeighborGrid:
         self.frame.x0, self.frame.y0 = terrain.frame.x0, terrain.frame.y0
         self.frame.size = radius / CELLS_PER_RADIUS
         self.frame.per_metre = CELLS_PER_RADIUS / radius
-        side = terrain.frame.resolution * CELLS_PER_RADIUS / radius
+        side = terrain.exact_frame.resolution * CELLS_PER_RADIUS / radius
         self.frame.all_rows = max(1, math.ceil(terrain.frame.rows * side))
         self.frame.all_columns = max(1, math.ceil(terrain.frame.columns * side))
         self.fit(np.zeros((0, 2)))

@@ -30,7 +30,7 @@ from lava_ros.simulation.compiled import counted_from, load4
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import State
-from lava_ros.simulation.terrain import StaggeredTerrain, TerrainFrame
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
 from lava_ros.simulation.threads import launch, LEAST_SUMS
 
 #: Share of a cell from which it holds lava.
@@ -51,7 +51,7 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
         flow: wp.array(dtype=vec3),
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
-        terrain: TerrainFrame,
+        terrain: terrain_frame(wp.float64),
         known: wp.array2d(dtype=wp.uint8),
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
@@ -149,7 +149,7 @@ class Raster:
                 state.flow,
                 neighbors.starts,
                 neighbors.frame,
-                self._terrain.frame,
+                self._terrain.exact_frame,
                 self._terrain.known,
                 self._radius,
             ],

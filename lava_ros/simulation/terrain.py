@@ -31,15 +31,23 @@ from lava_ros.simulation.compiled import load9
 from lava_ros.simulation.state import centre_of, REAL
 
 
-@wp.struct
-class TerrainFrame:
-    """Where the grid's cells lie, relative to the terrain's centre."""
+@lru_cache
+def terrain_frame(real: Any) -> Any:
+    """Where the grid's cells lie, relative to the terrain's centre.
 
-    x0: wp.float64
-    y0: wp.float64
-    resolution: wp.float64
-    rows: wp.int32
-    columns: wp.int32
+    In the precision of those who look: a number that each thread has to convert costs it more than
+    the look.
+    """
+
+    @wp.struct
+    class TerrainFrame:
+        x0: real
+        y0: real
+        resolution: real
+        rows: wp.int32
+        columns: wp.int32
+
+    return TerrainFrame
 
 
 class StaggeredTerrain:
@@ -50,6 +58,7 @@ class StaggeredTerrain:
             [rows + 2, columns + 2].
         known: 1 for cells with data, 0 for others, shape [rows, columns].
         frame: Where the cells lie.
+        exact_frame: The same in float64.
     """
 
     def __init__(self, terrain: Terrain, precision: str, device: Any) -> None:
@@ -57,11 +66,14 @@ class StaggeredTerrain:
         rows, columns = terrain.shape
         self.height = wp.array(ringed_heights(terrain), dtype=REAL[precision], device=device)
         self.known = wp.array(terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=device)
-        self.frame = TerrainFrame()
         x0, y0 = np.asarray(terrain.origin) - centre_of(terrain)
-        self.frame.x0, self.frame.y0 = float(x0), float(y0)
-        self.frame.resolution = terrain.resolution
-        self.frame.rows, self.frame.columns = rows, columns
+        self.frame, self.exact_frame = (
+            terrain_frame(real)() for real in (REAL[precision], wp.float64)
+        )
+        for frame in (self.frame, self.exact_frame):
+            frame.x0, frame.y0 = float(x0), float(y0)
+            frame.resolution = terrain.resolution
+            frame.rows, frame.columns = rows, columns
 
 
 def ringed_heights(terrain: Terrain) -> np.ndarray:
@@ -117,11 +129,11 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         return real(0.5) * side * side
 
     @wp.func
-    def cell_at(frame: TerrainFrame, x: real, y: real):
+    def cell_at(frame: terrain_frame(real), x: real, y: real):
         """Row and column of the cell at a place, and the place in it from its centre [cells]."""
-        inverse = real(1.0) / real(frame.resolution)
-        column = (x - real(frame.x0)) * inverse
-        row = (y - real(frame.y0)) * inverse
+        inverse = real(1.0) / frame.resolution
+        column = (x - frame.x0) * inverse
+        row = (y - frame.y0) * inverse
         i = wp.clamp(int(wp.floor(row)), 0, frame.rows - 1)
         j = wp.clamp(int(wp.floor(column)), 0, frame.columns - 1)
         s = wp.clamp(column - real(j) - real(0.5), real(-0.5), real(0.5))
@@ -130,9 +142,9 @@ def terrain_functions(real: Any) -> TerrainFunctions:
 
     @wp.func
     def gradient_at(
-        height: wp.array2d(dtype=real), frame: TerrainFrame, x: real, y: real
+        height: wp.array2d(dtype=real), frame: terrain_frame(real), x: real, y: real
     ) -> vec2:
-        inverse = real(1.0) / real(frame.resolution)
+        inverse = real(1.0) / frame.resolution
         i, j, s, t = cell_at(frame, x, y)
         before_s = real(0.5) - s
         after_s = real(0.5) + s
@@ -149,9 +161,11 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         return rise * inverse
 
     @wp.func
-    def bend_at(height: wp.array2d(dtype=real), frame: TerrainFrame, x: real, y: real) -> real:
+    def bend_at(
+        height: wp.array2d(dtype=real), frame: terrain_frame(real), x: real, y: real
+    ) -> real:
         """Largest curvature of the surface whose gradient is ``gradient_at``, 0 on a dome."""
-        inverse = real(1.0) / real(frame.resolution)
+        inverse = real(1.0) / frame.resolution
         i, j, s, t = cell_at(frame, x, y)
         along = real(0.0)
         across = real(0.0)
@@ -175,7 +189,9 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         return wp.max(bend, real(0.0)) * inverse * inverse
 
     @wp.func
-    def height_at(height: wp.array2d(dtype=real), frame: TerrainFrame, x: real, y: real) -> real:
+    def height_at(
+        height: wp.array2d(dtype=real), frame: terrain_frame(real), x: real, y: real
+    ) -> real:
         """Height of the surface whose gradient is ``gradient_at``."""
         i, j, s, t = cell_at(frame, x, y)
         total = real(0.0)
@@ -186,9 +202,11 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         return total
 
     @wp.func
-    def is_known(known: wp.array2d(dtype=wp.uint8), frame: TerrainFrame, x: real, y: real) -> bool:
-        j = int(wp.floor((x - real(frame.x0)) / real(frame.resolution)))
-        i = int(wp.floor((y - real(frame.y0)) / real(frame.resolution)))
+    def is_known(
+        known: wp.array2d(dtype=wp.uint8), frame: terrain_frame(real), x: real, y: real
+    ) -> bool:
+        j = int(wp.floor((x - frame.x0) / frame.resolution))
+        i = int(wp.floor((y - frame.y0) / frame.resolution))
         if i < 0 or j < 0 or i >= frame.rows or j >= frame.columns:
             return False
         return known[i, j] != wp.uint8(0)

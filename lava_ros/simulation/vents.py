@@ -36,7 +36,7 @@ from lava_ros.simulation.state import (
     TIME,
 )
 from lava_ros.simulation.streams import read
-from lava_ros.simulation.terrain import TerrainFrame
+from lava_ros.simulation.terrain import terrain_frame
 
 #: Relative error of the time at which a particle is due.
 _ROUNDING = 1e-9
@@ -196,7 +196,7 @@ def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool, bins:
         velocity: wp.array(dtype=vec2),
         age: wp.array(dtype=real),
         known: wp.array2d(dtype=wp.uint8),
-        terrain: TerrainFrame,
+        terrain: terrain_frame(real),
         cells: cell_frame(real),
         cell: wp.array(dtype=wp.int32),
         rank: wp.array(dtype=wp.int32),

@@ -23,8 +23,8 @@ import warp as wp
 from lava_ros.scene import Terrain
 from lava_ros.simulation.terrain import (
     StaggeredTerrain,
+    terrain_frame,
     terrain_functions,
-    TerrainFrame,
 )
 
 
@@ -36,7 +36,7 @@ def sampled(terrain, points, device='cpu'):
     @wp.kernel(module='unique')
     def sample(
         height: wp.array2d(dtype=wp.float64),
-        frame: TerrainFrame,
+        frame: terrain_frame(wp.float64),
         at: wp.array(dtype=wp.vec2d),
         out: wp.array(dtype=wp.vec2d),
     ):
@@ -142,7 +142,7 @@ def test_bend_is_the_largest_curvature_of_the_surface(device):
     @wp.kernel(module='unique')
     def sample(
         height: wp.array2d(dtype=wp.float64),
-        frame: TerrainFrame,
+        frame: terrain_frame(wp.float64),
         at: wp.array(dtype=wp.vec2d),
         out: wp.array(dtype=wp.float64),
     ):

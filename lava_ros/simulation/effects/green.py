@@ -74,7 +74,7 @@ def _velocity_function(real: Any, lanes: int, is_short: bool) -> Any:
         ordered: wp.array(dtype=vec4),
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
-        support: wp.float64,
+        support: real,
         source: wp.array(dtype=vec4),
         area: wp.array(dtype=real),
     ) -> vec3:
@@ -84,12 +84,12 @@ def _velocity_function(real: Any, lanes: int, is_short: bool) -> Any:
         height = load(ordered, i)[2] / own
         k = real(wp.static(math.sqrt(3.0))) / height
         quarter = real(0.25) * k * k
-        limit = real(support) * real(support)
+        limit = support * support
         least = wp.max(quarter * own * real(_NEAR), real(_LEAST))
         total = real(0.0)
         x = real(0.0)
         y = real(0.0)
-        box = cells_around(cells, p[0], p[1], real(support))
+        box = cells_around(cells, p[0], p[1], support)
         near = range_in(cells, starts, wp.min(box[0] + lane, box[1] - 1), box)
         for r in range(box[0] + lane, box[1], lanes):
             following = near
@@ -139,7 +139,7 @@ def _kernel(real: Any, lanes: int, is_short: bool, motion: Any) -> Any:
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
-        support: wp.float64,
+        support: real,
         source: wp.array(dtype=vec4),
         area: wp.array(dtype=real),
         flow: wp.array(dtype=vec3),
@@ -155,7 +155,7 @@ def _kernel(real: Any, lanes: int, is_short: bool, motion: Any) -> Any:
     @quick_kernel
     def green_motion(
         starts: wp.array(dtype=wp.int32),
-        support: wp.float64,
+        support: real,
         source: wp.array(dtype=vec4),
         area: wp.array(dtype=real),
         way: journey_type(real),

@@ -54,7 +54,7 @@ from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.rheology import rheology_type, speed_function, viscosity_function
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, FORMER_STEP, PARTICLES, State, STEP
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
 from lava_ros.simulation.threads import launch_over, LEAST_MOVES
 
 #: Wave speed of the dissipation over the speed of approach, until it reaches c.
@@ -156,7 +156,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         counts: wp.array(dtype=wp.int32),
         clock: wp.array(dtype=wp.float64),
         elevation: wp.array2d(dtype=real),
-        terrain: TerrainFrame,
+        terrain: terrain_frame(real),
         law: rheology_type(real),
         constants: flow_constants_of(real),
         gravity: wp.float64,
@@ -206,7 +206,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         cells: cell_frame(real),
         clock: wp.array(dtype=wp.float64),
         elevation: wp.array2d(dtype=real),
-        terrain: TerrainFrame,
+        terrain: terrain_frame(real),
         law: rheology_type(real),
         constants: flow_constants_of(real),
         gravity: wp.float64,

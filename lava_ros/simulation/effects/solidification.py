@@ -46,7 +46,7 @@ from lava_ros.simulation.compiled import quick_kernel
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.streams import read
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions, TerrainFrame
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
 
 #: Least width over the largest: wider smooths what freezes by more than the bounds of its case
 #: allow, narrower runs that differ in their last digits part sooner.
@@ -63,7 +63,9 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     is_known = terrain_functions(real).is_known
 
     @wp.func
-    def width_of(volume: real, thickness: real, frame: TerrainFrame, widest: wp.float64):
+    def width_of(
+        volume: real, thickness: real, frame: terrain_frame(wp.float64), widest: wp.float64
+    ):
         side = wp.sqrt(wp.float64(volume) / wp.float64(thickness))
         least = wp.max(wp.float64(_LEAST) * widest, frame.resolution)
         return wp.max(wp.min(side, widest), least)
@@ -77,17 +79,19 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         return wp.float64(0.5) * rest * rest
 
     @wp.func
-    def weight_of(frame: TerrainFrame, x: real, y: real, width: wp.float64, i: int, j: int):
+    def weight_of(
+        frame: terrain_frame(wp.float64), x: real, y: real, width: wp.float64, i: int, j: int
+    ):
         """Weight of cell [i, j]; the ring around the grid is at -1 and past the last."""
         half = wp.float64(0.5)
         cell_x = frame.x0 + (wp.float64(j) + half) * frame.resolution
         cell_y = frame.y0 + (wp.float64(i) + half) * frame.resolution
-        return spline((cell_x - wp.float64(x)) / width) * spline(
-            (cell_y - wp.float64(y)) / width
-        )
+        return spline((cell_x - wp.float64(x)) / width) * spline((cell_y - wp.float64(y)) / width)
 
     @wp.func
-    def patch_of(frame: TerrainFrame, x: real, y: real, width: wp.float64) -> wp.vec4i:
+    def patch_of(
+        frame: terrain_frame(wp.float64), x: real, y: real, width: wp.float64
+    ) -> wp.vec4i:
         """First column and the one after the last, first row and the one after the last."""
         reach = wp.float64(1.5) * width
         one = wp.float64(1.0)
@@ -109,7 +113,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         height: real,
         widest: wp.float64,
         known: wp.array2d(dtype=wp.uint8),
-        frame: TerrainFrame,
+        frame: terrain_frame(wp.float64),
         particle: wp.array(dtype=vec4),
         deposit: wp.array2d(dtype=wp.int64),
         frozen: wp.array(dtype=wp.float64),
@@ -139,7 +143,8 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         solidus: wp.float64,
         widest: wp.float64,
         known: wp.array2d(dtype=wp.uint8),
-        frame: TerrainFrame,
+        terrain: terrain_frame(real),
+        frame: terrain_frame(wp.float64),
         particle: wp.array(dtype=vec4),
         deposit: wp.array2d(dtype=wp.int64),
         frozen: wp.array(dtype=wp.float64),
@@ -150,7 +155,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         for i in range(wp.tid(), counts[PARTICLES], threads):
             p = particle[i]
             # what is off the terrain has left
-            if wp.float64(p[3]) < solidus and is_known(known, frame, p[0], p[1]):
+            if wp.float64(p[3]) < solidus and is_known(known, terrain, p[0], p[1]):
                 lay_down(i, p, flow[i][0], widest, known, frame, particle, deposit, frozen)
 
     @quick_kernel
@@ -159,7 +164,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         counts: wp.array(dtype=wp.int32),
         cold: wp.array(dtype=wp.int32),
         widest: wp.float64,
-        frame: TerrainFrame,
+        frame: terrain_frame(wp.float64),
         ground: wp.array2d(dtype=real),
         deposit: wp.array2d(dtype=wp.int64),
         particle: wp.array(dtype=vec4),
@@ -234,6 +239,7 @@ class AfterStep:
                 self._widest,
                 self._terrain.known,
                 self._terrain.frame,
+                self._terrain.exact_frame,
             ],
             outputs=[state.particle, self._deposit, state.frozen],
             device=state.device,
@@ -246,7 +252,7 @@ class AfterStep:
                 state.counts,
                 state.cold,
                 self._widest,
-                self._terrain.frame,
+                self._terrain.exact_frame,
                 self._ground,
                 self._deposit,
             ],
