@@ -166,12 +166,12 @@ def shifted(scene, distance):
     return replace(scene, vents=tuple(vents))
 
 
-def runs_of(scene, refinement, horizon, count, device, clock, forced=None):
-    """Runs of a scene with its vents moved by centimetres."""
+def runs_of(scene, refinement, horizon, count, device, clock, forced=None, limit=math.inf):
+    """Runs of a scene with its vents moved by centimetres, each for at most a time [s]."""
     return [
         run_at(
             shifted(scene, SHIFT * number), refinement, horizon,
-            device=device, wall_limit=math.inf, effects=forced, clock=clock,
+            device=device, wall_limit=limit, effects=forced, clock=clock,
         )
         for number in range(count)
     ]
@@ -247,13 +247,18 @@ def measure(name, within, share, members, options):
     return row, [run.covered[-1] for run in runs]
 
 
-def judge(row, covered, device):
-    """The row with the errors of its runs, and how long their reference took [s]."""
+def judge(row, covered, device, limit):
+    """The row with the errors of its runs, and how long their reference took [s].
+
+    The row as it was where the reference takes too long.
+    """
     begun = time.monotonic()
     references = runs_of(
         scene_of(row.scene).scene, row.reference_refinement, row.horizon_s, row.reference_runs,
-        device, time.monotonic,
+        device, time.monotonic, limit=limit,
     )
+    if not all(run.is_done for run in references):
+        return row, time.monotonic() - begun
     reference = np.mean([run.covered[-1] for run in references], axis=0) > 0.5
     errors = [100.0 * wrong(cells, reference) for cells in covered]
     error, foreseen = statistics.mean(errors), row.foreseen_error_percent
@@ -330,6 +335,10 @@ def arguments():
     )
     parser.add_argument(
         '--references', type=int, default=3, help='runs of a reference, 0: time only'
+    )
+    parser.add_argument(
+        '--reference-limit', type=float, default=math.inf, metavar='S',
+        help='give up a run of a reference after so many seconds',
     )
     parser.add_argument('--machine', required=True, help='what the table says it is')
     parser.add_argument('--clock', choices=('wall', 'process'), default='wall')
@@ -408,7 +417,9 @@ def plans(args, options):
         rows.sort(key=lambda row: row.taken_s / row.members)
         with ProcessPoolExecutor(args.reference_jobs, context) as pool:
             futures = [
-                pool.submit(judge, row, covered[row], devices[place % len(devices)])
+                pool.submit(
+                    judge, row, covered[row], devices[place % len(devices)], args.reference_limit
+                )
                 for place, row in enumerate(rows)
             ]
             for future in as_completed(futures):

@@ -428,6 +428,12 @@ def flow_kernels(
     return FlowKernels(elevate, velocity_of_differences, None)
 
 
+@lru_cache
+def _no_pace(real: Any) -> Any:
+    """What a kernel that does not choose the stage has in its place: always the same."""
+    return pace_type(real)()
+
+
 def compute_flow(
     state: State,
     neighbors: NeighborGrid,
@@ -461,7 +467,7 @@ def compute_flow(
             outputs=[state.surface, state.flow],
             lanes=state.lanes,
         )
-    more = state.surface if state.has_surface else pace or pace_type(state.real)()
+    more = state.surface if state.has_surface else pace or _no_pace(state.real)
     launch_over(
         state,
         kernels.flow if pace is None else kernels.flow_and_stage,

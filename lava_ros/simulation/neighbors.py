@@ -23,6 +23,7 @@ cells, as what is beyond the terrain is, and the window follows. It is made of w
 terrain's own grid, so the particles' order does not depend on it.
 """
 
+from copy import copy
 from functools import lru_cache
 import math
 from typing import Any, NamedTuple
@@ -370,7 +371,8 @@ class NeighborGrid:
         Args:
             places: Places from the terrain's centre [m], shape [count, 2].
         """
-        frame = self.frame
+        # another one: what was launched with the former may be launched again
+        frame = copy(self.frame)
         first, last = np.zeros(2, dtype=int), np.array((frame.all_columns, frame.all_rows))
         if last.prod() > WHOLE:
             places = places[np.isfinite(places).all(axis=1)]
@@ -383,6 +385,7 @@ class NeighborGrid:
         frame.first_column, frame.first_row = (int(value) for value in first)
         frame.columns, frame.rows = (int(value) for value in np.maximum(last - first, 1))
         self._cell_count = frame.rows * frame.columns
+        self.frame = frame
         self.is_binned = False
         # 0 but while particles are binned
         room = 4 * math.ceil((self._cell_count + 2) / 4)
@@ -416,12 +419,11 @@ class NeighborGrid:
             self.bin(state)
         self.is_binned = False
         if not state.device.is_cuda:
-            wp.launch(
+            state.launches(
                 _kernels_of(state)[2],
                 dim=state.extent,
                 inputs=[state.particle, self._cell_count, state.cell],
                 outputs=[state.rank, self._sizes, state.left],
-                device=state.device,
             )
         self._scan(self._sizes, self.starts)
         if state.is_deterministic and state.device.is_cuda:
@@ -457,18 +459,16 @@ class NeighborGrid:
     def _rank_by_order(self, state: State) -> None:
         """Replace the ranks that a GPU's atomics gave, which vary, by a stable sort's."""
         *_, list_cells, rank_sorted = _kernels_of(state)
-        wp.launch(
+        state.launches(
             list_cells,
             dim=state.capacity,
             inputs=[state.counts, state.cell],
             outputs=[state.sort_keys, state.sort_values],
-            device=state.device,
         )
         wp.utils.radix_sort_pairs(state.sort_keys, state.sort_values, state.capacity)
-        wp.launch(
+        state.launches(
             rank_sorted,
             dim=state.capacity,
             inputs=[state.counts, self.starts, state.sort_keys, state.sort_values],
             outputs=[state.rank],
-            device=state.device,
         )

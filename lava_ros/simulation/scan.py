@@ -26,6 +26,8 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.launches import Launches
+
 #: Threads of a block.
 _THREADS = 1024
 
@@ -151,18 +153,17 @@ class Scan:
 
     def __init__(self, length: int, device: Any) -> None:
         """Make ready for arrays of a length, which is a multiple of 4."""
-        self._device = device
+        self._device, self._launches = device, Launches(device)
         self._fours = _FOURS if length < _MANY else _MORE_FOURS
         self._tiles = math.ceil(length / (4 * self._fours * _THREADS))
         self._words = wp.zeros(self._tiles + 1, dtype=wp.uint64, device=device)
 
     def __call__(self, sizes: Any, starts: Any) -> None:
         """Write the sum of all ``sizes`` before each of them into ``starts``."""
-        wp.launch(
+        self._launches(
             _kernel(self._fours),
             dim=self._tiles * _THREADS if self._device.is_cuda else 1,
             inputs=[sizes],
             outputs=[starts, self._words],
             block_dim=_THREADS,
-            device=self._device,
         )

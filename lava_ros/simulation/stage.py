@@ -68,6 +68,7 @@ class Stage:
         self._radius = accuracy.ratio * accuracy.spacing
         self._beside = Beside(state.device)
         self._way: tuple[Any, Any] | None = None
+        self._pace: tuple[float, Any, Any] | None = None
         self._law = rheology_of(scene.lava, state.real)
         self._heat = heat_constants(scene, state.real)
         self.constants = flow_constants(scene, accuracy, self._radius, state.real)
@@ -109,7 +110,7 @@ class Stage:
         longest = timestep.longest_step(
             scene, self._accuracy, self._effects, vents, self.constants.reach
         )
-        pace = timestep.pace_of(state, longest, self._accuracy, vents.due)
+        pace = self._pace_of(longest, vents.due)
         chooses_at_once = state.is_short and not state.has_surface and not self._effects.inertia
         self.compute_flow(
             fills_flow=not self._moves_at_once or bool(self._after_step),
@@ -126,6 +127,13 @@ class Stage:
         else:
             self._move()
             emit()
+
+    def _pace_of(self, longest: float, due: Any) -> Any:
+        """What the choice of a stage reads and writes; to collect it takes as long as a launch."""
+        if self._pace is None or self._pace[0] != longest or self._pace[1] is not due:
+            pace = timestep.pace_of(self._state, longest, self._accuracy, due)
+            self._pace = longest, due, pace
+        return self._pace[2]
 
     def compute_flow(self, *, fills_flow: bool = True, pace: Any = None) -> None:
         """Compute thickness and local velocity of the ordered particles; with a pace, go on."""

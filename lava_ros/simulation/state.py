@@ -25,6 +25,7 @@ from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
+from lava_ros.simulation.launches import Launches
 from lava_ros.simulation.memory import forget_failure
 from lava_ros.simulation.streams import Look, read
 
@@ -162,6 +163,8 @@ class State:
         self.device = device
         self.clock = wp.zeros(5, dtype=wp.float64, device=device)
         self.counts = wp.zeros(11, dtype=wp.int32, device=device)
+        # on a CPU it sees what is there: to make it anew takes 10 us
+        self._seen_counts = self.counts.numpy()
         self._looks = [Look((self.clock, self.counts)) for _ in range(3)]
         self.ticket = wp.zeros(1, dtype=wp.int32, device=device)
         self.rates = wp.zeros(2, dtype=self.real, device=device)
@@ -174,10 +177,12 @@ class State:
         if effects.solidification:
             self.cold = wp.zeros(1, dtype=wp.int32, device=device)
             self.frozen = wp.zeros(1, dtype=wp.float64, device=device)
+        self.launches = Launches(device)
         self.capacity = 0
         self._allocate(capacity)
 
     def _allocate(self, capacity: int) -> None:
+        self.launches.forget()
         self.capacity = capacity
         self.particle = wp.zeros(capacity, dtype=self.vec4, device=self.device)
         self.ordered = wp.zeros(capacity, dtype=self.vec4, device=self.device)
@@ -227,8 +232,7 @@ class State:
         """Particles that a launch has to take: on a GPU as many as there is room for."""
         if self.device.is_cuda:
             return self.capacity
-        counts = self.counts.numpy()
-        return int(counts[PARTICLES] + counts[NEWCOMERS])
+        return int(self._seen_counts[PARTICLES] + self._seen_counts[NEWCOMERS])
 
     @property
     def lanes(self) -> int:

@@ -58,23 +58,26 @@ class Look:
     def __init__(self, arrays: tuple[Any, Any]) -> None:
         """Make room for one look at a time."""
         device = arrays[0].device
-        self._arrays = arrays
-        self._seen = [wp.zeros_like(one, device='cpu', pinned=device.is_cuda) for one in arrays]
-        self._event = wp.Event(device) if device.is_cuda else None
+        self._arrays = self._copies = arrays
+        self._event = None
+        if device.is_cuda:
+            self._copies = tuple(wp.zeros_like(one, device='cpu', pinned=True) for one in arrays)
+            self._event = wp.Event(device)
+        self._seen = [one.numpy() for one in self._copies]
 
     def begin(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
         """Begin to copy, and return what waits for the copies and gives them."""
-        for seen, array in zip(self._seen, self._arrays, strict=True):
-            wp.copy(seen, array)
-        if self._event is not None:
-            wp.get_stream(self._event.device).record_event(self._event)
+        if self._event is None:
+            now = self._seen[0].copy(), self._seen[1].copy()
+            return lambda: now
+        for copy, array in zip(self._copies, self._arrays, strict=True):
+            wp.copy(copy, array)
+        wp.get_stream(self._event.device).record_event(self._event)
         return self._finish
 
     def _finish(self) -> tuple[np.ndarray, np.ndarray]:
-        if self._event is not None:
-            wp.synchronize_event(self._event)
-        one, other = (seen.numpy().copy() for seen in self._seen)
-        return one, other
+        wp.synchronize_event(self._event)
+        return self._seen[0].copy(), self._seen[1].copy()
 
 
 class Beside:

@@ -106,7 +106,14 @@ def launch_over(
     """
     # the first one does what is done once, even if it has no particle
     count = max(1, state.extent) * lanes
-    launch(kernel, count, inputs=inputs, outputs=outputs, device=state.device, least=least * lanes)
+    workers = _workers(state.device, count, least * lanes)
+    if workers < 2:
+        state.launches(kernel, dim=count, inputs=inputs, outputs=[*outputs, 0])
+        return
+    record = partial(
+        state.launches.packed, kernel, dim=1, arguments=[*inputs, *outputs, 0]
+    )
+    _Job(record, (), _parts(count, workers, least)).compute(workers - 1)
 
 
 def launch(
@@ -131,14 +138,12 @@ def launch(
         columns: Cells of a row of a grid.
     """
     row = () if columns is None else (columns,)
-    workers = 1 if device.is_cuda else min(threads(), count // least)
+    workers = _workers(device, count, least)
     if workers < 2:
         wp.launch(
             kernel, dim=(count, *row), inputs=inputs, outputs=[*outputs, 0], device=device
         )
         return
-    parts = min(PARTS * workers, count // least)
-    ends = [count * (n + 1) // parts for n in range(parts)]
     record = partial(
         wp.launch,
         kernel,
@@ -148,7 +153,19 @@ def launch(
         device=device,
         record_cmd=True,
     )
-    _Job(record, row, zip([0, *ends], ends, strict=False)).compute(workers - 1)
+    _Job(record, row, _parts(count, workers, least)).compute(workers - 1)
+
+
+def _workers(device: Any, count: int, least: int) -> int:
+    """Threads that so many items are worth."""
+    return 1 if device.is_cuda else min(threads(), count // least)
+
+
+def _parts(count: int, workers: int, least: int) -> Iterable[tuple[int, int]]:
+    """First item and end of each part."""
+    parts = min(PARTS * workers, count // least)
+    ends = [count * (n + 1) // parts for n in range(parts)]
+    return zip([0, *ends], ends, strict=False)
 
 
 class _Job:

@@ -329,7 +329,7 @@ class VentSet:
             return
         # one thread for all vents gives their particles the same order in every run
         span = len(self.vents) if state.is_deterministic else 1
-        wp.launch(
+        state.launches(
             _kernel(
                 state.real,
                 self._symmetric,
@@ -357,7 +357,6 @@ class VentSet:
                 *state.optional('remainder', 'velocity', 'age'),
                 *neighbors.place_in(state),
             ],
-            device=self._device,
         )
 
     def _foresee(self) -> None:

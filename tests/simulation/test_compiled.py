@@ -22,6 +22,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 import re
 import struct
+from types import SimpleNamespace
 
 import pytest
 import warp as wp
@@ -117,9 +118,14 @@ def launched(name, lanes=1, integrator='euler'):
     """Kernels that a stage launches, none of which runs; with lanes those for few particles."""
     kernels = []
 
-    def record(kernel, *_, **__):
-        if kernel not in kernels:
-            kernels.append(kernel)
+    def record(kernel, *_, record_cmd=False, **__):
+        def launch():
+            if kernel not in kernels:
+                kernels.append(kernel)
+
+        if record_cmd:
+            return SimpleNamespace(launch=launch)
+        return launch()
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(wp, 'launch', record)

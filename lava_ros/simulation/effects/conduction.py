@@ -212,35 +212,33 @@ class AfterStep:
         longest = accuracy.fixed_step or accuracy.longest_step
         self._rate = LARGEST_RATE * self._diffusivity / self._radius**2
         self.sweeps = min(MOST_SWEEPS, max(1, math.ceil(longest * self._rate)))
+        self._share = 1.0 / self.sweeps
 
     def apply(self, state: State, neighbors: NeighborGrid) -> None:
         """Let neighbours exchange heat at the end of a step, if enough time has passed."""
         wait, add_rates, exchange_heat, keep = self._kernels
-        wp.launch(
+        state.launches(
             wait,
             dim=1,
             inputs=[state.counts, state.clock, self._rate],
             outputs=[state.waited],
-            device=state.device,
         )
         grid = [neighbors.starts, neighbors.frame, self._radius, self._diffusivity, state.waited]
-        wp.launch(
+        state.launches(
             add_rates,
             dim=state.rare_threads,
             inputs=[state.ordered, state.flow, state.particle, state.counts, *grid],
             outputs=[state.exchange, state.warmth],
-            device=state.device,
         )
         for sweep in range(self.sweeps):
             if sweep:
-                wp.launch(
+                state.launches(
                     keep,
                     dim=state.rare_threads,
                     inputs=[state.counts, state.particle, state.waited],
                     outputs=[state.warmth],
-                    device=state.device,
                 )
-            wp.launch(
+            state.launches(
                 exchange_heat,
                 dim=state.rare_threads,
                 inputs=[
@@ -248,11 +246,10 @@ class AfterStep:
                     state.flow,
                     state.counts,
                     *grid,
-                    1.0 / self.sweeps,
+                    self._share,
                     self._constants,
                     state.exchange,
                     state.warmth,
                 ],
                 outputs=[state.particle],
-                device=state.device,
             )

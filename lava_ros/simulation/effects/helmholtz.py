@@ -144,6 +144,21 @@ def sweeps_for(thickness: float, radius: float) -> int:
     return max(2, math.ceil(0.5 * root * math.log(2.0 / REDUCTION)))
 
 
+@lru_cache
+def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
+    """Momentum and relaxation of each sweep, for thickness and radius [m]."""
+    smallest = LARGEST_EIGENVALUE / condition_number(thickness, radius)
+    centre = 0.5 * (LARGEST_EIGENVALUE + smallest)
+    half = 0.5 * (LARGEST_EIGENVALUE - smallest)
+    rho = half / centre
+    weights = [(0.0, 1.0 / centre)]
+    while len(weights) < sweeps_for(thickness, radius):
+        new_rho = 1.0 / (2.0 * centre / half - rho)
+        weights.append((new_rho * rho, 2.0 * new_rho / half))
+        rho = new_rho
+    return weights
+
+
 def solve_velocity(
     state: State,
     neighbors: NeighborGrid,
@@ -164,20 +179,14 @@ def solve_velocity(
         ratio: Kernel radius over particle spacing.
     """
     start, sweep, finish = _kernels(state.real, kernel, ratio, state.lanes)
-    smallest = LARGEST_EIGENVALUE / condition_number(thickness, radius)
-    centre = 0.5 * (LARGEST_EIGENVALUE + smallest)
-    half = 0.5 * (LARGEST_EIGENVALUE - smallest)
-    rho = half / centre
-    momentum, relaxation = 0.0, 1.0 / centre
-    wp.launch(
+    state.launches(
         start,
         dim=state.capacity,
         inputs=[state.counts, state.flow],
         outputs=[state.solution, state.correction],
-        device=state.device,
     )
     current, following = state.solution, state.next_solution
-    for _ in range(sweeps_for(thickness, radius)):
+    for momentum, relaxation in _schedule(thickness, radius):
         launch_over(
             state,
             sweep,
@@ -196,13 +205,9 @@ def solve_velocity(
             lanes=state.lanes,
         )
         current, following = following, current
-        new_rho = 1.0 / (2.0 * centre / half - rho)
-        momentum, relaxation = new_rho * rho, 2.0 * new_rho / half
-        rho = new_rho
-    wp.launch(
+    state.launches(
         finish,
         dim=state.capacity,
         inputs=[state.counts, current],
         outputs=[state.flow],
-        device=state.device,
     )

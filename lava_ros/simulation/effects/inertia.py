@@ -367,10 +367,9 @@ class Momentum:
             ],
             outputs=[state.velocity, *state.optional('slope')],
         )
-        wp.launch(
+        state.launches(
             kernels.adopt,
             dim=state.capacity,
             inputs=[state.counts, state.velocity],
             outputs=[state.flow],
-            device=state.device,
         )

@@ -314,14 +314,13 @@ class AfterStep:
             state.rare_threads,
         )
         carried = state.optional('remainder', 'velocity', 'age')
-        wp.launch(
+        state.launches(
             wait,
             dim=1,
             inputs=[state.counts, state.clock, state.rates, EVERY],
             outputs=[state.moved, state.slots],
-            device=state.device,
         )
-        wp.launch(
+        state.launches(
             choose,
             dim=state.rare_threads,
             inputs=[
@@ -337,19 +336,17 @@ class AfterStep:
                 self._least,
             ],
             outputs=[state.partner, state.births],
-            device=state.device,
         )
-        wp.launch(
+        state.launches(
             merge,
             dim=state.rare_threads,
             inputs=[state.counts, state.moved, state.partner],
             outputs=[state.particle, *carried],
-            device=state.device,
         )
         if state.is_deterministic:
             # in the order of the particles, not of the threads
             wp.utils.array_scan(state.births, state.slots, inclusive=False)
-        wp.launch(
+        state.launches(
             split,
             dim=state.rare_threads,
             inputs=[
@@ -361,12 +358,10 @@ class AfterStep:
                 state.partner,
             ],
             outputs=[state.particle, *carried],
-            device=state.device,
         )
-        wp.launch(
+        state.launches(
             count,
             dim=1,
             inputs=[state.moved, state.births, state.slots],
             outputs=[state.counts],
-            device=state.device,
         )

@@ -228,7 +228,7 @@ class AfterStep:
     def apply(self, state: State, neighbors: NeighborGrid) -> None:
         """Turn the columns that are colder than the solidus into terrain."""
         freeze, raise_ground = _kernels(state.real, state.rare_threads)
-        wp.launch(
+        state.launches(
             freeze,
             dim=state.rare_threads,
             inputs=[
@@ -242,9 +242,8 @@ class AfterStep:
                 self._terrain.exact_frame,
             ],
             outputs=[state.particle, self._deposit, state.frozen],
-            device=state.device,
         )
-        wp.launch(
+        state.launches(
             raise_ground,
             dim=state.rare_threads,
             inputs=[
@@ -257,7 +256,6 @@ class AfterStep:
                 self._deposit,
             ],
             outputs=[state.particle, self._terrain.height],
-            device=state.device,
         )
 
     def show(self, grids: Any) -> None:
