@@ -68,7 +68,7 @@ class Stage:
         self._radius = accuracy.ratio * accuracy.spacing
         self._beside = Beside(state.device)
         self._way: tuple[Any, Any] | None = None
-        self._pace: tuple[float, Any, Any] | None = None
+        self._pace: tuple[Scene, VentSet, Any] | None = None
         self._law = rheology_of(scene.lava, state.real)
         self._heat = heat_constants(scene, state.real)
         self.constants = flow_constants(scene, accuracy, self._radius, state.real)
@@ -107,10 +107,7 @@ class Stage:
         """
         state, neighbors = self._state, self._neighbors
         neighbors.rebuild(state)
-        longest = timestep.longest_step(
-            scene, self._accuracy, self._effects, vents, self.constants.reach
-        )
-        pace = self._pace_of(longest, vents.due)
+        pace = self._pace_of(scene, vents)
         chooses_at_once = state.is_short and not state.has_surface and not self._effects.inertia
         self.compute_flow(
             fills_flow=not self._moves_at_once or bool(self._after_step),
@@ -128,11 +125,14 @@ class Stage:
             self._move()
             emit()
 
-    def _pace_of(self, longest: float, due: Any) -> Any:
+    def _pace_of(self, scene: Scene, vents: VentSet) -> Any:
         """What the choice of a stage reads and writes; to collect it takes as long as a launch."""
-        if self._pace is None or self._pace[0] != longest or self._pace[1] is not due:
-            pace = timestep.pace_of(self._state, longest, self._accuracy, due)
-            self._pace = longest, due, pace
+        if self._pace is None or self._pace[0] is not scene or self._pace[1] is not vents:
+            longest = timestep.longest_step(
+                scene, self._accuracy, self._effects, vents, self.constants.reach
+            )
+            pace = timestep.pace_of(self._state, longest, self._accuracy, vents.due)
+            self._pace = scene, vents, pace
         return self._pace[2]
 
     def compute_flow(self, *, fills_flow: bool = True, pace: Any = None) -> None:
