@@ -163,8 +163,9 @@ class State:
         self.device = device
         self.clock = wp.zeros(5, dtype=wp.float64, device=device)
         self.counts = wp.zeros(11, dtype=wp.int32, device=device)
-        # on a CPU it sees what is there: to make it anew takes 10 us
-        self._seen_counts = self.counts.numpy()
+        if not device.is_cuda:
+            # it sees what is there: to make it anew takes 10 us
+            self._seen_counts = self.counts.numpy()
         self._looks = [Look((self.clock, self.counts)) for _ in range(3)]
         self.ticket = wp.zeros(1, dtype=wp.int32, device=device)
         self.rates = wp.zeros(2, dtype=self.real, device=device)
