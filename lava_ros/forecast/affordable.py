@@ -112,9 +112,9 @@ class Affordable:
         refinement: The terrain's resolution over it.
         members: Members of an ensemble, 1 for a single run.
         wall_time: How long all of it will take [s].
-        error: Share of the covered area (``pilots.COVERED`` or thicker at the horizon) that is wrong for
-            being coarse: one less the Jaccard index with a run of the same scene at the limit of
-            fine spacing, expected of a single run.
+        error: Share of the covered area (``pilots.COVERED`` or thicker at the horizon) that is
+            wrong for being coarse: one less the Jaccard index with a run of the same scene at the
+            limit of fine spacing, expected of a single run.
         sampling_error: Standard error of a probability of one half, 0 for a single run.
         is_finest: Whether more time would not make it finer.
         pilots: Pilots that were run.
