@@ -57,6 +57,8 @@ def node(graph):
         scene='scene.yaml',
         time_scale=SCALE,
         forecast_horizon=HORIZON / 3600.0,
+        # where kernels are compiled first, beside other tests, members take a while
+        forecast_max_age=10.0 * HORIZON,
         ensemble_members=MEMBERS,
         record=True,
         bag_directory='recorded',
