@@ -33,7 +33,7 @@ def take(simulation: Simulation) -> Checkpoint:
     The next stages are captured anew on a GPU, as those of a resumed simulation are: both then
     idle alike past the next target.
     """
-    simulation._graph = None
+    simulation._forget_launches()
     arrays = {f'state.{name}': array for name, array in simulation._state.save().items()}
     arrays |= {f'vents.{name}': array for name, array in simulation._vents.save().items()}
     for effect, step in simulation._after_step.items():

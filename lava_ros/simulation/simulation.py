@@ -195,7 +195,7 @@ class Simulation:
                 while under_way:
                     clock, counts = under_way.popleft()()
                 if self._state.make_room(counts):
-                    self._graph = None
+                    self._forget_launches()
                 if counts[BEYOND]:
                     self._cover()
         while under_way:
@@ -284,7 +284,7 @@ class Simulation:
                 if volume > 0.0
             ]
         )
-        self._graph = None
+        self._forget_launches()
 
     def set_terrain(self, terrain: Terrain) -> None:
         """Replace the ground under the flow; lava outside the new one has left.
@@ -421,7 +421,7 @@ class Simulation:
         added = np.array(rows, dtype=np.float64)
         added[:, :2] -= centre_of(self.scene.terrain)
         self._state.write_particles(np.concatenate([self._state.read_particles(), added]))
-        self._graph = None
+        self._forget_launches()
 
     def _vent_set(
         self, vents: tuple[Vent, ...], *, since: float, carried: Iterable[float]
@@ -446,6 +446,11 @@ class Simulation:
             self._neighbors.bin(self._state)
         wp.capture_launch(self._graph)
 
+    def _forget_launches(self) -> None:
+        """What was captured on a GPU, or packed on a CPU, is of arrays that are others now."""
+        self._graph = None
+        self._state.launches.forget()
+
     def _cover(self) -> None:
         """Let the neighbour grid cover the lava and the vents."""
         if not self._state.look()[1][STAGE]:
@@ -455,7 +460,7 @@ class Simulation:
         ends = [end for vent in self.scene.vents for end in (vent.position, vent.end) if end]
         places = np.reshape(ends, (-1, 2)) - centre_of(self.scene.terrain)
         self._neighbors.fit(np.concatenate([self._state.read_particles()[:, :2], places]))
-        self._graph = None
+        self._forget_launches()
 
     def _settle(self) -> None:
         """Drop what has left and is counted as such already, before anyone looks or changes."""

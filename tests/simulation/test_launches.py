@@ -14,6 +14,7 @@
 
 """Launches that are made again: packed once, and never with what they were not given."""
 
+import gc
 import weakref
 
 import numpy as np
@@ -96,3 +97,15 @@ def test_a_step_packs_nothing_anew(monkeypatch, name):
     packed.clear()
     simulation.advance(simulation.time + 5.0 * STEP)
     assert not packed
+
+
+def test_a_terrain_that_is_replaced_is_given_back():
+    """However often that is: a large one would soon fill the memory."""
+    simulation = lava_field(100, effect_sets()['solidification'], 'cpu')
+    simulation.advance(5.0 * STEP)
+    for _ in range(3):
+        gone = [weakref.ref(simulation._terrain.height), weakref.ref(simulation._neighbors.starts)]
+        simulation.set_terrain(simulation.scene.terrain)
+        simulation.advance(simulation.time + 5.0 * STEP)
+        gc.collect()
+        assert [item() for item in gone] == [None, None]
