@@ -26,7 +26,7 @@ demo: $(STAMP)  ## Let lava flow down a mountain, live in ROS 2 (ARGS='--help' l
 forecast-demo: $(STAMP)  ## Open a vent, live in ROS 2, and see an outline narrow the forecast (ARGS='--members 32')
 	$(VENV)/bin/lava forecast-demo --picture docs/images/forecast.png $(ARGS)
 
-test: $(STAMP)  ## Run every test, two at a time (ARGS='-k bag' selects)
+test: $(STAMP)  ## Run every test, three at a time (ARGS='-k bag' selects)
 	$(VENV)/bin/python -m pytest --numprocesses 3 --dist loadfile $(ARGS)
 
 hard: $(STAMP)  ## Run the hard scenes at every preset on every device, 10 minutes on 2 cores (ARGS='--scene cliff')

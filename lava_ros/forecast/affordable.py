@@ -218,9 +218,14 @@ class _Search:
     may_force: bool
     on_pilot: Callable[[Pilot], None]
     clock: Callable[[], float]
-    pilots: list[Pilot] = field(default_factory=list)
     runs: list[Pilot] = field(default_factory=list)
     bands: list[tuple[float, Effects]] = field(default_factory=list)
+
+    @property
+    def pilots(self) -> list[Pilot]:
+        """Those that came to the horizon, from the coarsest."""
+        done = [run for run in self.runs if run.is_done]
+        return sorted(done, key=lambda pilot: pilot.refinement)
 
     @property
     def spent(self) -> float:
@@ -235,9 +240,11 @@ class _Search:
     @property
     def law(self) -> ErrorLaw:
         """The law of errors; begun runs with the effects of other refinements do not enter."""
-        begun = [run for run in self.runs if not run.is_done]
-        own = [run for run in begun if run.effects == self._effects(run.refinement)]
-        return error_law(sorted([*self.pilots, *own], key=lambda pilot: pilot.refinement))
+        return error_law([
+            run
+            for run in self.runs
+            if run.is_done or run.effects == self._effects(run.refinement)
+        ])
 
     def climb(self) -> None:
         """Run pilots to the horizon, each finer than the one before."""
@@ -331,9 +338,6 @@ class _Search:
             if not self.pilots:
                 raise LavaError('within', self.within, 'longer: the coarsest run takes more')
             pilot = completed(pilot, (alike or self.pilots)[-1])
-        else:
-            self.pilots.append(pilot)
-            self.pilots.sort(key=lambda pilot: pilot.refinement)
         self.runs.append(pilot)
         self.on_pilot(pilot)
         return pilot.is_done

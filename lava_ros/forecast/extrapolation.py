@@ -168,7 +168,7 @@ def error_law(pilots: Sequence[Pilot]) -> ErrorLaw:
     """The law of errors that the finest pilots give.
 
     Args:
-        pilots: From the coarsest to the finest, at least two that came to the horizon.
+        pilots: At least two that came to the horizon, and others.
     """
     done = _apart([pilot for pilot in pilots if pilot.is_done])[-4:]
     begun = [pilot for pilot in pilots if not pilot.is_done and len(pilot.covered)]
