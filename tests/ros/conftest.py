@@ -209,9 +209,11 @@ class Listener(Process):
         """Read messages until one fulfils a condition, and return it."""
         end = time.monotonic() + timeout
         while True:
-            left = end - time.monotonic()
-            assert left > 0.0, f'nothing fulfilled the condition; last: {self.seen[-3:]}'
-            message = json.loads(self.line(left))
+            try:
+                message = json.loads(self.line(end - time.monotonic()))
+            except AssertionError as error:
+                what = f'nothing in {timeout} s fulfilled the condition; last: {self.seen[-3:]}'
+                raise AssertionError(what) from error
             self.seen.append(message)
             if condition(message):
                 return message
@@ -277,10 +279,26 @@ class Graph:
         self._started.append(process)
         return process
 
+    @property
+    def logs(self):
+        """The ends of what the processes have written to stderr, with what they run."""
+        for process in self._started:
+            yield ' '.join(process.child.args[1:3]), process.log[-5000:]
+
     def close(self):
         """End what still runs."""
         while self._started:
             self._started.pop().end(signal.SIGKILL)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item):
+    """Show beside a failure what the processes of its graph have logged."""
+    report = yield
+    graph = getattr(item, 'funcargs', {}).get('graph')
+    if report.failed and graph is not None:
+        report.sections += [(f'stderr of {name}', log) for name, log in graph.logs if log]
+    return report
 
 
 @pytest.fixture

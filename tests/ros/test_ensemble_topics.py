@@ -22,7 +22,10 @@ from lava_ros.bag import BagReader
 #: Simulated seconds in a second.
 SCALE = 5.0
 
-HORIZON = 200.0
+HORIZON = 400.0
+
+#: Wall time after which members have lava to be told apart by [s].
+FLOWN = 10.0
 
 MEMBERS = 5
 
@@ -81,22 +84,29 @@ def test_ensembles_in_the_graph(graph, node):
     assert float(status['horizon_s']) == HORIZON and float(status['duration_s']) > 0.0
     assert float(status['members_effective']) == MEMBERS
     whole = listener.wait_for_topic(
-        'inundation_probability', lambda item: item['min'] == 0 and item['max'] == 100
+        'inundation_probability',
+        lambda item: item['min'] == 0 and item['max'] == 100,
+        timeout=120.0,
     )
     for name in TOPICS[1:]:
         image = listener.wait_for_topic(name, timeout=60.0)
         assert image['encoding'] == '32FC1' and image['shape'] == [30, 40]
 
     # members that have other lava than was seen count less, in the ensemble of now and the next
+    listener.wait_for_status(
+        'ensemble',
+        lambda item: int(item['frame_stamp_ns']) > first['stamp_ns'] + FLOWN * 1e9,
+        timeout=120.0,
+    )
     publisher.publish('outline')
     sharper = listener.wait_for_status(
-        'ensemble', lambda item: item['outlines'] == '1', timeout=90.0
+        'ensemble', lambda item: item['outlines'] == '1', timeout=120.0
     )
     assert 0.0 < float(sharper['jaccard_mean']) < 1.0
     weighed = listener.wait_for_status(
         'ensemble',
         lambda item: float(item['members_effective']) < MEMBERS - 0.5,
-        timeout=60.0,
+        timeout=120.0,
     )
     later = listener.wait_for_status(
         'ensemble',
