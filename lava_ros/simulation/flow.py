@@ -48,13 +48,14 @@ from lava_ros.simulation.compiled import (
     sum_over,
 )
 from lava_ros.simulation.effects import load as load_effect
-from lava_ros.simulation.kernels import bessel, smoothing_kernel
+from lava_ros.simulation.kernels import bessel, smoothing_kernel, SmoothingKernel
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.rheology import rheology_type, speed_function, viscosity_function
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
 from lava_ros.simulation.threads import launch_over
 from lava_ros.simulation.timestep import pace_type
+from lava_ros.simulation.wide import over_neighbors
 
 #: Thickness over the expected one up to which the Helmholtz solve converges in full.
 THICKEST = 2.0
@@ -200,6 +201,90 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
 
 
 @lru_cache
+def _sums_function(real: Any, kernel: SmoothingKernel, lanes: int, is_short: bool) -> Any:
+    """Return the device function of the sums over the neighbours of thickness and its gradient."""
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    terms = kernel.terms
+    _, _, _, range_in = cell_functions(real)
+    load = load4(real)
+
+    @wp.func
+    def sums_around(
+        lane: int,
+        ordered: wp.array(dtype=vec4),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        box: wp.vec4i,
+        p: vec4,
+        inverse: real,
+    ) -> vec3:
+        height = real(0.0)
+        rise_x = real(0.0)
+        rise_y = real(0.0)
+        near = range_in(cells, starts, wp.min(box[0] + lane, box[1] - 1), box)
+        for r in range(box[0] + lane, box[1], lanes):
+            following = near
+            if wp.static(is_short):
+                following = range_in(cells, starts, wp.min(r + lanes, box[1] - 1), box)
+            else:
+                near = range_in(cells, starts, r, box)
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
+                dx = p[0] - other[0]
+                dy = p[1] - other[1]
+                part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
+                height += part[0]
+                rise_x += part[1] * dx
+                rise_y += part[1] * dy
+            near = following
+        return vec3(height, rise_x, rise_y)
+
+    return sums_around
+
+
+@lru_cache
+def _wide_sums_function(wide_terms: str) -> Any:
+    """Return the same device function of float32 for a CPU."""
+
+    @wp.func_native(
+        over_neighbors(f"""
+            const wide dx = is_in ? x - other_0 : none;
+            const wide dy = is_in ? y - other_1 : none;
+            const wide volume = is_in ? other_2 : none;
+            const wide distance = __builtin_elementwise_sqrt(dx * dx + dy * dy);
+            {wide_terms}
+            sum_0 += shapes;
+            sum_1 += slopes * dx;
+            sum_2 += slopes * dy;
+        """)
+    )
+    def wide_sums(
+        values: wp.array(dtype=wp.vec4),
+        starts: wp.array(dtype=wp.int32),
+        columns: int,
+        box: wp.vec4i,
+        x: wp.float32,
+        y: wp.float32,
+        inverse: wp.float32,
+    ) -> wp.vec3: ...
+
+    @wp.func
+    def sums_around(
+        lane: int,
+        ordered: wp.array(dtype=wp.vec4),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(wp.float32),
+        box: wp.vec4i,
+        p: wp.vec4,
+        inverse: wp.float32,
+    ) -> wp.vec3:
+        return wide_sums(ordered, starts, cells.columns, box, p[0], p[1], inverse)
+
+    return sums_around
+
+
+@lru_cache
 def flow_kernels(
     real: Any,
     kernel_name: str,
@@ -209,11 +294,13 @@ def flow_kernels(
     choose: Any,
     lanes: int = 1,
     is_short: bool = False,
+    is_wide: bool = False,
 ) -> FlowKernels:
     """Return the kernels that compute thickness and local velocity, for one set of effects.
 
     ``choose`` is the choice of the stage (timestep.py), ``lanes`` the number of threads that share
-    a particle's neighbours, ``is_short`` whether there are so few that waiting takes the time.
+    a particle's neighbours, ``is_short`` whether there are so few that waiting takes the time,
+    ``is_wide`` whether a CPU takes several neighbours at a time (wide.py).
     """
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
@@ -221,7 +308,10 @@ def flow_kernels(
     mat22 = wp.types.matrix((2, 2), real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
-    terms, factor = kernel.terms, kernel.factor
+    factor = kernel.factor
+    sums_around = _sums_function(real, kernel, lanes, is_short)
+    if is_wide and kernel.wide_terms:
+        sums_around = _wide_sums_function(kernel.wide_terms)
     gradient_at, bend_at, height_at, _ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
     load, load_pair = load4(real), load2(real)
@@ -248,29 +338,11 @@ def flow_kernels(
         p = load(ordered, i)
         radius = real(constants.radius)
         inverse = real(1.0) / radius
-        height = real(0.0)
-        rise_x = real(0.0)
-        rise_y = real(0.0)
         box = cells_around(cells, p[0], p[1], radius)
-        near = range_in(cells, starts, wp.min(box[0] + lane, box[1] - 1), box)
-        for r in range(box[0] + lane, box[1], lanes):
-            following = near
-            if wp.static(is_short):
-                following = range_in(cells, starts, wp.min(r + lanes, box[1] - 1), box)
-            else:
-                near = range_in(cells, starts, r, box)
-            for j in range(near[0], near[1]):
-                other = load(ordered, j)
-                dx = p[0] - other[0]
-                dy = p[1] - other[1]
-                part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
-                height += part[0]
-                rise_x += part[1] * dx
-                rise_y += part[1] * dy
-            near = following
-        height = total(height)
-        rise_x = total(rise_x) * inverse * real(wp.static(factor))
-        rise_y = total(rise_y) * inverse * real(wp.static(factor))
+        sums = sums_around(lane, ordered, starts, cells, box, p, inverse)
+        height = total(sums[0])
+        rise_x = total(sums[1]) * inverse * real(wp.static(factor))
+        rise_y = total(sums[2]) * inverse * real(wp.static(factor))
         if lane > 0:
             return
         scale = real(wp.static(norm)) * inverse * inverse

@@ -19,6 +19,7 @@ norm / l^4 * slope(r / l) * (x_i - x_j), with slope(q) = shape'(q) / q. Both are
 so that sums need not ask: threads that go different ways wait for each other.
 """
 
+from collections.abc import Sequence
 from functools import lru_cache
 import math
 from typing import Any, NamedTuple
@@ -26,6 +27,73 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from lava_ros.simulation.compiled import exp2, one_less
+
+_WIDE_WENDLAND = """
+    wide p = 1.0f - distance * inverse;
+    p = p > 0.0f ? p : none;
+    const wide slopes = volume * (p * p * p);
+    const wide shapes = slopes * p * (5.0f - 4.0f * p);
+"""
+
+#: log2(e^x K0(x)), x = 2 sqrt(s), as a polynomial of log2 s, its highest power first.
+_K0 = (
+    -1.2741719e-08,
+    -4.5190392e-07,
+    1.42949739e-06,
+    0.000170826538,
+    -0.00285269651,
+    -0.228058267,
+    -0.248646405,
+)
+
+#: log2(1.5 + t) and 2^(0.5 + t) for t from -0.5 to 0.5, to 2.4e-6 and 1.1e-7.
+_LOG2 = (
+    -0.0245685347,
+    0.0439074798,
+    -0.07079686,
+    0.141724736,
+    -0.320613035,
+    0.961820821,
+    0.584962501,
+)
+_EXP2 = (
+    0.00189375406,
+    0.0136839756,
+    0.0784939031,
+    0.339723902,
+    0.980258154,
+    1.41421367,
+)
+
+
+def _wide_polynomial(name: str, x: str, powers: Sequence[float]) -> str:
+    """C++ that makes a wide polynomial, its highest power first."""
+    first, *rest = (f'({power!r}f)' for power in powers)
+    steps = (f'{name} = {name} * {x} + {power};' for power in rest)
+    return '\n    '.join((f'wide {name} = none + {first};', *steps))
+
+
+#: C++ that makes wide ``weights`` K0(2 sqrt(s)) of a wide ``s`` > 0 that is no denormal (wide.py).
+WIDE_K0 = f"""
+    whole bits;
+    __builtin_memcpy(&bits, &s, 32);
+    const wide power = __builtin_convertvector((bits >> 23) - 127, wide);
+    bits = (bits & 0x7fffff) | 0x3f800000;
+    wide t;
+    __builtin_memcpy(&t, &bits, 32);
+    t -= 1.5f;
+    {_wide_polynomial('log', 't', _LOG2)}
+    const wide y = power + log;
+    {_wide_polynomial('k', 'y', _K0)}
+    k -= 2.88539008f * __builtin_elementwise_sqrt(s);
+    k = k > -126.0f ? k : none - 126.0f;
+    const wide below = __builtin_elementwise_floor(k);
+    t = k - below - 0.5f;
+    {_wide_polynomial('weights', 't', _EXP2)}
+    bits = (__builtin_convertvector(below, whole) + 127) << 23;
+    __builtin_memcpy(&t, &bits, 32);
+    weights *= t;
+"""
 
 
 class SmoothingKernel(NamedTuple):
@@ -38,6 +106,8 @@ class SmoothingKernel(NamedTuple):
         terms: Device function of a volume, r and 1 / l: the volume times ``shape``, and times
             ``slope`` over ``factor``. The two have factors in common.
         factor: What ``terms`` leaves out of ``slope``.
+        wide_terms: C++ that makes wide ``shapes`` and ``slopes``, what ``terms`` gives, of a wide
+            ``volume`` and ``distance`` and of ``inverse`` (wide.py); None where there is none.
         stiffness: Largest value of (q l)^2 W^(q), W^ the kernel's Fourier transform: a thickness
             wave with diffusivity D decays at most at the rate D stiffness / l^2, so explicit steps
             are stable up to 2 l^2 / (D stiffness) whatever the particle spacing.
@@ -52,6 +122,7 @@ class SmoothingKernel(NamedTuple):
     slope: Any
     terms: Any
     factor: float
+    wide_terms: str | None
     stiffness: float
     excess: Any
 
@@ -148,7 +219,9 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
         q = distance * inverse
         return vec2(volume * shape(q), volume * slope(q))
 
-    both = (wendland_terms, -20.0) if name == 'wendland' else (terms, 1.0)
+    both = (terms, 1.0, None)
+    if name == 'wendland':
+        both = (wendland_terms, -20.0, _WIDE_WENDLAND)
     norm, (stiffness, excess) = norms[name] / math.pi, functions[name][2:]
     return SmoothingKernel(norm, shape, slope, *both, stiffness, excess)
 
@@ -214,13 +287,9 @@ def bessel(real: Any) -> Bessel:
     @wp.func
     def fitted_k0(s: real) -> real:
         y = wp.log2(s)
-        p = real(-1.2741719e-08)
-        p = p * y + real(-4.5190392e-07)
-        p = p * y + real(1.42949739e-06)
-        p = p * y + real(0.000170826538)
-        p = p * y + real(-0.00285269651)
-        p = p * y + real(-0.228058267)
-        p = p * y + real(-0.248646405)
+        p = real(wp.static(_K0[0]))
+        for n in range(1, wp.static(len(_K0))):
+            p = p * y + real(wp.static(_K0[n]))
         return power(p - real(2.88539008) * wp.sqrt(s))
 
     return Bessel(fitted_k0 if real is wp.float32 else k0, x_k1)

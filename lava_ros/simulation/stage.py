@@ -143,7 +143,7 @@ class Stage:
             self._terrain,
             self._law,
             self.constants,
-            self._flow_kernels(self._state.lanes, self._state.is_short),
+            self._flow_kernels(self._state.lanes, self._state.is_short, self._state.is_wide),
             fills_flow=fills_flow,
             pace=pace,
         )

@@ -246,6 +246,11 @@ class State:
         return self.device.is_cuda and self.capacity * self.lanes <= AT_ONCE
 
     @property
+    def is_wide(self) -> bool:
+        """Whether sums over neighbours take several of them at a time (wide.py)."""
+        return not self.device.is_cuda and self.real is wp.float32
+
+    @property
     def rare_threads(self) -> int:
         """Threads of a kernel that rarely has anything to do; each takes every so many-th."""
         return RARE_THREADS if self.device.is_cuda else 1

@@ -131,6 +131,7 @@ def launched(name, lanes=1, integrator='euler'):
         patch.setattr(wp, 'launch', record)
         patch.setattr(State, 'lanes', property(lambda _: lanes))
         patch.setattr(State, 'is_short', property(lambda _: lanes > 1))
+        patch.setattr(State, 'is_wide', False)
         simulation = lava_field(400, effect_sets()[name], 'cpu')
         if integrator != 'euler':
             accuracy = replace(simulation.accuracy, integrator=integrator, fixed_step=None)
@@ -351,12 +352,14 @@ def test_checks_see_plain_reads(folder, monkeypatch):
         for width in (1, 2, 4):
             if hasattr(module, f'load{width}'):
                 monkeypatch.setattr(module, f'load{width}', plain_load(width))
+        # none that was made with the others
+        monkeypatch.setattr(module, '_sums_function', module._sums_function.__wrapped__)
     monkeypatch.setattr(green, '_velocity_function', green._velocity_function.__wrapped__)
     kernels = [
         flow.flow_kernels.__wrapped__(
             wp.float32, 'wendland', 3.0, 'energy', effect_sets()['green'], None
         ).flow,
-        green._kernel.__wrapped__(wp.float32, 1, False, None),
+        green._kernel.__wrapped__(wp.float32, 1, False, False, None),
     ]
     for kernel in kernels:
         with pytest.raises(AssertionError):

@@ -37,11 +37,12 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.compiled import counted_from, load1, load4, quick_kernel, sum_over
-from lava_ros.simulation.kernels import bessel
+from lava_ros.simulation.kernels import bessel, WIDE_K0
 from lava_ros.simulation.motion import journey_type, motion_of
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.threads import launch_over, LEAST_SUMS
+from lava_ros.simulation.wide import over_neighbors
 
 #: The squared distance at which K0 is that of a particle's own disc within it, half of the disc's
 #: radius, over the disc's area.
@@ -55,41 +56,33 @@ _LEAST_PART = LEAST_SUMS // 2
 
 
 @lru_cache
-def _velocity_function(real: Any, lanes: int, is_short: bool) -> Any:
-    """Return the device function from a particle's local velocity to its velocity.
+def _sums_function(real: Any, lanes: int, is_short: bool) -> Any:
+    """Return the device function of the K0-weighted sums of area and of volume times velocity.
 
-    A particle has as many threads as lanes, and only the first one's result counts.
+    ``quarter`` is (k / 2)^2, ``least`` the least (k r / 2)^2, ``limit`` the support's square.
     """
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    _, _, cells_around, range_in = cell_functions(real)
+    _, _, _, range_in = cell_functions(real)
     load, load_number = load4(real), load1(real)
-    k0, x_k1 = bessel(real)
-    sum_up = sum_over(real, lanes)
+    k0 = bessel(real).k0
 
     @wp.func
-    def velocity_of(
-        i: int,
+    def sums_around(
         lane: int,
-        ordered: wp.array(dtype=vec4),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        support: real,
         source: wp.array(dtype=vec4),
         area: wp.array(dtype=real),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        box: wp.vec4i,
+        p: vec4,
+        quarter: real,
+        least: real,
+        limit: real,
     ) -> vec3:
-        """Thickness and velocity."""
-        p = load(source, i)
-        own = area[i]
-        height = load(ordered, i)[2] / own
-        k = real(wp.static(math.sqrt(3.0))) / height
-        quarter = real(0.25) * k * k
-        limit = support * support
-        least = wp.max(quarter * own * real(_NEAR), real(_LEAST))
         total = real(0.0)
         x = real(0.0)
         y = real(0.0)
-        box = cells_around(cells, p[0], p[1], support)
         near = range_in(cells, starts, wp.min(box[0] + lane, box[1] - 1), box)
         for r in range(box[0] + lane, box[1], lanes):
             following = near
@@ -111,9 +104,102 @@ def _velocity_function(real: Any, lanes: int, is_short: bool) -> Any:
                 x += weight * other[2]
                 y += weight * other[3]
             near = following
-        total = sum_up(total)
-        x = sum_up(x)
-        y = sum_up(y)
+        return vec3(total, x, y)
+
+    return sums_around
+
+
+@lru_cache
+def _wide_sums_function() -> Any:
+    """Return the same device function of float32 for a CPU."""
+
+    @wp.func_native(
+        over_neighbors(f"""
+            wide size;
+            __builtin_memcpy(&size, area.data + place, 32);
+            const wide dx = x - other_0;
+            const wide dy = y - other_1;
+            const wide square = dx * dx + dy * dy;
+            wide s = quarter * square;
+            s = s > least ? s : none + least;
+            {WIDE_K0}
+            const whole counts = is_in & (square < limit);
+            sum_0 += counts ? weights * size : none;
+            sum_1 += counts ? weights * other_2 : none;
+            sum_2 += counts ? weights * other_3 : none;
+        """)
+    )
+    def wide_sums(
+        values: wp.array(dtype=wp.vec4),
+        area: wp.array(dtype=wp.float32),
+        starts: wp.array(dtype=wp.int32),
+        columns: int,
+        box: wp.vec4i,
+        x: wp.float32,
+        y: wp.float32,
+        quarter: wp.float32,
+        least: wp.float32,
+        limit: wp.float32,
+    ) -> wp.vec3: ...
+
+    @wp.func
+    def sums_around(
+        lane: int,
+        source: wp.array(dtype=wp.vec4),
+        area: wp.array(dtype=wp.float32),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(wp.float32),
+        box: wp.vec4i,
+        p: wp.vec4,
+        quarter: wp.float32,
+        least: wp.float32,
+        limit: wp.float32,
+    ) -> wp.vec3:
+        return wide_sums(
+            source, area, starts, cells.columns, box, p[0], p[1], quarter, least, limit
+        )
+
+    return sums_around
+
+
+@lru_cache
+def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> Any:
+    """Return the device function from a particle's local velocity to its velocity.
+
+    A particle has as many threads as lanes, and only the first one's result counts.
+    """
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    cells_around = cell_functions(real).cells_around
+    load = load4(real)
+    k0, x_k1 = bessel(real)
+    sum_up = sum_over(real, lanes)
+    sums_around = _wide_sums_function() if is_wide else _sums_function(real, lanes, is_short)
+
+    @wp.func
+    def velocity_of(
+        i: int,
+        lane: int,
+        ordered: wp.array(dtype=vec4),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        support: real,
+        source: wp.array(dtype=vec4),
+        area: wp.array(dtype=real),
+    ) -> vec3:
+        """Thickness and velocity."""
+        p = load(source, i)
+        own = area[i]
+        height = load(ordered, i)[2] / own
+        k = real(wp.static(math.sqrt(3.0))) / height
+        quarter = real(0.25) * k * k
+        limit = support * support
+        least = wp.max(quarter * own * real(_NEAR), real(_LEAST))
+        box = cells_around(cells, p[0], p[1], support)
+        sums = sums_around(lane, source, area, starts, cells, box, p, quarter, least, limit)
+        total = sum_up(sums[0])
+        x = sum_up(sums[1])
+        y = sum_up(sums[2])
         # k times the radius of the disc of area V / h
         ka = k * wp.sqrt(own / real(wp.pi))
         # in place of what it counted as its own neighbour
@@ -127,11 +213,11 @@ def _velocity_function(real: Any, lanes: int, is_short: bool) -> Any:
 
 
 @lru_cache
-def _kernel(real: Any, lanes: int, is_short: bool, motion: Any) -> Any:
+def _kernel(real: Any, lanes: int, is_short: bool, is_wide: bool, motion: Any) -> Any:
     """Return the kernel that writes the velocities, or that moves the particles by them."""
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    velocity_of = _velocity_function(real, lanes, is_short)
+    velocity_of = _velocity_function(real, lanes, is_short, is_wide)
 
     @quick_kernel
     def green_velocity(
@@ -182,7 +268,7 @@ def move_particles(state: State, neighbors: NeighborGrid, support: float, way: A
     """
     launch_over(
         state,
-        _kernel(state.real, state.lanes, state.is_short, motion_of(state)),
+        _kernel(state.real, state.lanes, state.is_short, state.is_wide, motion_of(state)),
         inputs=[neighbors.starts, support, state.source, state.area],
         outputs=[way],
         least=_LEAST_PART,
@@ -201,7 +287,7 @@ def spread_velocity(state: State, neighbors: NeighborGrid, support: float) -> No
     """
     launch_over(
         state,
-        _kernel(state.real, state.lanes, state.is_short, None),
+        _kernel(state.real, state.lanes, state.is_short, state.is_wide, None),
         inputs=[
             state.ordered,
             state.counts,

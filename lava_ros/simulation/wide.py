@@ -1,0 +1,77 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Sums over neighbours on a CPU, eight neighbours at a time.
+
+A GPU has 32 threads take a neighbour each. A core of a CPU adds eight numbers at once too, but
+compilers do not see that it could in rows of some seven neighbours. Here is the C++ of device
+functions that do, with vectors as Clang has them: on a processor without any as wide they become
+several narrower ones. Products and sums are fused where the processor has that, in an order that
+depends on nothing but the particle.
+"""
+
+#: Neighbours at a time. Arrays that are read so have at least as many items.
+WIDTH = 8
+
+_AROUND = """{
+#pragma clang fp contract(fast)
+    typedef float wide __attribute__((vector_size(32)));
+    typedef int whole __attribute__((vector_size(32)));
+    const whole lane = {0, 1, 2, 3, 4, 5, 6, 7};
+    const wide none = {};
+    const int last_place = values.shape[0] - 8;
+    wide sum_0 = {}, sum_1 = {}, sum_2 = {};
+    for (int row = box[0]; row < box[1]; ++row) {
+        const int end = starts.data[row * columns + box[3]];
+        for (int j = starts.data[row * columns + box[2]]; j < end; j += 8) {
+            // near the end of the array some are read that are not meant
+            const int place = j < last_place ? j : last_place;
+            const whole is_in = (lane >= j - place) & (lane < end - place);
+            wide a, b, c, d;
+            __builtin_memcpy(&a, values.data + place, 32);
+            __builtin_memcpy(&b, values.data + place + 2, 32);
+            __builtin_memcpy(&c, values.data + place + 4, 32);
+            __builtin_memcpy(&d, values.data + place + 6, 32);
+            const wide ab_01 = __builtin_shufflevector(a, b, 0, 4, 8, 12, 1, 5, 9, 13);
+            const wide cd_01 = __builtin_shufflevector(c, d, 0, 4, 8, 12, 1, 5, 9, 13);
+            const wide ab_23 = __builtin_shufflevector(a, b, 2, 6, 10, 14, 3, 7, 11, 15);
+            const wide cd_23 = __builtin_shufflevector(c, d, 2, 6, 10, 14, 3, 7, 11, 15);
+            const wide other_0 = __builtin_shufflevector(ab_01, cd_01, 0, 1, 2, 3, 8, 9, 10, 11);
+            const wide other_1 = __builtin_shufflevector(ab_01, cd_01, 4, 5, 6, 7, 12, 13, 14, 15);
+            const wide other_2 = __builtin_shufflevector(ab_23, cd_23, 0, 1, 2, 3, 8, 9, 10, 11);
+            const wide other_3 = __builtin_shufflevector(ab_23, cd_23, 4, 5, 6, 7, 12, 13, 14, 15);
+            EACH
+        }
+    }
+    auto total = [](wide v) {
+        return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
+    };
+    return wp::vec_t<3, wp::float32>(total(sum_0), total(sum_1), total(sum_2));
+}"""
+
+
+def over_neighbors(each: str) -> str:
+    """Return the C++ of a device function of float32 that makes three sums over neighbours.
+
+    It has among its arguments ``values``, an array of vec4, and ``starts``, ``columns`` and
+    ``box`` as of ``neighbors.cell_functions``, and returns a vec3.
+
+    Args:
+        each: C++ that adds to ``sum_0``, ``sum_1`` and ``sum_2`` what eight neighbours have.
+            ``other_0`` to ``other_3`` are the components of their values, ``place`` is the first
+            one's place in the array and ``is_in`` says which of them count; what the others have
+            is any number or none. ``wide`` is a vector of eight floats, ``whole`` of integers,
+            ``none`` is 0.
+    """
+    return _AROUND.replace('EACH', each)
