@@ -219,7 +219,7 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
         q = distance * inverse
         return vec2(volume * shape(q), volume * slope(q))
 
-    both = (terms, 1.0, None)
+    both: tuple[Any, float, str | None] = (terms, 1.0, None)
     if name == 'wendland':
         both = (wendland_terms, -20.0, _WIDE_WENDLAND)
     norm, (stiffness, excess) = norms[name] / math.pi, functions[name][2:]

@@ -14,15 +14,20 @@
 
 """Launches that are made again and again with the same arguments.
 
-Warp takes 40 microseconds to look at the arguments of a launch and to pack them, longer than the
-CPU takes for what some hundred particles do in it. Packed once, a launch takes 15. A GPU has its
-graphs for that.
+Warp takes 40 microseconds to look at the arguments of a launch and to pack them, longer than a CPU
+takes for what some hundred particles do in it. Packed once, a launch takes 15. What a stage
+launches can be taken down whole and made again: a GPU has its graphs for that, and on a CPU it is
+a list of compiled functions, each called with what was packed for it, in less than 1.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+import ctypes
+from functools import partial
 from typing import Any
 
 import warp as wp
+
+from lava_ros.simulation.streams import capture_lock
 
 #: Packed launches that are kept; they keep their arrays too.
 MOST = 256
@@ -39,6 +44,40 @@ class Launches:
         """Begin without any."""
         self._device = device
         self._kept: dict[tuple[int, ...], list[Any]] = {}
+        self._again: Callable[[], None] | None = None
+        self._taken_down: list[Any] | None = None
+
+    @property
+    def has_captured(self) -> bool:
+        """Whether there is something for ``replay``."""
+        return self._again is not None
+
+    @property
+    def is_capturing(self) -> bool:
+        """Whether launches on a CPU are taken down, to be made again with other counts."""
+        return self._taken_down is not None
+
+    def capture(self, launch: Callable[[], None]) -> None:
+        """Take down what a function launches, in place of launching it, for ``replay``.
+
+        On a GPU that is all that it does there, on a CPU all that goes through here.
+        """
+        if self._device.is_cuda:
+            with capture_lock, wp.ScopedCapture(device=self._device) as capture:
+                launch()
+            self._again = partial(wp.capture_launch, capture.graph)
+            return
+        self._taken_down = []
+        try:
+            launch()
+            self._again = partial(_call, [_compiled(command) for command in self._taken_down])
+        finally:
+            self._taken_down = None
+
+    def replay(self) -> None:
+        """Launch what was captured."""
+        assert self._again is not None
+        self._again()
 
     def __call__(
         self,
@@ -67,6 +106,8 @@ class Launches:
                 device=self._device,
                 block_dim=block_dim,
             )
+        elif dim > 0 and self._taken_down is not None:
+            self._taken_down.append(self._record(kernel, dim, [*inputs, *outputs]))
         elif dim > 0:
             self.packed(kernel, dim=dim, arguments=[*inputs, *outputs]).launch()
 
@@ -77,9 +118,7 @@ class Launches:
         if kept is None:
             if len(self._kept) >= MOST:
                 self._kept.clear()
-            command: Any = wp.launch(
-                kernel, dim=dim, inputs=arguments, device=self._device, record_cmd=True
-            )
+            command = self._record(kernel, dim, arguments)
             # as long as they are here nothing else has their numbers
             self._kept[key] = [dim, command, kernel, arguments]
             return command
@@ -91,3 +130,32 @@ class Launches:
     def forget(self) -> None:
         """Keep none any more, nor their arrays."""
         self._kept.clear()
+        self._again = None
+
+    def _record(self, kernel: Any, dim: int, arguments: list[Any]) -> Any:
+        command: Any = wp.launch(
+            kernel, dim=dim, inputs=arguments, device=self._device, record_cmd=True
+        )
+        return command
+
+
+def _compiled(command: Any) -> tuple[Any, tuple[Any, ...], Any]:
+    """What a launch on the CPU calls, with what, and what has to be kept for that.
+
+    It is what Warp's own ``launch()`` calls, which packs the arguments anew each time.
+    """
+    try:
+        bounds, *values = command.params
+        fields = [(f'argument_{n}', type(value)) for n, value in enumerate(values)]
+        arguments = type('Arguments', (ctypes.Structure,), {'_fields_': fields})()
+        for (name, _), value in zip(fields, values, strict=True):
+            setattr(arguments, name, value)
+        return command.hooks.forward, (ctypes.byref(bounds), ctypes.byref(arguments)), command
+    except (AttributeError, TypeError):
+        # a Warp that packs in another way
+        return command.launch, (), command
+
+
+def _call(calls: list[tuple[Any, tuple[Any, ...], Any]]) -> None:
+    for function, arguments, _ in calls:
+        function(*arguments)

@@ -240,6 +240,7 @@ def _kernels(
     @quick_kernel
     def rank_particles(
         particle: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
         last: int,
         cell: wp.array(dtype=wp.int32),
         rank: wp.array(dtype=wp.int32),
@@ -248,6 +249,8 @@ def _kernels(
     ):
         """Rank particles in their cells in the order of all, one after the other."""
         i = wp.tid()
+        if i >= counts[PARTICLES] + counts[NEWCOMERS]:
+            return
         c = cell[i]
         if c == last:
             p = particle[i]
@@ -422,10 +425,10 @@ class NeighborGrid:
             state.launches(
                 _kernels_of(state)[2],
                 dim=state.extent,
-                inputs=[state.particle, self._cell_count, state.cell],
+                inputs=[state.particle, state.counts, self._cell_count, state.cell],
                 outputs=[state.rank, self._sizes, state.left],
             )
-        self._scan(self._sizes, self.starts)
+        self._scan(state.launches, self._sizes, self.starts)
         if state.is_deterministic and state.device.is_cuda:
             self._rank_by_order(state)
         launch_over(

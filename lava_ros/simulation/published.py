@@ -96,7 +96,7 @@ def publish_velocity(
         support: Kernel radius l [m].
         viscosity: The constant mu [Pa s].
     """
-    wp.launch(
+    state.launches(
         _kernel(state.real),
         dim=state.capacity,
         inputs=[
@@ -110,5 +110,4 @@ def publish_velocity(
             state.area,
         ],
         outputs=[state.flow],
-        device=state.device,
     )

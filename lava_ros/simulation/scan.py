@@ -149,18 +149,22 @@ def _kernel(fours: int) -> Any:
 
 
 class Scan:
-    """Sums what is before each item of arrays of one length."""
+    """Sums what is before each item of arrays of one length.
+
+    Attributes:
+        length: The length.
+    """
 
     def __init__(self, length: int, device: Any) -> None:
         """Make ready for arrays of a length, which is a multiple of 4."""
-        self._device, self._launches = device, Launches(device)
+        self.length, self._device = length, device
         self._fours = _FOURS if length < _MANY else _MORE_FOURS
         self._tiles = math.ceil(length / (4 * self._fours * _THREADS))
         self._words = wp.zeros(self._tiles + 1, dtype=wp.uint64, device=device)
 
-    def __call__(self, sizes: Any, starts: Any) -> None:
+    def __call__(self, launches: Launches, sizes: Any, starts: Any) -> None:
         """Write the sum of all ``sizes`` before each of them into ``starts``."""
-        self._launches(
+        launches(
             _kernel(self._fours),
             dim=self._tiles * _THREADS if self._device.is_cuda else 1,
             inputs=[sizes],

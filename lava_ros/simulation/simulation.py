@@ -17,12 +17,12 @@
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
+from functools import partial
 import math
 import time as wall_clock
 from typing import Any
 
 import numpy as np
-import warp as wp
 
 from lava_ros import validation
 from lava_ros.accuracy import Accuracy
@@ -51,15 +51,16 @@ from lava_ros.simulation.state import (
     TARGET,
     TIME,
 )
-from lava_ros.simulation.streams import capture_lock, read, Reader
+from lava_ros.simulation.streams import read, Reader
 from lava_ros.simulation.terrain import StaggeredTerrain
+from lava_ros.simulation.threads import is_alone
 from lava_ros.simulation.vents import vent_set, VentSet
 
-#: Particles there is room for at the start.
-_FIRST_CAPACITY = 4096
+#: Particles there is room for at the start, by whether it is a GPU: a CPU asks for each of them.
+_FIRST_CAPACITY = {True: 4096, False: 256}
 
-#: Stages between two looks at the clock: on CUDA they are one graph launch.
-_GRAPH_STAGES = 16
+#: Stages between two looks at the clock, by whether it is a GPU.
+_GRAPH_STAGES = {True: 16, False: 1}
 
 #: Launches under way at a time, by whether it is a GPU, as long as the target is far enough away.
 _UNDER_WAY = {True: 2, False: 1}
@@ -114,11 +115,11 @@ class Simulation:
         # a float32 keeps the sum of the particles' volumes equal to their number times this
         self.particle_volume = float(np.float32(spacing * spacing * thickness))
         self.radius = self.accuracy.ratio * spacing
-        self._state = State(_FIRST_CAPACITY, self.effects, self.accuracy, self._device)
+        capacity = _FIRST_CAPACITY[self._device.is_cuda]
+        self._state = State(capacity, self.effects, self.accuracy, self._device)
         self._census, self._reader = Census(), Reader(self._device)
         self._emitted_before = 0.0
         self._most_particles = 0
-        self._graph: Any = None
         self._after_step: dict[str, Any] = {}
         self._place(scene.terrain)
         self._start_with(particles)
@@ -433,22 +434,24 @@ class Simulation:
 
     def _run_stages(self) -> None:
         """Take one stage on the CPU, a graph of several on a GPU; past the target they idle."""
-        if not self._device.is_cuda:
+        launches, is_cuda = self._state.launches, self._device.is_cuda
+        if not is_alone(self._state):
             self._stage.take(self.scene, self._vents)
             return
-        if self._graph is None:
-            self._stage.take(self.scene, self._vents)
-            with capture_lock, wp.ScopedCapture(device=self._device) as capture:
-                for _ in range(_GRAPH_STAGES):
-                    self._stage.take(self.scene, self._vents)
-            self._graph = capture.graph
         if self._state.bins_in_motion and not self._neighbors.is_binned:
             self._neighbors.bin(self._state)
-        wp.capture_launch(self._graph)
+        if not launches.has_captured:
+            if is_cuda:
+                self._stage.take(self.scene, self._vents)
+            launches.capture(partial(self._take_stages, _GRAPH_STAGES[is_cuda]))
+        launches.replay()
+
+    def _take_stages(self, count: int) -> None:
+        for _ in range(count):
+            self._stage.take(self.scene, self._vents)
 
     def _forget_launches(self) -> None:
-        """What was captured on a GPU, or packed on a CPU, is of arrays that are others now."""
-        self._graph = None
+        """What was captured, or packed on a CPU, is of arrays that are others now."""
         self._state.launches.forget()
 
     def _cover(self) -> None:

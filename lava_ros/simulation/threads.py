@@ -43,9 +43,10 @@ from lava_ros.simulation.state import State
 #: Environment variable that says how many threads compute.
 VARIABLE = 'LAVA_THREADS'
 
-#: Fewest particles that are worth a part: about 0.5 ms of sums over their neighbours, or of what
-#: is done to each of them alone. A helper that is called begins after 0.1 ms.
-LEAST_SUMS, LEAST_MOVES = 1024, 16384
+#: Fewest particles that are worth a part: about 0.3 ms of sums over their neighbours, or of what
+#: is done to each of them alone. A helper that is called begins after 0.1 ms, and a stage of one
+#: thread is captured.
+LEAST_SUMS, LEAST_MOVES = 2048, 16384
 
 #: Parts to a thread: who is done early takes from the others, and each part costs 0.02 ms.
 PARTS = 4
@@ -106,14 +107,21 @@ def launch_over(
     """
     # the first one does what is done once, even if it has no particle
     count = max(1, state.extent) * lanes
-    workers = _workers(state.device, count, least * lanes)
-    if workers < 2:
+    if is_alone(state) or _workers(state.device, count, least * lanes) < 2:
         state.launches(kernel, dim=count, inputs=inputs, outputs=[*outputs, 0])
         return
     record = partial(
         state.launches.packed, kernel, dim=1, arguments=[*inputs, *outputs, 0]
     )
+    workers = _workers(state.device, count, least)
     _Job(record, (), _parts(count, workers, least)).compute(workers - 1)
+
+
+def is_alone(state: State) -> bool:
+    """Whether one thread does all of a stage: what it launches can be captured."""
+    if state.device.is_cuda or state.launches.is_capturing:
+        return True
+    return state.extent < 2 * LEAST_SUMS or threads() < 2
 
 
 def launch(

@@ -14,6 +14,7 @@
 
 """Launches that are made again: packed once, and never with what they were not given."""
 
+from dataclasses import replace
 import gc
 import weakref
 
@@ -22,6 +23,9 @@ import pytest
 import warp as wp
 
 from lava_ros.bench.effects import effect_sets, lava_field, STEP
+from lava_ros.simulation import launches as launches_module
+from lava_ros.simulation import Simulation
+from lava_ros.simulation import simulation as simulation_module
 from lava_ros.simulation.launches import Launches, MOST
 
 
@@ -109,3 +113,95 @@ def test_a_terrain_that_is_replaced_is_given_back():
         simulation.advance(simulation.time + 5.0 * STEP)
         gc.collect()
         assert [item() for item in gone] == [None, None]
+
+
+def test_captured_launches_wait_for_their_replay():
+    """They are not made when they are taken down, and all together each time after that."""
+    launches = Launches(wp.get_device('cpu'))
+    one, other = zeros(), zeros()
+
+    def launch():
+        assert launches.is_capturing
+        launches(add, dim=6, inputs=[1.0], outputs=[one])
+        launches(add, dim=2, inputs=[10.0], outputs=[one])
+        launches(add, dim=0, inputs=[100.0], outputs=[one])
+        launches(add, dim=3, inputs=[1.0], outputs=[other])
+
+    launches.capture(launch)
+    assert launches.has_captured and not launches.is_capturing
+    assert not one.numpy().any()
+    launches.replay()
+    # what is packed for others changes nothing
+    launches(add, dim=1, inputs=[1.0], outputs=[other])
+    launches.replay()
+    np.testing.assert_array_equal(one.numpy(), [22.0, 22.0, 2.0, 2.0, 2.0, 2.0])
+    np.testing.assert_array_equal(other.numpy(), [3.0, 2.0, 2.0, 0.0, 0.0, 0.0])
+
+
+def test_captured_arrays_are_kept_until_they_are_forgotten():
+    """Nothing else comes to lie where a captured launch writes."""
+    launches = Launches(wp.get_device('cpu'))
+    arrays = [zeros()]
+    gone = weakref.ref(arrays[0])
+    launches.capture(lambda: launches(add, dim=6, inputs=[1.0], outputs=arrays))
+    arrays.clear()
+    launches.replay()
+    assert gone() is not None
+    launches.forget()
+    assert gone() is None and not launches.has_captured
+
+
+def test_a_capture_that_fails_leaves_nothing():
+    """Launches are made again as before."""
+    launches, values = Launches(wp.get_device('cpu')), zeros()
+
+    def launch():
+        launches(add, dim=6, inputs=[1.0], outputs=[values])
+        raise ValueError('no more')
+
+    with pytest.raises(ValueError, match='no more'):
+        launches.capture(launch)
+    assert not launches.has_captured and not launches.is_capturing
+    launches(add, dim=1, inputs=[1.0], outputs=[values])
+    assert values.numpy().sum() == 1.0
+
+
+def test_another_warp_launches_itself(monkeypatch):
+    """What a launch has is not public: without it a replay is slower, and the same."""
+    launches, values = Launches(wp.get_device('cpu')), zeros()
+    monkeypatch.setattr(launches_module.ctypes, 'byref', None)
+    launches.capture(lambda: launches(add, dim=6, inputs=[1.0], outputs=[values]))
+    ((function, arguments, _),) = launches._again.args[0]
+    assert function.__name__ == 'launch' and not arguments
+    monkeypatch.undo()
+    launches.replay()
+    launches.replay()
+    assert (values.numpy() == 2.0).all()
+
+
+def test_this_warp_is_called_at_once():
+    """The compiled functions themselves are called, or replays would be no faster."""
+    launches = Launches(wp.get_device('cpu'))
+    launches.capture(lambda: launches(add, dim=6, inputs=[1.0], outputs=[zeros()]))
+    ((function, arguments, command),) = launches._again.args[0]
+    assert function is command.hooks.forward and len(arguments) == 2
+
+
+@pytest.mark.parametrize('is_deterministic', [False, True])
+@pytest.mark.parametrize('name', effect_sets())
+def test_a_captured_stage_is_all_of_it(monkeypatch, name, is_deterministic):
+    """The same bits as launch by launch: nothing of a stage goes another way."""
+    ends = []
+    for is_alone in (True, False):
+        monkeypatch.setattr(simulation_module, 'is_alone', lambda _, value=is_alone: value)
+        simulation = lava_field(200, effect_sets()[name], 'cpu')
+        if is_deterministic:
+            accuracy = replace(simulation.accuracy, deterministic=True)
+            simulation = Simulation.resume(
+                replace(simulation.checkpoint(), accuracy=accuracy), device='cpu'
+            )
+        simulation.advance(20.0 * STEP)
+        assert simulation.particle_count > 100
+        assert simulation._state.launches.has_captured == is_alone
+        ends.append(simulation.checkpoint().to_bytes())
+    assert ends[0] == ends[1]

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from lava_ros.simulation.launches import Launches
 from lava_ros.simulation.scan import Scan
 
 
@@ -26,9 +27,9 @@ def test_what_is_before_each_item(device: str, length: int) -> None:
     """Of one tile and of many, and again with the same words."""
     rng = np.random.default_rng(length)
     starts = wp.full(length, -1, dtype=wp.int32, device=device)
-    scan = Scan(length, wp.get_device(device))
+    scan, launches = Scan(length, wp.get_device(device)), Launches(wp.get_device(device))
     for most in (1, 700):
         sizes = rng.integers(0, most + 1, length)
         for _ in range(3):
-            scan(wp.array(sizes, dtype=wp.int32, device=device), starts)
+            scan(launches, wp.array(sizes, dtype=wp.int32, device=device), starts)
             assert (starts.numpy() == np.cumsum(sizes) - sizes).all()

@@ -35,6 +35,7 @@ from lava_ros.accuracy import Accuracy
 from lava_ros.scene import Scene
 from lava_ros.simulation.compiled import load4, quick_kernel
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
+from lava_ros.simulation.scan import Scan
 from lava_ros.simulation.state import ADVECTION, FULL, IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
 
@@ -303,6 +304,7 @@ class AfterStep:
         self._radius = accuracy.ratio * accuracy.spacing
         self._area = accuracy.spacing**2
         self._least = float(np.float32(self._area * accuracy.thickness))
+        self._scan: Scan | None = None
 
     def apply(self, state: State, neighbors: NeighborGrid) -> None:
         """Merge what has come together and split what has been stretched."""
@@ -345,7 +347,9 @@ class AfterStep:
         )
         if state.is_deterministic:
             # in the order of the particles, not of the threads
-            wp.utils.array_scan(state.births, state.slots, inclusive=False)
+            if self._scan is None or self._scan.length != state.capacity:
+                self._scan = Scan(state.capacity, state.device)
+            self._scan(state.launches, state.births, state.slots)
         state.launches(
             split,
             dim=state.rare_threads,
