@@ -111,6 +111,8 @@ class State:
             exchanges heat [1/s], and its temperature before an exchange [K], shape [capacity].
         waited: Only with lateral conduction: time since the last exchange, and that of the one at
             hand, 0 for none [s], float64.
+        layer: Only with the Helmholtz solve: x, y from the centre [m], area V/h [m2] and thickness
+            [m], of each ordered particle, shape [capacity].
         solution, next_solution, correction: Only with the Helmholtz solve: velocities of two
             sweeps and their difference [m/s], of each ordered particle, shape [capacity].
         partner, births, slots: Only with merging: who each particle merges with, whether it
@@ -219,6 +221,7 @@ class State:
             self.births = wp.zeros(capacity, dtype=wp.int32, device=self.device)
             self.slots = wp.zeros(capacity, dtype=wp.int32, device=self.device)
         if self.effects.helmholtz:
+            self.layer = wp.zeros(capacity, dtype=self.vec4, device=self.device)
             self.solution = wp.zeros(capacity, dtype=self.vec2, device=self.device)
             self.next_solution = wp.zeros(capacity, dtype=self.vec2, device=self.device)
             self.correction = wp.zeros(capacity, dtype=self.vec2, device=self.device)

@@ -31,11 +31,19 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.compiled import counted_from, load2, load4, quick_kernel, sum_over
-from lava_ros.simulation.kernels import smoothing_kernel
+from lava_ros.simulation.compiled import (
+    counted_from,
+    load2,
+    load4,
+    quick_kernel,
+    store4,
+    sum_over,
+)
+from lava_ros.simulation.kernels import smoothing_kernel, SmoothingKernel
 from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
-from lava_ros.simulation.threads import launch_over
+from lava_ros.simulation.threads import launch_over, LEAST_MOVES
+from lava_ros.simulation.wide import over_neighbors
 
 #: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
 REDUCTION = 1e-4
@@ -45,36 +53,147 @@ LARGEST_EIGENVALUE = 2.0
 
 
 @lru_cache
-def _kernels(real: Any, kernel_name: str, ratio: float, lanes: int) -> tuple[Any, Any, Any]:
+def _sums_function(real: Any, kernel: SmoothingKernel, lanes: int) -> Any:
+    """Return the device function of the sums over the neighbours of A_j h_ij F_ij and its pull.
+
+    F is left over ``norm``, ``factor`` and l^4, the pull is that of the velocities u_j - u_i. The
+    particle itself is a neighbour of its own.
+    """
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    terms = kernel.terms
+    _, _, _, range_in = cell_functions(real)
+    load, load_pair = load4(real), load2(real)
+
+    @wp.func
+    def sums_around(
+        lane: int,
+        layer: wp.array(dtype=vec4),
+        solution: wp.array(dtype=vec2),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        box: wp.vec4i,
+        p: vec4,
+        u: vec2,
+        inverse: real,
+    ) -> vec3:
+        diagonal = real(0.0)
+        pull = vec2()
+        for r in range(box[0] + lane, box[1], lanes):
+            near = range_in(cells, starts, r, box)
+            for j in range(near[0], near[1]):
+                other = load(layer, j)
+                dx = p[0] - other[0]
+                dy = p[1] - other[1]
+                # A_j h_ij with h_ij = (h_i + h_j) / 2, twice
+                amount = other[2] * (p[3] + other[3])
+                weight = terms(amount, wp.sqrt(dx * dx + dy * dy), inverse)[1]
+                diagonal += weight
+                pull += weight * (load_pair(solution, j) - u)
+        return vec3(diagonal, pull.x, pull.y)
+
+    return sums_around
+
+
+@lru_cache
+def _wide_sums_function(wide_terms: str) -> Any:
+    """Return the same device function of float32 for a CPU."""
+
+    @wp.func_native(
+        over_neighbors(f"""
+            wide early, late;
+            __builtin_memcpy(&early, solution.data + place, 32);
+            __builtin_memcpy(&late, solution.data + place + 4, 32);
+            const wide there_x = __builtin_shufflevector(early, late, 0, 2, 4, 6, 8, 10, 12, 14);
+            const wide there_y = __builtin_shufflevector(early, late, 1, 3, 5, 7, 9, 11, 13, 15);
+            const wide dx = x - other_0;
+            const wide dy = y - other_1;
+            const wide distance = __builtin_elementwise_sqrt(dx * dx + dy * dy);
+            const wide volume = other_2 * (height + other_3);
+            {wide_terms}
+            sum_0 += is_in ? slopes : none;
+            sum_1 += is_in ? slopes * (there_x - u) : none;
+            sum_2 += is_in ? slopes * (there_y - v) : none;
+        """)
+    )
+    def wide_sums(
+        values: wp.array(dtype=wp.vec4),
+        solution: wp.array(dtype=wp.vec2),
+        starts: wp.array(dtype=wp.int32),
+        columns: int,
+        box: wp.vec4i,
+        x: wp.float32,
+        y: wp.float32,
+        height: wp.float32,
+        u: wp.float32,
+        v: wp.float32,
+        inverse: wp.float32,
+    ) -> wp.vec3: ...
+
+    @wp.func
+    def sums_around(
+        lane: int,
+        layer: wp.array(dtype=wp.vec4),
+        solution: wp.array(dtype=wp.vec2),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(wp.float32),
+        box: wp.vec4i,
+        p: wp.vec4,
+        u: wp.vec2,
+        inverse: wp.float32,
+    ) -> wp.vec3:
+        return wide_sums(
+            layer, solution, starts, cells.columns, box, p[0], p[1], p[3], u[0], u[1], inverse
+        )
+
+    return sums_around
+
+
+@lru_cache
+def _kernels(
+    real: Any, kernel_name: str, ratio: float, lanes: int, is_wide: bool
+) -> tuple[Any, Any, Any]:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
-    norm, slope = kernel.norm, kernel.slope
-    _, _, cells_around, range_in = cell_functions(real)
-    load, load_pair, total = load4(real), load2(real), sum_over(real, lanes)
+    factor = -kernel.norm * kernel.factor
+    terms = kernel.terms
+    cells_around = cell_functions(real).cells_around
+    load, store, total = load4(real), store4(real), sum_over(real, lanes)
+    sums_around = _sums_function(real, kernel, lanes)
+    if is_wide and kernel.wide_terms:
+        sums_around = _wide_sums_function(kernel.wide_terms)
 
     @quick_kernel
     def start(
+        ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         flow: wp.array(dtype=vec3),
+        layer: wp.array(dtype=vec4),
         solution: wp.array(dtype=vec2),
         correction: wp.array(dtype=vec2),
+        first: int,
     ):
-        i = wp.tid()
+        """Begin with the local velocity; what a sweep needs of a neighbour lies together."""
+        i = counted_from(first, wp.tid())
         if i < counts[PARTICLES]:
-            solution[i] = vec2(flow[i][1], flow[i][2])
+            p = load(ordered, i)
+            f = flow[i]
+            store(layer, i, vec4(p[0], p[1], p[2] / f[0], f[0]))
+            solution[i] = vec2(f[1], f[2])
             correction[i] = vec2()
 
     @quick_kernel
     def sweep(
-        ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
         radius: wp.float64,
         momentum: wp.float64,
         relaxation: wp.float64,
+        layer: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
         solution: wp.array(dtype=vec2),
         correction: wp.array(dtype=vec2),
@@ -86,32 +205,22 @@ def _kernels(real: Any, kernel_name: str, ratio: float, lanes: int) -> tuple[Any
         lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
             return
-        p = load(ordered, i)
-        f = flow[i]
+        p = load(layer, i)
         u = solution[i]
         inverse = real(1.0) / real(radius)
-        diagonal = real(0.0)
-        pull = vec2()
-        scale = -real(wp.static(norm)) * inverse * inverse * inverse * inverse
         box = cells_around(cells, p[0], p[1], real(radius))
-        for r in range(box[0] + lane, box[1], lanes):
-            near = range_in(cells, starts, r, box)
-            for j in range(near[0], near[1]):
-                other = load(ordered, j)
-                dx = (p[0] - other[0]) * inverse
-                dy = (p[1] - other[1]) * inverse
-                square = dx * dx + dy * dy
-                if j != i and square < real(1.0):
-                    h = flow[j][0]
-                    # A_j h_ij F_ij with h_ij = (h_i + h_j) / 2
-                    weight = scale * slope(wp.sqrt(square)) * other[2] / h * (f[0] + h)
-                    diagonal += weight
-                    pull += weight * (load_pair(solution, j) - u)
-        drag = real(3.0) / f[0]
-        diagonal = drag + total(diagonal)
-        pull = drag * (vec2(f[1], f[2]) - u) + vec2(total(pull.x), total(pull.y))
+        sums = sums_around(lane, layer, solution, starts, cells, box, p, u, inverse)
+        diagonal = total(sums[0])
+        pull = vec2(total(sums[1]), total(sums[2]))
         if lane > 0:
             return
+        f = flow[i]
+        scale = real(wp.static(factor)) * inverse * inverse * inverse * inverse
+        drag = real(3.0) / f[0]
+        # it counted as a neighbour of its own
+        own = terms(p[2] * (p[3] + p[3]), real(0.0), inverse)[1]
+        diagonal = drag + scale * (diagonal - own)
+        pull = drag * (vec2(f[1], f[2]) - u) + scale * pull
         change = real(momentum) * correction[i] + real(relaxation) / diagonal * pull
         correction[i] = change
         next_solution[i] = u + change
@@ -178,12 +287,13 @@ def solve_velocity(
         kernel: Name of the smoothing kernel.
         ratio: Kernel radius over particle spacing.
     """
-    start, sweep, finish = _kernels(state.real, kernel, ratio, state.lanes)
-    state.launches(
+    start, sweep, finish = _kernels(state.real, kernel, ratio, state.lanes, state.is_wide)
+    launch_over(
+        state,
         start,
-        dim=state.capacity,
-        inputs=[state.counts, state.flow],
-        outputs=[state.solution, state.correction],
+        inputs=[state.ordered, state.counts, state.flow],
+        outputs=[state.layer, state.solution, state.correction],
+        least=LEAST_MOVES,
     )
     current, following = state.solution, state.next_solution
     for momentum, relaxation in _schedule(thickness, radius):
@@ -191,13 +301,13 @@ def solve_velocity(
             state,
             sweep,
             inputs=[
-                state.ordered,
                 state.counts,
                 neighbors.starts,
                 neighbors.frame,
                 radius,
                 momentum,
                 relaxation,
+                state.layer,
                 state.flow,
                 current,
             ],
