@@ -49,7 +49,10 @@ BARE_KERNELS = [
 #: What each effect adds: arrays, and kernels of its own.
 ADDED = {
     'green': ({'source', 'area'}, {'green_motion'}),
-    'helmholtz': ({'solution', 'next_solution', 'correction'}, {'start', 'sweep', 'finish'}),
+    'helmholtz': (
+        {'layer', 'solution', 'next_solution', 'correction'},
+        {'start', 'sweep', 'finish'},
+    ),
     'yielding': (set(), set()),
     'power_law': (set(), set()),
     'arrhenius': (set(), set()),
