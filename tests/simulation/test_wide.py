@@ -19,7 +19,7 @@ import pytest
 import warp as wp
 
 from lava_ros.simulation import flow
-from lava_ros.simulation.effects import green
+from lava_ros.simulation.effects import green, helmholtz
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import cell_frame
 from lava_ros.simulation.wide import WIDTH
@@ -29,12 +29,19 @@ ROWS, COLUMNS = 5, 9
 BOX = (1, 4, 2, 7)
 RADIUS = 3.0
 
-#: Terms of a sum by flow.py or effects/green.py, in float32: one after the other, and by wide.
+WENDLAND = smoothing_kernel('wendland', wp.float32)
+
+#: Sums of flow.py and of two effects, in float32: one neighbour after the other, and eight at a
+#: time.
 FLOW = (
-    flow._sums_function(wp.float32, smoothing_kernel('wendland', wp.float32), 1, False),
-    flow._wide_sums_function(smoothing_kernel('wendland', wp.float32).wide_terms),
+    flow._sums_function(wp.float32, WENDLAND, 1, False),
+    flow._wide_sums_function(WENDLAND.wide_terms),
 )
 GREEN = (green._sums_function(wp.float32, 1, False), green._wide_sums_function())
+HELMHOLTZ = (
+    helmholtz._sums_function(wp.float32, WENDLAND, 1),
+    helmholtz._wide_sums_function(WENDLAND.wide_terms),
+)
 
 
 def kernel_of_flow(sums):
@@ -44,6 +51,7 @@ def kernel_of_flow(sums):
     def sum_up(
         values: wp.array(dtype=wp.vec4),
         area: wp.array(dtype=float),
+        pairs: wp.array(dtype=wp.vec2),
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(wp.float32),
         box: wp.vec4i,
@@ -62,6 +70,7 @@ def kernel_of_green(sums):
     def sum_up(
         values: wp.array(dtype=wp.vec4),
         area: wp.array(dtype=float),
+        pairs: wp.array(dtype=wp.vec2),
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(wp.float32),
         box: wp.vec4i,
@@ -74,9 +83,30 @@ def kernel_of_green(sums):
     return sum_up
 
 
+def kernel_of_helmholtz(sums):
+    """A kernel of the sums of a sweep around one place."""
+
+    @wp.kernel(module='unique')
+    def sum_up(
+        values: wp.array(dtype=wp.vec4),
+        area: wp.array(dtype=float),
+        pairs: wp.array(dtype=wp.vec2),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(wp.float32),
+        box: wp.vec4i,
+        p: wp.vec4,
+        result: wp.array(dtype=wp.vec3),
+    ):
+        u = wp.vec2(0.3, -0.4)
+        result[0] = sums(0, values, pairs, starts, cells, box, p, u, wp.static(1.0 / RADIUS))
+
+    return sum_up
+
+
 KERNELS = {
     'flow': [kernel_of_flow(sums) for sums in FLOW],
     'green': [kernel_of_green(sums) for sums in GREEN],
+    'helmholtz': [kernel_of_helmholtz(sums) for sums in HELMHOLTZ],
 }
 
 
@@ -86,13 +116,15 @@ def sums_of(kernel, sizes, seed=0):
     starts = np.concatenate([[0], np.cumsum(sizes.ravel())]).astype(np.int32)
     values = random.uniform(-2.0, 2.0, (starts[-1], 4)).astype(np.float32)
     area = random.uniform(0.5, 1.5, len(values)).astype(np.float32)
+    pairs = random.uniform(-1.0, 1.0, (len(values), 2)).astype(np.float32)
     inside = np.zeros(sizes.shape, bool)
     inside[BOX[0] : BOX[1], BOX[2] : BOX[3]] = True
     counts = np.repeat(inside.ravel(), sizes.ravel())
-    values[~counts], area[~counts] = np.nan, np.nan
+    values[~counts], area[~counts], pairs[~counts] = np.nan, np.nan, np.nan
     room = max(0, WIDTH - len(values))
     values = np.concatenate([values, np.full((room, 4), np.nan, np.float32)])
     area = np.concatenate([area, np.full(room, np.nan, np.float32)])
+    pairs = np.concatenate([pairs, np.full((room, 2), np.nan, np.float32)])
     cells = cell_frame(wp.float32)()
     cells.rows, cells.columns = ROWS, COLUMNS
     result = wp.zeros(1, dtype=wp.vec3, device='cpu')
@@ -102,6 +134,7 @@ def sums_of(kernel, sizes, seed=0):
         inputs=[
             wp.array(values, dtype=wp.vec4, device='cpu'),
             wp.array(area, dtype=float, device='cpu'),
+            wp.array(pairs, dtype=wp.vec2, device='cpu'),
             wp.array(starts, dtype=wp.int32, device='cpu'),
             cells,
             wp.vec4i(*BOX),
