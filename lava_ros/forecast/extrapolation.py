@@ -160,7 +160,8 @@ def _line(sizes: np.ndarray, times: np.ndarray, weights: np.ndarray) -> tuple[fl
     if slope < 0.0:
         return float(np.average(times, weights=weights**2)), 0.0
     if constant < 0.0:
-        return 0.0, float(np.average(times / sizes, weights=(weights * sizes) ** 2))
+        # before a vent opens there is no particle, and a size is 0
+        return 0.0, float((weights**2 * sizes * times).sum() / (weights**2 * sizes**2).sum())
     return float(constant), float(slope)
 
 

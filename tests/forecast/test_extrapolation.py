@@ -109,6 +109,27 @@ def test_a_run_that_was_stopped_at_once_says_little_but_something():
     assert 0.3 < found.wall_time / _grown(1.0, 1e-3).wall_time < 3.0
 
 
+def test_before_a_vent_opens_there_is_no_particle():
+    """That a part of a run has none says nothing of what particles cost."""
+
+    def waiting(refinement):
+        run = _grown(refinement, 0.0)
+        share, times, evaluations, particles = run.progress.T
+        particles = np.where(share < 0.2, 0.0, particles)
+        # dearer the more there are: the line's constant would be negative
+        times = np.where(share < 0.2, 1e-6 * share, times**1.3)
+        progress = np.stack([share, times, evaluations, particles], axis=1)
+        return replace(run, wall_time=times[-1] + 0.1, progress=progress)
+
+    whole = waiting(1.0)
+    begun = replace(whole, progress=whole.progress[:120], covered=whole.covered[:1])
+    with np.errstate(all='raise'):
+        assert cost_at([waiting(0.5)], 1.0) == pytest.approx(whole.wall_time, rel=0.6)
+        found = completed(begun, waiting(0.5))
+        assert found.wall_time == pytest.approx(whole.wall_time, rel=0.3)
+        assert np.isfinite(cost_at([waiting(0.5), found], 1.2))
+
+
 @pytest.mark.parametrize('order', [0.8, 1.0, 1.3])
 @pytest.mark.parametrize('scatter', [0.0, 0.5, 2.0])
 def test_error_of_edges_that_are_off_by_bias_and_by_chance(order, scatter):
