@@ -78,13 +78,18 @@ def completed(pilot: Pilot, model: Pilot) -> Pilot:
     shares = model.progress[:, 0]
     at_that = np.array([np.interp(share, shares, column) for column in model.progress.T[2:]])
     scale = pilot.progress[-1, 2:] / np.maximum(at_that, 1.0)
+    if pilot.progress[-1, 3] < 1.0:
+        # as many on the same area
+        scale[1] = (pilot.refinement / model.refinement) ** 2
     is_later = shares > share
     to_come = np.vstack([at_that, model.progress[is_later, 2:]]) * scale
     runs = [pilot, model] if model.effects == pilot.effects else [pilot]
     sizes, more, times = np.concatenate([_increments(run) for run in runs]).T
     constant, slope = _line(sizes, times / more, more)
     sizes, more, _ = _increments(pilot).T
-    faster = taken / float((more * (constant + slope * sizes)).sum())
+    expected = float((more * (constant + slope * sizes)).sum())
+    # without a particle so far it is as fast as the coarser one
+    faster = taken / expected if expected > 0.0 else 1.0
     sizes = (0.5 * (to_come[1:, 1] + to_come[:-1, 1])) ** _power(pilot.effects)
     times = faster * np.diff(to_come[:, 0]) * (constant + slope * sizes)
     rest = np.column_stack([shares[is_later], taken + np.cumsum(times), to_come[1:]])

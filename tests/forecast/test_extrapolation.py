@@ -128,6 +128,8 @@ def test_before_a_vent_opens_there_is_no_particle():
         found = completed(begun, waiting(0.5))
         assert found.wall_time == pytest.approx(whole.wall_time, rel=0.3)
         assert np.isfinite(cost_at([waiting(0.5), found], 1.2))
+        waits = completed(replace(begun, progress=whole.progress[:30]), waiting(0.5))
+        assert waits.wall_time == pytest.approx(whole.wall_time, rel=0.9)
 
 
 @pytest.mark.parametrize('order', [0.8, 1.0, 1.3])
