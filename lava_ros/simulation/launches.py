@@ -38,6 +38,9 @@ class Launches:
 
     Arguments are told by what they are, not by what is in them: a struct that was launched with
     must not be changed afterwards.
+
+    Attributes:
+        extent: Particles that what was captured takes.
     """
 
     def __init__(self, device: Any) -> None:
@@ -46,22 +49,27 @@ class Launches:
         self._kept: dict[tuple[int, ...], list[Any]] = {}
         self._again: Callable[[], None] | None = None
         self._taken_down: list[Any] | None = None
-
-    @property
-    def has_captured(self) -> bool:
-        """Whether there is something for ``replay``."""
-        return self._again is not None
+        self.extent = 0
 
     @property
     def is_capturing(self) -> bool:
-        """Whether launches on a CPU are taken down, to be made again with other counts."""
+        """Whether launches on a CPU are taken down, for as many particles as ``extent`` says."""
         return self._taken_down is not None
 
-    def capture(self, launch: Callable[[], None]) -> None:
+    def can_replay(self, extent: int) -> bool:
+        """Whether there is something for ``replay``, and it takes as many particles."""
+        return self._again is not None and extent <= self.extent
+
+    def capture(self, launch: Callable[[], None], extent: int) -> None:
         """Take down what a function launches, in place of launching it, for ``replay``.
 
         On a GPU that is all that it does there, on a CPU all that goes through here.
+
+        Args:
+            launch: The function.
+            extent: Particles that it takes at most.
         """
+        self._again, self.extent = None, extent
         if self._device.is_cuda:
             with capture_lock, wp.ScopedCapture(device=self._device) as capture:
                 launch()

@@ -45,6 +45,7 @@ from lava_ros.simulation.state import (
     centre_of,
     NEWCOMERS,
     PARTICLES,
+    room_for,
     STAGE,
     State,
     STEPS,
@@ -56,8 +57,8 @@ from lava_ros.simulation.terrain import StaggeredTerrain
 from lava_ros.simulation.threads import is_alone
 from lava_ros.simulation.vents import vent_set, VentSet
 
-#: Particles there is room for at the start, by whether it is a GPU: a CPU asks for each of them.
-_FIRST_CAPACITY = {True: 4096, False: 256}
+#: Particles there is room for at the start.
+_FIRST_CAPACITY = 4096
 
 #: Stages between two looks at the clock, by whether it is a GPU.
 _GRAPH_STAGES = {True: 16, False: 1}
@@ -115,8 +116,7 @@ class Simulation:
         # a float32 keeps the sum of the particles' volumes equal to their number times this
         self.particle_volume = float(np.float32(spacing * spacing * thickness))
         self.radius = self.accuracy.ratio * spacing
-        capacity = _FIRST_CAPACITY[self._device.is_cuda]
-        self._state = State(capacity, self.effects, self.accuracy, self._device)
+        self._state = State(_FIRST_CAPACITY, self.effects, self.accuracy, self._device)
         self._census, self._reader = Census(), Reader(self._device)
         self._emitted_before = 0.0
         self._most_particles = 0
@@ -434,17 +434,19 @@ class Simulation:
 
     def _run_stages(self) -> None:
         """Take one stage on the CPU, a graph of several on a GPU; past the target they idle."""
-        launches, is_cuda = self._state.launches, self._device.is_cuda
-        if not is_alone(self._state):
+        state, is_cuda = self._state, self._device.is_cuda
+        if not is_alone(state):
             self._stage.take(self.scene, self._vents)
             return
-        if self._state.bins_in_motion and not self._neighbors.is_binned:
-            self._neighbors.bin(self._state)
-        if not launches.has_captured:
+        if state.bins_in_motion and not self._neighbors.is_binned:
+            self._neighbors.bin(state)
+        if not state.launches.can_replay(state.extent):
             if is_cuda:
                 self._stage.take(self.scene, self._vents)
-            launches.capture(partial(self._take_stages, _GRAPH_STAGES[is_cuda]))
-        launches.replay()
+            # on a CPU each particle there might be takes time
+            extent = min(room_for(state.extent), state.capacity)
+            state.launches.capture(partial(self._take_stages, _GRAPH_STAGES[is_cuda]), extent)
+        state.launches.replay()
 
     def _take_stages(self, count: int) -> None:
         for _ in range(count):

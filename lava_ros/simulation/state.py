@@ -233,9 +233,11 @@ class State:
 
     @property
     def extent(self) -> int:
-        """Particles that a launch has to take: as many as there is room for where it is kept."""
-        if self.device.is_cuda or self.launches.is_capturing:
+        """Particles that a launch has to take: on a GPU as many as there is room for."""
+        if self.device.is_cuda:
             return self.capacity
+        if self.launches.is_capturing:
+            return self.launches.extent
         return int(self._seen_counts[PARTICLES] + self._seen_counts[NEWCOMERS])
 
     @property

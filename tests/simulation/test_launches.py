@@ -121,14 +121,14 @@ def test_captured_launches_wait_for_their_replay():
     one, other = zeros(), zeros()
 
     def launch():
-        assert launches.is_capturing
+        assert launches.is_capturing and launches.extent == 5
         launches(add, dim=6, inputs=[1.0], outputs=[one])
         launches(add, dim=2, inputs=[10.0], outputs=[one])
         launches(add, dim=0, inputs=[100.0], outputs=[one])
         launches(add, dim=3, inputs=[1.0], outputs=[other])
 
-    launches.capture(launch)
-    assert launches.has_captured and not launches.is_capturing
+    launches.capture(launch, 5)
+    assert launches.can_replay(5) and not launches.can_replay(6) and not launches.is_capturing
     assert not one.numpy().any()
     launches.replay()
     # what is packed for others changes nothing
@@ -143,12 +143,12 @@ def test_captured_arrays_are_kept_until_they_are_forgotten():
     launches = Launches(wp.get_device('cpu'))
     arrays = [zeros()]
     gone = weakref.ref(arrays[0])
-    launches.capture(lambda: launches(add, dim=6, inputs=[1.0], outputs=arrays))
+    launches.capture(lambda: launches(add, dim=6, inputs=[1.0], outputs=arrays), 6)
     arrays.clear()
     launches.replay()
     assert gone() is not None
     launches.forget()
-    assert gone() is None and not launches.has_captured
+    assert gone() is None and not launches.can_replay(0)
 
 
 def test_a_capture_that_fails_leaves_nothing():
@@ -160,8 +160,8 @@ def test_a_capture_that_fails_leaves_nothing():
         raise ValueError('no more')
 
     with pytest.raises(ValueError, match='no more'):
-        launches.capture(launch)
-    assert not launches.has_captured and not launches.is_capturing
+        launches.capture(launch, 6)
+    assert not launches.can_replay(0) and not launches.is_capturing
     launches(add, dim=1, inputs=[1.0], outputs=[values])
     assert values.numpy().sum() == 1.0
 
@@ -170,7 +170,7 @@ def test_another_warp_launches_itself(monkeypatch):
     """What a launch has is not public: without it a replay is slower, and the same."""
     launches, values = Launches(wp.get_device('cpu')), zeros()
     monkeypatch.setattr(launches_module.ctypes, 'byref', None)
-    launches.capture(lambda: launches(add, dim=6, inputs=[1.0], outputs=[values]))
+    launches.capture(lambda: launches(add, dim=6, inputs=[1.0], outputs=[values]), 6)
     ((function, arguments, _),) = launches._again.args[0]
     assert function.__name__ == 'launch' and not arguments
     monkeypatch.undo()
@@ -182,7 +182,7 @@ def test_another_warp_launches_itself(monkeypatch):
 def test_this_warp_is_called_at_once():
     """The compiled functions themselves are called, or replays would be no faster."""
     launches = Launches(wp.get_device('cpu'))
-    launches.capture(lambda: launches(add, dim=6, inputs=[1.0], outputs=[zeros()]))
+    launches.capture(lambda: launches(add, dim=6, inputs=[1.0], outputs=[zeros()]), 6)
     ((function, arguments, command),) = launches._again.args[0]
     assert function is command.hooks.forward and len(arguments) == 2
 
@@ -202,6 +202,6 @@ def test_a_captured_stage_is_all_of_it(monkeypatch, name, is_deterministic):
             )
         simulation.advance(20.0 * STEP)
         assert simulation.particle_count > 100
-        assert simulation._state.launches.has_captured == is_alone
+        assert simulation._state.launches.can_replay(0) == is_alone
         ends.append(simulation.checkpoint().to_bytes())
     assert ends[0] == ends[1]

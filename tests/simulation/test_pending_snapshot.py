@@ -110,6 +110,7 @@ def test_launches_under_way_change_nothing(monkeypatch):
     There is more lava than there was room for at the start, and it comes far.
     """
     ends = []
+    monkeypatch.setattr(simulation_module, '_FIRST_CAPACITY', 256)
     for number in (1, 2):
         monkeypatch.setitem(simulation_module._UNDER_WAY, False, number)
         ground = Terrain(np.tile(900.0 - 5.0 * np.arange(200.0), (30, 1)), 10.0)
