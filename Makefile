@@ -41,7 +41,7 @@ nightly: $(STAMP)  ## Try 2,000 random scenes and messages, kill 20 recordings, 
 	LAVA_FUZZ_FIGURES=build/fuzz.json $(VENV)/bin/python -m pytest tests/fuzz --hypothesis-profile=nightly \
 	  --numprocesses auto --dist load $(ARGS)
 	LAVA_KILLS=20 $(VENV)/bin/python -m pytest tests/ros/faults
-	$(VENV)/bin/python tests/install/installed_node.py
+	PYTHONPATH=tests $(VENV)/bin/python tests/install/installed_node.py
 
 soak: $(STAMP)  ## Keep a node busy for 30 minutes and judge memory, deadlines and bag (ARGS='--minutes 5')
 	PYTHONPATH=tests $(VENV)/bin/python -m soak.soak $(ARGS)

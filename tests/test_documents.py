@@ -48,6 +48,7 @@ import yaml
 
 from eruption import write_case
 from lava_ros.scene import scene_from_yaml
+from ros_domain import own_domain
 
 ROOT = Path(__file__).parents[1]
 
@@ -165,7 +166,7 @@ def _environment(folder: Path) -> dict[str, str]:
         'PATH': f'{programs}{os.pathsep}{os.environ["PATH"]}',
         'PYTHONPATH': os.pathsep.join(filter(None, [str(ROOT), os.environ.get('PYTHONPATH')])),
         'MPLBACKEND': 'Agg',
-        'ROS_DOMAIN_ID': str(1 + os.getpid() % 50),
+        'ROS_DOMAIN_ID': str(own_domain('documents')),
         'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
     }
 

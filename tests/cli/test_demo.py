@@ -21,6 +21,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 from matplotlib.image import imread
 import numpy as np
@@ -28,7 +29,10 @@ import pytest
 from rosbags.highlevel import AnyReader
 import yaml
 
+from lava_ros.cli import demo as demo_module
 from lava_ros.cli import main as cli
+from lava_ros.errors import LavaError
+from ros_domain import own_domain
 
 ROOT = Path(__file__).parents[2]
 
@@ -44,6 +48,15 @@ def start(directory: Path, *words: str) -> subprocess.Popen[str]:
         stderr=subprocess.PIPE,
         text=True,
     )
+
+
+def test_a_domain_in_use_is_not_free(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever is in it would hear the demo, and the demo whoever is in it."""
+    busy = own_domain('busy')
+    chosen = SimpleNamespace(sample=lambda *_: [busy])
+    monkeypatch.setattr(demo_module.random, 'SystemRandom', lambda: chosen)
+    with pytest.raises(LavaError, match='--domain'):
+        demo_module.free_domain()
 
 
 def test_the_demo_runs_again_and_again(tmp_path: Path) -> None:

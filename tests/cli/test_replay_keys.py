@@ -37,6 +37,7 @@ from std_msgs.msg import String
 
 from lava_ros.bag import BagWriter, LATCHED, QosProfile
 from lava_ros.cli.keys import Keys, keys_of
+from ros_domain import own_domain
 
 SECOND = 1_000_000_000
 TEXT = 'std_msgs/msg/String'
@@ -148,7 +149,7 @@ class Heard:
 @pytest.fixture
 def heard(monkeypatch: pytest.MonkeyPatch) -> Iterator[Heard]:
     """A listener in a domain of this test process's own."""
-    domain = 1 + os.getpid() % 100
+    domain = own_domain('keys')
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     result = Heard(domain)

@@ -28,6 +28,8 @@ import tempfile
 import threading
 import venv
 
+from ros_domain import own_domain
+
 ROOT = Path(__file__).parents[2]
 ASIDE = ('.git', '.venv', 'build', 'install', 'log', '*.egg-info', '__pycache__', 'bags')
 
@@ -65,7 +67,7 @@ def first_map(listener):
 def check(programs, folder):
     """Run the node in a folder of its own: it publishes, records, and ends on SIGINT with 0."""
     environment = {key: text for key, text in os.environ.items() if key != 'PYTHONPATH'}
-    environment['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 50)
+    environment['ROS_DOMAIN_ID'] = str(own_domain())
     environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     python = str(programs / 'python')
     subprocess.run([python, '-c', TERRAIN], cwd=folder, check=True)

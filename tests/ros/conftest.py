@@ -26,14 +26,15 @@ import time
 
 import pytest
 
+from ros_domain import own_domain
+
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 
 
 def _environment(aside):
     environment = dict(os.environ)
-    own = str(1 + os.getpid() % 50 + 50 * aside)
-    environment['ROS_DOMAIN_ID'] = os.environ.get('LAVA_TEST_DOMAIN', own)
+    environment['ROS_DOMAIN_ID'] = str(own_domain('aside' if aside else 'graph'))
     environment['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     environment['PYTHONPATH'] = os.pathsep.join(
         [str(ROOT), *filter(None, [environment.get('PYTHONPATH')])]

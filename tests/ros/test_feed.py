@@ -15,7 +15,6 @@
 """The feed publishes a scene as sensors would."""
 
 from collections.abc import Callable, Iterator
-import os
 import time
 from typing import Any
 
@@ -31,6 +30,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from lava_ros.ros import codec, inputs, qos
 from lava_ros.ros.feed import SceneFeed
 from lava_ros.scene import Scene, Terrain, Vent
+from ros_domain import own_domain
 
 TERRAIN = Terrain(np.arange(12.0).reshape(3, 4), resolution=2.5, origin=(1.0, 2.0))
 VENTS = (
@@ -91,7 +91,7 @@ def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
     """A graph in a domain of this test run."""
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     context = rclpy.Context()
-    rclpy.init(context=context, domain_id=1 + (os.getpid() + 25) % 100)
+    rclpy.init(context=context, domain_id=own_domain('feed'))
     graph = Graph(context)
     yield graph
     graph.close()

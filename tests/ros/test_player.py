@@ -15,7 +15,6 @@
 """Replay into a real graph, from another process."""
 
 from collections.abc import Iterator
-import os
 from pathlib import Path
 import signal
 import subprocess
@@ -37,6 +36,7 @@ from lava_ros.bag.qos import INFINITE_NS
 from lava_ros.bag.schemas import MessageSchema
 from lava_ros.errors import LavaError
 from lava_ros.ros.player import message_class, to_rclpy
+from ros_domain import own_domain
 
 SECOND = 1_000_000_000
 TEXT = 'std_msgs/msg/String'
@@ -71,7 +71,7 @@ def bag(tmp_path: Path) -> tuple[Path, Written]:
 @pytest.fixture
 def domain() -> int:
     """A domain of this test process's own."""
-    return 1 + os.getpid() % 100
+    return own_domain('player')
 
 
 @pytest.fixture

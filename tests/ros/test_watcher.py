@@ -15,7 +15,6 @@
 """What listens in a ROS context of its own, and is interrupted."""
 
 from collections.abc import Iterator
-import os
 import signal
 import time
 
@@ -26,13 +25,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from lava_ros.ros import qos
 from lava_ros.ros.watcher import Watcher
+from ros_domain import own_domain
 
 
 class Echo(Watcher):
     """Hears what it says."""
 
     def __init__(self) -> None:
-        super().__init__('lava_echo', 1 + (os.getpid() + 75) % 100)
+        super().__init__('lava_echo', own_domain('watcher'))
         profile = qos.ros_profile(qos.LATCHED)
         self.heard: list[DiagnosticArray] = []
         self._node.create_subscription(DiagnosticArray, 'echo', self.heard.append, profile)

@@ -136,8 +136,6 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
     Returns:
         Figures by name.
     """
-    # Tests have the domains below: none of theirs is heard here.
-    os.environ['LAVA_TEST_DOMAIN'] = '101'
     graph = Graph(directory)
     bag = directory / 'soak'
     try:

@@ -1,0 +1,44 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""ROS domains that nobody else on this machine has: tests side by side hear only their own."""
+
+from functools import lru_cache
+import os
+import socket
+
+#: Domains whose ports are free everywhere.
+_DOMAINS = range(1, 102)
+
+_kept = []
+
+
+@lru_cache
+def own_domain(name: str = 'graph') -> int:
+    """A domain of this process, one for each name, that is its own until it ends.
+
+    The port of a domain's first participant is kept, so that whoever looks for a free domain,
+    `lava demo` too, takes another; participants take the next ports.
+    """
+    first = os.getpid() % len(_DOMAINS)
+    for domain in (*_DOMAINS[first:], *_DOMAINS[:first]):
+        port = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            port.bind(('', 7410 + 250 * domain))
+        except OSError:
+            port.close()
+            continue
+        _kept.append(port)
+        return domain
+    raise RuntimeError(f'no domain for {name}: all are in use')
