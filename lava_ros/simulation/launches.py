@@ -22,7 +22,7 @@ a list of compiled functions, each called with what was packed for it, in less t
 
 from collections.abc import Callable, Sequence
 import ctypes
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import warp as wp
@@ -147,6 +147,13 @@ class Launches:
         return command
 
 
+@lru_cache
+def _arguments(*types: Any) -> Any:
+    """The structure in which a compiled function takes arguments of some ctypes."""
+    fields = [(f'argument_{n}', one) for n, one in enumerate(types)]
+    return type('Arguments', (ctypes.Structure,), {'_fields_': fields})
+
+
 def _compiled(command: Any) -> tuple[Any, tuple[Any, ...], Any]:
     """What a launch on the CPU calls, with what, and what has to be kept for that.
 
@@ -154,10 +161,9 @@ def _compiled(command: Any) -> tuple[Any, tuple[Any, ...], Any]:
     """
     try:
         bounds, *values = command.params
-        fields = [(f'argument_{n}', type(value)) for n, value in enumerate(values)]
-        arguments = type('Arguments', (ctypes.Structure,), {'_fields_': fields})()
-        for (name, _), value in zip(fields, values, strict=True):
-            setattr(arguments, name, value)
+        arguments = _arguments(*map(type, values))()
+        for n, value in enumerate(values):
+            setattr(arguments, f'argument_{n}', value)
         return command.hooks.forward, (ctypes.byref(bounds), ctypes.byref(arguments)), command
     except (AttributeError, TypeError):
         # a Warp that packs in another way
