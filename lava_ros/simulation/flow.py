@@ -249,8 +249,8 @@ def _wide_sums_function(wide_terms: str) -> Any:
 
     @wp.func_native(
         over_neighbors(f"""
-            const wide dx = is_in ? x - other_0 : none;
-            const wide dy = is_in ? y - other_1 : none;
+            const wide dx = is_in ? p[0] - other_0 : none;
+            const wide dy = is_in ? p[1] - other_1 : none;
             const wide volume = is_in ? other_2 : none;
             const wide distance = __builtin_elementwise_sqrt(dx * dx + dy * dy);
             {wide_terms}
@@ -259,27 +259,15 @@ def _wide_sums_function(wide_terms: str) -> Any:
             sum_2 += slopes * dy;
         """)
     )
-    def wide_sums(
-        values: wp.array(dtype=wp.vec4),
-        starts: wp.array(dtype=wp.int32),
-        columns: int,
-        box: wp.vec4i,
-        x: wp.float32,
-        y: wp.float32,
-        inverse: wp.float32,
-    ) -> wp.vec3: ...
-
-    @wp.func
     def sums_around(
         lane: int,
-        ordered: wp.array(dtype=wp.vec4),
+        values: wp.array(dtype=wp.vec4),
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(wp.float32),
         box: wp.vec4i,
         p: wp.vec4,
         inverse: wp.float32,
-    ) -> wp.vec3:
-        return wide_sums(ordered, starts, cells.columns, box, p[0], p[1], inverse)
+    ) -> wp.vec3: ...
 
     return sums_around
 

@@ -29,10 +29,10 @@ import warp as wp
 from lava_ros.simulation.compiled import exp2, one_less
 
 _WIDE_WENDLAND = """
-    wide p = 1.0f - distance * inverse;
-    p = p > 0.0f ? p : none;
-    const wide slopes = volume * (p * p * p);
-    const wide shapes = slopes * p * (5.0f - 4.0f * p);
+    wide left = 1.0f - distance * inverse;
+    left = left > 0.0f ? left : none;
+    const wide slopes = volume * (left * left * left);
+    const wide shapes = slopes * left * (5.0f - 4.0f * left);
 """
 
 #: log2(e^x K0(x)), x = 2 sqrt(s), as a polynomial of log2 s, its highest power first.

@@ -195,8 +195,7 @@ class Simulation:
             if self._state.needs_room(counts) or counts[BEYOND]:
                 while under_way:
                     clock, counts = under_way.popleft()()
-                if self._state.make_room(counts):
-                    self._forget_launches()
+                self._state.make_room(counts)
                 if counts[BEYOND]:
                     self._cover()
         while under_way:

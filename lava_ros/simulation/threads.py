@@ -107,21 +107,20 @@ def launch_over(
     """
     # the first one does what is done once, even if it has no particle
     count = max(1, state.extent) * lanes
-    if is_alone(state) or _workers(state.device, count, least * lanes) < 2:
+    # what is captured is one thread's
+    workers = 1 if state.launches.is_capturing else _workers(state.device, count, least * lanes)
+    if workers < 2:
         state.launches(kernel, dim=count, inputs=inputs, outputs=[*outputs, 0])
         return
     record = partial(
         state.launches.packed, kernel, dim=1, arguments=[*inputs, *outputs, 0]
     )
-    workers = _workers(state.device, count, least)
     _Job(record, (), _parts(count, workers, least)).compute(workers - 1)
 
 
 def is_alone(state: State) -> bool:
     """Whether one thread does all of a stage: what it launches can be captured."""
-    if state.device.is_cuda or state.launches.is_capturing:
-        return True
-    return state.extent < 2 * LEAST_SUMS or threads() < 2
+    return state.device.is_cuda or state.extent < 2 * LEAST_SUMS or threads() < 2
 
 
 def launch(

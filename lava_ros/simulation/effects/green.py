@@ -117,8 +117,8 @@ def _wide_sums_function() -> Any:
         over_neighbors(f"""
             wide size;
             __builtin_memcpy(&size, area.data + place, 32);
-            const wide dx = x - other_0;
-            const wide dy = y - other_1;
+            const wide dx = p[0] - other_0;
+            const wide dy = p[1] - other_1;
             const wide square = dx * dx + dy * dy;
             wide s = quarter * square;
             s = s > least ? s : none + least;
@@ -129,23 +129,9 @@ def _wide_sums_function() -> Any:
             sum_2 += counts ? weights * other_3 : none;
         """)
     )
-    def wide_sums(
-        values: wp.array(dtype=wp.vec4),
-        area: wp.array(dtype=wp.float32),
-        starts: wp.array(dtype=wp.int32),
-        columns: int,
-        box: wp.vec4i,
-        x: wp.float32,
-        y: wp.float32,
-        quarter: wp.float32,
-        least: wp.float32,
-        limit: wp.float32,
-    ) -> wp.vec3: ...
-
-    @wp.func
     def sums_around(
         lane: int,
-        source: wp.array(dtype=wp.vec4),
+        values: wp.array(dtype=wp.vec4),
         area: wp.array(dtype=wp.float32),
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(wp.float32),
@@ -154,10 +140,7 @@ def _wide_sums_function() -> Any:
         quarter: wp.float32,
         least: wp.float32,
         limit: wp.float32,
-    ) -> wp.vec3:
-        return wide_sums(
-            source, area, starts, cells.columns, box, p[0], p[1], quarter, least, limit
-        )
+    ) -> wp.vec3: ...
 
     return sums_around
 

@@ -107,34 +107,19 @@ def _wide_sums_function(wide_terms: str) -> Any:
             __builtin_memcpy(&late, solution.data + place + 4, 32);
             const wide there_x = __builtin_shufflevector(early, late, 0, 2, 4, 6, 8, 10, 12, 14);
             const wide there_y = __builtin_shufflevector(early, late, 1, 3, 5, 7, 9, 11, 13, 15);
-            const wide dx = x - other_0;
-            const wide dy = y - other_1;
+            const wide dx = p[0] - other_0;
+            const wide dy = p[1] - other_1;
             const wide distance = __builtin_elementwise_sqrt(dx * dx + dy * dy);
-            const wide volume = other_2 * (height + other_3);
+            const wide volume = other_2 * (p[3] + other_3);
             {wide_terms}
             sum_0 += is_in ? slopes : none;
-            sum_1 += is_in ? slopes * (there_x - u) : none;
-            sum_2 += is_in ? slopes * (there_y - v) : none;
+            sum_1 += is_in ? slopes * (there_x - u[0]) : none;
+            sum_2 += is_in ? slopes * (there_y - u[1]) : none;
         """)
     )
-    def wide_sums(
-        values: wp.array(dtype=wp.vec4),
-        solution: wp.array(dtype=wp.vec2),
-        starts: wp.array(dtype=wp.int32),
-        columns: int,
-        box: wp.vec4i,
-        x: wp.float32,
-        y: wp.float32,
-        height: wp.float32,
-        u: wp.float32,
-        v: wp.float32,
-        inverse: wp.float32,
-    ) -> wp.vec3: ...
-
-    @wp.func
     def sums_around(
         lane: int,
-        layer: wp.array(dtype=wp.vec4),
+        values: wp.array(dtype=wp.vec4),
         solution: wp.array(dtype=wp.vec2),
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(wp.float32),
@@ -142,10 +127,7 @@ def _wide_sums_function(wide_terms: str) -> Any:
         p: wp.vec4,
         u: wp.vec2,
         inverse: wp.float32,
-    ) -> wp.vec3:
-        return wide_sums(
-            layer, solution, starts, cells.columns, box, p[0], p[1], p[3], u[0], u[1], inverse
-        )
+    ) -> wp.vec3: ...
 
     return sums_around
 
