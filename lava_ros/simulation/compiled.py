@@ -21,6 +21,9 @@ What is done, why, and what it gains is in docs/PERFORMANCE.md:
   as is float32; a float64 is not touched by it, so the reference is not either.
 * ``load4``, ``store4``: Warp knows no alignment and reads a vec4 as four numbers; here it is one
   16-byte access. Reads go through the read-only cache: never read so what the kernel writes.
+* ``after_the_former``: a kernel may begin before the one that it comes after has ended.
+* ``unseen_one``: a step of a loop that no compiler unrolls further, for threads of a warp whose
+  loops have different ends: what is left over of an unrolled one takes as long as the rest.
 * ``is_last_of_all``: what one thread does with what all have found needs no launch of its own.
 * ``raise_to``: a maximum over all particles. Each thread comparing and swapping one address is
   slower than the rest of the kernel; a warp of 32 finds its own maximum and asks once.
@@ -111,6 +114,12 @@ _LAST = """
     return false;
 #endif
 """
+#: What those before have written can be read after it; only later GPUs begin before.
+_WAIT = """
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+    asm volatile("griddepcontrol.wait;" ::: "memory");
+#endif
+"""
 #: What is no number raises nothing: positive floats are in the order of their bits.
 _RAISE = {
     wp.float32: """
@@ -158,6 +167,18 @@ def quick_kernel(function: Callable[..., None]) -> Any:
 
 def _on_cuda(snippet: str, otherwise: str) -> str:
     return f'#if defined(__CUDA_ARCH__)\n{snippet}\n#else\n    {otherwise}\n#endif\n'
+
+
+@wp.func_native(_WAIT)
+def after_the_former():
+    """Wait for the kernels that this one comes after, and what they have written (overlap.py)."""
+    ...
+
+
+def waits_first(kernel: Any) -> bool:
+    """Whether a kernel calls ``after_the_former``."""
+    code = kernel.func.__code__
+    return 'after_the_former' in (*code.co_names, *code.co_freevars)
 
 
 @lru_cache
@@ -213,6 +234,12 @@ def load_int(values: wp.array(dtype=wp.int32), i: int) -> int:
 @wp.func_native(_on_cuda('return i;', 'return first + i;'))
 def counted_from(first: int, i: int) -> int:
     """Return the i-th item of a launch, on the CPU of one from ``first`` on (threads.py)."""
+    ...
+
+
+@wp.func_native(_on_cuda('return blockDim.y;', 'return 1;'))
+def unseen_one() -> int:
+    """Return 1, which the compiler cannot know: it would unroll what is unrolled already."""
     ...
 
 

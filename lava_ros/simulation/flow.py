@@ -37,7 +37,9 @@ import warp as wp
 from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
+from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.compiled import (
+    after_the_former,
     counted_from,
     is_last_of_all,
     load2,
@@ -48,14 +50,14 @@ from lava_ros.simulation.compiled import (
     sum_over,
 )
 from lava_ros.simulation.effects import load as load_effect
-from lava_ros.simulation.kernels import bessel, smoothing_kernel, SmoothingKernel
-from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
+from lava_ros.simulation.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
+from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.rheology import rheology_type, speed_function, viscosity_function
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
+from lava_ros.simulation.sums import sums_function, wide_sums_function
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
 from lava_ros.simulation.threads import launch_over
 from lava_ros.simulation.timestep import pace_type
-from lava_ros.simulation.wide import over_neighbors
 
 #: Thickness over the expected one up to which the Helmholtz solve converges in full.
 THICKEST = 2.0
@@ -180,9 +182,9 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             reduced = rate / (real(1.0) + thick)
             if wp.static(green):
                 area = volume / height
-                store(
-                    source, i, vec4(place.x, place.y, volume * velocity.x, volume * velocity.y)
-                )
+                # distances in the units of K0Within
+                near = place * (real(wp.static(math.sqrt(SQUARED_SUPPORT))) / radius)
+                store(source, i, vec4(near.x, near.y, volume * velocity.x, volume * velocity.y))
                 area_of[i] = area
                 # as far as the Green's function is not cut off
                 whole = real(1.0) - x_k1(real(wp.static(math.sqrt(3.0))) * radius / height)
@@ -198,78 +200,6 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             raised(rates, ADVECTION, wp.length(velocity) / real(constants.reach))
 
     return balance
-
-
-@lru_cache
-def _sums_function(real: Any, kernel: SmoothingKernel, lanes: int, is_short: bool) -> Any:
-    """Return the device function of the sums over the neighbours of thickness and its gradient."""
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
-    terms = kernel.terms
-    _, _, _, range_in = cell_functions(real)
-    load = load4(real)
-
-    @wp.func
-    def sums_around(
-        lane: int,
-        ordered: wp.array(dtype=vec4),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        box: wp.vec4i,
-        p: vec4,
-        inverse: real,
-    ) -> vec3:
-        height = real(0.0)
-        rise_x = real(0.0)
-        rise_y = real(0.0)
-        near = range_in(cells, starts, wp.min(box[0] + lane, box[1] - 1), box)
-        for r in range(box[0] + lane, box[1], lanes):
-            following = near
-            if wp.static(is_short):
-                following = range_in(cells, starts, wp.min(r + lanes, box[1] - 1), box)
-            else:
-                near = range_in(cells, starts, r, box)
-            for j in range(near[0], near[1]):
-                other = load(ordered, j)
-                dx = p[0] - other[0]
-                dy = p[1] - other[1]
-                part = terms(other[2], wp.sqrt(dx * dx + dy * dy), inverse)
-                height += part[0]
-                rise_x += part[1] * dx
-                rise_y += part[1] * dy
-            near = following
-        return vec3(height, rise_x, rise_y)
-
-    return sums_around
-
-
-@lru_cache
-def _wide_sums_function(wide_terms: str) -> Any:
-    """Return the same device function of float32 for a CPU."""
-
-    @wp.func_native(
-        over_neighbors(f"""
-            const wide dx = is_in ? p[0] - other_0 : none;
-            const wide dy = is_in ? p[1] - other_1 : none;
-            const wide volume = is_in ? other_2 : none;
-            const wide distance = __builtin_elementwise_sqrt(dx * dx + dy * dy);
-            {wide_terms}
-            sum_0 += shapes;
-            sum_1 += slopes * dx;
-            sum_2 += slopes * dy;
-        """)
-    )
-    def sums_around(
-        lane: int,
-        values: wp.array(dtype=wp.vec4),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(wp.float32),
-        box: wp.vec4i,
-        p: wp.vec4,
-        inverse: wp.float32,
-    ) -> wp.vec3: ...
-
-    return sums_around
 
 
 @lru_cache
@@ -296,10 +226,10 @@ def flow_kernels(
     mat22 = wp.types.matrix((2, 2), real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
-    factor = kernel.factor
-    sums_around = _sums_function(real, kernel, lanes, is_short)
+    shape_factor, slope_factor = kernel.factors
+    sums_around = sums_function(real, kernel, lanes, is_short)
     if is_wide and kernel.wide_terms:
-        sums_around = _wide_sums_function(kernel.wide_terms)
+        sums_around = wide_sums_function(kernel.wide_terms)
     gradient_at, bend_at, height_at, _ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
     load, load_pair = load4(real), load2(real)
@@ -328,9 +258,9 @@ def flow_kernels(
         inverse = real(1.0) / radius
         box = cells_around(cells, p[0], p[1], radius)
         sums = sums_around(lane, ordered, starts, cells, box, p, inverse)
-        height = total(sums[0])
-        rise_x = total(sums[1]) * inverse * real(wp.static(factor))
-        rise_y = total(sums[2]) * inverse * real(wp.static(factor))
+        height = total(sums[0]) * real(shape_factor)
+        rise_x = total(sums[1]) * inverse * real(slope_factor)
+        rise_y = total(sums[2]) * inverse * real(slope_factor)
         if lane > 0:
             return
         scale = real(wp.static(norm)) * inverse * inverse
@@ -363,6 +293,7 @@ def flow_kernels(
             slope_of: wp.array(dtype=vec2),
             first: int,
         ):
+            after_the_former()
             i = counted_from(first, wp.tid() // lanes)
             lane = wp.tid() % lanes
             if i < counts[PARTICLES]:
@@ -391,6 +322,7 @@ def flow_kernels(
         first: int,
     ):
         """Thickness, the surface's elevation and the area V / h of each particle."""
+        after_the_former()
         i = counted_from(first, wp.tid() // lanes)
         lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
@@ -432,6 +364,7 @@ def flow_kernels(
         slope_of: wp.array(dtype=vec2),
         first: int,
     ):
+        after_the_former()
         i = counted_from(first, wp.tid() // lanes)
         lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:

@@ -31,11 +31,20 @@ from lava_ros.simulation.compiled import exp2, one_less
 _WIDE_WENDLAND = """
     wide left = 1.0f - distance * inverse;
     left = left > 0.0f ? left : none;
-    const wide slopes = volume * (left * left * left);
-    const wide shapes = slopes * left * (5.0f - 4.0f * left);
+    const wide squared = left * left;
+    const wide slopes = volume * (squared * left);
+    const wide shapes = slopes * (squared - 1.25f * left);
 """
 
-#: log2(e^x K0(x)), x = 2 sqrt(s), as a polynomial of log2 s, its highest power first.
+#: Octaves of squared distances, up to the support's, in which K0 varies: from a twelfth of the
+#: support on, less than the radius of a particle's own disc.
+_OCTAVES = 7.0
+
+#: The square of the support in the units of ``K0Within``, whose octaves lie to both sides of 1.
+SQUARED_SUPPORT = 2.0 ** (_OCTAVES / 2.0)
+
+#: log2(e^x K0(x)), x = 2 sqrt(s), as a polynomial of log2 s, its highest power first, to 2e-4 for
+#: x from 0.004 to 20.
 _K0 = (
     -1.2741719e-08,
     -4.5190392e-07,
@@ -45,6 +54,20 @@ _K0 = (
     -0.228058267,
     -0.248646405,
 )
+
+#: 2^(t/2) for t from -3.5 to 3.5, to 1.4e-4 2^(0.15 t).
+_ROOT = (
+    4.307390714808505e-05,
+    0.0006464656938273085,
+    0.006940395607739791,
+    0.059848329705461195,
+    0.34654181226319425,
+    1.0001396563621365,
+)
+
+#: Radii of the support over the thickness that are told apart: with fewer K0 is as good as level,
+#: with more nothing is left of it at any neighbour.
+_LEAST_RADII, _MOST_RADII = 0.01, 1000.0
 
 #: log2(1.5 + t) and 2^(0.5 + t) for t from -0.5 to 0.5, to 2.4e-6 and 1.1e-7.
 _LOG2 = (
@@ -73,10 +96,11 @@ def _wide_polynomial(name: str, x: str, powers: Sequence[float]) -> str:
     return '\n    '.join((f'wide {name} = none + {first};', *steps))
 
 
-#: C++ that makes wide ``weights`` K0(2 sqrt(s)) of a wide ``s`` > 0 that is no denormal (wide.py).
+#: C++ that makes wide ``weights`` of wide ``squares`` that are no denormals, and of ``powers``:
+#: what ``K0Within.at`` gives, of float32 (wide.py).
 WIDE_K0 = f"""
     whole bits;
-    __builtin_memcpy(&bits, &s, 32);
+    __builtin_memcpy(&bits, &squares, 32);
     const wide power = __builtin_convertvector((bits >> 23) - 127, wide);
     bits = (bits & 0x7fffff) | 0x3f800000;
     wide t;
@@ -84,8 +108,9 @@ WIDE_K0 = f"""
     t -= 1.5f;
     {_wide_polynomial('log', 't', _LOG2)}
     const wide y = power + log;
-    {_wide_polynomial('k', 'y', _K0)}
-    k -= 2.88539008f * __builtin_elementwise_sqrt(s);
+    wide k = none + powers[0];
+    for (int n = 1; n < {len(_ROOT)}; ++n)
+        k = k * y + powers[n];
     k = k > -126.0f ? k : none - 126.0f;
     const wide below = __builtin_elementwise_floor(k);
     t = k - below - 0.5f;
@@ -104,8 +129,8 @@ class SmoothingKernel(NamedTuple):
         shape: Device function, the kernel over ``norm``.
         slope: Device function, the derivative of ``shape`` over q.
         terms: Device function of a volume, r and 1 / l: the volume times ``shape``, and times
-            ``slope`` over ``factor``. The two have factors in common.
-        factor: What ``terms`` leaves out of ``slope``.
+            ``slope``, each over its own of the ``factors``. The two have factors in common.
+        factors: What ``terms`` leaves out of ``shape`` and ``slope``.
         wide_terms: C++ that makes wide ``shapes`` and ``slopes``, what ``terms`` gives, of a wide
             ``volume`` and ``distance`` and of ``inverse`` (wide.py); None where there is none.
         stiffness: Largest value of (q l)^2 W^(q), W^ the kernel's Fourier transform: a thickness
@@ -121,7 +146,7 @@ class SmoothingKernel(NamedTuple):
     shape: Any
     slope: Any
     terms: Any
-    factor: float
+    factors: tuple[float, float]
     wide_terms: str | None
     stiffness: float
     excess: Any
@@ -209,8 +234,9 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
     @wp.func
     def wendland_terms(volume: real, distance: real, inverse: real) -> vec2:
         p = what_is_left(distance, inverse)
-        weight = volume * (p * p * p)
-        return vec2(weight * p * (real(5.0) - real(4.0) * p), weight)
+        square = p * p
+        weight = volume * (square * p)
+        return vec2(weight * (square - real(1.25) * p), weight)
 
     shape, slope, *_ = functions[name]
 
@@ -219,9 +245,9 @@ def smoothing_kernel(name: str, real: Any, ratio: float = 3.0) -> SmoothingKerne
         q = distance * inverse
         return vec2(volume * shape(q), volume * slope(q))
 
-    both: tuple[Any, float, str | None] = (terms, 1.0, None)
+    both: tuple[Any, tuple[float, float], str | None] = (terms, (1.0, 1.0), None)
     if name == 'wendland':
-        both = (wendland_terms, -20.0, _WIDE_WENDLAND)
+        both = (wendland_terms, (-4.0, -20.0), _WIDE_WENDLAND)
     norm, (stiffness, excess) = norms[name] / math.pi, functions[name][2:]
     return SmoothingKernel(norm, shape, slope, *both, stiffness, excess)
 
@@ -240,10 +266,8 @@ class Bessel(NamedTuple):
 def bessel(real: Any) -> Bessel:
     """Return K0(2 sqrt(s)) and x K1(x).
 
-    In float64, and x K1(x) always, they are good to 2e-7 absolute: polynomials 9.8.1, 9.8.3 and
-    9.8.5 to 9.8.8 of Abramowitz & Stegun, Handbook of Mathematical Functions. In float32 K0 is a
-    weight of a mean, and the dearest pass is of little else: there it is 2^P e^-x, P a polynomial
-    of log2 s fitted to log2(e^x K0), good to 2e-4 of it for x from 0.004 to 20, where it is 1e-9.
+    They are good to 2e-7 absolute: polynomials 9.8.1, 9.8.3 and 9.8.5 to 9.8.8 of Abramowitz &
+    Stegun, Handbook of Mathematical Functions.
     """
 
     @wp.func
@@ -282,14 +306,106 @@ def bessel(real: Any) -> Bessel:
             real(-0.03655620) + t * (real(0.01504268) + t * (real(-0.00780353) + t * (
                 real(0.00325614) + t * real(-0.00068245)))))))
 
+    return Bessel(k0, x_k1)
+
+
+class K0Within(NamedTuple):
+    """K0(k r) of distances r up to a support, as device functions.
+
+    ``powers_of`` takes the support times k and returns what ``at`` needs of it beside the squared
+    distance, in units in which that of the support is ``SQUARED_SUPPORT``. Below ``least`` no
+    distance is told from another.
+
+    Attributes:
+        powers: Warp type of what depends on k only.
+        powers_of: Device function.
+        at: Device function.
+        least: The least squared distance.
+    """
+
+    powers: Any
+    powers_of: Any
+    at: Any
+    least: float
+
+
+#: In sums over neighbours K0 is a weight of a mean, and the dearest pass is of little else. What
+#: takes longest is not multiplications but what a GPU has one unit in eight for: log2, 2^x and the
+#: root. So all of log2 K0 is one polynomial of log2 r^2, without a root: that of log2(e^x K0)
+#: around the middle of the octaves, and that of x.
+_POWERS_OF = """
+    const float support = x < LEASTf ? LEASTf : x > MOSTf ? MOSTf : x;
+    const float shift = wp::log2(support * support * SHIFTf);
+    SHIFTED
+    wp::vec_t<6, wp::float32> powers;
+    POWERS
+    return powers;
+"""
+
+
+def _powers_of() -> str:
+    """C++ that returns the polynomial of log2 K0 around the middle of the octaves."""
+    degree = len(_K0) - 1
+    lines = [f'float p{n} = {power!r}f;' for n, power in enumerate(_K0)]
+    lines += [
+        f'p{m} += p{m - 1} * shift;'
+        for n in range(degree)
+        for m in range(1, degree + 1 - n)
+    ]
+    # the highest power, after Chebyshev, as those below it
+    far = _OCTAVES / 2.0
+    most, *_ = _K0
+    lines += [
+        f'p{n} += {most * value!r}f;'
+        for n, value in ((2, 1.5 * far**2), (4, -0.5625 * far**4), (6, far**6 / 32.0))
+    ]
+    scale = -math.log2(math.e) / math.sqrt(SQUARED_SUPPORT)
+    powers = [
+        f'powers.c[{n}] = p{n + 1} + {scale * root!r}f * support;' for n, root in enumerate(_ROOT)
+    ]
+    return (
+        _POWERS_OF.replace('LEAST', repr(_LEAST_RADII))
+        .replace('MOST', repr(_MOST_RADII))
+        .replace('SHIFTED', ' '.join(lines))
+        .replace('SHIFT', repr(0.25 / SQUARED_SUPPORT))
+        .replace('POWERS', ' '.join(powers))
+    )
+
+
+@lru_cache
+def k0_within(real: Any) -> K0Within:
+    """Return K0 for sums over neighbours.
+
+    In float64 it is ``bessel``'s. In float32 it is good to 4e-4 for k times the support up to 5,
+    and to 2e-3 up to 30, where only a particle's own weight counts.
+    """
+    least = 1.0 / SQUARED_SUPPORT
+    if real is wp.float64:
+        k0 = bessel(real).k0
+
+        @wp.func
+        def quarter_of(x: real) -> real:
+            u = wp.max(x, real(_LEAST_RADII))
+            return real(wp.static(0.25 / SQUARED_SUPPORT)) * u * u
+
+        @wp.func
+        def exact(quarter: real, square: real) -> real:
+            return k0(quarter * square)
+
+        return K0Within(real, quarter_of, exact, least)
+
+    vec6 = wp.types.vector(len(_ROOT), real)
     power = exp2(real)
 
-    @wp.func
-    def fitted_k0(s: real) -> real:
-        y = wp.log2(s)
-        p = real(wp.static(_K0[0]))
-        for n in range(1, wp.static(len(_K0))):
-            p = p * y + real(wp.static(_K0[n]))
-        return power(p - real(2.88539008) * wp.sqrt(s))
+    @wp.func_native(_powers_of())
+    def powers_of(x: real) -> vec6: ...
 
-    return Bessel(fitted_k0 if real is wp.float32 else k0, x_k1)
+    @wp.func
+    def at(powers: vec6, square: real) -> real:
+        y = wp.log2(square)
+        p = powers[0]
+        for n in range(1, wp.static(len(_ROOT))):
+            p = p * y + powers[n]
+        return power(p)
+
+    return K0Within(vec6, powers_of, at, least)

@@ -27,6 +27,8 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.compiled import waits_first
+from lava_ros.simulation.overlap import overlap
 from lava_ros.simulation.streams import capture_lock
 
 #: Packed launches that are kept; they keep their arrays too.
@@ -49,6 +51,7 @@ class Launches:
         self._kept: dict[tuple[int, ...], list[Any]] = {}
         self._again: Callable[[], None] | None = None
         self._taken_down: list[Any] | None = None
+        self._captured: set[Any] | None = None
         self.extent = 0
 
     @property
@@ -71,8 +74,13 @@ class Launches:
         """
         self._again, self.extent = None, extent
         if self._device.is_cuda:
-            with capture_lock, wp.ScopedCapture(device=self._device) as capture:
-                launch()
+            self._captured = set()
+            try:
+                with capture_lock, wp.ScopedCapture(device=self._device) as capture:
+                    launch()
+                overlap(capture.graph, [one for one in self._captured if waits_first(one)])
+            finally:
+                self._captured = None
             self._again = partial(wp.capture_launch, capture.graph)
             return
         self._taken_down = []
@@ -106,6 +114,8 @@ class Launches:
             block_dim: Threads to a block of a GPU; Warp's own number when left out.
         """
         if self._device.is_cuda:
+            if self._captured is not None:
+                self._captured.add(kernel)
             wp.launch(
                 kernel,
                 dim=dim,

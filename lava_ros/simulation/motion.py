@@ -25,7 +25,9 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
+from lava_ros.simulation.cells import cell_frame
 from lava_ros.simulation.compiled import (
+    after_the_former,
     counted_from,
     load2,
     load4,
@@ -35,7 +37,7 @@ from lava_ros.simulation.compiled import (
 )
 from lava_ros.simulation.flow import flow_constants_of
 from lava_ros.simulation.heat import heat_constants_of, temperature_function
-from lava_ros.simulation.neighbors import bin_function, cell_frame, NeighborGrid
+from lava_ros.simulation.neighbors import bin_function, NeighborGrid
 from lava_ros.simulation.state import (
     BEFORE_FORMER,
     CURRENT,
@@ -307,6 +309,7 @@ def _kernel(real: Any, motion: Any) -> Any:
 
     @quick_kernel
     def move(flow: wp.array(dtype=vec3), m: journey_type(real), first: int):
+        after_the_former()
         i = counted_from(first, wp.tid())
         if i < m.counts[PARTICLES]:
             motion(i, flow[i], m)

@@ -26,13 +26,15 @@ terrain's own grid, so the particles' order does not depend on it.
 from copy import copy
 from functools import lru_cache
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from lava_ros.errors import LavaError
+from lava_ros.simulation.cells import cell_frame, cell_functions, cells_to_radius
 from lava_ros.simulation.compiled import (
+    after_the_former,
     can_count,
     counted_from,
     load2,
@@ -49,15 +51,13 @@ from lava_ros.simulation.state import (
     DIFFUSION,
     NEWCOMERS,
     PARTICLES,
+    SPARE,
     STAGE,
     State,
 )
 from lava_ros.simulation.streams import read
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
 from lava_ros.simulation.threads import launch_over, LEAST_MOVES
-
-#: Cells to a kernel radius. Fewer hold more that is out of reach, more cost more look-ups.
-CELLS_PER_RADIUS = 3
 
 #: Cells up to which the whole terrain is covered.
 WHOLE = 2**14
@@ -71,78 +71,6 @@ MOST_IN_CELL = 2**15
 
 
 @lru_cache
-def cell_frame(real: Any) -> Any:
-    """Where the cells lie, relative to the terrain's centre.
-
-    ``size`` is a cell's side [m], ``per_metre`` one over it. ``first_row`` and ``first_column``
-    are the window's in the grid of ``all_rows`` and ``all_columns``.
-    """
-
-    @wp.struct
-    class CellFrame:
-        x0: real
-        y0: real
-        size: real
-        per_metre: real
-        first_row: wp.int32
-        first_column: wp.int32
-        rows: wp.int32
-        columns: wp.int32
-        all_rows: wp.int32
-        all_columns: wp.int32
-
-    return CellFrame
-
-
-class CellFunctions(NamedTuple):
-    """Device functions that find cells, and what is in them.
-
-    ``column_of(cells, x)`` and ``row_of(cells, y)`` are clamped to the grid. ``cells_around(cells,
-    x, y, reach)`` gives the first row that a disc reaches and the one after the last, then the
-    same of columns; ``range_in(cells, starts, row, box)`` the first of the ordered particles of a
-    row of these cells, and the one after the last.
-    """
-
-    column_of: Any
-    row_of: Any
-    cells_around: Any
-    range_in: Any
-
-
-@lru_cache
-def cell_functions(real: Any) -> CellFunctions:
-    """Return the device functions that find cells."""
-
-    @wp.func
-    def column_of(cells: cell_frame(real), x: real) -> int:
-        column = int(wp.floor((x - cells.x0) * cells.per_metre)) - cells.first_column
-        return wp.clamp(column, 0, cells.columns - 1)
-
-    @wp.func
-    def row_of(cells: cell_frame(real), y: real) -> int:
-        row = int(wp.floor((y - cells.y0) * cells.per_metre)) - cells.first_row
-        return wp.clamp(row, 0, cells.rows - 1)
-
-    @wp.func
-    def cells_around(cells: cell_frame(real), x: real, y: real, reach: real) -> wp.vec4i:
-        return wp.vec4i(
-            row_of(cells, y - reach),
-            row_of(cells, y + reach) + 1,
-            column_of(cells, x - reach),
-            column_of(cells, x + reach) + 1,
-        )
-
-    @wp.func
-    def range_in(
-        cells: cell_frame(real), starts: wp.array(dtype=wp.int32), row: int, box: wp.vec4i
-    ) -> wp.vec2i:
-        first = row * cells.columns
-        return wp.vec2i(load_int(starts, first + box[2]), load_int(starts, first + box[3]))
-
-    return CellFunctions(column_of, row_of, cells_around, range_in)
-
-
-@lru_cache
 def bin_function(real: Any, has_empty: bool) -> Any:
     """Return the device function that puts a particle into its cell."""
     vec4 = wp.types.vector(4, real)
@@ -153,8 +81,8 @@ def bin_function(real: Any, has_empty: bool) -> Any:
     @wp.func
     def is_beyond(cells: cell_frame(real), x: real, y: real) -> bool:
         """Whether a place is on the terrain's grid and not in the window."""
-        column = int(wp.floor((x - cells.x0) * cells.per_metre))
-        row = int(wp.floor((y - cells.y0) * cells.per_metre))
+        column = int(wp.floor((x - cells.x0) * cells.columns_per_metre))
+        row = int(wp.floor((y - cells.y0) * cells.rows_per_metre))
         if column < 0 or row < 0 or column >= cells.all_columns or row >= cells.all_rows:
             return False
         column -= cells.first_column
@@ -232,6 +160,7 @@ def _kernels(
         left: wp.array(dtype=wp.float64),
         first: int,
     ):
+        after_the_former()
         i = counted_from(first, wp.tid())
         if i < counts[PARTICLES] + counts[NEWCOMERS]:
             p = load(particle, i)
@@ -248,6 +177,7 @@ def _kernels(
         left: wp.array(dtype=wp.float64),
     ):
         """Rank particles in their cells in the order of all, one after the other."""
+        after_the_former()
         i = wp.tid()
         if i >= counts[PARTICLES] + counts[NEWCOMERS]:
             return
@@ -283,18 +213,27 @@ def _kernels(
         first: int,
     ):
         """Gather the particles of each cell, and make ready for the next sums over them."""
+        after_the_former()
         i = counted_from(first, wp.tid())
         if i == 0:
             counts[PARTICLES] = starts[last]
             counts[NEWCOMERS] = 0
             rates[DIFFUSION] = real(0.0)
             rates[ADVECTION] = real(0.0)
-        if i >= starts[last + 1]:
+        end = starts[last + 1]
+        if i >= end:
+            # sums go on over the end of the last row, with weights of 0: no nan may be there
+            if i < end + SPARE:
+                store(ordered, i, vec4())
             return
         c = load_int(cell, i)
         sizes[c] = 0
         place = load_int(starts, c) + load_int(rank, i)
-        store(ordered, place, load(particle, i))
+        p = load(particle, i)
+        if c == last:
+            # it has left
+            p = vec4()
+        store(ordered, place, p)
         if wp.static(real is wp.float32):
             store_pair(ordered_remainder, place, load_pair(remainder, i))
         if wp.static(has_velocity):
@@ -352,18 +291,28 @@ class NeighborGrid:
             counted as such, though they are not dropped yet.
     """
 
-    def __init__(self, terrain: StaggeredTerrain, radius: float, device: Any) -> None:
-        """Cover the terrain with cells for a kernel radius [m]."""
+    def __init__(
+        self, terrain: StaggeredTerrain, radius: float, ratio: float, device: Any
+    ) -> None:
+        """Cover the terrain with cells.
+
+        Args:
+            terrain: The terrain.
+            radius: Kernel radius [m].
+            ratio: Kernel radius over particle spacing.
+            device: Warp device.
+        """
         self._terrain = terrain
         self._radius = radius
+        rows, columns = cells_to_radius(ratio)
         self._device = device
         self.frame = cell_frame(terrain.height.dtype)()
         self.frame.x0, self.frame.y0 = terrain.frame.x0, terrain.frame.y0
-        self.frame.size = radius / CELLS_PER_RADIUS
-        self.frame.per_metre = CELLS_PER_RADIUS / radius
-        side = terrain.exact_frame.resolution * CELLS_PER_RADIUS / radius
-        self.frame.all_rows = max(1, math.ceil(terrain.frame.rows * side))
-        self.frame.all_columns = max(1, math.ceil(terrain.frame.columns * side))
+        self.frame.rows_per_metre = rows / radius
+        self.frame.columns_per_metre = columns / radius
+        side = terrain.exact_frame.resolution / radius
+        self.frame.all_rows = max(1, math.ceil(terrain.frame.rows * side * rows))
+        self.frame.all_columns = max(1, math.ceil(terrain.frame.columns * side * columns))
         self.fit(np.zeros((0, 2)))
 
     def fit(self, places: np.ndarray) -> None:
@@ -382,8 +331,9 @@ class NeighborGrid:
             low, high = (places.min(axis=0), places.max(axis=0)) if len(places) else (0.0, 0.0)
             margin = np.maximum(MARGIN * (high - low), LEAST_MARGIN * self._radius)
             origin = np.array((frame.x0, frame.y0))
-            low = np.floor((low - margin - origin) * frame.per_metre).astype(int)
-            high = np.ceil((high + margin - origin) * frame.per_metre).astype(int)
+            per_metre = np.array((frame.columns_per_metre, frame.rows_per_metre))
+            low = np.floor((low - margin - origin) * per_metre).astype(int)
+            high = np.ceil((high + margin - origin) * per_metre).astype(int)
             first, last = np.clip(low, 0, last - 1), np.clip(high, low + 1, last)
         frame.first_column, frame.first_row = (int(value) for value in first)
         frame.columns, frame.rows = (int(value) for value in np.maximum(last - first, 1))
@@ -455,7 +405,8 @@ class NeighborGrid:
         """
         most = int(np.diff(read(self.starts)[: self._cell_count + 1]).max())
         if most > MOST_IN_CELL:
-            size = f'{self._radius / CELLS_PER_RADIUS:g} m'
+            sides = 1.0 / self.frame.columns_per_metre, 1.0 / self.frame.rows_per_metre
+            size = f'{sides[0]:g} by {sides[1]:g} m'
             right = f'at most {MOST_IN_CELL} in {size}: give it room, or a larger spacing'
             raise LavaError('particles', f'{most} in {size}', right)
 

@@ -26,8 +26,9 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.compiled import load4, quick_kernel
-from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
+from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.compiled import after_the_former, load4, quick_kernel
+from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 
 
@@ -55,6 +56,7 @@ def _kernel(real: Any) -> Any:
         area: wp.array(dtype=real),
         flow: wp.array(dtype=vec3),
     ):
+        after_the_former()
         i = wp.tid()
         if i >= counts[PARTICLES]:
             return

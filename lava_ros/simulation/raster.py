@@ -26,9 +26,10 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.compiled import counted_from, load4
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
+from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
 from lava_ros.simulation.threads import launch, LEAST_SUMS

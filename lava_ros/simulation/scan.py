@@ -26,6 +26,7 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.compiled import after_the_former
 from lava_ros.simulation.launches import Launches
 
 #: Threads of a block.
@@ -143,6 +144,7 @@ def _kernel(fours: int) -> Any:
         tiles: wp.array(dtype=wp.uint64),
     ):
         """Sum up what is before each item; on the CPU in one thread."""
+        after_the_former()
         sum_up(sizes, starts, tiles)
 
     return scan

@@ -66,6 +66,9 @@ _GRAPH_STAGES = {True: 16, False: 1}
 #: Launches under way at a time, by whether it is a GPU, as long as the target is far enough away.
 _UNDER_WAY = {True: 2, False: 1}
 
+#: Share of what a launch gains that rounding may make of it.
+_ROUNDING = 1e-3
+
 
 class Simulation:
     """Lava flowing over a terrain.
@@ -182,7 +185,9 @@ class Simulation:
         gain = math.inf
         while clock[TIME] < until and wall_clock.monotonic() < deadline:
             is_free = len(under_way) < _UNDER_WAY[self._device.is_cuda]
-            if not under_way or (is_free and clock[TIME] + len(under_way) * gain < until):
+            # what is under way may get there but for rounding: more of it would idle
+            reached = clock[TIME] + (len(under_way) + _ROUNDING) * gain
+            if not under_way or (is_free and reached < until):
                 self._run_stages()
                 under_way.append(self._state.begin_look())
                 yield
@@ -375,7 +380,7 @@ class Simulation:
         """Put a terrain, and the grids and kernels that depend on it, on the device."""
         accuracy = self.accuracy
         self._terrain = StaggeredTerrain(terrain, accuracy.precision, self._device)
-        self._neighbors = NeighborGrid(self._terrain, self.radius, self._device)
+        self._neighbors = NeighborGrid(self._terrain, self.radius, accuracy.ratio, self._device)
         output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
         self._raster = Raster(
             self._terrain,

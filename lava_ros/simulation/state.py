@@ -73,6 +73,9 @@ SHARED_LANES, SHARED_UP_TO = 4, 50_000
 #: time: registers are not scarce then, and launches are dear.
 AT_ONCE = 160_000
 
+#: Items behind the last that sums over neighbours may read (cells.py).
+SPARE = 3
+
 REAL = {'float32': wp.float32, 'float64': wp.float64}
 
 
@@ -188,7 +191,7 @@ class State:
         self.launches.forget()
         self.capacity = capacity
         self.particle = wp.zeros(capacity, dtype=self.vec4, device=self.device)
-        self.ordered = wp.zeros(capacity, dtype=self.vec4, device=self.device)
+        self.ordered = self._with_spare(self.vec4)
         self.flow = wp.zeros(capacity, dtype=self.vec3, device=self.device)
         self.cell = wp.zeros(capacity, dtype=wp.int32, device=self.device)
         self.rank = wp.zeros(capacity, dtype=wp.int32, device=self.device)
@@ -228,8 +231,12 @@ class State:
         if self.has_surface:
             self.surface = wp.zeros(capacity, dtype=self.vec2, device=self.device)
         if self.effects.green:
-            self.source = wp.zeros(capacity, dtype=self.vec4, device=self.device)
-            self.area = wp.zeros(capacity, dtype=self.real, device=self.device)
+            self.source = self._with_spare(self.vec4)
+            self.area = self._with_spare(self.real)
+
+    def _with_spare(self, dtype: Any) -> Any:
+        """An array of an item for each particle, behind which more can be read."""
+        return wp.zeros(self.capacity + SPARE, dtype=dtype, device=self.device)[: self.capacity]
 
     @property
     def extent(self) -> int:

@@ -30,6 +30,7 @@ import warp as wp
 from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
+from lava_ros.simulation.compiled import after_the_former
 from lava_ros.simulation.heat import freezing_step
 from lava_ros.simulation.state import (
     ADVECTION,
@@ -224,6 +225,7 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
 def _kernel(real: Any, choose: Any) -> Any:
     @wp.kernel(module='unique', enable_backward=False)
     def choose_stage(pace: pace_type(real)):
+        after_the_former()
         choose(pace)
 
     return choose_stage

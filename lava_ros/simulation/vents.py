@@ -25,7 +25,9 @@ import warp as wp
 
 from lava_ros.accuracy import Accuracy
 from lava_ros.scene import Terrain, Vent
-from lava_ros.simulation.neighbors import bin_function, cell_frame, NeighborGrid
+from lava_ros.simulation.cells import cell_frame
+from lava_ros.simulation.compiled import after_the_former
+from lava_ros.simulation.neighbors import bin_function, NeighborGrid
 from lava_ros.simulation.state import (
     centre_of,
     FULL,
@@ -204,6 +206,7 @@ def _kernel(real: Any, symmetric: bool, has_velocity: bool, has_age: bool, bins:
         left: wp.array(dtype=wp.float64),
     ):
         """Release the whole particles that the discharge up to now makes and are not out yet."""
+        after_the_former()
         if counts[IS_LAST] == 0:
             return
         time = clock[TIME]

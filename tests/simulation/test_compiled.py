@@ -28,8 +28,8 @@ import pytest
 import warp as wp
 
 from lava_ros.bench.effects import effect_sets, lava_field
-from lava_ros.simulation import flow, Simulation
-from lava_ros.simulation.compiled import quick_kernel
+from lava_ros.simulation import flow, Simulation, sums
+from lava_ros.simulation.compiled import quick_kernel, waits_first
 from lava_ros.simulation.effects import green
 from lava_ros.simulation.state import State
 
@@ -164,11 +164,11 @@ def stage(folder):
 
 
 def check_sum(code):
-    """A neighbour, one root each, takes few loads: read-only, most of them wide."""
+    """A neighbour, a root or a logarithm, takes few loads: read-only, most of them wide."""
     assert code.loops, f'{code.name} has no loop without a branch'
     for loop in code.loops:
         counts = opcodes(loop)
-        neighbours = counts['sqrt.approx.f32']
+        neighbours = counts['sqrt.approx.f32'] + counts['lg2.approx.f32']
         loads = {name: n for name, n in counts.items() if name.startswith('ld.')}
         wide = sum(n for name, n in loads.items() if re.search(r'\.v[24]\.f32$', name))
         assert neighbours >= 1, code.name
@@ -244,17 +244,28 @@ def test_arithmetic_is_the_hardwares(stage, name):
 
 
 @pytest.mark.parametrize('name', ['green', 'everything with green'])
-def test_k0_is_one_logarithm_root_and_power(stage, name):
-    """A neighbour costs one logarithm, one root and one power of two."""
+def test_k0_is_one_logarithm_and_power(stage, name):
+    """A neighbour costs one logarithm and one power of two, and no root."""
     (code,) = [code for code in stage(name) if code.name == 'green_motion']
     (loop,) = code.loops
     counts = opcodes(loop)
     # the loop is unrolled, and each neighbour is kept off its own disc once
     neighbours = counts['max.f32']
     assert neighbours >= 1
-    for opcode in ('lg2.approx.f32', 'sqrt.approx.f32', 'ex2.approx.f32'):
+    for opcode in ('lg2.approx.f32', 'ex2.approx.f32'):
         assert counts[opcode] == neighbours, opcode
-    assert not [opcode for opcode in counts if opcode.startswith(('div', 'rcp', 'rsqrt'))]
+    others = ('div', 'rcp', 'rsqrt', 'sqrt')
+    assert not [opcode for opcode in counts if opcode.startswith(others)]
+
+
+@pytest.mark.parametrize('name', SETS)
+def test_kernels_wait_before_they_read(stage, name):
+    """Kernels that may begin early touch no memory before those they come after have ended."""
+    for code in stage(name):
+        before, wait, after = code.text.partition('griddepcontrol.wait;')
+        assert wait, f'{code.name} does not wait'
+        assert not re.search(r'^\s*(@\S+\s+)?(ld|st|atom|red)\.(global|volatile)', before, re.M)
+        assert re.search(r'^\s*(@\S+\s+)?(ld|st)\.global', after, re.M), code.name
 
 
 @pytest.mark.parametrize(('arch', 'lanes'), [(80, 1), (80, 4), (90, 4)])
@@ -291,6 +302,7 @@ def test_vents_take_little_local_memory(folder):
     (kernel,) = [kernel for kernel in launched('bare') if kernel.key.endswith(EMITS)]
     (file,) = wp.compile_aot_module(kernel.module, arch=80, module_dir=folder, use_ptx=False)
     assert stack_of(file.read_bytes()) <= 40
+    assert waits_first(kernel)
 
 
 def test_every_effect_compiles_without_local_memory(folder):
@@ -348,12 +360,13 @@ def plain_kernel(function):
 
 def test_checks_see_plain_reads(folder, monkeypatch):
     """Without the loads of compiled.py no sum passes."""
-    for module in (flow, green):
+    for module in (sums, flow, green):
         for width in (1, 2, 4):
             if hasattr(module, f'load{width}'):
                 monkeypatch.setattr(module, f'load{width}', plain_load(width))
-        # none that was made with the others
-        monkeypatch.setattr(module, '_sums_function', module._sums_function.__wrapped__)
+    # none that was made with the others
+    monkeypatch.setattr(flow, 'sums_function', sums.sums_function.__wrapped__)
+    monkeypatch.setattr(green, '_sums_function', green._sums_function.__wrapped__)
     monkeypatch.setattr(green, '_velocity_function', green._velocity_function.__wrapped__)
     kernels = [
         flow.flow_kernels.__wrapped__(

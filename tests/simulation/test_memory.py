@@ -24,11 +24,12 @@ from lava_ros.accuracy import Accuracy
 from lava_ros.ros.failure import failure_text
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.state import SPARE
 
 #: More particles than any GPU has room for: an array of them takes up to 34 GB, and there are ten.
-TOO_MANY = 2**31 - 1
+TOO_MANY = 2**31 - 1 - SPARE
 
-NO_ROOM = 'room for 2147483647 particles: Failed to allocate'
+NO_ROOM = f'room for {TOO_MANY} particles: Failed to allocate'
 
 
 def flow(device):
@@ -50,7 +51,7 @@ def scarce(simulation):
 
     def refuse(shape, *arguments, **options):
         given.append(shape)
-        if len(given) > 4:
+        if len(given) > 1:
             raise RuntimeError("Failed to allocate 34359738352 bytes on device 'cpu'")
         return zeros(16 if shape == TOO_MANY else shape, *arguments, **options)
 

@@ -18,10 +18,11 @@ import numpy as np
 import pytest
 import warp as wp
 
-from lava_ros.simulation import flow
+from lava_ros.simulation import sums as flow_sums
+from lava_ros.simulation.cells import cell_frame
 from lava_ros.simulation.effects import green, helmholtz
-from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.neighbors import cell_frame
+from lava_ros.simulation.kernels import k0_within, smoothing_kernel
+from lava_ros.simulation.state import SPARE
 from lava_ros.simulation.wide import WIDTH
 
 #: Rows and columns of cells that lie in a row of the grid before, in and after the box.
@@ -31,13 +32,18 @@ RADIUS = 3.0
 
 WENDLAND = smoothing_kernel('wendland', wp.float32)
 
-#: Sums of flow.py and of two effects, in float32: one neighbour after the other, and eight at a
-#: time.
+#: Sums of the flow and of two effects, in float32: one neighbour after the other, two and four of
+#: them at once, and eight.
 FLOW = (
-    flow._sums_function(wp.float32, WENDLAND, 1, False),
-    flow._wide_sums_function(WENDLAND.wide_terms),
+    flow_sums.sums_function(wp.float32, WENDLAND, 1, False),
+    flow_sums.sums_function(wp.float32, WENDLAND, 1, True),
+    flow_sums.wide_sums_function(WENDLAND.wide_terms),
 )
-GREEN = (green._sums_function(wp.float32, 1, False), green._wide_sums_function())
+GREEN = (
+    green._sums_function(wp.float32, 1, False),
+    green._sums_function(wp.float32, 1, True),
+    green._wide_sums_function(),
+)
 HELMHOLTZ = (
     helmholtz._sums_function(wp.float32, WENDLAND, 1),
     helmholtz._wide_sums_function(WENDLAND.wide_terms),
@@ -65,6 +71,7 @@ def kernel_of_flow(sums):
 
 def kernel_of_green(sums):
     """A kernel of the Green's function's sums around one place, of lava half as thick as wide."""
+    powers_of = k0_within(wp.float32).powers_of
 
     @wp.kernel(module='unique')
     def sum_up(
@@ -77,8 +84,7 @@ def kernel_of_green(sums):
         p: wp.vec4,
         result: wp.array(dtype=wp.vec3),
     ):
-        limit = wp.static(RADIUS**2)
-        result[0] = sums(0, values, area, starts, cells, box, p, 3.0, 0.02, limit)
+        result[0] = sums(0, values, area, starts, cells, box, p, powers_of(2.0), 0.2)
 
     return sum_up
 
@@ -110,8 +116,11 @@ KERNELS = {
 }
 
 
-def sums_of(kernel, sizes, seed=0):
-    """What a kernel makes of cells with so many particles each; all others are no numbers."""
+def sums_of(kernel, sizes, seed=0, outside=np.nan, room=0):
+    """What a kernel makes of cells with so many particles each.
+
+    All others have one value, and there is room for some of them behind the last.
+    """
     random = np.random.default_rng(seed)
     starts = np.concatenate([[0], np.cumsum(sizes.ravel())]).astype(np.int32)
     values = random.uniform(-2.0, 2.0, (starts[-1], 4)).astype(np.float32)
@@ -120,11 +129,12 @@ def sums_of(kernel, sizes, seed=0):
     inside = np.zeros(sizes.shape, bool)
     inside[BOX[0] : BOX[1], BOX[2] : BOX[3]] = True
     counts = np.repeat(inside.ravel(), sizes.ravel())
-    values[~counts], area[~counts], pairs[~counts] = np.nan, np.nan, np.nan
-    room = max(0, WIDTH - len(values))
-    values = np.concatenate([values, np.full((room, 4), np.nan, np.float32)])
-    area = np.concatenate([area, np.full(room, np.nan, np.float32)])
-    pairs = np.concatenate([pairs, np.full((room, 2), np.nan, np.float32)])
+    values[~counts], area[~counts], pairs[~counts] = outside, outside, outside
+    room = max(room, WIDTH - len(values))
+    values, area, pairs = (
+        np.concatenate([items, np.full((room, *items.shape[1:]), outside, np.float32)])
+        for items in (values, area, pairs)
+    )
     cells = cell_frame(wp.float32)()
     cells.rows, cells.columns = ROWS, COLUMNS
     result = wp.zeros(1, dtype=wp.vec3, device='cpu')
@@ -146,18 +156,26 @@ def sums_of(kernel, sizes, seed=0):
     return result.numpy()[0]
 
 
+def plain_sums(kernels, sizes, seed=0):
+    """What the sums without vectors make of it, which take any numbers from outside times 0."""
+    first, *others = (sums_of(one, sizes, seed, outside=7.0, room=SPARE) for one in kernels)
+    for other in others:
+        assert other == pytest.approx(first, abs=1e-5 * max(float(np.abs(first).max()), 1.0))
+    return first
+
+
 @pytest.mark.parametrize('name', KERNELS)
 @pytest.mark.parametrize('most', [1, 2, 3, 5, 40])
 def test_wide_sums_are_those_of_one_after_the_other(name, most):
     """Whatever is in a row, and wherever in the arrays that is, what is outside does not count."""
     random = np.random.default_rng(most)
-    plain, wide = KERNELS[name]
+    *plain, wide = KERNELS[name]
     for seed in range(20):
         sizes = random.integers(0, most + 1, (ROWS, COLUMNS))
         if seed % 2:
             # the box's last particles are the array's
             sizes[BOX[1] - 1, BOX[3] :] = sizes[BOX[1] :] = 0
-        expected = sums_of(plain, sizes, seed)
+        expected = plain_sums(plain, sizes, seed)
         scale = 1e-5 * max(float(np.abs(expected).max()), 1.0)
         assert np.isfinite(expected).all()
         assert sums_of(wide, sizes, seed) == pytest.approx(expected, abs=scale)
@@ -166,10 +184,10 @@ def test_wide_sums_are_those_of_one_after_the_other(name, most):
 @pytest.mark.parametrize('name', KERNELS)
 def test_wide_sums_over_nothing(name):
     """An empty box, and an array with no more than is read at a time."""
-    plain, wide = KERNELS[name]
+    *plain, wide = KERNELS[name]
     sizes = np.zeros((ROWS, COLUMNS), int)
     assert (sums_of(wide, sizes) == 0.0).all()
     sizes[2, 3] = 3
-    expected = sums_of(plain, sizes)
+    expected = plain_sums(plain, sizes)
     assert np.abs(expected).max() > 0.01
     assert sums_of(wide, sizes) == pytest.approx(expected, rel=1e-5, abs=1e-6)

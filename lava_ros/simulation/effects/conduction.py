@@ -43,11 +43,12 @@ import warp as wp
 from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
-from lava_ros.simulation.compiled import load4, quick_kernel
+from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.compiled import after_the_former, load4, quick_kernel
 from lava_ros.simulation.effects import load as load_effect
 from lava_ros.simulation.heat import heat_constants, heat_constants_of
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
+from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
 
@@ -89,6 +90,7 @@ def _kernels(
         waited: wp.array(dtype=wp.float64),
     ):
         """Add a step to what has been waited; when that is enough it is the time to exchange."""
+        after_the_former()
         waited[1] = wp.float64(0.0)
         if counts[IS_LAST] == 1:
             waited[0] = waited[0] + clock[STEP]
@@ -111,6 +113,7 @@ def _kernels(
         warmth: wp.array(dtype=real),
     ):
         """Sum a particle's exchange rates with its neighbours [1/s]."""
+        after_the_former()
         if waited[1] == wp.float64(0.0):
             return
         for i in range(wp.tid(), counts[PARTICLES], threads):
@@ -148,6 +151,7 @@ def _kernels(
         particle: wp.array(dtype=vec4),
     ):
         """Exchange heat over a share of the step."""
+        after_the_former()
         if waited[1] == wp.float64(0.0):
             return
         for i in range(wp.tid(), counts[PARTICLES], threads):
@@ -183,6 +187,7 @@ def _kernels(
         waited: wp.array(dtype=wp.float64),
         warmth: wp.array(dtype=real),
     ):
+        after_the_former()
         if waited[1] > wp.float64(0.0):
             for i in range(wp.tid(), counts[PARTICLES], threads):
                 warmth[i] = particle[i][3]

@@ -36,20 +36,26 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.compiled import counted_from, load1, load4, quick_kernel, sum_over
-from lava_ros.simulation.kernels import bessel, WIDE_K0
+from lava_ros.simulation.cells import cell_frame, cell_functions, NEIGHBORS_AT_ONCE
+from lava_ros.simulation.compiled import (
+    after_the_former,
+    counted_from,
+    load1,
+    load4,
+    quick_kernel,
+    sum_over,
+    unseen_one,
+)
+from lava_ros.simulation.kernels import bessel, k0_within, SQUARED_SUPPORT, WIDE_K0
 from lava_ros.simulation.motion import journey_type, motion_of
-from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
+from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.threads import launch_over, LEAST_SUMS
 from lava_ros.simulation.wide import over_neighbors
 
-#: The squared distance at which K0 is that of a particle's own disc within it, half of the disc's
-#: radius, over the disc's area.
+#: The squared distance within which K0 is that at it, half of the radius of a particle's own disc,
+#: over the disc's area.
 _NEAR = 0.25 / math.pi
-
-#: (k r / 2)^2 from which on K0 is computed: it is 5.6 there.
-_LEAST = 4e-6
 
 #: Fewest particles that are worth a part on the CPU: K0 takes as long as three other kernels.
 _LEAST_PART = LEAST_SUMS // 2
@@ -59,13 +65,34 @@ _LEAST_PART = LEAST_SUMS // 2
 def _sums_function(real: Any, lanes: int, is_short: bool) -> Any:
     """Return the device function of the K0-weighted sums of area and of volume times velocity.
 
-    ``quarter`` is (k / 2)^2, ``least`` the least (k r / 2)^2, ``limit`` the support's square.
+    Distances are in the units of ``K0Within``, ``least`` the least square of one, ``powers`` what
+    K0 needs of k.
     """
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    _, _, _, range_in = cell_functions(real)
+    range_in = cell_functions(real).range_in
     load, load_number = load4(real), load1(real)
-    k0 = bessel(real).k0
+    within = k0_within(real)
+    k0, k0_powers = within.at, within.powers
+    at_once = NEIGHBORS_AT_ONCE[is_short]
+
+    @wp.func
+    def added(
+        sums: vec3,
+        p: vec4,
+        other: vec4,
+        size: real,
+        powers: k0_powers,
+        least: real,
+        counts: bool,
+    ) -> vec3:
+        dx = p[0] - other[0]
+        dy = p[1] - other[1]
+        square = dx * dx + dy * dy
+        weight = k0(powers, wp.max(square, least))
+        if not counts or square >= real(SQUARED_SUPPORT):
+            weight = real(0.0)
+        return sums + weight * vec3(size, other[2], other[3])
 
     @wp.func
     def sums_around(
@@ -76,13 +103,10 @@ def _sums_function(real: Any, lanes: int, is_short: bool) -> Any:
         cells: cell_frame(real),
         box: wp.vec4i,
         p: vec4,
-        quarter: real,
+        powers: k0_powers,
         least: real,
-        limit: real,
     ) -> vec3:
-        total = real(0.0)
-        x = real(0.0)
-        y = real(0.0)
+        sums = vec3()
         near = range_in(cells, starts, wp.min(box[0] + lane, box[1] - 1), box)
         for r in range(box[0] + lane, box[1], lanes):
             following = near
@@ -90,21 +114,16 @@ def _sums_function(real: Any, lanes: int, is_short: bool) -> Any:
                 following = range_in(cells, starts, wp.min(r + lanes, box[1] - 1), box)
             else:
                 near = range_in(cells, starts, r, box)
-            for j in range(near[0], near[1]):
-                other = load(source, j)
-                size = load_number(area, j)
-                dx = p[0] - other[0]
-                dy = p[1] - other[1]
-                square = dx * dx + dy * dy
-                # inside its own disc K0 takes the value at that disc's edge
-                weight = k0(wp.max(quarter * square, least))
-                if square >= limit:
-                    weight = real(0.0)
-                total += weight * size
-                x += weight * other[2]
-                y += weight * other[3]
+            j = near[0]
+            while j < near[1]:
+                for n in range(at_once):
+                    other = load(source, j + n)
+                    size = load_number(area, j + n)
+                    # what comes after the last is of the next row, or nothing
+                    sums = added(sums, p, other, size, powers, least, j + n < near[1])
+                j += at_once * unseen_one()
             near = following
-        return vec3(total, x, y)
+        return sums
 
     return sums_around
 
@@ -112,6 +131,7 @@ def _sums_function(real: Any, lanes: int, is_short: bool) -> Any:
 @lru_cache
 def _wide_sums_function() -> Any:
     """Return the same device function of float32 for a CPU."""
+    k0_powers = k0_within(wp.float32).powers
 
     @wp.func_native(
         over_neighbors(f"""
@@ -120,10 +140,9 @@ def _wide_sums_function() -> Any:
             const wide dx = p[0] - other_0;
             const wide dy = p[1] - other_1;
             const wide square = dx * dx + dy * dy;
-            wide s = quarter * square;
-            s = s > least ? s : none + least;
+            const wide squares = square > least ? square : none + least;
             {WIDE_K0}
-            const whole counts = is_in & (square < limit);
+            const whole counts = is_in & (square < {SQUARED_SUPPORT!r}f);
             sum_0 += counts ? weights * size : none;
             sum_1 += counts ? weights * other_2 : none;
             sum_2 += counts ? weights * other_3 : none;
@@ -137,9 +156,8 @@ def _wide_sums_function() -> Any:
         cells: cell_frame(wp.float32),
         box: wp.vec4i,
         p: wp.vec4,
-        quarter: wp.float32,
+        powers: k0_powers,
         least: wp.float32,
-        limit: wp.float32,
     ) -> wp.vec3: ...
 
     return sums_around
@@ -155,7 +173,9 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
     vec4 = wp.types.vector(4, real)
     cells_around = cell_functions(real).cells_around
     load = load4(real)
-    k0, x_k1 = bessel(real)
+    x_k1 = bessel(real).x_k1
+    within = k0_within(real)
+    powers_of, k0 = within.powers_of, within.at
     sum_up = sum_over(real, lanes)
     sums_around = _wide_sums_function() if is_wide else _sums_function(real, lanes, is_short)
 
@@ -171,22 +191,24 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
         area: wp.array(dtype=real),
     ) -> vec3:
         """Thickness and velocity."""
+        here = load(ordered, i)
         p = load(source, i)
         own = area[i]
-        height = load(ordered, i)[2] / own
+        height = here[2] / own
         k = real(wp.static(math.sqrt(3.0))) / height
-        quarter = real(0.25) * k * k
-        limit = support * support
-        least = wp.max(quarter * own * real(_NEAR), real(_LEAST))
-        box = cells_around(cells, p[0], p[1], support)
-        sums = sums_around(lane, source, area, starts, cells, box, p, quarter, least, limit)
+        powers = powers_of(k * support)
+        # inside its own disc K0 takes the value at that disc's edge
+        unit = real(wp.static(math.sqrt(SQUARED_SUPPORT))) / support
+        least = wp.max(own * real(_NEAR) * unit * unit, real(wp.static(within.least)))
+        box = cells_around(cells, here[0], here[1], support)
+        sums = sums_around(lane, source, area, starts, cells, box, p, powers, least)
         total = sum_up(sums[0])
         x = sum_up(sums[1])
         y = sum_up(sums[2])
         # k times the radius of the disc of area V / h
         ka = k * wp.sqrt(own / real(wp.pi))
         # in place of what it counted as its own neighbour
-        weight = real(2.0) / (ka * ka) * (real(1.0) - x_k1(ka)) - k0(least)
+        weight = real(2.0) / (ka * ka) * (real(1.0) - x_k1(ka)) - k0(powers, least)
         total += weight * own
         x += weight * p[2]
         y += weight * p[3]
@@ -214,6 +236,7 @@ def _kernel(real: Any, lanes: int, is_short: bool, is_wide: bool, motion: Any) -
         flow: wp.array(dtype=vec3),
         first: int,
     ):
+        after_the_former()
         i = counted_from(first, wp.tid() // lanes)
         lane = wp.tid() % lanes
         if i < counts[PARTICLES]:
@@ -230,6 +253,7 @@ def _kernel(real: Any, lanes: int, is_short: bool, is_wide: bool, motion: Any) -
         way: journey_type(real),
         first: int,
     ):
+        after_the_former()
         i = counted_from(first, wp.tid() // lanes)
         lane = wp.tid() % lanes
         if i < way.counts[PARTICLES]:

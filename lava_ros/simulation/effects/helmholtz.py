@@ -31,7 +31,9 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.compiled import (
+    after_the_former,
     counted_from,
     load2,
     load4,
@@ -40,7 +42,7 @@ from lava_ros.simulation.compiled import (
     sum_over,
 )
 from lava_ros.simulation.kernels import smoothing_kernel, SmoothingKernel
-from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
+from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.wide import over_neighbors
@@ -140,7 +142,7 @@ def _kernels(
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
-    factor = -kernel.norm * kernel.factor
+    factor = -kernel.norm * kernel.factors[1]
     terms = kernel.terms
     cells_around = cell_functions(real).cells_around
     load, store, total = load4(real), store4(real), sum_over(real, lanes)
@@ -159,6 +161,7 @@ def _kernels(
         first: int,
     ):
         """Begin with the local velocity; what a sweep needs of a neighbour lies together."""
+        after_the_former()
         i = counted_from(first, wp.tid())
         if i < counts[PARTICLES]:
             p = load(ordered, i)
@@ -183,6 +186,7 @@ def _kernels(
         first: int,
     ):
         """One Chebyshev sweep: the residual over the diagonal, and the momentum of the last."""
+        after_the_former()
         i = counted_from(first, wp.tid() // lanes)
         lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
@@ -213,6 +217,7 @@ def _kernels(
         solution: wp.array(dtype=vec2),
         flow: wp.array(dtype=vec3),
     ):
+        after_the_former()
         i = wp.tid()
         if i < counts[PARTICLES]:
             flow[i] = vec3(flow[i][0], solution[i][0], solution[i][1])

@@ -47,11 +47,18 @@ from typing import Any, NamedTuple
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.simulation.compiled import counted_from, load4, quick_kernel, raise_to
+from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.compiled import (
+    after_the_former,
+    counted_from,
+    load4,
+    quick_kernel,
+    raise_to,
+)
 from lava_ros.simulation.effects import load as load_effect
 from lava_ros.simulation.flow import flow_constants_of
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
+from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.rheology import rheology_type, speed_function, viscosity_function
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, FORMER_STEP, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
@@ -168,6 +175,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         first: int,
     ):
         """Acceleration from the slope, the velocity half a step after the stored one, limits."""
+        after_the_former()
         i = counted_from(first, wp.tid())
         if i >= counts[PARTICLES]:
             return
@@ -217,6 +225,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         slope: wp.array(dtype=vec2),
         first: int,
     ):
+        after_the_former()
         i = counted_from(first, wp.tid())
         if i >= counts[PARTICLES]:
             return
@@ -279,6 +288,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         velocity: wp.array(dtype=vec2),
         flow: wp.array(dtype=vec3),
     ):
+        after_the_former()
         i = wp.tid()
         if i < counts[PARTICLES]:
             flow[i] = vec3(flow[i][0], velocity[i][0], velocity[i][1])

@@ -33,8 +33,9 @@ import warp as wp
 
 from lava_ros.accuracy import Accuracy
 from lava_ros.scene import Scene
-from lava_ros.simulation.compiled import load4, quick_kernel
-from lava_ros.simulation.neighbors import cell_frame, cell_functions, NeighborGrid
+from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.compiled import after_the_former, load4, quick_kernel
+from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.scan import Scan
 from lava_ros.simulation.state import ADVECTION, FULL, IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
@@ -73,6 +74,7 @@ def _kernels(
         slots: wp.array(dtype=wp.int32),
     ):
         """Add up how far the fastest particle goes; ``moved[1]`` is 1 when it is far enough."""
+        after_the_former()
         moved[1] = wp.float64(0.0)
         slots[0] = 0
         if counts[IS_LAST] == 1 and clock[STEP] > wp.float64(0.0):
@@ -155,6 +157,7 @@ def _kernels(
         partner: wp.array(dtype=wp.int32),
         births: wp.array(dtype=wp.int32),
     ):
+        after_the_former()
         if moved[1] > wp.float64(0.0):
             for i in range(wp.tid(), births.shape[0], threads):
                 seek(
@@ -207,6 +210,7 @@ def _kernels(
         age: wp.array(dtype=real),
     ):
         """Unite those that chose each other."""
+        after_the_former()
         if moved[1] > wp.float64(0.0):
             for i in range(wp.tid(), counts[PARTICLES], threads):
                 j = partner[i]
@@ -268,6 +272,7 @@ def _kernels(
         velocity: wp.array(dtype=vec2),
         age: wp.array(dtype=real),
     ):
+        after_the_former()
         if moved[1] > wp.float64(0.0):
             for i in range(wp.tid(), births.shape[0], threads):
                 if births[i] > 0:
@@ -282,6 +287,7 @@ def _kernels(
         slots: wp.array(dtype=wp.int32),
         counts: wp.array(dtype=wp.int32),
     ):
+        after_the_former()
         if moved[1] == wp.float64(0.0):
             return
         last = births.shape[0] - 1

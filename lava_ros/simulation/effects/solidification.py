@@ -42,7 +42,7 @@ import warp as wp
 from lava_ros.accuracy import Accuracy
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain
-from lava_ros.simulation.compiled import quick_kernel
+from lava_ros.simulation.compiled import after_the_former, quick_kernel
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.streams import read
@@ -150,6 +150,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         frozen: wp.array(dtype=wp.float64),
     ):
         """Lay down what is colder than the solidus; its volume turns negative until it is seen."""
+        after_the_former()
         if cold[0] == 0:
             return
         for i in range(wp.tid(), counts[PARTICLES], threads):
@@ -171,6 +172,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         height: wp.array2d(dtype=real),
     ):
         """Renew the heights under what has just frozen, and empty it."""
+        after_the_former()
         if cold[0] == 0:
             return
         for i in range(wp.tid(), counts[PARTICLES], threads):

@@ -1,0 +1,152 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Kernels of a graph that begin before those they come after have ended.
+
+Between two kernels a GPU is idle for a microsecond: the first one's results are written, the next
+one's threads are started. With few particles a stage is little else. NVIDIA's programmatic
+dependent launch lets the next one start where the first one's threads leave room, and wait there
+(``compiled.after_the_former``) until all that is written can be read. In a graph that is a kind
+of edge between two nodes, which Warp does not make: here the edges to kernels that wait are
+replaced by such. Graphs that allocate memory cannot be changed and stay as they are.
+"""
+
+from collections.abc import Collection
+import ctypes
+from functools import lru_cache
+from typing import Any
+
+#: Compute capability from which on GPUs know it.
+_LEAST_ARCH = 90
+
+#: Numbers of the driver: success, a kernel among the nodes of a graph, and
+#: the port and the type of an edge for programmatic launches.
+_SUCCESS = 0
+_KERNEL_NODE = 0
+_PROGRAMMATIC = 1
+
+
+class _EdgeData(ctypes.Structure):
+    """CUgraphEdgeData."""
+
+    _fields_ = (
+        ('from_port', ctypes.c_ubyte),
+        ('to_port', ctypes.c_ubyte),
+        ('type', ctypes.c_ubyte),
+        ('reserved', ctypes.c_ubyte * 5),
+    )
+
+
+class _KernelParams(ctypes.Structure):
+    """CUDA_KERNEL_NODE_PARAMS_v2."""
+
+    _fields_ = (
+        ('function', ctypes.c_void_p),
+        ('dimensions', ctypes.c_uint * 7),
+        ('params', ctypes.c_void_p),
+        ('extra', ctypes.c_void_p),
+        ('kernel', ctypes.c_void_p),
+        ('context', ctypes.c_void_p),
+    )
+
+
+def overlap(graph: Any, kernels: Collection[Any]) -> int:
+    """Let kernels of a captured graph start before those that they come after have ended.
+
+    Args:
+        graph: Warp's graph, which has not been launched yet.
+        kernels: Kernels of Warp that call ``after_the_former`` first of all. Others wait for the
+            end of what is before them.
+
+    Returns:
+        How many edges of the graph were replaced; 0 where the GPU or its driver cannot do it.
+
+    Raises:
+        RuntimeError: The driver leaves an edge neither as it was nor as it should be.
+    """
+    driver = _driver()
+    if driver is None or graph.device.arch < _LEAST_ARCH:
+        return 0
+    names = {kernel.get_mangled_name() for kernel in kernels}
+    waits: dict[int, bool] = {}
+    replaced = 0
+    for before, after in _edges(driver, graph.graph):
+        if after not in waits:
+            name = _kernel_name(driver, after)
+            waits[after] = name is not None and name.removesuffix(_ENDING) in names
+        if not waits[after] or _kernel_name(driver, before) is None:
+            continue
+        plain = _EdgeData()
+        if not _change(driver, 'Remove', graph.graph, before, after, plain):
+            break
+        early = _EdgeData(from_port=_PROGRAMMATIC, type=_PROGRAMMATIC)
+        if _change(driver, 'Add', graph.graph, before, after, early):
+            replaced += 1
+        elif not _change(driver, 'Add', graph.graph, before, after, plain):
+            raise RuntimeError('an edge of a CUDA graph is lost')
+    return replaced
+
+
+#: What Warp appends to a kernel's name.
+_ENDING = '_cuda_kernel_forward'
+
+
+@lru_cache
+def _driver() -> Any:
+    """CUDA's driver, if it knows graphs with such edges."""
+    try:
+        driver = ctypes.CDLL('libcuda.so.1')
+        for name in ('GraphGetEdges_v2', 'GraphAddDependencies_v2', 'FuncGetName'):
+            getattr(driver, f'cu{name}')
+    except (OSError, AttributeError):
+        return None
+    return driver
+
+
+def _edges(driver: Any, graph: Any) -> list[tuple[int, int]]:
+    """Nodes at both ends of each edge; none where the driver does not say."""
+    count = ctypes.c_size_t(0)
+    if driver.cuGraphGetEdges_v2(graph, None, None, None, ctypes.byref(count)) != _SUCCESS:
+        return []
+    nodes = [(ctypes.c_void_p * count.value)() for _ in range(2)]
+    data = (_EdgeData * count.value)()
+    if driver.cuGraphGetEdges_v2(graph, *nodes, data, ctypes.byref(count)) != _SUCCESS:
+        return []
+    # what is more than an order already stays
+    return [
+        (before, after)
+        for before, after, one in zip(*nodes, data, strict=True)
+        if before and after and one.type == 0
+    ]
+
+
+def _kernel_name(driver: Any, node: int) -> str | None:
+    """Name of a node's kernel; None for other nodes."""
+    kind = ctypes.c_int(-1)
+    driver.cuGraphNodeGetType(ctypes.c_void_p(node), ctypes.byref(kind))
+    if kind.value != _KERNEL_NODE:
+        return None
+    params, name = _KernelParams(), ctypes.c_char_p()
+    driver.cuGraphKernelNodeGetParams_v2(ctypes.c_void_p(node), ctypes.byref(params))
+    if params.function:
+        driver.cuFuncGetName(ctypes.byref(name), ctypes.c_void_p(params.function))
+    return (name.value or b'').decode()
+
+
+def _change(driver: Any, what: str, graph: Any, before: int, after: int, data: _EdgeData) -> bool:
+    """Add or remove an edge, if the driver does."""
+    ends = [(ctypes.c_void_p * 1)(node) for node in (before, after)]
+    function = getattr(driver, f'cuGraph{what}Dependencies_v2')
+    code = function(graph, *ends, ctypes.byref(data), ctypes.c_size_t(1))
+    return bool(code == _SUCCESS)
