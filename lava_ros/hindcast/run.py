@@ -105,6 +105,8 @@ class Settings:
             spacing=self.spacing or spacing,
             thickness=thickness,
             courant_number=courant,
+            # a flow that forks goes the same way again, on a GPU too
+            deterministic=True,
         )
 
     def coarseness(self, case: Case) -> int:

@@ -51,7 +51,7 @@ class Direction:
     Attributes:
         quarters: How often it is turned by 90 degrees, counterclockwise.
         mirror: Whether east and west are exchanged before.
-        moved: How far its vents are moved eastwards [m].
+        moved: How far its vents are moved along the rows as they lie then [m].
     """
 
     quarters: int
@@ -151,7 +151,10 @@ def run_together(
 
 
 def directed(case: Case, direction: Direction) -> Case:
-    """A case as a run of it lies."""
+    """A case as a run of it lies: a turned case has the same runs, in another order."""
+    case = turned(case, direction.quarters, mirror=direction.mirror)
+    if not direction.moved:
+        return case
     vents = tuple(
         replace(
             vent,
@@ -160,8 +163,7 @@ def directed(case: Case, direction: Direction) -> Case:
         )
         for vent in case.scene.vents
     )
-    case = replace(case, scene=replace(case.scene, vents=vents))
-    return turned(case, direction.quarters, mirror=direction.mirror)
+    return replace(case, scene=replace(case.scene, vents=vents))
 
 
 def _put_back(case: Case, result: Result, direction: Direction) -> Result:

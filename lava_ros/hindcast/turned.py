@@ -25,6 +25,10 @@ from lava_ros.scene import Terrain
 
 Place = tuple[float, float]
 
+#: Places are multiples of it [m], so that turning back and forth loses no digit: a flow that forks
+#: would tell.
+_STEP = 2.0**-20
+
 
 def turned(case: Case, quarters: int, *, mirror: bool = False) -> Case:
     """Turn ground, vents and footprint counterclockwise; the map frame's origin stays a corner.
@@ -36,6 +40,8 @@ def turned(case: Case, quarters: int, *, mirror: bool = False) -> Case:
     """
     if mirror:
         case = _changed(case, _exchanged, _mirror)
+    elif quarters % 4 == 0:
+        case = _changed(case, _kept, np.ascontiguousarray)
     for _ in range(quarters % 4):
         case = _changed(case, _a_quarter_on, _quarter)
     return case
@@ -47,16 +53,38 @@ def restored(values: np.ndarray, quarters: int, *, mirror: bool = False) -> np.n
     return np.ascontiguousarray(_mirror(values) if mirror else values)
 
 
+def _kept(ground: Terrain, point: Place) -> Place:
+    """(x, y) from the corner stays."""
+    x, y = _from_corner(ground, point)
+    return _from_origin(ground, x, y)
+
+
 def _a_quarter_on(ground: Terrain, point: Place) -> Place:
     """(x, y) from the corner becomes (height - y, x)."""
-    x0, y0, _, y1 = ground.extent
-    return (x0 + (y1 - point[1]), y0 + (point[0] - x0))
+    x, y = _from_corner(ground, point)
+    _, y0, _, y1 = ground.extent
+    return _from_origin(ground, y1 - y0 - y, x)
 
 
 def _exchanged(ground: Terrain, point: Place) -> Place:
     """(x, y) from the corner becomes (width - x, y)."""
+    x, y = _from_corner(ground, point)
     x0, _, x1, _ = ground.extent
-    return (x0 + (x1 - point[0]), point[1])
+    return _from_origin(ground, x1 - x0 - x, y)
+
+
+def _from_corner(ground: Terrain, point: Place) -> Place:
+    x0, y0, _, _ = ground.extent
+    return (_rounded(point[0] - x0), _rounded(point[1] - y0))
+
+
+def _from_origin(ground: Terrain, x: float, y: float) -> Place:
+    x0, y0, _, _ = ground.extent
+    return (x0 + _rounded(x), y0 + _rounded(y))
+
+
+def _rounded(length: float) -> float:
+    return round(length / _STEP) * _STEP
 
 
 def _changed(

@@ -45,6 +45,22 @@ _LOAD = {
     const double2 b = __ldg(reinterpret_cast<const double2*>(values.data) + 2 * i + 1);
     return wp::vec_t<4, wp::float64>(a.x, a.y, b.x, b.y);""",
 }
+#: The same, where it stands: no compiler puts it after a branch that may not need it.
+_EARLY = {
+    'f4': """
+    float4 v;
+    asm volatile("ld.relaxed.gpu.global.v4.f32 {%0, %1, %2, %3}, [%4];"
+        : "=f"(v.x), "=f"(v.y), "=f"(v.z), "=f"(v.w) : "l"(values.data + i));
+    return wp::vec_t<4, wp::float32>(v.x, v.y, v.z, v.w);""",
+    'f1': """
+    float v;
+    asm volatile("ld.relaxed.gpu.global.f32 %0, [%1];" : "=f"(v) : "l"(values.data + i));
+    return v;""",
+    'i1': """
+    int v;
+    asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(v) : "l"(values.data + i));
+    return v;""",
+}
 _STORE = {
     wp.float32: """
     reinterpret_cast<float4*>(values.data)[i] = make_float4(v[0], v[1], v[2], v[3]);""",
@@ -193,6 +209,40 @@ def load4(real: Any) -> Any:
 
 
 @lru_cache
+def early4(real: Any) -> Any:
+    """Return ``load4`` for what is read before it is known whether it is needed.
+
+    With few particles waiting is what takes the time: what a thread reads first it reads at once.
+    """
+    vec4 = wp.types.vector(4, real)
+    if real is not wp.float32:
+        return load4(real)
+
+    @wp.func_native(_on_cuda(_EARLY['f4'], 'return values.data[i];'))
+    def load(values: wp.array(dtype=vec4), i: int) -> vec4: ...
+
+    return load
+
+
+@lru_cache
+def early1(real: Any) -> Any:
+    """Return ``load1`` for what is read before it is known whether it is needed."""
+    if real is not wp.float32:
+        return load1(real)
+
+    @wp.func_native(_on_cuda(_EARLY['f1'], 'return values.data[i];'))
+    def load(values: wp.array(dtype=real), i: int) -> real: ...
+
+    return load
+
+
+@wp.func_native(_on_cuda(_EARLY['i1'], 'return values.data[i];'))
+def early_int(values: wp.array(dtype=wp.int32), i: int) -> int:
+    """Read as ``load_int``, before it is known whether it is needed; a device function."""
+    ...
+
+
+@lru_cache
 def store4(real: Any) -> Any:
     """Return the device function that writes item i of an array of vec4."""
     vec4 = wp.types.vector(4, real)
@@ -231,15 +281,26 @@ def load_int(values: wp.array(dtype=wp.int32), i: int) -> int:
     ...
 
 
-@wp.func_native(_on_cuda('return i;', 'return first + i;'))
+@wp.func_native(
+    _on_cuda('return blockIdx.x * blockDim.x + threadIdx.x;', 'return first + i;')
+)
 def counted_from(first: int, i: int) -> int:
-    """Return the i-th item of a launch, on the CPU of one from ``first`` on (threads.py)."""
+    """Return the number of the thread i, on the CPU in a launch from ``first`` on (threads.py).
+
+    On CUDA it counts itself: Warp's number is looked up as that of an array of any shape.
+    """
     ...
 
 
 @wp.func_native(_on_cuda('return blockDim.y;', 'return 1;'))
 def unseen_one() -> int:
     """Return 1, which the compiler cannot know: it would unroll what is unrolled already."""
+    ...
+
+
+@wp.func_native(_on_cuda('return row;', 'return first + row;'))
+def row_from(first: int, row: int) -> int:
+    """Return the row of a launch over a grid, on the CPU of one from ``first`` on (threads.py)."""
     ...
 
 

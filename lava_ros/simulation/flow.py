@@ -41,6 +41,7 @@ from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.compiled import (
     after_the_former,
     counted_from,
+    early4,
     is_last_of_all,
     load2,
     load4,
@@ -232,7 +233,7 @@ def flow_kernels(
         sums_around = wide_sums_function(kernel.wide_terms)
     gradient_at, bend_at, height_at, _ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
-    load, load_pair = load4(real), load2(real)
+    load, early, load_pair = load4(real), early4(real), load2(real)
     balance = _balance_function(real, kernel.stiffness, effects)
     total = sum_over(real, lanes)
 
@@ -240,6 +241,7 @@ def flow_kernels(
     def flow_at(
         i: int,
         lane: int,
+        p: vec4,
         ordered: wp.array(dtype=vec4),
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
@@ -253,7 +255,6 @@ def flow_kernels(
         rates: wp.array(dtype=real),
         slope_of: wp.array(dtype=vec2),
     ):
-        p = load(ordered, i)
         radius = real(constants.radius)
         inverse = real(1.0) / radius
         box = cells_around(cells, p[0], p[1], radius)
@@ -293,12 +294,19 @@ def flow_kernels(
             slope_of: wp.array(dtype=vec2),
             first: int,
         ):
+            thread = counted_from(first, wp.tid())
+            i = thread // lanes
+            lane = thread % lanes
             after_the_former()
-            i = counted_from(first, wp.tid() // lanes)
-            lane = wp.tid() % lanes
+            p = vec4()
+            if wp.static(is_short):
+                # one wait for both, whether there is such a particle or not
+                p = early(ordered, i)
             if i < counts[PARTICLES]:
+                if wp.static(not is_short):
+                    p = load(ordered, i)
                 flow_at(
-                    i, lane, ordered, starts, cells, elevation, terrain, law, constants,
+                    i, lane, p, ordered, starts, cells, elevation, terrain, law, constants,
                     flow, source, area_of, rates, slope_of,
                 )
             if wp.static(chooses):  # noqa: SIM102, the static test decides what is compiled
@@ -322,9 +330,10 @@ def flow_kernels(
         first: int,
     ):
         """Thickness, the surface's elevation and the area V / h of each particle."""
+        thread = counted_from(first, wp.tid())
+        i = thread // lanes
+        lane = thread % lanes
         after_the_former()
-        i = counted_from(first, wp.tid() // lanes)
-        lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)
@@ -364,9 +373,10 @@ def flow_kernels(
         slope_of: wp.array(dtype=vec2),
         first: int,
     ):
+        thread = counted_from(first, wp.tid())
+        i = thread // lanes
+        lane = thread % lanes
         after_the_former()
-        i = counted_from(first, wp.tid() // lanes)
-        lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)

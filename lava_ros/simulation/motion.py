@@ -309,8 +309,8 @@ def _kernel(real: Any, motion: Any) -> Any:
 
     @quick_kernel
     def move(flow: wp.array(dtype=vec3), m: journey_type(real), first: int):
-        after_the_former()
         i = counted_from(first, wp.tid())
+        after_the_former()
         if i < m.counts[PARTICLES]:
             motion(i, flow[i], m)
 

@@ -37,6 +37,8 @@ from lava_ros.simulation.compiled import (
     after_the_former,
     can_count,
     counted_from,
+    early4,
+    early_int,
     load2,
     load4,
     load_int,
@@ -138,11 +140,17 @@ def _loss_function(real: Any) -> Any:
 
 @lru_cache
 def _kernels(
-    real: Any, is_staged: bool, has_velocity: bool, has_age: bool, has_empty: bool
+    real: Any,
+    is_staged: bool,
+    has_velocity: bool,
+    has_age: bool,
+    has_empty: bool,
+    is_ranked_again: bool,
+    is_short: bool,
 ) -> tuple[Any, ...]:
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
-    load, store = load4(real), store4(real)
+    load, early, store = load4(real), early4(real), store4(real)
     load_pair, store_pair = load2(real), store2(real)
 
     place, volume_lost = bin_function(real, has_empty), _loss_function(real)
@@ -160,8 +168,8 @@ def _kernels(
         left: wp.array(dtype=wp.float64),
         first: int,
     ):
-        after_the_former()
         i = counted_from(first, wp.tid())
+        after_the_former()
         if i < counts[PARTICLES] + counts[NEWCOMERS]:
             p = load(particle, i)
             place(i, p, counts, known, terrain, cells, cell, rank, sizes, left)
@@ -177,8 +185,8 @@ def _kernels(
         left: wp.array(dtype=wp.float64),
     ):
         """Rank particles in their cells in the order of all, one after the other."""
-        after_the_former()
         i = wp.tid()
+        after_the_former()
         if i >= counts[PARTICLES] + counts[NEWCOMERS]:
             return
         c = cell[i]
@@ -190,11 +198,34 @@ def _kernels(
         sizes[c] += 1
 
     @quick_kernel
+    def list_members(
+        last: int,
+        cell: wp.array(dtype=wp.int32),
+        rank: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        members: wp.array(dtype=wp.int32),
+    ):
+        i = counted_from(0, wp.tid())
+        after_the_former()
+        if i < starts[last + 1]:
+            members[load_int(starts, cell[i]) + rank[i]] = i
+
+    @wp.func
+    def rank_of(i: int, first: int, end: int, members: wp.array(dtype=wp.int32)) -> int:
+        """Rank of a particle by its number among those of its cell."""
+        before = 0
+        for k in range(first, end):
+            if load_int(members, k) < i:
+                before += 1
+        return before
+
+    @quick_kernel
     def order_particles(
         particle: wp.array(dtype=vec4),
         last: int,
         cell: wp.array(dtype=wp.int32),
         rank: wp.array(dtype=wp.int32),
+        members: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         sizes: wp.array(dtype=wp.int32),
         counts: wp.array(dtype=wp.int32),
@@ -213,23 +244,34 @@ def _kernels(
         first: int,
     ):
         """Gather the particles of each cell, and make ready for the next sums over them."""
-        after_the_former()
         i = counted_from(first, wp.tid())
+        after_the_former()
         if i == 0:
             counts[PARTICLES] = starts[last]
             counts[NEWCOMERS] = 0
             rates[DIFFUSION] = real(0.0)
             rates[ADVECTION] = real(0.0)
+        c = 0
+        p = vec4()
+        if wp.static(is_short):
+            # one wait for all of it, whether there is such a particle or not
+            c = early_int(cell, i)
+            p = early(particle, i)
         end = starts[last + 1]
         if i >= end:
             # sums go on over the end of the last row, with weights of 0: no nan may be there
             if i < end + SPARE:
                 store(ordered, i, vec4())
             return
-        c = load_int(cell, i)
+        if wp.static(not is_short):
+            c = load_int(cell, i)
+            p = load(particle, i)
         sizes[c] = 0
-        place = load_int(starts, c) + load_int(rank, i)
-        p = load(particle, i)
+        place = load_int(starts, c)
+        if wp.static(is_ranked_again):
+            place += rank_of(i, place, load_int(starts, c + 1), members)
+        else:
+            place += load_int(rank, i)
         if c == last:
             # it has left
             p = vec4()
@@ -245,38 +287,18 @@ def _kernels(
                 store(ordered_base, place, load(base, i))
                 store(ordered_drift, place, load(drift, i))
 
-    @wp.kernel(module='unique', enable_backward=False)
-    def list_cells(
-        counts: wp.array(dtype=wp.int32),
-        cell: wp.array(dtype=wp.int32),
-        keys: wp.array(dtype=wp.int32),
-        values: wp.array(dtype=wp.int32),
-    ):
-        i = wp.tid()
-        values[i] = i
-        keys[i] = wp.static(2**31 - 1)
-        if i < counts[PARTICLES] + counts[NEWCOMERS]:
-            keys[i] = cell[i]
-
-    @wp.kernel(module='unique', enable_backward=False)
-    def rank_sorted(
-        counts: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        keys: wp.array(dtype=wp.int32),
-        values: wp.array(dtype=wp.int32),
-        rank: wp.array(dtype=wp.int32),
-    ):
-        """Rank in the cell by the order of the particles, not by who came first."""
-        i = wp.tid()
-        if i < counts[PARTICLES] + counts[NEWCOMERS]:
-            rank[values[i]] = i - starts[keys[i]]
-
-    return bin_particles, order_particles, rank_particles, list_cells, rank_sorted
+    return bin_particles, order_particles, rank_particles, list_members
 
 
 def _kernels_of(state: State) -> tuple[Any, ...]:
     return _kernels(
-        state.real, state.is_staged, state.has_velocity, state.has_age, state.has_empty
+        state.real,
+        state.is_staged,
+        state.has_velocity,
+        state.has_age,
+        state.has_empty,
+        state.is_ranked_again,
+        state.is_short,
     )
 
 
@@ -379,12 +401,24 @@ class NeighborGrid:
                 outputs=[state.rank, self._sizes, state.left],
             )
         self._scan(state.launches, self._sizes, self.starts)
-        if state.is_deterministic and state.device.is_cuda:
-            self._rank_by_order(state)
+        if state.is_ranked_again:
+            state.launches(
+                _kernels_of(state)[3],
+                dim=state.capacity,
+                inputs=[self._cell_count, state.cell, state.rank, self.starts],
+                outputs=[state.members],
+            )
         launch_over(
             state,
             _kernels_of(state)[1],
-            inputs=[state.particle, self._cell_count, state.cell, state.rank, self.starts],
+            inputs=[
+                state.particle,
+                self._cell_count,
+                state.cell,
+                state.rank,
+                state.members if state.is_ranked_again else None,
+                self.starts,
+            ],
             outputs=[
                 self._sizes,
                 state.counts,
@@ -409,20 +443,3 @@ class NeighborGrid:
             size = f'{sides[0]:g} by {sides[1]:g} m'
             right = f'at most {MOST_IN_CELL} in {size}: give it room, or a larger spacing'
             raise LavaError('particles', f'{most} in {size}', right)
-
-    def _rank_by_order(self, state: State) -> None:
-        """Replace the ranks that a GPU's atomics gave, which vary, by a stable sort's."""
-        *_, list_cells, rank_sorted = _kernels_of(state)
-        state.launches(
-            list_cells,
-            dim=state.capacity,
-            inputs=[state.counts, state.cell],
-            outputs=[state.sort_keys, state.sort_values],
-        )
-        wp.utils.radix_sort_pairs(state.sort_keys, state.sort_values, state.capacity)
-        state.launches(
-            rank_sorted,
-            dim=state.capacity,
-            inputs=[state.counts, self.starts, state.sort_keys, state.sort_values],
-            outputs=[state.rank],
-        )

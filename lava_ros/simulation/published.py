@@ -56,8 +56,8 @@ def _kernel(real: Any) -> Any:
         area: wp.array(dtype=real),
         flow: wp.array(dtype=vec3),
     ):
-        after_the_former()
         i = wp.tid()
+        after_the_former()
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)

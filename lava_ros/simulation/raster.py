@@ -27,7 +27,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.cells import cell_frame, cell_functions
-from lava_ros.simulation.compiled import counted_from, load4
+from lava_ros.simulation.compiled import load4, row_from
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import State
@@ -61,7 +61,7 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
     ):
         """Sum V W over the cover sum (V / h) W, and the V W-weighted mean of T, at a centre."""
         n, j = wp.tid()
-        i = counted_from(first, n)
+        i = row_from(first, n)
         if known[i, j] == wp.uint8(0):
             thickness[i, j] = wp.float32(wp.nan)
             temperature[i, j] = wp.float32(wp.nan)

@@ -88,8 +88,8 @@ class State:
     Attributes:
         particle: x, y [m], volume [m3], temperature [K] of each particle, shape [capacity].
         cell, rank: Cell of each particle and its rank there, shape [capacity].
-        sort_keys, sort_values: Only when deterministic on a GPU: cells and particles to sort by
-            cell.
+        members: Only when deterministic on a GPU: the particles of each cell as they came, shape
+            [capacity].
         ordered: The same as ``particle`` in the order of the neighbour grid's cells.
         remainder: Only in float32: what rounding cut off each particle's position [m], shape
             [capacity]. Without it slow lava far from the centre would never move.
@@ -195,10 +195,8 @@ class State:
         self.flow = wp.zeros(capacity, dtype=self.vec3, device=self.device)
         self.cell = wp.zeros(capacity, dtype=wp.int32, device=self.device)
         self.rank = wp.zeros(capacity, dtype=wp.int32, device=self.device)
-        if self.is_deterministic and self.device.is_cuda:
-            # a radix sort needs room for as many again
-            self.sort_keys = wp.zeros(2 * capacity, dtype=wp.int32, device=self.device)
-            self.sort_values = wp.zeros(2 * capacity, dtype=wp.int32, device=self.device)
+        if self.is_ranked_again:
+            self.members = wp.zeros(capacity, dtype=wp.int32, device=self.device)
         if self.has_remainder:
             self.remainder = wp.zeros(capacity, dtype=self.vec2, device=self.device)
             self.ordered_remainder = wp.zeros(capacity, dtype=self.vec2, device=self.device)
@@ -246,6 +244,11 @@ class State:
         if self.launches.is_capturing:
             return self.launches.extent
         return int(self._seen_counts[PARTICLES] + self._seen_counts[NEWCOMERS])
+
+    @property
+    def is_ranked_again(self) -> bool:
+        """Whether particles rank in their cells by number, not as a GPU's atomics have it."""
+        return self.is_deterministic and self.device.is_cuda
 
     @property
     def lanes(self) -> int:

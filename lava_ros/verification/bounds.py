@@ -73,8 +73,8 @@ from lava_ros import validation
 #:
 #: silicone_oil: power 1.7, 0.2, 0.2: what the hole is wide, at first; temperatures 0.3, 0.06,
 #:     0.02 of the difference, where what the paper leaves open is 4.7; front 0.2, 0.7, 0.4: the
-#:     spacing. At draft power at 3 radii is 0.05 or 0.13 and temperature at 1.5 0.005 or 0.11, as a
-#:     discharge changed by 1e-7 has it.
+#:     spacing. At draft power at 3 radii is 0.05 or 0.13 and temperature at 1.5 0.005 or 0.11, as
+#:     a discharge changed by 1e-7 has it.
 #:
 #: A preset in ``STAND_INS`` is held to the bounds of another where it has none of its own.
 BOUNDS: dict[str, dict[str, dict[str, float]]] = {

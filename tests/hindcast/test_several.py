@@ -27,7 +27,7 @@ from lava_ros.hindcast.case import Case, Event, load_case
 from lava_ros.hindcast.run import Run, Settings, simulate
 from lava_ros.hindcast.score import THRESHOLD
 from lava_ros.hindcast.several import agreement, directed, directions, run_several
-from lava_ros.hindcast.turned import restored
+from lava_ros.hindcast.turned import restored, turned
 
 SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=2)
 
@@ -68,6 +68,29 @@ def test_each_run_is_what_it_would_be_alone(valley: Case) -> None:
         assert result.snapshot.budget.error < 1e-5
         assert result.effects == alone.effects
         assert result.accuracy == alone.accuracy
+
+
+@pytest.mark.parametrize(('quarters', 'mirror'), [(1, False), (2, False), (3, True)])
+def test_a_turned_case_has_the_same_runs(
+    valley: Case, device: str, quarters: int, mirror: bool
+) -> None:
+    """In another order, to the bit: what half of them cover does not depend on the direction."""
+    settings = replace(SETTINGS, device=device, maps=1)
+    (vent,) = valley.scene.vents
+    x, y = vent.position
+    # no multiple of anything
+    vent = replace(vent, position=(x + 1e-3 / 3.0, y - 1e-3 / 7.0))
+    case = replace(valley, scene=replace(valley.scene, vents=(vent,)))
+    scores = []
+    for one in (case, turned(case, quarters, mirror=mirror)):
+        results = run_several(one, settings, 16)
+        scores.append(agreement(one, [item.snapshot.thickness for item in results]))
+    found, other = scores
+    assert sorted(item.jaccard for item in found.scores) == sorted(
+        item.jaccard for item in other.scores
+    )
+    assert found.majority.jaccard == other.majority.jaccard
+    np.testing.assert_array_equal(restored(other.share, quarters, mirror=mirror), found.share)
 
 
 def test_changes_of_the_ground_reach_each_run(valley: Case) -> None:

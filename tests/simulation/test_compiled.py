@@ -264,8 +264,9 @@ def test_kernels_wait_before_they_read(stage, name):
     for code in stage(name):
         before, wait, after = code.text.partition('griddepcontrol.wait;')
         assert wait, f'{code.name} does not wait'
-        assert not re.search(r'^\s*(@\S+\s+)?(ld|st|atom|red)\.(global|volatile)', before, re.M)
-        assert re.search(r'^\s*(@\S+\s+)?(ld|st)\.global', after, re.M), code.name
+        access = re.compile(r'^\s*(@\S+\s+)?(ld|st|atom|red)\.(global|volatile|relaxed)', re.M)
+        assert not access.search(before), code.name
+        assert access.search(after), code.name
 
 
 @pytest.mark.parametrize(('arch', 'lanes'), [(80, 1), (80, 4), (90, 4)])

@@ -56,10 +56,7 @@ def scarce(simulation):
         return zeros(16 if shape == TOO_MANY else shape, *arguments, **options)
 
     with pytest.MonkeyPatch.context() as patch:
-        if state.device.is_cuda:
-            # what is sorted takes twice as much: more than an array has numbers for
-            patch.setattr(state, 'is_deterministic', False)
-        else:
+        if not state.device.is_cuda:
             patch.setattr(wp, 'zeros', refuse)
         yield
 

@@ -40,6 +40,8 @@ from lava_ros.simulation.cells import cell_frame, cell_functions, NEIGHBORS_AT_O
 from lava_ros.simulation.compiled import (
     after_the_former,
     counted_from,
+    early1,
+    early4,
     load1,
     load4,
     quick_kernel,
@@ -172,7 +174,6 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     cells_around = cell_functions(real).cells_around
-    load = load4(real)
     x_k1 = bessel(real).x_k1
     within = k0_within(real)
     powers_of, k0 = within.powers_of, within.at
@@ -181,9 +182,10 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
 
     @wp.func
     def velocity_of(
-        i: int,
         lane: int,
-        ordered: wp.array(dtype=vec4),
+        here: vec4,
+        p: vec4,
+        own: real,
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
         support: real,
@@ -191,9 +193,6 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
         area: wp.array(dtype=real),
     ) -> vec3:
         """Thickness and velocity."""
-        here = load(ordered, i)
-        p = load(source, i)
-        own = area[i]
         height = here[2] / own
         k = real(wp.static(math.sqrt(3.0))) / height
         powers = powers_of(k * support)
@@ -222,6 +221,8 @@ def _kernel(real: Any, lanes: int, is_short: bool, is_wide: bool, motion: Any) -
     """Return the kernel that writes the velocities, or that moves the particles by them."""
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
+    load, load_number = load4(real), load1(real)
+    early, early_number = early4(real), early1(real)
     velocity_of = _velocity_function(real, lanes, is_short, is_wide)
 
     @quick_kernel
@@ -236,11 +237,13 @@ def _kernel(real: Any, lanes: int, is_short: bool, is_wide: bool, motion: Any) -
         flow: wp.array(dtype=vec3),
         first: int,
     ):
+        thread = counted_from(first, wp.tid())
+        i = thread // lanes
+        lane = thread % lanes
         after_the_former()
-        i = counted_from(first, wp.tid() // lanes)
-        lane = wp.tid() % lanes
         if i < counts[PARTICLES]:
-            f = velocity_of(i, lane, ordered, starts, cells, support, source, area)
+            here, p, own = load(ordered, i), load(source, i), load_number(area, i)
+            f = velocity_of(lane, here, p, own, starts, cells, support, source, area)
             if lane == 0:
                 flow[i] = f
 
@@ -253,11 +256,18 @@ def _kernel(real: Any, lanes: int, is_short: bool, is_wide: bool, motion: Any) -
         way: journey_type(real),
         first: int,
     ):
+        thread = counted_from(first, wp.tid())
+        i = thread // lanes
+        lane = thread % lanes
         after_the_former()
-        i = counted_from(first, wp.tid() // lanes)
-        lane = wp.tid() % lanes
+        here, p, own = vec4(), vec4(), real(0.0)
+        if wp.static(is_short):
+            # one wait for all of it, whether there is such a particle or not
+            here, p, own = early(way.ordered, i), early(source, i), early_number(area, i)
         if i < way.counts[PARTICLES]:
-            f = velocity_of(i, lane, way.ordered, starts, way.cells, support, source, area)
+            if wp.static(not is_short):
+                here, p, own = load(way.ordered, i), load(source, i), load_number(area, i)
+            f = velocity_of(lane, here, p, own, starts, way.cells, support, source, area)
             if lane == 0:
                 motion(i, f, way)
 

@@ -161,8 +161,8 @@ def _kernels(
         first: int,
     ):
         """Begin with the local velocity; what a sweep needs of a neighbour lies together."""
-        after_the_former()
         i = counted_from(first, wp.tid())
+        after_the_former()
         if i < counts[PARTICLES]:
             p = load(ordered, i)
             f = flow[i]
@@ -186,9 +186,10 @@ def _kernels(
         first: int,
     ):
         """One Chebyshev sweep: the residual over the diagonal, and the momentum of the last."""
+        thread = counted_from(first, wp.tid())
+        i = thread // lanes
+        lane = thread % lanes
         after_the_former()
-        i = counted_from(first, wp.tid() // lanes)
-        lane = wp.tid() % lanes
         if i >= counts[PARTICLES]:
             return
         p = load(layer, i)
@@ -217,8 +218,8 @@ def _kernels(
         solution: wp.array(dtype=vec2),
         flow: wp.array(dtype=vec3),
     ):
-        after_the_former()
         i = wp.tid()
+        after_the_former()
         if i < counts[PARTICLES]:
             flow[i] = vec3(flow[i][0], solution[i][0], solution[i][1])
 

@@ -175,8 +175,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         first: int,
     ):
         """Acceleration from the slope, the velocity half a step after the stored one, limits."""
-        after_the_former()
         i = counted_from(first, wp.tid())
+        after_the_former()
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)
@@ -225,8 +225,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         slope: wp.array(dtype=vec2),
         first: int,
     ):
-        after_the_former()
         i = counted_from(first, wp.tid())
+        after_the_former()
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)
@@ -288,8 +288,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         velocity: wp.array(dtype=vec2),
         flow: wp.array(dtype=vec3),
     ):
-        after_the_former()
         i = wp.tid()
+        after_the_former()
         if i < counts[PARTICLES]:
             flow[i] = vec3(flow[i][0], velocity[i][0], velocity[i][1])
 
