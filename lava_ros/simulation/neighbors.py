@@ -213,7 +213,7 @@ def _kernels(
     @wp.func
     def rank_of(i: int, first: int, end: int, members: wp.array(dtype=wp.int32)) -> int:
         """Rank of a particle by its number among those of its cell."""
-        before = 0
+        before = wp.int32(0)
         for k in range(first, end):
             if load_int(members, k) < i:
                 before += 1

@@ -28,7 +28,7 @@ import pytest
 import warp as wp
 
 from lava_ros.bench.effects import effect_sets, lava_field
-from lava_ros.simulation import flow, Simulation, sums
+from lava_ros.simulation import flow, neighbors, Simulation, sums
 from lava_ros.simulation.compiled import quick_kernel, waits_first
 from lava_ros.simulation.effects import green
 from lava_ros.simulation.state import State
@@ -296,6 +296,20 @@ def test_sums_of_differences(folder):
         check_sum(code)
         check_local(code)
         check_arithmetic(code)
+
+
+@pytest.mark.parametrize('is_short', [False, True])
+def test_deterministic_order(folder, is_short):
+    """What only a deterministic run on a GPU launches is as lean."""
+    *_, order, _, members = neighbors._kernels(
+        wp.float32, True, False, True, False, True, is_short
+    )
+    for kernel in (order, members):
+        code = compiled(kernel, 90, folder)
+        check_local(code)
+        assert waits_first(kernel)
+        if kernel is order and not is_short:
+            check_carrier(code, 3)
 
 
 def test_vents_take_little_local_memory(folder):

@@ -1,0 +1,106 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The order of the particles by their cells."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from lava_ros.simulation.neighbors import _kernels
+from lava_ros.simulation.state import PARTICLES, REAL, SPARE
+
+#: Cells, the particles in them, and those that have left.
+CELLS, COUNT, LEFT = 12, 40, 5
+
+
+def ordered(device, real, cell, rank, *, again, short=False):
+    """Volumes of particles 1, 2, ... as they are ordered, and how many there are said to be."""
+    *_, order_particles, _, list_members = _kernels(
+        real, False, False, False, False, again, short
+    )
+    vec2, vec4 = wp.types.vector(2, real), wp.types.vector(4, real)
+    count = len(cell)
+    sizes = np.bincount(cell, minlength=CELLS + 1)
+    starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
+    rows = np.ones((count, 4))
+    rows[:, 2] = 1 + np.arange(count)
+    # what has left may be no number any more
+    rows[cell == CELLS] = np.nan
+    counts = wp.array(np.array([count, *[0] * 10], np.int32), device=device)
+    found = wp.array(np.full((count + SPARE, 4), np.nan), dtype=vec4, device=device)
+    lists = [wp.array(values.astype(np.int32), device=device) for values in (cell, rank, starts)]
+    members = wp.zeros(count, dtype=wp.int32, device=device)
+    if again:
+        wp.launch(
+            list_members, count, inputs=[CELLS, *lists], outputs=[members], device=device
+        )
+    pairs = [wp.zeros(count, dtype=vec2, device=device) for _ in range(2)]
+    wp.launch(
+        order_particles,
+        count + SPARE,
+        inputs=[
+            wp.array(np.concatenate([rows, np.zeros((SPARE, 4))]), dtype=vec4, device=device),
+            CELLS,
+            wp.array(np.append(cell, np.zeros(SPARE)).astype(np.int32), device=device),
+            lists[1],
+            members,
+            lists[2],
+            wp.array(np.append(sizes, 0).astype(np.int32), device=device),
+            counts,
+            wp.zeros(2, dtype=real, device=device),
+            found,
+            *pairs,
+            *[None] * 8,
+            0,
+        ],
+        device=device,
+    )
+    return found.numpy()[:, 2], int(counts.numpy()[PARTICLES])
+
+
+def some_cells(seed):
+    """Cells of particles, some of which have left, and ranks in them in any order."""
+    random = np.random.default_rng(seed)
+    cell = random.integers(0, CELLS, COUNT)
+    cell[random.permutation(COUNT)[:LEFT]] = CELLS
+    rank = np.zeros(COUNT, int)
+    for one in range(CELLS + 1):
+        (inside,) = np.nonzero(cell == one)
+        rank[inside] = random.permutation(len(inside))
+    return cell, rank
+
+
+@pytest.mark.parametrize('short', [False, True])
+@pytest.mark.parametrize('real', REAL.values(), ids=REAL)
+def test_particles_rank_by_their_numbers(device, real, short):
+    """However they came into their cells, in a deterministic run on a GPU."""
+    for seed in range(10):
+        cell, rank = some_cells(seed)
+        volumes, count = ordered(device, real, cell, rank, again=True, short=short)
+        assert count == COUNT - LEFT
+        expected = 1 + np.argsort(cell, kind='stable')[:count]
+        np.testing.assert_array_equal(volumes[:count], expected)
+
+
+@pytest.mark.parametrize('short', [False, True])
+def test_what_has_left_leaves_no_numbers_behind(device, short):
+    """Sums go on over the end of the last row: there are zeros, whatever was there."""
+    for again in (False, True):
+        cell, rank = some_cells(3)
+        volumes, count = ordered(device, wp.float32, cell, rank, again=again, short=short)
+        (inside,) = np.nonzero(cell == 4)
+        first = int((cell < 4).sum())
+        assert set(volumes[first : first + len(inside)]) == set(1.0 + inside)
+        np.testing.assert_array_equal(volumes[count:], np.zeros(LEFT + SPARE))
