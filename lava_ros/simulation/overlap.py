@@ -36,6 +36,9 @@ _SUCCESS = 0
 _KERNEL_NODE = 0
 _PROGRAMMATIC = 1
 
+#: What Warp appends to a kernel's name.
+_ENDING = '_cuda_kernel_forward'
+
 
 class _EdgeData(ctypes.Structure):
     """CUgraphEdgeData."""
@@ -96,10 +99,6 @@ def overlap(graph: Any, kernels: Collection[Any]) -> int:
         elif not _change(driver, 'Add', graph.graph, before, after, plain):
             raise RuntimeError('an edge of a CUDA graph is lost')
     return replaced
-
-
-#: What Warp appends to a kernel's name.
-_ENDING = '_cuda_kernel_forward'
 
 
 @lru_cache
