@@ -40,7 +40,7 @@ def turned(case: Case, quarters: int, *, mirror: bool = False) -> Case:
     """
     if mirror:
         case = _changed(case, _exchanged, _mirror)
-    elif quarters % 4 == 0:
+    else:
         case = _changed(case, _kept, np.ascontiguousarray)
     for _ in range(quarters % 4):
         case = _changed(case, _a_quarter_on, _quarter)

@@ -43,6 +43,9 @@ _OCTAVES = 7.0
 #: The square of the support in the units of ``K0Within``, whose octaves lie to both sides of 1.
 SQUARED_SUPPORT = 2.0 ** (_OCTAVES / 2.0)
 
+#: The square below which no distance is told from another.
+LEAST_SQUARED = 1.0 / SQUARED_SUPPORT
+
 #: log2(e^x K0(x)), x = 2 sqrt(s), as a polynomial of log2 s, its highest power first, to 2e-4 for
 #: x from 0.004 to 20.
 _K0 = (
@@ -313,20 +316,17 @@ class K0Within(NamedTuple):
     """K0(k r) of distances r up to a support, as device functions.
 
     ``powers_of`` takes the support times k and returns what ``at`` needs of it beside the squared
-    distance, in units in which that of the support is ``SQUARED_SUPPORT``. Below ``least`` no
-    distance is told from another.
+    distance, in units in which that of the support is ``SQUARED_SUPPORT``.
 
     Attributes:
         powers: Warp type of what depends on k only.
         powers_of: Device function.
-        at: Device function.
-        least: The least squared distance.
+        at: Device function, from ``LEAST_SQUARED`` on.
     """
 
     powers: Any
     powers_of: Any
     at: Any
-    least: float
 
 
 #: In sums over neighbours K0 is a weight of a mean, and the dearest pass is of little else. What
@@ -379,7 +379,6 @@ def k0_within(real: Any) -> K0Within:
     In float64 it is ``bessel``'s. In float32 it is good to 4e-4 for k times the support up to 5,
     and to 2e-3 up to 30, where only a particle's own weight counts.
     """
-    least = 1.0 / SQUARED_SUPPORT
     if real is wp.float64:
         k0 = bessel(real).k0
 
@@ -392,7 +391,7 @@ def k0_within(real: Any) -> K0Within:
         def exact(quarter: real, square: real) -> real:
             return k0(quarter * square)
 
-        return K0Within(real, quarter_of, exact, least)
+        return K0Within(real, quarter_of, exact)
 
     vec6 = wp.types.vector(len(_ROOT), real)
     power = exp2(real)
@@ -408,4 +407,4 @@ def k0_within(real: Any) -> K0Within:
             p = p * y + powers[n]
         return power(p)
 
-    return K0Within(vec6, powers_of, at, least)
+    return K0Within(vec6, powers_of, at)

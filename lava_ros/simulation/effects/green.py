@@ -48,7 +48,13 @@ from lava_ros.simulation.compiled import (
     sum_over,
     unseen_one,
 )
-from lava_ros.simulation.kernels import bessel, k0_within, SQUARED_SUPPORT, WIDE_K0
+from lava_ros.simulation.kernels import (
+    bessel,
+    k0_within,
+    LEAST_SQUARED,
+    SQUARED_SUPPORT,
+    WIDE_K0,
+)
 from lava_ros.simulation.motion import journey_type, motion_of
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
@@ -198,7 +204,7 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
         powers = powers_of(k * support)
         # inside its own disc K0 takes the value at that disc's edge
         unit = real(wp.static(math.sqrt(SQUARED_SUPPORT))) / support
-        least = wp.max(own * real(_NEAR) * unit * unit, real(wp.static(within.least)))
+        least = wp.max(own * real(_NEAR) * unit * unit, real(LEAST_SQUARED))
         box = cells_around(cells, here[0], here[1], support)
         sums = sums_around(lane, source, area, starts, cells, box, p, powers, least)
         total = sum_up(sums[0])
