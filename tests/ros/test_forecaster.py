@@ -78,8 +78,12 @@ class Bench:
         self.started = []
         self.known, self.since = 0, time.monotonic()
         self.worker = SimulationWorker(simulation_of, clock=time.monotonic, time_scale=SCALE)
+        self.told = []
         self.forecaster = Forecaster(
-            self.worker, lambda: self.rules, make_process=self._process
+            self.worker,
+            lambda: self.rules,
+            on_change=lambda: self.told.append(self.forecaster.staleness()),
+            make_process=self._process,
         )
         self.worker.start()
         self.worker.set_scene(scene()).result(PATIENCE)
@@ -173,11 +177,15 @@ def test_forecasts_follow_the_live_simulation(bench):
 
 def test_another_scene_makes_a_forecast_stale_at_once(bench):
     """Also one that is at hand is dropped; the next is of the new scene, by the same process."""
-    old, before = bench.forecaster.latest, len(bench.started)
+    before = len(bench.started)
     bench.begin_a_long_one()
-    bench.worker.set_vents((Vent((155.0, 100.0), 60.0, radius=15.0),)).result(PATIENCE)
-    assert bench.forecaster.staleness() == 'the scene or the effects have changed'
+    old = bench.forecaster.latest
+    # the one at hand keeps its rules; the next may begin as soon as there is another scene
     bench.rules = RULES
+    bench.told.clear()
+    bench.worker.set_vents((Vent((155.0, 100.0), 60.0, radius=15.0),)).result(PATIENCE)
+    wait_until(lambda: bench.told)
+    assert bench.told[0] == 'the scene or the effects have changed'
     new = bench.forecast(lambda item: item is not old)
     assert bench.forecaster.staleness() == ''
     assert new.forecast.horizon == RULES.horizon
@@ -212,12 +220,12 @@ def test_what_was_dropped_is_made_up_for(bench):
 
 def test_the_process_may_die(bench):
     """What killed it is told; another one goes on; the live simulation does not notice."""
-    old, before = bench.forecaster.latest, len(bench.started)
+    before = len(bench.started)
     bench.begin_a_long_one()
+    old, bench.rules = bench.forecaster.latest, RULES
     os.kill(bench.started[-1], signal.SIGKILL)
     error = wait_until(lambda: bench.forecaster.status.error)
     assert error == 'the process of the forecasts has ended (killed by signal 9)'
-    bench.rules = RULES
     bench.forecast(lambda item: item is not old)
     assert bench.forecaster.status.error == ''
     assert len(bench.started) == before + 1
