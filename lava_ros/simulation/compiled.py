@@ -24,13 +24,15 @@ What is done, why, and what it gains is in docs/PERFORMANCE.md:
 * ``after_the_former``: a kernel may begin before the one that it comes after has ended.
 * ``unseen_one``: a step of a loop that no compiler unrolls further, for threads of a warp whose
   loops have different ends: what is left over of an unrolled one takes as long as the rest.
-* ``is_last_of_all``: what one thread does with what all have found needs no launch of its own.
+* ``announce``, ``wait_for``: what one thread does with what all have found needs no launch of its
+  own, and is done while the others are at work that does not need it yet.
+* ``cos_pi``, ``sin_pi``: of a float64 in half turns, which needs no table for large angles.
 * ``raise_to``: a maximum over all particles. Each thread comparing and swapping one address is
   slower than the rest of the kernel; a warp of 32 finds its own maximum and asks once.
 """
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import warp as wp
@@ -112,22 +114,24 @@ _ONE_LESS = """
     float left;
     asm("fma.rn.ftz.sat.f32 %0, %1, %2, %3;" : "=f"(left) : "f"(-a), "f"(b), "f"(1.0f));
     return left;"""
-#: Whether a block is the last to come here; then all that the others have written can be read.
-_LAST = """
+#: Of the first block, which is started before any that waits for it.
+_ANNOUNCE = """
 #if defined(__CUDA_ARCH__)
-    __shared__ bool is_last;
-    __syncthreads();
     if (threadIdx.x == 0) {
         __threadfence();
-        is_last = atomicAdd(ticket.data, 1) == gridDim.x - 1;
-        if (is_last)
-            ticket.data[0] = 0;
-        __threadfence();
+        asm volatile("st.relaxed.gpu.global.s32 [%0], 1;" :: "l"(flag.data) : "memory");
     }
     __syncthreads();
-    return is_last && threadIdx.x == 0;
-#else
-    return false;
+#endif
+"""
+#: What was read before may be in the cache as it was: nothing that is announced must be.
+_WAIT_FOR = """
+#if defined(__CUDA_ARCH__)
+    int is_there;
+    do
+        asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];"
+            : "=r"(is_there) : "l"(flag.data) : "memory");
+    while (!is_there);
 #endif
 """
 #: What those before have written can be read after it; only later GPUs begin before.
@@ -169,13 +173,28 @@ _RAISE_ON_CPU = """
 """
 
 
-def quick_kernel(function: Callable[..., None]) -> Any:
-    """Make a kernel of a function of one thread a particle; a decorator."""
+#: Threads of a block, and how many blocks a processor has to hold of kernels of few threads. The
+#: compiler would spare registers for more of them, and wait for each load before the next.
+FEW_THREADS = 256, 4
+
+
+def quick_kernel(
+    function: Callable[..., None] | None = None, *, bounds: tuple[int, int] | None = None
+) -> Any:
+    """Make a kernel of a function of one thread a particle; a decorator.
+
+    Args:
+        function: The function.
+        bounds: Threads of a block, and blocks that a processor of a GPU must have registers for.
+    """
+    if function is None:
+        return partial(quick_kernel, bounds=bounds)
     kernel: Any = wp.kernel(
         function,
         module='unique',
         enable_backward=False,
         grid_stride=False,
+        launch_bounds=bounds,
         module_options={'fast_math': True, 'enable_backward': False},
     )
     return kernel
@@ -331,12 +350,33 @@ def load9(real: Any) -> Any:
     return load
 
 
-@wp.func_native(_LAST)
-def is_last_of_all(ticket: wp.array(dtype=wp.int32)) -> bool:
-    """Whether a thread of a CUDA kernel is to go on alone when all others are done.
+@wp.func_native(_ANNOUNCE)
+def announce(flag: wp.array(dtype=wp.int32)):
+    """Let all threads of a CUDA kernel see what the first one has written.
 
-    All threads of each block have to come here. ``ticket`` is 0 before and after.
+    All threads of the first block have to come here. ``flag`` is 0 before and 1 after.
     """
+    ...
+
+
+@wp.func_native(_WAIT_FOR)
+def wait_for(flag: wp.array(dtype=wp.int32)):
+    """Wait for ``announce``.
+
+    What was announced must not have been read before but by ``early_int``.
+    """
+    ...
+
+
+@wp.func_native(_on_cuda('return cospi(x);', 'return wp::cos(3.141592653589793 * x);'))
+def cos_pi(x: wp.float64) -> wp.float64:
+    """Return cos(pi x); a device function."""
+    ...
+
+
+@wp.func_native(_on_cuda('return sinpi(x);', 'return wp::sin(3.141592653589793 * x);'))
+def sin_pi(x: wp.float64) -> wp.float64:
+    """Return sin(pi x); a device function."""
     ...
 
 

@@ -42,7 +42,7 @@ from lava_ros.simulation.compiled import (
     after_the_former,
     counted_from,
     early4,
-    is_last_of_all,
+    FEW_THREADS,
     load2,
     load4,
     quick_kernel,
@@ -58,7 +58,6 @@ from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
 from lava_ros.simulation.sums import sums_function, wide_sums_function
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
 from lava_ros.simulation.threads import launch_over
-from lava_ros.simulation.timestep import pace_type
 
 #: Thickness over the expected one up to which the Helmholtz solve converges in full.
 THICKEST = 2.0
@@ -105,14 +104,10 @@ def flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -
 
 
 class FlowKernels(NamedTuple):
-    """The kernels of ``compute_flow`` for one set of effects.
-
-    ``elevate`` is for differences only, ``flow_and_stage`` for few particles only.
-    """
+    """The kernels of ``compute_flow`` for one set of effects, ``elevate`` for differences only."""
 
     elevate: Any
     flow: Any
-    flow_and_stage: Any
 
 
 @lru_cache
@@ -210,16 +205,15 @@ def flow_kernels(
     ratio: float,
     gradient: str,
     effects: Effects,
-    choose: Any,
     lanes: int = 1,
     is_short: bool = False,
     is_wide: bool = False,
 ) -> FlowKernels:
     """Return the kernels that compute thickness and local velocity, for one set of effects.
 
-    ``choose`` is the choice of the stage (timestep.py), ``lanes`` the number of threads that share
-    a particle's neighbours, ``is_short`` whether there are so few that waiting takes the time,
-    ``is_wide`` whether a CPU takes several neighbours at a time (wide.py).
+    ``lanes`` is the number of threads that share a particle's neighbours, ``is_short`` whether
+    there are so few that waiting takes the time, ``is_wide`` whether a CPU takes several
+    neighbours at a time (wide.py).
     """
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
@@ -237,12 +231,10 @@ def flow_kernels(
     balance = _balance_function(real, kernel.stiffness, effects)
     total = sum_over(real, lanes)
 
-    @wp.func
-    def flow_at(
-        i: int,
-        lane: int,
-        p: vec4,
+    @quick_kernel(bounds=FEW_THREADS if is_short else None)
+    def thickness_and_velocity(
         ordered: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
         elevation: wp.array2d(dtype=real),
@@ -254,7 +246,20 @@ def flow_kernels(
         area_of: wp.array(dtype=real),
         rates: wp.array(dtype=real),
         slope_of: wp.array(dtype=vec2),
+        first: int,
     ):
+        thread = counted_from(first, wp.tid())
+        i = thread // lanes
+        lane = thread % lanes
+        after_the_former()
+        p = vec4()
+        if wp.static(is_short):
+            # one wait for both, whether there is such a particle or not
+            p = early(ordered, i)
+        if i >= counts[PARTICLES]:
+            return
+        if wp.static(not is_short):
+            p = load(ordered, i)
         radius = real(constants.radius)
         inverse = real(1.0) / radius
         box = cells_around(cells, p[0], p[1], radius)
@@ -274,47 +279,6 @@ def flow_kernels(
             i, vec2(p[0], p[1]), p[2], p[3], height, surface, ground, bend, law, constants,
             flow, source, area_of, rates, slope_of,
         )
-
-    def kernel_that(chooses: bool) -> Any:
-        @quick_kernel
-        def thickness_and_velocity(
-            ordered: wp.array(dtype=vec4),
-            counts: wp.array(dtype=wp.int32),
-            starts: wp.array(dtype=wp.int32),
-            cells: cell_frame(real),
-            elevation: wp.array2d(dtype=real),
-            terrain: terrain_frame(real),
-            law: rheology_type(real),
-            constants: flow_constants_of(real),
-            pace: pace_type(real),
-            flow: wp.array(dtype=vec3),
-            source: wp.array(dtype=vec4),
-            area_of: wp.array(dtype=real),
-            rates: wp.array(dtype=real),
-            slope_of: wp.array(dtype=vec2),
-            first: int,
-        ):
-            thread = counted_from(first, wp.tid())
-            i = thread // lanes
-            lane = thread % lanes
-            after_the_former()
-            p = vec4()
-            if wp.static(is_short):
-                # one wait for both, whether there is such a particle or not
-                p = early(ordered, i)
-            if i < counts[PARTICLES]:
-                if wp.static(not is_short):
-                    p = load(ordered, i)
-                flow_at(
-                    i, lane, p, ordered, starts, cells, elevation, terrain, law, constants,
-                    flow, source, area_of, rates, slope_of,
-                )
-            if wp.static(chooses):  # noqa: SIM102, the static test decides what is compiled
-                # there are whole blocks only, as that asks for
-                if is_last_of_all(pace.ticket):
-                    choose(pace)
-
-        return thickness_and_velocity
 
     @quick_kernel
     def elevate(
@@ -427,14 +391,8 @@ def flow_kernels(
         )
 
     if gradient == 'energy':
-        return FlowKernels(None, kernel_that(False), kernel_that(True) if is_short else None)
-    return FlowKernels(elevate, velocity_of_differences, None)
-
-
-@lru_cache
-def _no_pace(real: Any) -> Any:
-    """What a kernel that does not choose the stage has in its place: always the same."""
-    return pace_type(real)()
+        return FlowKernels(None, thickness_and_velocity)
+    return FlowKernels(elevate, velocity_of_differences)
 
 
 def compute_flow(
@@ -446,13 +404,11 @@ def compute_flow(
     kernels: FlowKernels,
     *,
     fills_flow: bool = True,
-    pace: Any = None,
 ) -> None:
     """Compute thickness and local velocity of the ordered particles, and raise the rates.
 
     They are left in ``state.flow``, unless that is not asked for, and as lateral stress needs
-    them in ``state.source`` and ``state.area``. With a pace (timestep.py) the stage is chosen when
-    all rates are known.
+    them in ``state.source`` and ``state.area``.
     """
     ground = [
         state.ordered,
@@ -470,11 +426,11 @@ def compute_flow(
             outputs=[state.surface, state.flow],
             lanes=state.lanes,
         )
-    more = state.surface if state.has_surface else pace or _no_pace(state.real)
+    surface = [state.surface] if state.has_surface else []
     launch_over(
         state,
-        kernels.flow if pace is None else kernels.flow_and_stage,
-        inputs=[*ground, law, constants, more],
+        kernels.flow,
+        inputs=[*ground, law, constants, *surface],
         outputs=[
             state.flow if fills_flow or state.has_surface else None,
             *state.optional('source', 'area'),

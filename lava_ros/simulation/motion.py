@@ -25,18 +25,21 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.simulation.cells import cell_frame
 from lava_ros.simulation.compiled import (
     after_the_former,
     counted_from,
+    early4,
+    early_int,
     load2,
     load4,
     quick_kernel,
     store2,
     store4,
+    wait_for,
 )
-from lava_ros.simulation.flow import flow_constants_of
-from lava_ros.simulation.heat import heat_constants_of, temperature_function
+from lava_ros.simulation.direction import BOUNDS, Direction, DIRECTORS
+from lava_ros.simulation.heat import temperature_function
+from lava_ros.simulation.journey import journey_type
 from lava_ros.simulation.neighbors import bin_function, NeighborGrid
 from lava_ros.simulation.state import (
     BEFORE_FORMER,
@@ -50,8 +53,10 @@ from lava_ros.simulation.state import (
     STEP,
     VELOCITY,
 )
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
+from lava_ros.simulation.terrain import terrain_frame, terrain_functions
 from lava_ros.simulation.threads import launch_over, LEAST_MOVES
+from lava_ros.simulation.timestep import pace_type
+from lava_ros.simulation.vents import Outlets
 
 #: Displacements in a step over those its length was chosen for: speeds may rise this much in it.
 _MOST_REACH = 2.0
@@ -62,73 +67,6 @@ _HALVINGS = 8
 #: Slope of a sum over neighbours times its radius over the thickness; where the lava behind is
 #: twice as thick it is twice of that at the edge.
 _STEEPEST = 3.0
-
-#: Arrays of ``State`` that a motion reads and writes, those among them that there are.
-_ARRAYS = (
-    'counts', 'clock', 'stage', 'ordered', 'ordered_base', 'ordered_drift', 'ordered_remainder',
-    'ordered_age', 'particle', 'base', 'drift', 'remainder', 'age', 'slope', 'cold',
-)
-
-
-@lru_cache
-def journey_type(real: Any) -> Any:
-    """What a motion reads and writes: arrays of ``State``, the ground, the cells, constants."""
-    vec2 = wp.types.vector(2, real)
-    vec4 = wp.types.vector(4, real)
-
-    @wp.struct
-    class Journey:
-        counts: wp.array(dtype=wp.int32)
-        clock: wp.array(dtype=wp.float64)
-        stage: wp.array(dtype=real)
-        elevation: wp.array2d(dtype=real)
-        terrain: terrain_frame(real)
-        constants: flow_constants_of(real)
-        heat: heat_constants_of(real)
-        ordered: wp.array(dtype=vec4)
-        ordered_base: wp.array(dtype=vec4)
-        ordered_drift: wp.array(dtype=vec4)
-        ordered_remainder: wp.array(dtype=vec2)
-        ordered_age: wp.array(dtype=real)
-        particle: wp.array(dtype=vec4)
-        base: wp.array(dtype=vec4)
-        drift: wp.array(dtype=vec4)
-        remainder: wp.array(dtype=vec2)
-        age: wp.array(dtype=real)
-        slope: wp.array(dtype=vec2)
-        cold: wp.array(dtype=wp.int32)
-        known: wp.array2d(dtype=wp.uint8)
-        cells: cell_frame(real)
-        cell: wp.array(dtype=wp.int32)
-        rank: wp.array(dtype=wp.int32)
-        sizes: wp.array(dtype=wp.int32)
-        left: wp.array(dtype=wp.float64)
-
-    return Journey
-
-
-def journey(
-    state: State, neighbors: NeighborGrid, terrain: StaggeredTerrain, constants: Any, heat: Any
-) -> Any:
-    """Collect what a motion reads and writes.
-
-    Args:
-        state: The particles, ordered.
-        neighbors: Their neighbour grid.
-        terrain: The ground.
-        constants: The flow's.
-        heat: The heat balance's.
-    """
-    made = journey_type(state.real)()
-    made.elevation, made.terrain = terrain.height, terrain.frame
-    made.constants, made.heat = constants, heat
-    made.known, _, made.cells, made.cell, made.rank, made.sizes, made.left = neighbors.place_in(
-        state
-    )
-    for name in _ARRAYS:
-        if hasattr(state, name):
-            setattr(made, name, getattr(state, name))
-    return made
 
 
 @lru_cache
@@ -187,7 +125,8 @@ def motion_function(
 ) -> Any:
     """Return the device function that moves the i-th of the ordered particles.
 
-    Its arguments: the particle's number, its thickness [m] and velocity [m/s], and a journey.
+    Its arguments: the particle's number, its item of ``State.ordered``, its thickness [m] and
+    velocity [m/s], and a journey.
     """
     vec2 = wp.types.vector(2, real)
     # differences and lateral stress push lava up slopes that its own surface does not
@@ -204,8 +143,7 @@ def motion_function(
     falls = effects.viscous_heating
 
     @wp.func
-    def move_on(i: int, f: vec3, m: journey_type(real)):
-        p = load(m.ordered, i)
+    def move_on(i: int, p: vec4, f: vec3, m: journey_type(real)):
         x = p[0]
         y = p[1]
         dx = m.stage[VELOCITY] * f[1]
@@ -304,32 +242,58 @@ def motion_of(state: State) -> Any:
 
 
 @lru_cache
-def _kernel(real: Any, motion: Any) -> Any:
+def _kernel(real: Any, is_short: bool, motion: Any, direct: Any) -> Any:
     vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    load, early = load4(real), early4(real)
 
-    @quick_kernel
-    def move(flow: wp.array(dtype=vec3), m: journey_type(real), first: int):
+    @quick_kernel(bounds=None if direct is None else BOUNDS[is_short])
+    def move(
+        flow: wp.array(dtype=vec3),
+        pace: pace_type(real),
+        outlets: Outlets,
+        m: journey_type(real),
+        first: int,
+    ):
         i = counted_from(first, wp.tid())
         after_the_former()
-        if i < m.counts[PARTICLES]:
-            motion(i, flow[i], m)
+        if wp.static(direct is not None):
+            if i < wp.static(DIRECTORS):
+                direct(i, pace, outlets, m)
+                return
+            i -= wp.static(DIRECTORS)
+        p, f = vec4(), vec3()
+        if wp.static(is_short):
+            # one wait for all of it, whether there is such a particle or not
+            p, f = early(m.ordered, i), vec3(flow[i])
+        if i >= early_int(m.counts, PARTICLES):
+            return
+        if wp.static(not is_short):
+            p, f = load(m.ordered, i), vec3(flow[i])
+        if wp.static(direct is not None):
+            wait_for(pace.chosen)
+        motion(i, p, f, m)
 
     return move
 
 
-def move_particles(state: State, neighbors: NeighborGrid, way: Any) -> None:
+def move_particles(
+    state: State, neighbors: NeighborGrid, way: Any, direction: Direction
+) -> None:
     """Move the ordered particles over the stage by the velocity in ``state.flow``.
 
     Args:
         state: The particles.
         neighbors: Their neighbour grid.
         way: Their journey.
+        direction: What is chosen and emitted meanwhile.
     """
     launch_over(
         state,
-        _kernel(state.real, motion_of(state)),
-        inputs=[state.flow],
+        _kernel(state.real, state.is_short, motion_of(state), direction.function),
+        inputs=[state.flow, direction.pace, direction.outlets],
         outputs=[way],
         least=LEAST_MOVES,
+        ahead=direction.threads,
     )
     neighbors.is_binned = state.bins_in_motion

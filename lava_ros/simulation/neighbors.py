@@ -230,6 +230,7 @@ def _kernels(
         sizes: wp.array(dtype=wp.int32),
         counts: wp.array(dtype=wp.int32),
         rates: wp.array(dtype=real),
+        chosen: wp.array(dtype=wp.int32),
         ordered: wp.array(dtype=vec4),
         remainder: wp.array(dtype=vec2),
         ordered_remainder: wp.array(dtype=vec2),
@@ -251,6 +252,7 @@ def _kernels(
             counts[NEWCOMERS] = 0
             rates[DIFFUSION] = real(0.0)
             rates[ADVECTION] = real(0.0)
+            chosen[0] = 0
         c = 0
         p = vec4()
         if wp.static(is_short):
@@ -423,6 +425,7 @@ class NeighborGrid:
                 self._sizes,
                 state.counts,
                 state.rates,
+                state.chosen,
                 state.ordered,
                 *state.optional('remainder', 'ordered_remainder'),
                 *state.optional('base', 'drift', 'ordered_base', 'ordered_drift'),

@@ -36,8 +36,10 @@ _THREADS = 1024
 #: many blocks are quicker, with many the way back over their tiles is long.
 _FOURS, _MORE_FOURS, _MANY = 2, 8, 1 << 21
 
-#: A tile's word is 0, then (1, sum of the tile), then (2, sum up to its end); the word after the
-#: last tile's counts those who need no other's any more.
+#: A tile's word says what it knows: (1, its sum), then (2, the sum up to its end), in every other
+#: scan (3, ...) and (4, ...): so no word has to be cleared when all have read it. Which scan it
+#: is stands in the word after the last tile's. The last tile, which comes to its end when all
+#: others have read that, changes it.
 _SCAN = """
 #if defined(__CUDA_ARCH__)
     __shared__ int sums[32];
@@ -45,6 +47,9 @@ _SCAN = """
     const unsigned all = 0xffffffffu;
     const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5, tile = blockIdx.x;
     const int first = 32 * FOURS * (32 * tile + warp) + lane, end = sizes.shape[0] / 4;
+    typedef unsigned long long word_t;
+    volatile word_t* words = reinterpret_cast<word_t*>(tiles.data);
+    const unsigned turn = gridDim.x > 1 ? static_cast<unsigned>(words[gridDim.x]) : 0;
     int4 items[FOURS];
     for (int n = 0; n < FOURS; ++n) {
         const int at = first + 32 * n;
@@ -57,8 +62,8 @@ _SCAN = """
         const int own = items[n].x + items[n].y + items[n].z + items[n].w;
         int sum = own;
         for (int apart = 1; apart < 32; apart *= 2) {
-            const int other = __shfl_up_sync(all, sum, apart);
-            sum += lane >= apart ? other : 0;
+            const int former = __shfl_up_sync(all, sum, apart);
+            sum += lane >= apart ? former : 0;
         }
         starting[n] = total + sum - own;
         total += __shfl_sync(all, sum, 31);
@@ -71,22 +76,20 @@ _SCAN = """
         before += __shfl_xor_sync(all, before, apart);
     if (gridDim.x > 1) {
         if (warp == 0) {
-            typedef unsigned long long word_t;
-            word_t* words = reinterpret_cast<word_t*>(tiles.data);
             int whole = sums[lane];
             for (int apart = 16; apart > 0; apart /= 2)
                 whole += __shfl_xor_sync(all, whole, apart);
             if (lane == 0)
-                atomicExch(words + tile, word_t(tile == 0 ? 2 : 1) << 32 | unsigned(whole));
+                words[tile] = word_t(turn + (tile == 0 ? 2 : 1)) << 32 | unsigned(whole);
             int earlier = 0;
             for (int nearest = tile - 1; nearest >= 0; nearest -= 32) {
                 const int at = nearest - lane;
-                word_t word = word_t(2) << 32;
+                word_t word = word_t(turn + 2) << 32;
                 if (at >= 0)
                     do
-                        word = *reinterpret_cast<volatile word_t*>(words + at);
-                    while (word >> 32 == 0);
-                const unsigned is_whole = __ballot_sync(all, word >> 32 == 2);
+                        word = words[at];
+                    while (unsigned(word >> 32) - turn - 1 > 1);
+                const unsigned is_whole = __ballot_sync(all, word >> 32 == turn + 2);
                 int part = static_cast<int>(word & all);
                 part = lane < (is_whole ? __ffs(is_whole) : 32) ? part : 0;
                 for (int apart = 16; apart > 0; apart /= 2)
@@ -95,18 +98,13 @@ _SCAN = """
                 if (is_whole)
                     break;
             }
-            int is_last = 0;
             if (lane == 0) {
                 start_of_tile = earlier;
                 if (tile > 0)
-                    atomicExch(words + tile, word_t(2) << 32 | unsigned(earlier + whole));
-                __threadfence();
-                is_last = atomicAdd(words + gridDim.x, word_t(1)) == gridDim.x - 1;
+                    words[tile] = word_t(turn + 2) << 32 | unsigned(earlier + whole);
+                if (tile == gridDim.x - 1)
+                    words[gridDim.x] = 2 - turn;
             }
-            // nobody reads them any more
-            if (__shfl_sync(all, is_last, 0))
-                for (int n = lane; n <= gridDim.x; n += 32)
-                    words[n] = 0;
         }
         __syncthreads();
         before += start_of_tile;

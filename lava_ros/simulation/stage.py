@@ -21,10 +21,12 @@ from typing import Any
 
 from lava_ros.accuracy import Accuracy
 from lava_ros.scene import Scene
-from lava_ros.simulation import motion, timestep
+from lava_ros.simulation import emission, motion, timestep
+from lava_ros.simulation.direction import Direction, direction_within, is_within_the_motion
 from lava_ros.simulation.effects import load
 from lava_ros.simulation.flow import compute_flow, flow_constants, flow_kernels, THICKEST
 from lava_ros.simulation.heat import heat_constants
+from lava_ros.simulation.journey import journey
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.published import publish_velocity
 from lava_ros.simulation.rheology import rheology_of
@@ -80,7 +82,6 @@ class Stage:
             accuracy.ratio,
             gradient,
             state.effects,
-            timestep.choice_of(state),
         )
         # the pass that ends with the velocity moves the particles too
         self._moves_at_once = (
@@ -107,22 +108,23 @@ class Stage:
         """
         state, neighbors = self._state, self._neighbors
         neighbors.rebuild(state)
-        pace = self._pace_of(scene, vents)
-        chooses_at_once = state.is_short and not state.has_surface and not self._effects.inertia
-        self.compute_flow(
-            fills_flow=not self._moves_at_once or bool(self._after_step),
-            pace=pace if chooses_at_once else None,
-        )
+        self.compute_flow(fills_flow=not self._moves_at_once or bool(self._after_step))
         if self._effects.inertia:
             self._momentum.synchronize(state)
-        if not chooses_at_once:
-            timestep.choose_stage(state, pace)
-        emit = partial(vents.emit, state, neighbors)
+        pace, way = self._pace_of(scene, vents), self._journey()
+        emit = partial(emission.emit, state, vents, way)
+        if is_within_the_motion(state, sums_up=self._moves_at_once):
+            self._move(way, direction_within(state, pace, vents))
+            if not state.bins_in_motion:
+                emit()
+            return
+        timestep.choose_stage(state, pace)
+        direction = Direction(pace, vents.outlets, None)
         if state.bins_in_motion:
             with self._beside(emit):
-                self._move()
+                self._move(way, direction)
         else:
-            self._move()
+            self._move(way, direction)
             emit()
 
     def _pace_of(self, scene: Scene, vents: VentSet) -> Any:
@@ -135,8 +137,8 @@ class Stage:
             self._pace = scene, vents, pace
         return self._pace[2]
 
-    def compute_flow(self, *, fills_flow: bool = True, pace: Any = None) -> None:
-        """Compute thickness and local velocity of the ordered particles; with a pace, go on."""
+    def compute_flow(self, *, fills_flow: bool = True) -> None:
+        """Compute thickness and local velocity of the ordered particles."""
         compute_flow(
             self._state,
             self._neighbors,
@@ -145,7 +147,6 @@ class Stage:
             self.constants,
             self._flow_kernels(self._state.lanes, self._state.is_short, self._state.is_wide),
             fills_flow=fills_flow,
-            pace=pace,
         )
 
     def compute_velocity(self) -> None:
@@ -172,17 +173,16 @@ class Stage:
                 ratio=self._accuracy.ratio,
             )
 
-    def _move(self) -> None:
+    def _move(self, way: Any, direction: Direction) -> None:
         """Add the lateral stress, and move, in one go where that is one sum; end the step."""
         state, neighbors = self._state, self._neighbors
-        way = self._journey()
         if self._moves_at_once:
-            load('green').move_particles(state, neighbors, self._radius, way)
+            load('green').move_particles(state, neighbors, self._radius, way, direction)
         else:
             self._spread_velocity()
             if self._effects.inertia:
                 self._momentum.accelerate(state, neighbors)
-            motion.move_particles(state, neighbors, way)
+            motion.move_particles(state, neighbors, way, direction)
         for effect in self._after_step.values():
             effect.apply(state, neighbors)
 
@@ -191,6 +191,6 @@ class Stage:
         state, neighbors = self._state, self._neighbors
         arrays = state.particle, neighbors.starts
         if self._way is None or any(map(is_not, self._way[0], arrays)):
-            way = motion.journey(state, neighbors, self._terrain, self.constants, self._heat)
+            way = journey(state, neighbors, self._terrain, self.constants, self._heat)
             self._way = arrays, way
         return self._way[1]

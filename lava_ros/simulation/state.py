@@ -69,9 +69,10 @@ FULLEST = 0.875
 #: Threads to a particle on a GPU, and the room for particles up to which they pay.
 SHARED_LANES, SHARED_UP_TO = 4, 50_000
 
-#: Threads that a GPU holds at once, roughly. With no more of them it is waiting that takes the
-#: time: registers are not scarce then, and launches are dear.
-AT_ONCE = 160_000
+#: Threads that a GPU holds at once, those to spare included, with ``compiled.FEW_THREADS`` on 132
+#: processors. With no more of them it is waiting that takes the time: registers are not scarce
+#: then, and launches are dear.
+AT_ONCE = 150_000
 
 #: Items behind the last that sums over neighbours may read (cells.py).
 SPARE = 3
@@ -129,7 +130,7 @@ class State:
             one, the velocity evaluations so far, the stage at hand, the last one included,
             whether a particle is beyond the neighbour grid, and the particles after those counted
             first that have come out since the cells were built.
-        ticket: Blocks of threads that have ended a pass: 0 between two of them.
+        chosen: 1 from when a stage is chosen within its motion (direction.py) until its end.
         stage: Weights of the stage at hand.
         rates: Reciprocal of the step each limit allows [1/s].
         left: Volume that has left the terrain [m3], float64.
@@ -172,7 +173,7 @@ class State:
             # it sees what is there: to make it anew takes 10 us
             self._seen_counts = self.counts.numpy()
         self._looks = [Look((self.clock, self.counts)) for _ in range(3)]
-        self.ticket = wp.zeros(1, dtype=wp.int32, device=device)
+        self.chosen = wp.zeros(1, dtype=wp.int32, device=device)
         self.rates = wp.zeros(2, dtype=self.real, device=device)
         self.stage = wp.zeros(4, dtype=self.real, device=device)
         if effects.merging:

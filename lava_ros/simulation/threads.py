@@ -94,6 +94,7 @@ def launch_over(
     outputs: Sequence[Any],
     least: int = LEAST_SUMS,
     lanes: int = 1,
+    ahead: int = 0,
 ) -> None:
     """Launch a kernel over the particles of a state.
 
@@ -104,13 +105,16 @@ def launch_over(
         outputs: Those that it writes, but the last.
         least: Fewest particles that are worth a part.
         lanes: Threads that share a particle.
+        ahead: Threads that come before those of the particles, on a GPU only, and are a block.
     """
     # the first one does what is done once, even if it has no particle
-    count = max(1, state.extent) * lanes
+    count = ahead + max(1, state.extent) * lanes
     # what is captured is one thread's
     workers = 1 if state.launches.is_capturing else _workers(state.device, count, least * lanes)
     if workers < 2:
-        state.launches(kernel, dim=count, inputs=inputs, outputs=[*outputs, 0])
+        state.launches(
+            kernel, dim=count, inputs=inputs, outputs=[*outputs, 0], block_dim=ahead or None
+        )
         return
     record = partial(
         state.launches.packed, kernel, dim=1, arguments=[*inputs, *outputs, 0]

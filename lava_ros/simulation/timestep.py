@@ -116,7 +116,7 @@ def pace_type(real: Any) -> Any:
         counts: wp.array(dtype=wp.int32)
         stage: wp.array(dtype=real)
         cold: wp.array(dtype=wp.int32)
-        ticket: wp.array(dtype=wp.int32)
+        chosen: wp.array(dtype=wp.int32)
 
     return Pace
 
@@ -274,7 +274,7 @@ def pace_of(state: State, longest: float, accuracy: Accuracy, due: Any) -> Any:
     pace.longest, pace.fixed = longest, accuracy.fixed_step or 0.0
     pace.few = int(FEW * accuracy.refinement)
     pace.due = due
-    for name in ('rates', 'clock', 'counts', 'stage', 'cold', 'ticket'):
+    for name in ('rates', 'clock', 'counts', 'stage', 'cold', 'chosen'):
         if hasattr(state, name):
             setattr(pace, name, getattr(state, name))
     return pace

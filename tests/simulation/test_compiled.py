@@ -29,7 +29,9 @@ import warp as wp
 
 from lava_ros.bench.effects import effect_sets, lava_field
 from lava_ros.simulation import flow, neighbors, Simulation, sums
-from lava_ros.simulation.compiled import quick_kernel, waits_first
+from lava_ros.simulation import stage as stages
+from lava_ros.simulation.compiled import FEW_THREADS, quick_kernel, waits_first
+from lava_ros.simulation.direction import BOUNDS
 from lava_ros.simulation.effects import green
 from lava_ros.simulation.state import State
 
@@ -46,12 +48,14 @@ CARRIED_BY = 2
 #: Loads that a neighbour takes at most.
 MOST_LOADS = 3
 
-#: It takes the sine and cosine of a float64, whose slow path keeps a table in local memory, and
-#: few threads of it have anything to do.
-EMITS = 'emit'
+#: Bytes of a thread's stack that the first block of many particles' motion may keep numbers in.
+DIRECTORS_STACK = 48
 
-#: Attributes in a cubin's .nv.info: a kernel's least stack.
-_STACK = 0x12
+#: Registers that four neighbours take which are loaded at once, with all else that is in use.
+FOUR_AT_ONCE = 40
+
+#: Attributes in a cubin's .nv.info: a kernel's least stack, and its registers.
+_STACK, _REGISTERS = 0x12, 0x2F
 
 
 @dataclass(frozen=True)
@@ -62,11 +66,13 @@ class Code:
         name: The kernel's name.
         text: Its PTX.
         stack: Bytes of local memory of a thread, what registers are spilled to included.
+        registers: Registers of a thread.
     """
 
     name: str
     text: str
     stack: int
+    registers: int
 
     @property
     def loops(self) -> list[str]:
@@ -81,26 +87,26 @@ def opcodes(text):
     return Counter(opcode.replace('.ftz', '') for opcode in found)
 
 
-def stack_of(cubin):
-    """Read the stack of a cubin's only kernel: the ELF's .nv.info names it."""
+def needs_of(cubin):
+    """Read the stack and the registers of a cubin's only kernel: the ELF's .nv.info names them."""
     (table,) = struct.unpack_from('<Q', cubin, 0x28)
     count, names = struct.unpack_from('<HH', cubin, 0x3C)
     sections = [struct.unpack_from('<IIQQQQ', cubin, table + 64 * n) for n in range(count)]
     begin = sections[names][4]
-    (offset, end), stacks = next(
+    (offset, end), found = next(
         (at, at + size)
         for name, _, _, _, at, size in sections
         if cubin[begin + name :].startswith(b'.nv.info\0')
-    ), []
+    ), {_STACK: [], _REGISTERS: []}
     while offset < end:
         form, attribute, size = struct.unpack_from('<BBH', cubin, offset)
         offset += 4
         if form == 4:
-            if attribute == _STACK:
-                stacks.append(struct.unpack_from('<II', cubin, offset)[1])
+            if attribute in found:
+                found[attribute].append(struct.unpack_from('<II', cubin, offset)[1])
             offset += size
-    (stack,) = stacks
-    return stack
+    (stack,), (registers,) = found.values()
+    return stack, registers
 
 
 def compiled(kernel, arch, folder):
@@ -111,11 +117,13 @@ def compiled(kernel, arch, folder):
     ]
     ptx = files[0].read_text(encoding='latin-1')
     entry = ptx[ptx.index('.entry') :]
-    return Code(kernel.key.rpartition('__')[2], entry, stack_of(files[1].read_bytes()))
+    return Code(kernel.key.rpartition('__')[2], entry, *needs_of(files[1].read_bytes()))
 
 
-def launched(name, lanes=1, integrator='euler'):
+def launched(name, lanes=1, integrator='euler', is_short=None, directs=None):
     """Kernels that a stage launches, none of which runs; with lanes those for few particles."""
+    is_short = lanes > 1 if is_short is None else is_short
+    directs = is_short if directs is None else directs
     kernels = []
 
     def record(kernel, *_, record_cmd=False, **__):
@@ -130,7 +138,8 @@ def launched(name, lanes=1, integrator='euler'):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(wp, 'launch', record)
         patch.setattr(State, 'lanes', property(lambda _: lanes))
-        patch.setattr(State, 'is_short', property(lambda _: lanes > 1))
+        patch.setattr(State, 'is_short', is_short)
+        patch.setattr(stages, 'is_within_the_motion', lambda *_, **__: directs)
         patch.setattr(State, 'is_wide', False)
         simulation = lava_field(400, effect_sets()[name], 'cpu')
         if integrator != 'euler':
@@ -151,27 +160,30 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def stage(folder):
-    """The kernels of a stage but the vents', compiled for sm_90, those of a set once."""
-    stages = {}
+    """The kernels of a stage, compiled for sm_90, those of a set once."""
+    known = {}
 
     def of(name):
-        if name not in stages:
-            kernels = [kernel for kernel in launched(name) if not kernel.key.endswith(EMITS)]
-            stages[name] = [compiled(kernel, 90, folder) for kernel in kernels]
-        return stages[name]
+        if name not in known:
+            known[name] = [compiled(kernel, 90, folder) for kernel in launched(name)]
+        return known[name]
 
     return of
 
 
 def check_sum(code):
     """A neighbour, a root or a logarithm, takes few loads: read-only, most of them wide."""
-    assert code.loops, f'{code.name} has no loop without a branch'
+    loops = []
     for loop in code.loops:
         counts = opcodes(loop)
         neighbours = counts['sqrt.approx.f32'] + counts['lg2.approx.f32']
+        # others are of the first block (direction.py)
+        if neighbours:
+            loops.append((neighbours, counts))
+    assert loops, f'{code.name} has no loop over neighbours without a branch'
+    for neighbours, counts in loops:
         loads = {name: n for name, n in counts.items() if name.startswith('ld.')}
         wide = sum(n for name, n in loads.items() if re.search(r'\.v[24]\.f32$', name))
-        assert neighbours >= 1, code.name
         assert all(name.startswith('ld.global.nc.') for name in loads), f'{code.name}: {loads}'
         assert wide >= neighbours, f'{code.name}: {loads}'
         assert sum(loads.values()) <= MOST_LOADS * neighbours, f'{code.name}: {loads}'
@@ -229,7 +241,7 @@ def test_stages_are_carried_at_once(folder):
 
 @pytest.mark.parametrize('name', SETS)
 def test_nothing_is_in_local_memory(stage, name):
-    """No kernel of a stage but the vents' spills registers, or has an array without a place."""
+    """No kernel of a stage spills registers, or has an array without a place."""
     for code in stage(name):
         check_local(code)
 
@@ -289,7 +301,7 @@ def test_sums_on_other_hardware_and_shared(folder, arch, lanes):
 def test_sums_of_differences(folder):
     """The other gradient's two sums are as lean."""
     kernels = flow.flow_kernels(
-        wp.float32, 'wendland', 3.0, 'balanced', effect_sets()['everything with green'], None
+        wp.float32, 'wendland', 3.0, 'balanced', effect_sets()['everything with green']
     )
     for kernel in (kernels.elevate, kernels.flow):
         code = compiled(kernel, 90, folder)
@@ -312,25 +324,54 @@ def test_deterministic_order(folder, is_short):
             check_carrier(code, 3)
 
 
-def test_vents_take_little_local_memory(folder):
-    """Of the sine and the cosine, and no more."""
-    (kernel,) = [kernel for kernel in launched('bare') if kernel.key.endswith(EMITS)]
-    (file,) = wp.compile_aot_module(kernel.module, arch=80, module_dir=folder, use_ptx=False)
-    assert stack_of(file.read_bytes()) <= 40
-    assert waits_first(kernel)
+@pytest.mark.parametrize('lanes', [1, 4])
+@pytest.mark.parametrize('name', SETS)
+def test_few_particles_are_loaded_at_once(folder, name, lanes):
+    """With few particles the compiler spares no registers, and does not wait for each load."""
+    kernels = launched(name, lanes=lanes, is_short=True)
+    codes = [
+        compiled(kernel, 90, folder)
+        for kernel in kernels
+        if kernel.key.rpartition('__')[2] in (*SUMS, 'move')
+    ]
+    assert len(codes) == 2
+    for code in codes:
+        assert FOUR_AT_ONCE <= code.registers <= 65536 // FEW_THREADS[0] // FEW_THREADS[1]
+        check_local(code)
 
 
-def test_every_effect_compiles_without_local_memory(folder):
+@pytest.mark.parametrize('name', ['green', 'everything with green'])
+def test_what_directs_takes_no_registers_of_others(folder, name):
+    """Only the first block keeps numbers in memory: without it the same registers are enough."""
+    motions = [
+        next(kernel for kernel in kernels if kernel.key.endswith('green_motion'))
+        for kernels in (launched(name), launched(name, directs=True))
+    ]
+    assert motions[1].options['launch_bounds'] == BOUNDS[False]
+    alone, directed = (compiled(kernel, 90, folder) for kernel in motions)
+    assert alone.registers == directed.registers == 65536 // BOUNDS[False][0] // 8 // 6 * 8
+    assert alone.stack == 0 < directed.stack <= DIRECTORS_STACK
+    check_sum(directed)
+    check_carrier(directed, 1)
+    check_arithmetic(directed)
+
+
+@pytest.mark.parametrize('is_short', [False, True])
+def test_every_effect_compiles_without_local_memory(folder, is_short):
     """No effect, alone or with others, makes a kernel spill on the hardware with least room."""
-    kernels = {kernel.module.name: kernel for name in effect_sets() for kernel in launched(name)}
+    kernels = {
+        kernel.module.name: kernel
+        for name in effect_sets()
+        for kernel in launched(name, is_short=is_short)
+    }
     names = {kernel.key.rpartition('__')[2] for kernel in kernels.values()}
-    assert names >= {*CARRIERS, EMITS, 'accelerate', 'sweep', 'exchange_heat', 'freeze', 'merge'}
+    assert names >= {*CARRIERS, 'emit', 'accelerate', 'sweep', 'exchange_heat', 'freeze', 'merge'}
     for kernel in kernels.values():
-        if not kernel.key.endswith(EMITS):
-            (file,) = wp.compile_aot_module(
-                kernel.module, arch=80, module_dir=folder, use_ptx=False
-            )
-            assert stack_of(file.read_bytes()) == 0, kernel.key
+        (file,) = wp.compile_aot_module(
+            kernel.module, arch=80, module_dir=folder, use_ptx=False
+        )
+        stack, _ = needs_of(file.read_bytes())
+        assert stack == 0, kernel.key
 
 
 vec64 = wp.types.vector(64, float)
@@ -368,8 +409,10 @@ def plain_load(width):
     return load_of
 
 
-def plain_kernel(function):
+def plain_kernel(function=None, **_):
     """Make a kernel without the hardware's own arithmetic."""
+    if function is None:
+        return plain_kernel
     return wp.kernel(function, module='unique', enable_backward=False, grid_stride=False)
 
 
@@ -385,9 +428,9 @@ def test_checks_see_plain_reads(folder, monkeypatch):
     monkeypatch.setattr(green, '_velocity_function', green._velocity_function.__wrapped__)
     kernels = [
         flow.flow_kernels.__wrapped__(
-            wp.float32, 'wendland', 3.0, 'energy', effect_sets()['green'], None
+            wp.float32, 'wendland', 3.0, 'energy', effect_sets()['green']
         ).flow,
-        green._kernel.__wrapped__(wp.float32, 1, False, False, None),
+        green._velocity_kernel.__wrapped__(wp.float32, 1, False, False),
     ]
     for kernel in kernels:
         with pytest.raises(AssertionError):
@@ -399,7 +442,7 @@ def test_checks_see_slow_arithmetic(folder, monkeypatch):
     assert flow.quick_kernel is quick_kernel
     monkeypatch.setattr(flow, 'quick_kernel', plain_kernel)
     kernels = flow.flow_kernels.__wrapped__(
-        wp.float32, 'wendland', 3.0, 'energy', effect_sets()['bare'], None
+        wp.float32, 'wendland', 3.0, 'energy', effect_sets()['bare']
     )
     with pytest.raises(AssertionError):
         check_arithmetic(compiled(kernels.flow, 90, folder))

@@ -60,6 +60,7 @@ def ordered(device, real, cell, rank, *, again, short=False):
             wp.array(np.append(sizes, 0).astype(np.int32), device=device),
             counts,
             wp.zeros(2, dtype=real, device=device),
+            wp.ones(1, dtype=wp.int32, device=device),
             found,
             *pairs,
             *[None] * 8,

@@ -42,12 +42,16 @@ from lava_ros.simulation.compiled import (
     counted_from,
     early1,
     early4,
+    early_int,
     load1,
     load4,
     quick_kernel,
     sum_over,
     unseen_one,
+    wait_for,
 )
+from lava_ros.simulation.direction import BOUNDS, Direction, DIRECTORS
+from lava_ros.simulation.journey import journey_type
 from lava_ros.simulation.kernels import (
     bessel,
     k0_within,
@@ -55,10 +59,12 @@ from lava_ros.simulation.kernels import (
     SQUARED_SUPPORT,
     WIDE_K0,
 )
-from lava_ros.simulation.motion import journey_type, motion_of
+from lava_ros.simulation.motion import motion_of
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.threads import launch_over, LEAST_SUMS
+from lava_ros.simulation.timestep import pace_type
+from lava_ros.simulation.vents import Outlets
 from lava_ros.simulation.wide import over_neighbors
 
 #: The squared distance within which K0 is that at it, half of the radius of a particle's own disc,
@@ -223,12 +229,10 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
 
 
 @lru_cache
-def _kernel(real: Any, lanes: int, is_short: bool, is_wide: bool, motion: Any) -> Any:
-    """Return the kernel that writes the velocities, or that moves the particles by them."""
+def _velocity_kernel(real: Any, lanes: int, is_short: bool, is_wide: bool) -> Any:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     load, load_number = load4(real), load1(real)
-    early, early_number = early4(real), early1(real)
     velocity_of = _velocity_function(real, lanes, is_short, is_wide)
 
     @quick_kernel
@@ -253,49 +257,92 @@ def _kernel(real: Any, lanes: int, is_short: bool, is_wide: bool, motion: Any) -
             if lane == 0:
                 flow[i] = f
 
-    @quick_kernel
+    return green_velocity
+
+
+@lru_cache
+def _motion_kernel(
+    real: Any, lanes: int, is_short: bool, is_wide: bool, motion: Any, direct: Any
+) -> Any:
+    vec4 = wp.types.vector(4, real)
+    load, load_number = load4(real), load1(real)
+    early, early_number = early4(real), early1(real)
+    velocity_of = _velocity_function(real, lanes, is_short, is_wide)
+
+    @quick_kernel(bounds=None if direct is None else BOUNDS[is_short])
     def green_motion(
         starts: wp.array(dtype=wp.int32),
         support: real,
         source: wp.array(dtype=vec4),
         area: wp.array(dtype=real),
+        pace: pace_type(real),
+        outlets: Outlets,
         way: journey_type(real),
         first: int,
     ):
         thread = counted_from(first, wp.tid())
+        after_the_former()
+        if wp.static(direct is not None):
+            if thread < wp.static(DIRECTORS):
+                direct(thread, pace, outlets, way)
+                return
+            thread -= wp.static(DIRECTORS)
         i = thread // lanes
         lane = thread % lanes
-        after_the_former()
         here, p, own = vec4(), vec4(), real(0.0)
         if wp.static(is_short):
             # one wait for all of it, whether there is such a particle or not
             here, p, own = early(way.ordered, i), early(source, i), early_number(area, i)
-        if i < way.counts[PARTICLES]:
-            if wp.static(not is_short):
-                here, p, own = load(way.ordered, i), load(source, i), load_number(area, i)
-            f = velocity_of(lane, here, p, own, starts, way.cells, support, source, area)
-            if lane == 0:
-                motion(i, f, way)
+        if i >= early_int(way.counts, PARTICLES):
+            return
+        if wp.static(not is_short):
+            here, p, own = load(way.ordered, i), load(source, i), load_number(area, i)
+        f = velocity_of(lane, here, p, own, starts, way.cells, support, source, area)
+        if lane > 0:
+            return
+        if wp.static(not is_short):
+            here = load(way.ordered, i)
+        if wp.static(direct is not None):
+            wait_for(pace.chosen)
+        motion(i, here, f, way)
 
-    return green_velocity if motion is None else green_motion
+    return green_motion
 
 
-def move_particles(state: State, neighbors: NeighborGrid, support: float, way: Any) -> None:
+def move_particles(
+    state: State, neighbors: NeighborGrid, support: float, way: Any, direction: Direction
+) -> None:
     """Move the ordered particles over the stage by the Green's function's velocity.
 
     Args:
         state: The particles; ``source`` and ``area`` of it are filled.
         neighbors: Their neighbour grid, built.
         support: Radius at which the Green's function is cut off [m], at most the cells' size.
-        way: Their journey (motion.py).
+        way: Their journey (journey.py).
+        direction: What is chosen and emitted meanwhile.
     """
     launch_over(
         state,
-        _kernel(state.real, state.lanes, state.is_short, state.is_wide, motion_of(state)),
-        inputs=[neighbors.starts, support, state.source, state.area],
+        _motion_kernel(
+            state.real,
+            state.lanes,
+            state.is_short,
+            state.is_wide,
+            motion_of(state),
+            direction.function,
+        ),
+        inputs=[
+            neighbors.starts,
+            support,
+            state.source,
+            state.area,
+            direction.pace,
+            direction.outlets,
+        ],
         outputs=[way],
         least=_LEAST_PART,
         lanes=state.lanes,
+        ahead=direction.threads,
     )
     neighbors.is_binned = state.bins_in_motion
 
@@ -310,7 +357,7 @@ def spread_velocity(state: State, neighbors: NeighborGrid, support: float) -> No
     """
     launch_over(
         state,
-        _kernel(state.real, state.lanes, state.is_short, state.is_wide, None),
+        _velocity_kernel(state.real, state.lanes, state.is_short, state.is_wide),
         inputs=[
             state.ordered,
             state.counts,
