@@ -47,22 +47,6 @@ _LOAD = {
     const double2 b = __ldg(reinterpret_cast<const double2*>(values.data) + 2 * i + 1);
     return wp::vec_t<4, wp::float64>(a.x, a.y, b.x, b.y);""",
 }
-#: The same, where it stands: no compiler puts it after a branch that may not need it.
-_EARLY = {
-    'f4': """
-    float4 v;
-    asm volatile("ld.relaxed.gpu.global.v4.f32 {%0, %1, %2, %3}, [%4];"
-        : "=f"(v.x), "=f"(v.y), "=f"(v.z), "=f"(v.w) : "l"(values.data + i));
-    return wp::vec_t<4, wp::float32>(v.x, v.y, v.z, v.w);""",
-    'f1': """
-    float v;
-    asm volatile("ld.relaxed.gpu.global.f32 %0, [%1];" : "=f"(v) : "l"(values.data + i));
-    return v;""",
-    'i1': """
-    int v;
-    asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(v) : "l"(values.data + i));
-    return v;""",
-}
 _STORE = {
     wp.float32: """
     reinterpret_cast<float4*>(values.data)[i] = make_float4(v[0], v[1], v[2], v[3]);""",
@@ -114,6 +98,11 @@ _ONE_LESS = """
     float left;
     asm("fma.rn.ftz.sat.f32 %0, %1, %2, %3;" : "=f"(left) : "f"(-a), "f"(b), "f"(1.0f));
     return left;"""
+_PAST_THE_CACHE = """
+    int v;
+    asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(v) : "l"(values.data + i));
+    return v;
+"""
 #: Of the first block, which is started before any that waits for it.
 _ANNOUNCE = """
 #if defined(__CUDA_ARCH__)
@@ -124,7 +113,6 @@ _ANNOUNCE = """
     __syncthreads();
 #endif
 """
-#: What was read before may be in the cache as it was: nothing that is announced must be.
 _WAIT_FOR = """
 #if defined(__CUDA_ARCH__)
     int is_there;
@@ -228,40 +216,6 @@ def load4(real: Any) -> Any:
 
 
 @lru_cache
-def early4(real: Any) -> Any:
-    """Return ``load4`` for what is read before it is known whether it is needed.
-
-    With few particles waiting is what takes the time: what a thread reads first it reads at once.
-    """
-    vec4 = wp.types.vector(4, real)
-    if real is not wp.float32:
-        return load4(real)
-
-    @wp.func_native(_on_cuda(_EARLY['f4'], 'return values.data[i];'))
-    def load(values: wp.array(dtype=vec4), i: int) -> vec4: ...
-
-    return load
-
-
-@lru_cache
-def early1(real: Any) -> Any:
-    """Return ``load1`` for what is read before it is known whether it is needed."""
-    if real is not wp.float32:
-        return load1(real)
-
-    @wp.func_native(_on_cuda(_EARLY['f1'], 'return values.data[i];'))
-    def load(values: wp.array(dtype=real), i: int) -> real: ...
-
-    return load
-
-
-@wp.func_native(_on_cuda(_EARLY['i1'], 'return values.data[i];'))
-def early_int(values: wp.array(dtype=wp.int32), i: int) -> int:
-    """Read as ``load_int``, before it is known whether it is needed; a device function."""
-    ...
-
-
-@lru_cache
 def store4(real: Any) -> Any:
     """Return the device function that writes item i of an array of vec4."""
     vec4 = wp.types.vector(4, real)
@@ -297,6 +251,15 @@ def store2(real: Any) -> Any:
 @wp.func_native(_on_cuda('return __ldg(values.data + i);', 'return values.data[i];'))
 def load_int(values: wp.array(dtype=wp.int32), i: int) -> int:
     """Read item i >= 0 of an array of integers, which nothing writes; a device function."""
+    ...
+
+
+@wp.func_native(_on_cuda(_PAST_THE_CACHE, 'return values.data[i];'))
+def past_the_cache(values: wp.array(dtype=wp.int32), i: int) -> int:
+    """Read item i >= 0 of an array whose items others may change meanwhile; a device function.
+
+    What lies beside it is not kept in the cache as it is now.
+    """
     ...
 
 
@@ -363,7 +326,7 @@ def announce(flag: wp.array(dtype=wp.int32)):
 def wait_for(flag: wp.array(dtype=wp.int32)):
     """Wait for ``announce``.
 
-    What was announced must not have been read before but by ``early_int``.
+    What was announced must not have been read before but by ``past_the_cache``.
     """
     ...
 

@@ -41,7 +41,6 @@ from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.compiled import (
     after_the_former,
     counted_from,
-    early4,
     FEW_THREADS,
     load2,
     load4,
@@ -227,7 +226,7 @@ def flow_kernels(
         sums_around = wide_sums_function(kernel.wide_terms)
     gradient_at, bend_at, height_at, _ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
-    load, early, load_pair = load4(real), early4(real), load2(real)
+    load, load_pair = load4(real), load2(real)
     balance = _balance_function(real, kernel.stiffness, effects)
     total = sum_over(real, lanes)
 
@@ -252,14 +251,9 @@ def flow_kernels(
         i = thread // lanes
         lane = thread % lanes
         after_the_former()
-        p = vec4()
-        if wp.static(is_short):
-            # one wait for both, whether there is such a particle or not
-            p = early(ordered, i)
         if i >= counts[PARTICLES]:
             return
-        if wp.static(not is_short):
-            p = load(ordered, i)
+        p = load(ordered, i)
         radius = real(constants.radius)
         inverse = real(1.0) / radius
         box = cells_around(cells, p[0], p[1], radius)

@@ -28,10 +28,9 @@ from lava_ros.effects import Effects
 from lava_ros.simulation.compiled import (
     after_the_former,
     counted_from,
-    early4,
-    early_int,
     load2,
     load4,
+    past_the_cache,
     quick_kernel,
     store2,
     store4,
@@ -244,8 +243,7 @@ def motion_of(state: State) -> Any:
 @lru_cache
 def _kernel(real: Any, is_short: bool, motion: Any, direct: Any) -> Any:
     vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
-    load, early = load4(real), early4(real)
+    load = load4(real)
 
     @quick_kernel(bounds=None if direct is None else BOUNDS[is_short])
     def move(
@@ -262,14 +260,9 @@ def _kernel(real: Any, is_short: bool, motion: Any, direct: Any) -> Any:
                 direct(i, pace, outlets, m)
                 return
             i -= wp.static(DIRECTORS)
-        p, f = vec4(), vec3()
-        if wp.static(is_short):
-            # one wait for all of it, whether there is such a particle or not
-            p, f = early(m.ordered, i), vec3(flow[i])
-        if i >= early_int(m.counts, PARTICLES):
+        if i >= past_the_cache(m.counts, PARTICLES):
             return
-        if wp.static(not is_short):
-            p, f = load(m.ordered, i), vec3(flow[i])
+        p, f = load(m.ordered, i), flow[i]
         if wp.static(direct is not None):
             wait_for(pace.chosen)
         motion(i, p, f, m)

@@ -37,8 +37,6 @@ from lava_ros.simulation.compiled import (
     after_the_former,
     can_count,
     counted_from,
-    early4,
-    early_int,
     load2,
     load4,
     load_int,
@@ -146,11 +144,10 @@ def _kernels(
     has_age: bool,
     has_empty: bool,
     is_ranked_again: bool,
-    is_short: bool,
 ) -> tuple[Any, ...]:
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
-    load, early, store = load4(real), early4(real), store4(real)
+    load, store = load4(real), store4(real)
     load_pair, store_pair = load2(real), store2(real)
 
     place, volume_lost = bin_function(real, has_empty), _loss_function(real)
@@ -253,21 +250,14 @@ def _kernels(
             rates[DIFFUSION] = real(0.0)
             rates[ADVECTION] = real(0.0)
             chosen[0] = 0
-        c = 0
-        p = vec4()
-        if wp.static(is_short):
-            # one wait for all of it, whether there is such a particle or not
-            c = early_int(cell, i)
-            p = early(particle, i)
         end = starts[last + 1]
         if i >= end:
             # sums go on over the end of the last row, with weights of 0: no nan may be there
             if i < end + SPARE:
                 store(ordered, i, vec4())
             return
-        if wp.static(not is_short):
-            c = load_int(cell, i)
-            p = load(particle, i)
+        c = load_int(cell, i)
+        p = load(particle, i)
         sizes[c] = 0
         place = load_int(starts, c)
         if wp.static(is_ranked_again):
@@ -300,7 +290,6 @@ def _kernels_of(state: State) -> tuple[Any, ...]:
         state.has_age,
         state.has_empty,
         state.is_ranked_again,
-        state.is_short,
     )
 
 

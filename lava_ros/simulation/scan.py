@@ -32,9 +32,9 @@ from lava_ros.simulation.launches import Launches
 #: Threads of a block.
 _THREADS = 1024
 
-#: Fours of items that a thread takes, and the items from which it takes more: with few of them
-#: many blocks are quicker, with many the way back over their tiles is long.
-_FOURS, _MORE_FOURS, _MANY = 2, 8, 1 << 21
+#: Fours of items that a thread takes, by the most items: with few of them many blocks are quicker,
+#: with many the way back over their tiles is long.
+_FOURS = ((1 << 19, 1), (1 << 21, 2), (math.inf, 8))
 
 #: A tile's word says what it knows: (1, its sum), then (2, the sum up to its end), in every other
 #: scan (3, ...) and (4, ...): so no word has to be cleared when all have read it. Which scan it
@@ -158,7 +158,7 @@ class Scan:
     def __init__(self, length: int, device: Any) -> None:
         """Make ready for arrays of a length, which is a multiple of 4."""
         self.length, self._device = length, device
-        self._fours = _FOURS if length < _MANY else _MORE_FOURS
+        self._fours = next(fours for most, fours in _FOURS if length < most)
         self._tiles = math.ceil(length / (4 * self._fours * _THREADS))
         self._words = wp.zeros(self._tiles + 1, dtype=wp.uint64, device=device)
 

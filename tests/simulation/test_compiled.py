@@ -310,17 +310,16 @@ def test_sums_of_differences(folder):
         check_arithmetic(code)
 
 
-@pytest.mark.parametrize('is_short', [False, True])
-def test_deterministic_order(folder, is_short):
+def test_deterministic_order(folder):
     """What only a deterministic run on a GPU launches is as lean."""
     *_, order, _, members = neighbors._kernels(
-        wp.float32, True, False, True, False, True, is_short
+        wp.float32, True, False, True, False, True
     )
     for kernel in (order, members):
         code = compiled(kernel, 90, folder)
         check_local(code)
         assert waits_first(kernel)
-        if kernel is order and not is_short:
+        if kernel is order:
             check_carrier(code, 3)
 
 

@@ -25,10 +25,10 @@ from lava_ros.simulation.state import PARTICLES, REAL, SPARE
 CELLS, COUNT, LEFT = 12, 40, 5
 
 
-def ordered(device, real, cell, rank, *, again, short=False):
+def ordered(device, real, cell, rank, *, again):
     """Volumes of particles 1, 2, ... as they are ordered, and how many there are said to be."""
     *_, order_particles, _, list_members = _kernels(
-        real, False, False, False, False, again, short
+        real, False, False, False, False, again
     )
     vec2, vec4 = wp.types.vector(2, real), wp.types.vector(4, real)
     count = len(cell)
@@ -83,24 +83,22 @@ def some_cells(seed):
     return cell, rank
 
 
-@pytest.mark.parametrize('short', [False, True])
 @pytest.mark.parametrize('real', REAL.values(), ids=REAL)
-def test_particles_rank_by_their_numbers(device, real, short):
+def test_particles_rank_by_their_numbers(device, real):
     """However they came into their cells, in a deterministic run on a GPU."""
     for seed in range(10):
         cell, rank = some_cells(seed)
-        volumes, count = ordered(device, real, cell, rank, again=True, short=short)
+        volumes, count = ordered(device, real, cell, rank, again=True)
         assert count == COUNT - LEFT
         expected = 1 + np.argsort(cell, kind='stable')[:count]
         np.testing.assert_array_equal(volumes[:count], expected)
 
 
-@pytest.mark.parametrize('short', [False, True])
-def test_what_has_left_leaves_no_numbers_behind(device, short):
+def test_what_has_left_leaves_no_numbers_behind(device):
     """Sums go on over the end of the last row: there are zeros, whatever was there."""
     for again in (False, True):
         cell, rank = some_cells(3)
-        volumes, count = ordered(device, wp.float32, cell, rank, again=again, short=short)
+        volumes, count = ordered(device, wp.float32, cell, rank, again=again)
         (inside,) = np.nonzero(cell == 4)
         first = int((cell < 4).sum())
         assert set(volumes[first : first + len(inside)]) == set(1.0 + inside)

@@ -40,11 +40,9 @@ from lava_ros.simulation.cells import cell_frame, cell_functions, NEIGHBORS_AT_O
 from lava_ros.simulation.compiled import (
     after_the_former,
     counted_from,
-    early1,
-    early4,
-    early_int,
     load1,
     load4,
+    past_the_cache,
     quick_kernel,
     sum_over,
     unseen_one,
@@ -266,7 +264,6 @@ def _motion_kernel(
 ) -> Any:
     vec4 = wp.types.vector(4, real)
     load, load_number = load4(real), load1(real)
-    early, early_number = early4(real), early1(real)
     velocity_of = _velocity_function(real, lanes, is_short, is_wide)
 
     @quick_kernel(bounds=None if direct is None else BOUNDS[is_short])
@@ -289,22 +286,16 @@ def _motion_kernel(
             thread -= wp.static(DIRECTORS)
         i = thread // lanes
         lane = thread % lanes
-        here, p, own = vec4(), vec4(), real(0.0)
-        if wp.static(is_short):
-            # one wait for all of it, whether there is such a particle or not
-            here, p, own = early(way.ordered, i), early(source, i), early_number(area, i)
-        if i >= early_int(way.counts, PARTICLES):
+        if i >= past_the_cache(way.counts, PARTICLES):
             return
-        if wp.static(not is_short):
-            here, p, own = load(way.ordered, i), load(source, i), load_number(area, i)
+        here, p, own = load(way.ordered, i), load(source, i), load_number(area, i)
         f = velocity_of(lane, here, p, own, starts, way.cells, support, source, area)
         if lane > 0:
             return
-        if wp.static(not is_short):
-            here = load(way.ordered, i)
         if wp.static(direct is not None):
             wait_for(pace.chosen)
-        motion(i, here, f, way)
+        # read again: it would take registers from the sums
+        motion(i, load(way.ordered, i), f, way)
 
     return green_motion
 
