@@ -110,7 +110,7 @@ _PRESETS = (
             formulation='as-published',
         ),
         "The paper's printed formulas and settings: for comparison only.",
-        Evidence('fixed_volume', {'radius': 0.025, 'profile': 2.7, 'scatter': 3.0}),
+        Evidence('fixed_volume', {'radius': 0.11, 'profile': 2.6, 'scatter': 2.7}),
     ),
 )
 
