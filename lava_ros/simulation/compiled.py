@@ -103,7 +103,8 @@ _PAST_THE_CACHE = """
     asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(v) : "l"(values.data + i));
     return v;
 """
-#: Of the first block, which is started before any that waits for it.
+#: Of the first block, which is started before any that waits for it. The fence also empties the
+#: cache that it shares with others.
 _ANNOUNCE = """
 #if defined(__CUDA_ARCH__)
     if (threadIdx.x == 0) {
