@@ -42,3 +42,7 @@ class LavaError(ValueError):
             half = (LONGEST_VALUE - 3) // 2
             shown = f'{shown[:half]}...{shown[-half:]}'
         super().__init__(f'{field} is {shown}, expected {expected}')
+
+    def __reduce__(self) -> tuple[type['LavaError'], tuple[str, object, str]]:
+        """Make it again in another process, which raises it there as it was raised here."""
+        return type(self), (self.field, self.value, self.expected)

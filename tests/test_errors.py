@@ -1,0 +1,41 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The exception for bad input: its sentence, and its way to another process."""
+
+import pickle
+
+from lava_ros.errors import LavaError, LONGEST_VALUE
+
+
+def test_it_names_field_value_and_what_would_be_right():
+    """In one sentence."""
+    error = LavaError('vents[0].discharge', -1.0, 'at least 0 m3/s')
+    assert str(error) == 'vents[0].discharge is -1.0, expected at least 0 m3/s'
+
+
+def test_of_a_long_value_both_ends_are_shown():
+    """A path's end says most."""
+    text = str(LavaError('terrain', 'a' + 300 * '/x' + 'z', 'a file'))
+    assert "'a/x" in text and "/xz'" in text and '...' in text
+    assert len(text) < LONGEST_VALUE + len('terrain is , expected a file') + 1
+
+
+def test_it_is_the_same_in_another_process():
+    """A worker's error comes back with its parts."""
+    error = LavaError('members', (1, 'two'), 'at least 1')
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is LavaError
+    assert str(again) == str(error)
+    assert (again.field, again.value, again.expected) == ('members', (1, 'two'), 'at least 1')
