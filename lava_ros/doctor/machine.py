@@ -17,13 +17,13 @@
 from collections.abc import Iterator
 import ctypes
 import importlib.metadata
-import os
 from pathlib import Path
 import shutil
 import sys
 import tempfile
 from typing import Any
 
+from lava_ros.cores import usable_cores
 from lava_ros.doctor.finding import FAIL, Finding, OK, WARN
 
 #: Oldest Python that works, and the first that was not tried.
@@ -139,7 +139,7 @@ def check_gpu() -> Iterator[Finding]:
         'gpu',
         WARN,
         'there is an NVIDIA GPU that Warp does not see' if has_hardware else 'none: the CPU does '
-        f'the work, on {len(os.sched_getaffinity(0))} cores',
+        f'the work, on {usable_cores()} cores',
         "install NVIDIA's driver, or give the container its GPU (docker run --gpus all); "
         'small scenes run without',
     )

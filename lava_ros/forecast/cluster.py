@@ -21,13 +21,13 @@ worker that dies was about, another one does again.
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 import logging
-import os
 import pickle
 import signal
 from typing import Any
 import warnings
 
 import lava_ros
+from lava_ros.cores import usable_cores
 from lava_ros.errors import LavaError
 from lava_ros.forecast.members import batch_of, Plan, run_members
 from lava_ros.forecast.probability import Footprint, footprint_of
@@ -151,8 +151,7 @@ class DaskRunner:
 def default_workers() -> int:
     """One for each GPU, or else for each core of this machine that we may use."""
     wp = _quiet_warp()
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, 'sched_getaffinity') else os.cpu_count()
-    return len(wp.get_cuda_devices()) or cores or 1
+    return len(wp.get_cuda_devices()) or usable_cores()
 
 
 def require_dask() -> None:

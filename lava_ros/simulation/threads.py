@@ -37,6 +37,7 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.cores import usable_cores
 from lava_ros.errors import LavaError
 from lava_ros.simulation.state import State
 
@@ -81,9 +82,7 @@ def _default(text: str) -> int:
         if not text.isdecimal() or int(text) < 1:
             raise LavaError(VARIABLE, text, 'a whole number, at least 1')
         return int(text)
-    if hasattr(os, 'sched_getaffinity'):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return usable_cores()
 
 
 def launch_over(

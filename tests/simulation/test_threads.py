@@ -14,7 +14,6 @@
 
 """Launches in parts on the cores of a CPU: the same to the bit, and no part is lost."""
 
-import os
 import subprocess
 import sys
 import threading
@@ -24,6 +23,7 @@ import pytest
 import warp as wp
 
 from lava_ros.bench.effects import effect_sets, lava_field, STEP
+from lava_ros.cores import usable_cores
 from lava_ros.errors import LavaError
 from lava_ros.simulation import motion, neighbors, threads
 from lava_ros.simulation.compiled import counted_from, quick_kernel, raise_to
@@ -192,7 +192,7 @@ def test_the_number_of_threads(monkeypatch):
     """As many as cores that may be used, or as the environment or the program says."""
     threads.use_threads(None)
     monkeypatch.delenv(threads.VARIABLE, raising=False)
-    assert threads.threads() == len(os.sched_getaffinity(0))
+    assert threads.threads() == usable_cores()
     monkeypatch.setenv(threads.VARIABLE, '3')
     assert threads.threads() == 3
     threads.use_threads(2)
