@@ -89,7 +89,7 @@ def emission_function(
             x = a * along_x - across * along_y
             y = a * along_y + across * along_x
         elif wp.static(symmetric):
-            # away from the sides of its eighth, lest a point meet its mirror image
+            # in half turns; away from the sides of its eighth, lest a point meet its mirror image
             angle = wp.float64(0.25) * (wp.float64(0.1) + wp.float64(0.8) * a)
             x = radius * wp.sqrt(b) * cos_pi(angle)
             y = radius * wp.sqrt(b) * sin_pi(angle)

@@ -146,6 +146,7 @@ class VentSet:
         self.is_symmetric = symmetric
         self._device = device
         shape = np.zeros((len(self.vents), 11))
+        # in half turns
         shape[:, 10] = np.divide(downhill, math.pi)
         places: Counter[Any] = Counter()
         starts, times, fluxes, volumes = [0], [], [], []
