@@ -15,11 +15,15 @@
 """How many cores of a CPU this process may use."""
 
 from collections.abc import Iterator
+from itertools import product
 import math
 import os
 from pathlib import Path
 
 _ROOT = Path('/')
+
+#: Where version 2 and version 1 keep a group's time and the period that it is of.
+_FILES = (('cpu.max',), ('cpu.cfs_quota_us', 'cpu.cfs_period_us'))
 
 
 def usable_cores(root: Path = _ROOT) -> int:
@@ -41,17 +45,12 @@ def usable_cores(root: Path = _ROOT) -> int:
 
 def _shares(root: Path) -> Iterator[float]:
     """Cores of each control group that holds this process and has a share [1]."""
-    for folder in _groups(root):
+    for folder, names in product(_groups(root), _FILES):
         try:
-            quota, period = (folder / 'cpu.max').read_text(encoding='ascii').split()
+            texts = [(folder / name).read_text(encoding='ascii') for name in names]
+            quota, period = ' '.join(texts).split()
         except (OSError, ValueError):
-            try:
-                quota, period = (
-                    (folder / f'cpu.cfs_{what}_us').read_text(encoding='ascii').strip()
-                    for what in ('quota', 'period')
-                )
-            except (OSError, ValueError):
-                continue
+            continue
         # 'max', or -1, is as many as there are
         if quota.isdecimal() and period.isdecimal() and int(quota) > 0 and int(period) > 0:
             yield int(quota) / int(period)

@@ -51,11 +51,13 @@ class Direction(NamedTuple):
         outlets: The tables of the vents.
         function: Device function for the first block of its threads; None where other launches
             choose and emit.
+        bounds: What ``quick_kernel`` takes; None without the function.
     """
 
     pace: Any
     outlets: Any
-    function: Any
+    function: Any = None
+    bounds: tuple[int, int] | None = None
 
     @property
     def threads(self) -> int:
@@ -92,4 +94,4 @@ def direction_within(state: State, pace: Any, vents: VentSet) -> Direction:
     # one number for any vents: each would be another kernel
     threads = emitters(state, DIRECTORS)
     function = _function(state.real, choice_of(state), emission, threads)
-    return Direction(pace, vents.outlets, function)
+    return Direction(pace, vents.outlets, function, BOUNDS[state.is_short])

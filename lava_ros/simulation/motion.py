@@ -36,7 +36,7 @@ from lava_ros.simulation.compiled import (
     store4,
     wait_for,
 )
-from lava_ros.simulation.direction import BOUNDS, Direction, DIRECTORS
+from lava_ros.simulation.direction import Direction, DIRECTORS
 from lava_ros.simulation.heat import temperature_function
 from lava_ros.simulation.journey import journey_type
 from lava_ros.simulation.neighbors import bin_function, NeighborGrid
@@ -241,11 +241,11 @@ def motion_of(state: State) -> Any:
 
 
 @lru_cache
-def _kernel(real: Any, is_short: bool, motion: Any, direct: Any) -> Any:
+def _kernel(real: Any, motion: Any, direct: Any, bounds: tuple[int, int] | None) -> Any:
     vec3 = wp.types.vector(3, real)
     load = load4(real)
 
-    @quick_kernel(bounds=None if direct is None else BOUNDS[is_short])
+    @quick_kernel(bounds=bounds)
     def move(
         flow: wp.array(dtype=vec3),
         pace: pace_type(real),
@@ -283,7 +283,7 @@ def move_particles(
     """
     launch_over(
         state,
-        _kernel(state.real, state.is_short, motion_of(state), direction.function),
+        _kernel(state.real, motion_of(state), direction.function, direction.bounds),
         inputs=[state.flow, direction.pace, direction.outlets],
         outputs=[way],
         least=LEAST_MOVES,

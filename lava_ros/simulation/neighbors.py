@@ -407,7 +407,7 @@ class NeighborGrid:
                 self._cell_count,
                 state.cell,
                 state.rank,
-                state.members if state.is_ranked_again else None,
+                *state.optional('members'),
                 self.starts,
             ],
             outputs=[

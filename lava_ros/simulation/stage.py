@@ -119,7 +119,7 @@ class Stage:
                 emit()
             return
         timestep.choose_stage(state, pace)
-        direction = Direction(pace, vents.outlets, None)
+        direction = Direction(pace, vents.outlets)
         if state.bins_in_motion:
             with self._beside(emit):
                 self._move(way, direction)

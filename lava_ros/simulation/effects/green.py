@@ -48,7 +48,7 @@ from lava_ros.simulation.compiled import (
     unseen_one,
     wait_for,
 )
-from lava_ros.simulation.direction import BOUNDS, Direction, DIRECTORS
+from lava_ros.simulation.direction import Direction, DIRECTORS
 from lava_ros.simulation.journey import journey_type
 from lava_ros.simulation.kernels import (
     bessel,
@@ -260,13 +260,19 @@ def _velocity_kernel(real: Any, lanes: int, is_short: bool, is_wide: bool) -> An
 
 @lru_cache
 def _motion_kernel(
-    real: Any, lanes: int, is_short: bool, is_wide: bool, motion: Any, direct: Any
+    real: Any,
+    lanes: int,
+    is_short: bool,
+    is_wide: bool,
+    motion: Any,
+    direct: Any,
+    bounds: tuple[int, int] | None,
 ) -> Any:
     vec4 = wp.types.vector(4, real)
     load, load_number = load4(real), load1(real)
     velocity_of = _velocity_function(real, lanes, is_short, is_wide)
 
-    @quick_kernel(bounds=None if direct is None else BOUNDS[is_short])
+    @quick_kernel(bounds=bounds)
     def green_motion(
         starts: wp.array(dtype=wp.int32),
         support: real,
@@ -321,6 +327,7 @@ def move_particles(
             state.is_wide,
             motion_of(state),
             direction.function,
+            direction.bounds,
         ),
         inputs=[
             neighbors.starts,
