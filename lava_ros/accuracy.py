@@ -28,6 +28,9 @@ KERNELS = ('wendland', 'poly6', 'spiky', 'visc')
 #: Least thickness that a flow is expected to have [m].
 LEAST_THICKNESS = 1e-6
 
+#: Largest ratio of viscosities at solidus and vent that counts: what is stiffer has stopped.
+MOST_STIFFENING = 1e4
+
 FORMULATIONS = ('corrected', 'as-published')
 
 INTEGRATORS = ('rkl2', 'euler')
@@ -43,11 +46,11 @@ class Accuracy:
 
     Attributes:
         spacing: Distance between neighbouring particles where the flow has its expected thickness
-            [m]; None takes the terrain's resolution over ``refinement``.
-        refinement: How many times finer than usual the automatic spacing is: it quarters the
-            particles to halve it. An explicit spacing is taken as it is.
+            [m]; None derives it from the width of the flow (``resolution.py``).
+        refinement: Particles across the flow over those of preset ``standard``. An explicit
+            spacing is taken as it is.
         thickness: Expected thickness of the flow [m], with the spacing it sets the volume of a
-            particle; None derives it from discharge and viscosity (``expected_thickness``).
+            particle; None derives it from discharge and viscosity (``mature_thickness``).
         ratio: Kernel radius over spacing: 3 to 6, neighbours 28 to 113.
         kernel: One of ``wendland``, ``poly6``, ``spiky``, ``visc``.
         raster_ratio: Kernel radius of the output grid over the particles' kernel radius; at least
@@ -139,17 +142,43 @@ def accuracy_from_dict(data: object) -> Accuracy:
 
 
 def expected_thickness(scene: Scene) -> float:
-    """Thickness scale of a flow from a point source, (3 mu Q / (rho g))^(1/4) [m].
+    """Thickness scale of a flow at its vent, (3 mu Q / (rho g))^(1/4) [m].
 
     It is the thickness at which spreading balances supply, on a plane (Huppert 1982) as on a slope
     (Lister 1992). Q is the largest discharge of any vent; without one it is 1 m3/s. mu is the
     viscosity at the hottest vent.
     """
-    lava = scene.lava
     discharge = max((flux for vent in scene.vents for _, flux in vent.series), default=0.0)
-    temperature = max(
-        (vent.temperature for vent in scene.vents), default=lava.reference_temperature
-    )
-    viscosity = lava.viscosity_at(temperature)
-    scale = 3.0 * viscosity * (discharge or 1.0) / (lava.density * scene.gravity)
+    scale = 3.0 * vent_viscosity(scene) * (discharge or 1.0)
+    scale /= scene.lava.density * scene.gravity
     return max(math.sqrt(math.sqrt(scale)), LEAST_THICKNESS)
+
+
+def mature_thickness(scene: Scene) -> float:
+    """Thickness scale of a flow that has cooled half-way to its solidus [m].
+
+    Most of a flow is lava on its way, not lava at its vent: the scale above at the geometric mean
+    of its viscosities at vent and solidus.
+    """
+    stiffer = stiffened_viscosity(scene, 0.5) / vent_viscosity(scene)
+    return expected_thickness(scene) * math.sqrt(math.sqrt(stiffer))
+
+
+def stiffened_viscosity(scene: Scene, share: float) -> float:
+    """Viscosity of a share of the way from the vent to the solidus, on a logarithmic scale [Pa s].
+
+    Without a solidus it is that at the vent.
+    """
+    viscosity = vent_viscosity(scene)
+    if not scene.lava.solidus:
+        return viscosity
+    ratio = scene.lava.viscosity_at(scene.lava.solidus) / viscosity
+    stiffer: float = min(max(ratio, 1.0), MOST_STIFFENING) ** share
+    return viscosity * stiffer
+
+
+def vent_viscosity(scene: Scene) -> float:
+    """Viscosity at the hottest vent [Pa s], at the reference temperature without a vent."""
+    reference = scene.lava.reference_temperature
+    hottest = max((vent.temperature for vent in scene.vents), default=reference)
+    return scene.lava.viscosity_at(hottest)

@@ -67,7 +67,7 @@ class Preset:
 _PRESETS = (
     Preset(
         'draft',
-        Accuracy(refinement=0.5, ratio=3.5, diffusion_number=1.6),
+        Accuracy(refinement=0.707, ratio=3.5, diffusion_number=1.6),
         'A first look, and ensembles of many runs.',
         Evidence('fixed_volume', {'radius': 0.002, 'profile': 0.01, 'edge': 0.008}),
     ),
@@ -79,7 +79,7 @@ _PRESETS = (
     ),
     Preset(
         'fine',
-        Accuracy(refinement=2.0, ratio=3.5, diffusion_number=1.6),
+        Accuracy(refinement=1.414, ratio=3.5, diffusion_number=1.6),
         'For figures, and where a channel is a few particles wide.',
         Evidence('fixed_volume', {'radius': 0.0006, 'profile': 0.002, 'edge': 0.003}),
     ),
@@ -87,7 +87,7 @@ _PRESETS = (
         'reference',
         # Half the displacement per step: what is left is the error of the particles.
         Accuracy(
-            refinement=3.0,
+            refinement=2.0,
             ratio=4.0,
             courant_number=0.25,
             gradient='balanced',

@@ -160,6 +160,10 @@ def _diagnostics(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
         'volume_frozen_m3': '0.0',
         'volume_error': '0.000e+00',
         'mean_speed': '50',
+        'spacing_m': '2.5',
+        'flow_width_m': '40',
+        'particles_across': '16',
+        'footprint_error': '0.15',
         'particles': '1',
         'steps': '1',
     }

@@ -19,7 +19,9 @@ import time
 
 import numpy as np
 
+from lava_ros.accuracy import Accuracy
 from lava_ros.choice import decide, effects_for, HORIZON
+from lava_ros.resolution import resolution_of
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot, StepReport, VolumeBudget
@@ -54,6 +56,10 @@ class KeepsTime:
     @property
     def effects(self):
         return effects_for(self.scene, self.forced, horizon=self.horizon)
+
+    @property
+    def resolution(self):
+        return resolution_of(self.scene, Accuracy())
 
     def decisions(self):
         return decide(self.scene, self.forced, horizon=self.horizon)

@@ -296,7 +296,7 @@ def hill():
 def sampling(machine, command):
     """How far ensembles are from the limit of many members, where that is 40 to 60 %."""
     scene, horizon = hill(), 1200.0
-    plan = make_plan(scene, horizon=horizon, accuracy=accuracy_at(scene, 0.3))
+    plan = make_plan(scene, horizon=horizon, accuracy=accuracy_at(scene, 0.3, horizon))
 
     def reached(members):
         fields = run_members(plan, members, device='cpu')

@@ -37,9 +37,9 @@ from lava_ros.bench.scenes import BenchScene, scenes
 from lava_ros.choice import CRITERIA, decide, effects_for
 from lava_ros.effects import Effects
 from lava_ros.presets import DEFAULT, preset_accuracy
+from lava_ros.resolution import resolved_accuracy
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.automatic import resolved_accuracy
 from lava_ros.verification.measure import machine_name
 
 #: Least thickness of what counts as covered [m].

@@ -31,6 +31,7 @@ BENCHMARKS = {
     'steps': 'steps, memory and snapshots from few particles to many, beside a plain step',
     'publishing': 'steps while grids are taken ten times a second, and memory on a large map',
     'choice': 'twelve scenes with the effects they call for, and with all there are',
+    'convergence': 'footprints at presets from coarse to fine, of scenes or of mapped eruptions',
 }
 
 
@@ -58,7 +59,17 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         '--preset', default=presets.DEFAULT, metavar='NAME', help='choice (default: %(default)s)'
     )
     parser.add_argument(
-        '--runs', type=int, default=24, metavar='N', help='choice: of a footprint (default: 24)'
+        '--runs',
+        type=int,
+        metavar='N',
+        help='runs of a footprint (default: 24 of choice, 8 of convergence)',
+    )
+    parser.add_argument(
+        '--case',
+        action='append',
+        default=[],
+        metavar='CASE_DIR',
+        help='convergence: a mapped eruption, as of lava hindcast, in place of the scenes',
     )
     parser.add_argument('--output', metavar='FILE', help='write the table as CSV')
     parser.add_argument('--json', metavar='FILE', help='write the table as JSON')
@@ -79,7 +90,8 @@ def run(args: argparse.Namespace) -> int:
     validation.choice('--device', device, [str(known) for known in wp.get_devices()])
     repetitions = int(validation.number('--repetitions', args.repetitions, at_least=1))
     validation.choice('--preset', args.preset, presets.PRESETS)
-    runs = int(validation.number('--runs', args.runs, at_least=2))
+    runs = args.runs or {'choice': 24}.get(args.benchmark, 8)
+    runs = int(validation.number('--runs', runs, at_least=2))
     for particles in args.particles or ():
         validation.number('--particles', particles, at_least=100, at_most=1e8)
     if args.benchmark != 'steps' and len(args.particles or ()) > 1:
@@ -93,6 +105,8 @@ def run(args: argparse.Namespace) -> int:
             rows = _effects(args, device, repetitions, progress)
         elif args.benchmark in ('steps', 'publishing'):
             rows = _rows(args, device, repetitions, progress)
+        elif args.benchmark == 'convergence':
+            rows = _convergence(device, args.case, runs, progress)
         else:
             rows = _choice(device, args.preset, runs, progress)
     if args.output:
@@ -153,6 +167,28 @@ def _command(args: argparse.Namespace, device: str, repetitions: int) -> str:
     if args.particles:
         command += ' --particles ' + ' '.join(str(number) for number in args.particles)
     return command
+
+
+def _convergence(
+    device: str, folders: Sequence[str], runs: int, progress: Progress
+) -> Sequence[Any]:
+    from lava_ros.bench import convergence
+    from lava_ros.hindcast.case import load_case
+
+    cases = [load_case(folder) for folder in folders]
+    rows = convergence.run(device, cases, progress.show, runs)
+    width = max(len(row.scene) for row in rows)
+    print(
+        f'{"scene":{width}}  preset    spacing  across  Jaccard  halves  area ratio  length ratio'
+        '  a run [s]'
+    )
+    for row in rows:
+        print(
+            f'{row.scene:{width}}  {row.preset:8}  {row.spacing_m:5.3g} m  {row.across:6.3g}'
+            f'  {row.jaccard:7.3f}  {row.noise:6.3f}  {row.area_ratio:10.3f}'
+            f'  {row.length_ratio:12.3f}  {row.seconds:9.2f}'
+        )
+    return rows
 
 
 def _choice(device: str, preset: str, runs: int, progress: Progress) -> Sequence[Any]:

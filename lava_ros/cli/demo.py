@@ -42,10 +42,7 @@ if TYPE_CHECKING:
     from lava_ros.ros.monitor import Monitor, Observation
 
 #: Simulated time of the demo [s].
-DURATION = 6.0 * 3600.0
-
-#: Distance between particles on the demo's own terrain [m], with a preset of refinement 1.
-SPACING = 15.0
+DURATION = 3.0 * 3600.0
 
 #: Shortest the flow may take [s]: a GPU would be done before anybody saw it.
 LEAST_WALL_TIME = 25.0
@@ -122,8 +119,6 @@ def run(args: argparse.Namespace) -> int:
     spacing = args.spacing
     if spacing is not None:
         spacing = validation.number('--spacing', spacing, above=0.0, unit='m')
-    elif not (args.scene or args.terrain):
-        spacing = SPACING / PRESETS[args.preset].accuracy.refinement
     speed = min(max(duration / LEAST_WALL_TIME, SPEED_RANGE[0]), SPEED_RANGE[1])
     if args.max_speed is not None:
         low, high = SPEED_RANGE
@@ -140,7 +135,7 @@ def run(args: argparse.Namespace) -> int:
     domain = free_domain() if args.domain is None else args.domain
     settings = _node_parameters(scene, output, spacing, args.device)
     settings['preset'] = args.preset
-    settings |= {'end_time': duration, 'time_scale': speed}
+    settings |= {'end_time': duration, 'time_scale': speed, 'horizon': duration / 3600.0}
     started = time.monotonic()
     try:
         seen = _flow(args, settings, domain, duration)
@@ -349,6 +344,9 @@ def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
     return {
         'simulated_time': seen.time,
         'particles': int(values['particles']),
+        'spacing_m': float(values['spacing_m']),
+        'particles_across': float(values['particles_across']),
+        'footprint_error': float(values['footprint_error']),
         'wet_cells': int(values['wet_cells']),
         'volume_emitted': float(values['volume_emitted_m3']),
         'volume_held': float(values['volume_held_m3']),
@@ -382,7 +380,9 @@ def _print_table(result: dict[str, Any]) -> None:
     table.add_column(style='bold')
     for name, value in (
         ('simulated time', words(result['simulated_time'])),
-        ('particles', f'{result["particles"]:,}'),
+        ('particles', f'{result["particles"]:,}, {result["spacing_m"]:.3g} m apart'),
+        ('particles across the flow', f'{result["particles_across"]:.2g}'),
+        ('expected error of the footprint', f'{100.0 * result["footprint_error"]:.2g} %'),
         ('wet cells', f'{result["wet_cells"]:,}'),
         ('volume emitted', f'{result["volume_emitted"]:,.1f} m3'),
         ('volume held', f'{result["volume_held"]:,.1f} m3'),

@@ -180,6 +180,7 @@ def as_dict(case: Case, settings: Settings, result: Result, judged: Score) -> di
         ),
         'effects': list(result.effects),
         'accuracy': asdict(result.accuracy),
+        'resolution': {**asdict(result.resolution), 'footprint_error': result.resolution.error},
         'cell_m': case.scene.terrain.resolution * settings.coarseness(case),
         'lava': asdict(case.scene.lava),
         'vents': [asdict(vent) for vent in case.scene.vents],

@@ -69,10 +69,10 @@ def run(args: argparse.Namespace) -> int:
         # what cannot be written had better be known before
         validation.file_to_write('--json', args.json)
     from lava_ros.forecast.affordable import afford
-    from lava_ros.forecast.pilots import Pilot
+    from lava_ros.forecast.pilots import Pilot, spacing_at
 
     def tell(pilot: Pilot) -> None:
-        spacing = scene.terrain.resolution / pilot.refinement
+        spacing = spacing_at(scene, pilot.refinement, horizon)
         print(
             f'pilot: spacing {spacing:.3g} m took {pilot.spent:.3g} s'
             + ('' if pilot.is_done else f', stopped: it would take {pilot.wall_time:.3g} s'),

@@ -17,9 +17,14 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
+import math
 
 import numpy as np
 
+from lava_ros.finer import finer
+from lava_ros.presets import DEFAULT, preset_accuracy
+from lava_ros.resolution import resolution_of
 from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
 from lava_ros.terrain_files import demo_terrain, load_terrain
 
@@ -36,6 +41,12 @@ DEMO_LAVA = Lava(viscosity=5e4)
 
 #: Discharge of the single vent on a terrain that comes without [m3/s].
 SUMMIT_DISCHARGE = 50.0
+
+#: Largest radius of that vent [m].
+SUMMIT_RADIUS = 20.0
+
+#: Side of the cells of maps over the spacing of particles, and most cells after a division.
+CELL, MOST_CELLS = 3.0, 1_000_000
 
 
 def add_scene_arguments(parser: argparse.ArgumentParser, *, positional: bool = False) -> None:
@@ -56,21 +67,31 @@ def add_scene_arguments(parser: argparse.ArgumentParser, *, positional: bool = F
 def scene_from_arguments(args: argparse.Namespace) -> Scene:
     """Make the scene that the arguments choose.
 
-    A terrain without a scene gets a vent on its highest point away from the borders.
+    A terrain without a scene gets a vent on its highest point away from the borders. Cells that
+    are wider than the flow's particles are apart are divided, for the maps to show the flow.
 
     Raises:
         LavaError: A file cannot be used.
     """
     terrain = load_terrain(args.terrain) if args.terrain else None
     if args.scene:
-        return scene_from_yaml(args.scene, terrain=terrain)
+        return _with_fine_cells(scene_from_yaml(args.scene, terrain=terrain))
     if terrain is not None:
-        return Scene(terrain, (_summit_vent(terrain),), DEMO_LAVA)
+        return _with_fine_cells(Scene(terrain, (_summit_vent(terrain),), DEMO_LAVA))
     vents = tuple(
         Vent((x, y), discharge, radius=20.0, name=f'crest {index}')
         for index, (x, y, discharge) in enumerate(DEMO_VENTS)
     )
-    return Scene(demo_terrain(), vents, DEMO_LAVA)
+    return _with_fine_cells(Scene(demo_terrain(), vents, DEMO_LAVA))
+
+
+def _with_fine_cells(scene: Scene) -> Scene:
+    """Divide the terrain's cells until they are no wider than ``CELL`` particles are apart."""
+    usual = preset_accuracy(DEFAULT)
+    spacing = resolution_of(scene, usual).spacing
+    factor = math.ceil(scene.terrain.resolution / (CELL * spacing))
+    most = math.isqrt(MOST_CELLS // scene.terrain.elevation.size)
+    return replace(scene, terrain=finer(scene.terrain, max(min(factor, most), 1)))
 
 
 def _summit_vent(terrain: Terrain) -> Vent:
@@ -83,4 +104,5 @@ def _summit_vent(terrain: Terrain) -> Vent:
     row, column = np.unravel_index(int(np.argmax(inner)), terrain.shape)
     x, y = terrain.origin
     place = (x + (column + 0.5) * terrain.resolution, y + (row + 0.5) * terrain.resolution)
-    return Vent(place, SUMMIT_DISCHARGE, radius=2.0 * terrain.resolution, name='summit')
+    radius = min(2.0 * terrain.resolution, SUMMIT_RADIUS)
+    return Vent(place, SUMMIT_DISCHARGE, radius=radius, name='summit')

@@ -43,9 +43,8 @@ from lava_ros.choice import effects_for
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.forecast.extrapolation import completed, cost_at, error_law, ErrorLaw
-from lava_ros.forecast.pilots import accuracy_at, Pilot, preset_below, run_at
+from lava_ros.forecast.pilots import accuracy_at, Pilot, preset_below, run_at, spacing_at
 from lava_ros.scene import Scene
-from lava_ros.simulation.automatic import resolved_accuracy
 
 __all__ = ['FINEST', 'Affordable', 'afford', 'sampling_error']
 
@@ -180,7 +179,7 @@ def afford(
         raise LavaError('within', within, right)
     return Affordable(
         preset=preset_below(refinement),
-        spacing=scene.terrain.resolution / refinement,
+        spacing=spacing_at(scene, refinement, horizon),
         refinement=refinement,
         members=count,
         wall_time=wall_time,
@@ -267,7 +266,7 @@ class _Search:
             refinement *= step
         if len(self.pilots) < 2:
             raise LavaError('within', self.within, 'longer: the coarsest runs take more')
-        self.bands = _bands(self.scene)
+        self.bands = _bands(self.scene, self.horizon)
 
     def choose(self) -> _Choice:
         """Refinement, members and effects that fit into the time and err least."""
@@ -396,11 +395,11 @@ def _is_superseded(pilot: Pilot, others: list[Pilot]) -> bool:
     )
 
 
-def _bands(scene: Scene) -> list[tuple[float, Effects]]:
+def _bands(scene: Scene, horizon: float) -> list[tuple[float, Effects]]:
     """Refinements from which on the scene calls for some effects, with these."""
 
     def at(refinement: float) -> Effects:
-        accuracy = resolved_accuracy(accuracy_at(scene, refinement), scene)
+        accuracy = accuracy_at(scene, refinement, horizon)
         return effects_for(scene, {}, accuracy=accuracy)
 
     # few of them: each looks at the slopes of the whole terrain

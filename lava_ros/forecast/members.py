@@ -31,6 +31,7 @@ from lava_ros.forecast.gathering import Gathering
 from lava_ros.forecast.roughness import rough_terrain
 from lava_ros.forecast.sampling import Member
 from lava_ros.lava import Lava
+from lava_ros.resolution import resolved_accuracy
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.uncertainty import Distribution
 
@@ -129,7 +130,8 @@ def make_plan(
     """
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
     threshold, looks = _seen(threshold, looks, horizon)
-    accuracy = accuracy or Accuracy()
+    # one spacing for all members: that of the scene without its uncertainty
+    accuracy = resolved_accuracy(accuracy or Accuracy(), scene, horizon=horizon)
     chosen = [
         effects_for(one, effects, accuracy=accuracy, horizon=horizon)
         for one in (scene, *_end_scenes(scene))

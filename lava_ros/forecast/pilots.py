@@ -25,6 +25,7 @@ import numpy as np
 from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.presets import PRESETS
+from lava_ros.resolution import resolution_of
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation
 
@@ -85,7 +86,7 @@ def run_at(
 
     Args:
         scene: The scene.
-        refinement: The terrain's resolution over the spacing.
+        refinement: Particles across the flow over those of preset ``standard``.
         horizon: How far to run [s].
         device: Warp device.
         wall_limit: Wall time after which it is stopped [s].
@@ -93,7 +94,7 @@ def run_at(
             of a mapping.
         clock: What tells the time [s].
     """
-    accuracy = accuracy_at(scene, refinement)
+    accuracy = accuracy_at(scene, refinement, horizon)
     warm = Simulation(scene, accuracy=accuracy, device=device, effects=effects)
     warm.advance(1e-3)
     warm.snapshot()
@@ -137,10 +138,16 @@ def run_at(
     )
 
 
-def accuracy_at(scene: Scene, refinement: float) -> Accuracy:
-    """The accuracy of the presets at a refinement between theirs."""
-    spacing = scene.terrain.resolution / refinement
-    return replace(PRESETS[preset_below(refinement)].accuracy, spacing=spacing)
+def accuracy_at(scene: Scene, refinement: float, horizon: float) -> Accuracy:
+    """The accuracy of the presets at a refinement between theirs, for a horizon [s]."""
+    accuracy = PRESETS[preset_below(refinement)].accuracy
+    return replace(accuracy, spacing=spacing_at(scene, refinement, horizon))
+
+
+def spacing_at(scene: Scene, refinement: float, horizon: float) -> float:
+    """The spacing [m] of a refinement, for a horizon [s]."""
+    between = replace(PRESETS[preset_below(refinement)].accuracy, refinement=refinement)
+    return resolution_of(scene, between, horizon=horizon).spacing
 
 
 def preset_below(refinement: float) -> str:

@@ -155,6 +155,8 @@ def warnings(case: Case, result: Result) -> list[str]:
         said.append(f'{share:.1f} % of the lava left the elevation: the flow is cut off there.')
     if budget.error > 1e-5:
         said.append(f'The volume budget is off by {budget.error:.1e}.')
+    if result.resolution.is_coarse:
+        said.append(f'{result.resolution.text()}.')
     if case.low_pass:
         said.append(f'The elevation was smoothed over {case.low_pass:g} m.')
     return said
@@ -208,6 +210,7 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
         'events': events or 'none',
         'preset': f'{settings.preset}: particles {accuracy.spacing:g} m apart where the flow is '
         f'{accuracy.thickness:.2g} m thick, kernel radius {accuracy.ratio:g} times that',
+        'resolution': result.resolution.text(),
         'effects': ', '.join(result.effects),
         'steps': f'{snapshot.steps.count} steps, {snapshot.steps.evaluations} evaluations, at '
         f'most {result.most_particles} particles at once',

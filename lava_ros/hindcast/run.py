@@ -19,7 +19,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 import hashlib
 import json
-import math
 import os
 from pathlib import Path
 import time as wall_clock
@@ -28,29 +27,24 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.accuracy import Accuracy, expected_thickness
+from lava_ros.accuracy import Accuracy
 from lava_ros.checkpoint import from_bytes
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.score import THRESHOLD
 from lava_ros.presets import DEFAULT, preset_accuracy
-from lava_ros.scene import Scene, scene_to_dict
+from lava_ros.resolution import Resolution, resolved_accuracy
+from lava_ros.scene import scene_to_dict
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
 
 #: Maps of a run.
 MAPS = 24
 
-#: Particles that come out in all, at a refinement of 1, where the elevation's cells ask for more.
-MOST_PARTICLES = 200_000
-
 #: Displacement in a step over a cell, in place of the usual half: weeks take half the steps, and
 #: what it changes is less than what a change of the ground by its own error does.
 COURANT = 1.0
-
-#: Largest ratio of viscosities at solidus and vent that counts: what is stiffer has stopped.
-MOST_STIFFENING = 1e4
 
 #: What is left out unless it is asked for: momentum matters metres from a vent, and asks for steps
 #: that resolve waves through weeks of creeping. Lateral stress is in no model that materials have
@@ -85,29 +79,14 @@ class Settings:
     courant: float = COURANT
 
     def accuracy(self, case: Case) -> Accuracy:
-        """The knobs that the preset stands for in a case.
-
-        Particles are as far apart as the elevation's cells over the preset's refinement, over its
-        root where they are closer, as ground has no detail below its cells; or further where more
-        than ``MOST_PARTICLES`` would come out.
-        """
-        accuracy = preset_accuracy(self.preset)
-        thickness = accuracy.thickness or mature_thickness(case.scene)
-        finer = min(accuracy.refinement, math.sqrt(accuracy.refinement))
-        most = MOST_PARTICLES * finer**2
-        least = math.sqrt(case.volume / (thickness * most))
-        spacing = max(case.scene.terrain.resolution / finer, least)
+        """The accuracy of a case: the preset's, with longer steps, and deterministic."""
+        accuracy = replace(preset_accuracy(self.preset), spacing=self.spacing)
         courant = accuracy.courant_number
         if courant == Accuracy().courant_number:
             courant = self.courant
-        return replace(
-            accuracy,
-            spacing=self.spacing or spacing,
-            thickness=thickness,
-            courant_number=courant,
-            # a flow that forks goes the same way again, on a GPU too
-            deterministic=True,
-        )
+        # a flow that forks goes the same way again, on a GPU too
+        accuracy = replace(accuracy, courant_number=courant, deterministic=True)
+        return resolved_accuracy(accuracy, case.scene, horizon=case.duration)
 
     def coarseness(self, case: Case) -> int:
         """Cells of the elevation to a side of the simulation's: none finer than particles."""
@@ -130,6 +109,7 @@ class Result:
         most_particles: Most particles there were at any look.
         effects: The effects that were on at its end.
         accuracy: The resolution, with every automatic value filled in.
+        resolution: How many particles lie across the flow.
         device: Name of the Warp device.
     """
 
@@ -140,6 +120,7 @@ class Result:
     most_particles: int
     effects: tuple[str, ...]
     accuracy: Accuracy
+    resolution: Resolution
     device: str
 
 
@@ -251,6 +232,7 @@ class Run:
             most_particles=history.most_particles,
             effects=on,
             accuracy=simulation.accuracy,
+            resolution=simulation.resolution,
             device=simulation.device,
         )
 
@@ -354,21 +336,6 @@ class Run:
         )
         self._done_events = int(plain['events'])
         self._simulation = Simulation.resume(checkpoint, device=self.settings.device)
-
-
-def mature_thickness(scene: Scene) -> float:
-    """Thickness of a flow that has cooled half-way to its solidus [m].
-
-    In weeks most of a flow is lava on its way, not lava at its vent: the scale of
-    ``accuracy.expected_thickness`` at the geometric mean of its viscosities at vent and solidus.
-    """
-    lava = scene.lava
-    thickness = expected_thickness(scene)
-    if not lava.solidus:
-        return thickness
-    hot = max(vent.temperature for vent in scene.vents)
-    ratio = lava.viscosity_at(lava.solidus) / lava.viscosity_at(hot)
-    return thickness * min(ratio, MOST_STIFFENING) ** 0.125
 
 
 def simulate(case: Case, settings: Settings) -> Result:

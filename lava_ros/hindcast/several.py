@@ -136,7 +136,9 @@ def run_together(
 
     def route(number: int, case: Case, direction: Direction) -> Iterator[None]:
         kept = None if folder is None else folder / f'run_{number:02d}'
-        run = Run(directed(case, direction), settings, folder=kept)
+        # the spacing is that of the case, whichever way it lies
+        same = replace(settings, spacing=settings.accuracy(case).spacing)
+        run = Run(directed(case, direction), same, folder=kept)
         for snapshot in run.parts():
             if snapshot is not None:
                 shares[number] = snapshot.time / case.duration

@@ -21,16 +21,13 @@ from typing import Any
 
 import yaml
 
-from lava_ros.errors import LavaError
 from lava_ros.frames import Recording
 from lava_ros.layers import HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
 from lava_ros.plot import duration
 from lava_ros.presets import PRESETS
 from lava_ros.report.description import Description
 from lava_ros.report.survey import Survey
-from lava_ros.share import share_path
-from lava_ros.verification.front import points
-from lava_ros.verification.rows import read_csv
+from lava_ros.resolution import LEAST_ACROSS
 from lava_ros.verification.tables import percent, seconds
 
 #: Share of the emitted volume that may be unaccounted for.
@@ -50,6 +47,12 @@ def warnings(recording: Recording, survey: Survey) -> list[str]:
         found.append(
             f'Volume was not conserved: up to {percent(error)} of it is unaccounted for. Do not '
             'trust these maps.'
+        )
+    across, width = (run[-1].number(key) for key in ('particles_across', 'flow_width_m'))
+    if across < LEAST_ACROSS:
+        found.append(
+            f'The flow is under-resolved: {across:.2g} particles across about {width:.2g} m. '
+            'What it covers is another footprint than that of a finer run.'
         )
     if 'thickness' in survey.saturated:
         layer = survey.frame.layers['thickness'].layer
@@ -133,61 +136,30 @@ def hazard_legend(recording: Recording) -> str:
 
 
 def accuracy_section(recording: Recording, description: Description) -> str:
-    """What the preset is, what this run cost, and what the preset costs and errs elsewhere."""
+    """The preset, how this run resolved its flow, and what it cost."""
     name = description.parameter('preset')
     preset = PRESETS.get(name) if isinstance(name, str) else None
     run = recording.timeline.last_run[-1]
-    spacing = description.parameter('spacing')
-    is_own = isinstance(spacing, int | float) and spacing > 0.0
     known = f'{name}: {preset.summary}' if preset is not None else str(name or 'unknown')
     rows = [('preset', known)]
-    if is_own:
-        rows.append(('distance between particles', f'{spacing:g} m, set by hand'))
-    elif preset is not None:
-        rows.append(
-            (
-                'distance between particles',
-                f"the preset's: cells of the terrain over {preset.accuracy.refinement:g}",
-            )
-        )
+    resolved = {
+        'spacing_m': ('distance between particles', '{} m'),
+        'flow_width_m': ('width of the flow, expected', '{} m'),
+        'particles_across': ('particles across the flow', '{}'),
+    }
+    for key, (term, form) in resolved.items():
+        if key in run.values:
+            rows.append((term, form.format(run.values[key])))
+    error = run.number('footprint_error')
+    if math.isfinite(error):
+        rows.append(('expected error of the footprint', percent(error)))
     rows.append(('particles at the end', run.values.get('particles', 'unknown')))
     rows.append(('steps', run.values.get('steps', 'unknown')))
     rows.append(('device', description.device or 'unknown'))
     speed = run.number('mean_speed')
     if speed > 0.0:
         rows.append(('computing an hour of the flow took', seconds(3600.0 / speed)))
-    html = _table(('this run', ''), rows)
-    return html + (_measured(preset.name, description.device, is_own) if preset else '')
-
-
-def _measured(preset: str, device: str, is_own: bool) -> str:
-    """The measurements of a preset that come with the package."""
-    file = 'cpu.csv' if device in ('', 'cpu') else 'h200.csv'
-    try:
-        measured = read_csv(share_path(f'docs/accuracy/{file}'))
-    except LavaError as error:
-        return f'<p>What the preset errs and costs is not known here: {escape(str(error))}</p>'
-    rows = [row for row in measured if row.preset == preset]
-    if not rows:
-        return '<p>What the preset errs and costs was not measured on such a device.</p>'
-    found = [item for item in points(rows) if math.isfinite(item.error)]
-    body = [
-        (item.case.replace('_', ' '), percent(item.error), seconds(item.cost)) for item in found
-    ]
-    errors = sorted(item.error for item in found)
-    note = (
-        ' This run had particles at a distance of its own: its errors differ.' if is_own else ''
-    )
-    machines = ', '.join(dict.fromkeys(row.machine for row in rows))
-    return (
-        f'<p>Against {len(found)} flows with exact solutions, <code>{escape(preset)}</code> errs '
-        f'by {percent(errors[len(errors) // 2])} in the median and {percent(errors[-1])} in the '
-        f'worst case: the error of the method alone, beside which those of terrain, discharge and '
-        f'the constants of the lava stand.{note}</p>'
-        '<details><summary>Each of these flows</summary>'
-        + _table(('flow', 'largest error', 'an hour of it took'), body)
-        + f'<p>Measured on {escape(machines)}.</p></details>'
-    )
+    return _table(('this run', ''), rows)
 
 
 def recorded_section(recording: Recording, survey: Survey, description: Description) -> str:

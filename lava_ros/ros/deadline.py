@@ -116,4 +116,4 @@ class DeadlineChooser:
             sampling_error=sampling_error(members),
             spent=time.monotonic() - begun,
         )
-        return accuracy_at(scene, plan.refinement)
+        return accuracy_at(scene, plan.refinement, settings.forecast_horizon)

@@ -23,6 +23,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
 from lava_ros.errors import LavaError
+from lava_ros.resolution import Resolution
 from lava_ros.ros.checkpoint_recording import LastCheckpoint
 from lava_ros.ros.deadline import DeadlineChoice
 from lava_ros.ros.effect_table import is_on
@@ -143,6 +144,7 @@ def simulation_status(
     is_active: bool,
     wet_cells: int,
     frame_stamp_ns: int,
+    resolution: Resolution | None = None,
 ) -> DiagnosticStatus:
     """Say how the simulation is doing.
 
@@ -152,12 +154,15 @@ def simulation_status(
         is_active: Whether the node is: else nothing is published and time stands still.
         wet_cells: Its wet cells.
         frame_stamp_ns: The stamp it was published with [ns].
+        resolution: How many particles lie across the flow, None before there is a simulation.
     """
     level, message = _LEVELS[worker.state], worker.state.value
     if worker.error:
         message = f'{message}: {worker.error}'
     elif worker.is_behind:
         level, message = DiagnosticStatus.WARN, 'running slower than the clock asks for'
+    elif resolution is not None and resolution.is_coarse:
+        level, message = DiagnosticStatus.WARN, resolution.text()
     values: dict[str, object] = {
         'state': worker.state.value,
         'lifecycle': 'active' if is_active else 'inactive',
@@ -165,6 +170,13 @@ def simulation_status(
         'speed': f'{worker.speed:.4g}',
         'mean_speed': f'{worker.mean_speed:.4g}',
     }
+    if resolution is not None:
+        values |= {
+            'spacing_m': f'{resolution.spacing:.4g}',
+            'flow_width_m': f'{resolution.width:.4g}',
+            'particles_across': f'{resolution.across:.3g}',
+            'footprint_error': f'{resolution.error:.2g}',
+        }
     if snapshot is not None:
         budget, steps = snapshot.budget, snapshot.steps
         # The negation also catches NaN.

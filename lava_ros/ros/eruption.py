@@ -26,6 +26,7 @@ from lava_ros.checkpoint import Checkpoint
 from lava_ros.choice import Decision
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
+from lava_ros.resolution import Resolution
 from lava_ros.ros.effect_table import effect_table
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 
@@ -87,6 +88,10 @@ class SimulationLike(Protocol):
     def effects(self) -> Effects:
         """The physics that is switched on."""
 
+    @property
+    def resolution(self) -> Resolution:
+        """How many particles lie across the flow."""
+
     def decisions(self) -> tuple[Decision, ...]:
         """Why each effect is on or off."""
 
@@ -123,6 +128,7 @@ class Eruption:
         origin: The checkpoint that the simulation has gone on from, None when it began at time 0.
         latest: The newest snapshot, None before the first; it stays after a failure.
         effects: The table of effects (``effect_table``), empty before there is a simulation.
+        resolution: How many particles lie across the flow, None before there is a simulation.
         changes: How often what comes has become another: by a start, vents, terrain, effects.
         max_particles: Most particles, beyond which the simulation does not go on.
     """
@@ -152,6 +158,7 @@ class Eruption:
         self.origin: Origin | None = None
         self.latest: Snapshot | None = None
         self.effects: Mapping[str, str] = {}
+        self.resolution: Resolution | None = None
         self.changes = 0
 
     @property
@@ -303,6 +310,7 @@ class Eruption:
 
     def _note_change(self) -> None:
         assert self.simulation is not None
+        self.resolution = self.simulation.resolution
         self.effects = effect_table(self.simulation.effects, self.simulation.decisions())
         self._is_changed = True
         self.changes += 1

@@ -26,6 +26,7 @@ from rclpy.node import Node
 from visualization_msgs.msg import MarkerArray
 
 from lava_ros.errors import LavaError
+from lava_ros.resolution import Resolution
 from lava_ros.ros import codec, diagnostics, qos
 from lava_ros.ros.bag_folder import BagFolder
 from lava_ros.ros.checkpoint_recording import CheckpointRecording
@@ -103,6 +104,7 @@ class Operation:
         self._is_paused = False
         self._is_recording_wanted = settings.record
         self._reported_state = WorkerState.WAITING
+        self._reported_resolution: Resolution | None = None
         self._reported_recorder_error = ''
         self._recorder = Recorder()
         self._recording = SceneRecording(
@@ -380,6 +382,7 @@ class Operation:
             # The end is not told before its frame is out.
             self._publish()
         self._report_state(worker.state, worker.error)
+        self._report_resolution()
         snapshot = self._layers.shown
         stamp_ns = self._stamp_ns()
         wet = 0 if snapshot is None else int((snapshot.thickness >= WET_THICKNESS).sum())
@@ -392,6 +395,7 @@ class Operation:
                     is_active=self._is_active,
                     wet_cells=wet,
                     frame_stamp_ns=self._layers.shown_stamp_ns,
+                    resolution=self._worker.resolution,
                 ),
                 diagnostics.effects_status(self._worker.effects),
                 self._inputs.log.status(),
@@ -423,6 +427,14 @@ class Operation:
             self._node.get_logger().error(reason)
         else:
             self._node.get_logger().info(f'simulation {state.value}')
+
+    def _report_resolution(self) -> None:
+        resolution = self._worker.resolution
+        if resolution is None or resolution == self._reported_resolution:
+            return
+        self._reported_resolution = resolution
+        logger = self._node.get_logger()
+        (logger.warning if resolution.is_coarse else logger.info)(resolution.text())
 
     def _stamp_ns(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)

@@ -25,6 +25,7 @@ from lava_ros.checkpoint import Checkpoint
 from lava_ros.errors import LavaError
 from lava_ros.lava import Lava
 from lava_ros.presets import PRESETS
+from lava_ros.resolution import resolved_accuracy
 from lava_ros.ros.parameters import LAVA, ParameterSpec, put
 
 
@@ -87,13 +88,13 @@ def _decided(checkpoint: Checkpoint) -> dict[str, Any]:
         'horizon': checkpoint.horizon / 3600.0,
         **{LAVA + item.name: getattr(lava, item.name) for item in fields(Lava)},
     }
-    accuracy, resolution = checkpoint.accuracy, checkpoint.scene.terrain.resolution
+    accuracy, scene = checkpoint.accuracy, checkpoint.scene
     for name, preset in PRESETS.items():
         own = replace(preset.accuracy, spacing=accuracy.spacing, thickness=accuracy.thickness)
         if own == accuracy:
-            is_automatic = accuracy.spacing == resolution / accuracy.refinement
+            automatic = resolved_accuracy(preset.accuracy, scene, horizon=checkpoint.horizon)
             result['preset'] = name
-            result['spacing'] = 0.0 if is_automatic else accuracy.spacing
+            result['spacing'] = 0.0 if automatic.spacing == accuracy.spacing else accuracy.spacing
     return result
 
 

@@ -24,6 +24,7 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
+from lava_ros.resolution import Resolution
 from lava_ros.ros.commands import Command, CommandQueue, finish
 from lava_ros.ros.eruption import Eruption, Fork, Origin, SimulationLike
 from lava_ros.ros.failure import failure_text
@@ -133,6 +134,11 @@ class SimulationWorker:
     def effects(self) -> Mapping[str, str]:
         """The table of effects (``effect_table``), empty before there is a simulation."""
         return self._eruption.effects
+
+    @property
+    def resolution(self) -> Resolution | None:
+        """How many particles lie across the flow, None before there is a simulation."""
+        return self._eruption.resolution
 
     @property
     def changes(self) -> int:

@@ -12,17 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a user leaves out: the device and the resolution."""
+"""What a user leaves out, and what a formulation brings along."""
 
 from dataclasses import replace
 from typing import Any
 
 import warp as wp
 
-from lava_ros.accuracy import Accuracy, expected_thickness
+from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.scene import Scene
 
 
 def device_of(name: str | None) -> Any:
@@ -41,13 +40,6 @@ def device_of(name: str | None) -> Any:
     except (ValueError, RuntimeError):
         known = ', '.join(str(device) for device in wp.get_devices())
         raise LavaError('device', name, f'one of {known}') from None
-
-
-def resolved_accuracy(accuracy: Accuracy, scene: Scene) -> Accuracy:
-    """Fill in the automatic values: a spacing and a thickness of the scene's own scales."""
-    spacing = accuracy.spacing or scene.terrain.resolution / accuracy.refinement
-    thickness = accuracy.thickness or expected_thickness(scene)
-    return replace(accuracy, spacing=spacing, thickness=thickness)
 
 
 def formulated(effects: Effects, accuracy: Accuracy) -> Effects:

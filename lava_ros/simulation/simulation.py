@@ -30,8 +30,9 @@ from lava_ros.checkpoint import Checkpoint
 from lava_ros.choice import decide, Decision, effects_for, HORIZON
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
+from lava_ros.resolution import Resolution, resolution_of, resolved_accuracy
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
-from lava_ros.simulation.automatic import device_of, formulated, resolved_accuracy
+from lava_ros.simulation.automatic import device_of, formulated
 from lava_ros.simulation.census import budget_of, Census, moment_of, snapshot_of
 from lava_ros.simulation.checkpoint import put_back, take
 from lava_ros.simulation.effects import after_step
@@ -100,7 +101,7 @@ class Simulation:
                 when vents or terrain change it; a mapping forces some effects on or off by name.
             accuracy: The resolution; automatic when left out.
             device: ``cpu`` or ``cuda:0``; the first CUDA device when there is one, else the CPU.
-            horizon: How far ahead the choice of effects looks [s].
+            horizon: How far ahead the choice of effects and of the spacing looks [s].
             particles: Lava that is on the terrain at the start.
 
         Raises:
@@ -109,7 +110,7 @@ class Simulation:
         """
         self._device = device_of(device)
         self.scene = scene
-        self.accuracy = resolved_accuracy(accuracy or Accuracy(), scene)
+        self.accuracy = resolved_accuracy(accuracy or Accuracy(), scene, horizon=horizon)
         self._horizon = horizon
         self._forced = None if isinstance(effects, Effects) else dict(effects or {})
         chosen = effects if isinstance(effects, Effects) else self._chosen(scene)
@@ -349,6 +350,11 @@ class Simulation:
             scene, effects=effects, accuracy=accuracy, device=device, horizon=checkpoint.horizon
         )
         return put_back(simulation, checkpoint)
+
+    @property
+    def resolution(self) -> Resolution:
+        """How many particles lie across the flow of the scene as it is now."""
+        return resolution_of(self.scene, self.accuracy, horizon=self._horizon)
 
     def decisions(self) -> tuple[Decision, ...]:
         """Say what decides about each effect now; of those that exclude each other one is on."""

@@ -52,7 +52,7 @@ def test_a_real_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     data = json.loads(path.read_text())
     assert data['preset'] == 'draft' and data['device'] == 'cpu' and data['within_bounds']
     (run,) = data['runs']
-    assert run['case'] == 'sheet' and run['particles'] == 900
+    assert run['case'] == 'sheet' and run['particles'] == 42**2
     for item in run['measurements']:
         assert item['within'] and item['error'] <= item['bound']
         assert item['error'] == pytest.approx(abs(item['measured'] / item['exact'] - 1.0))

@@ -21,6 +21,7 @@ import pytest
 
 from lava_ros.forecast import pilots
 from lava_ros.forecast.pilots import MARKS
+from lava_ros.resolution import ACROSS, flow_width
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 
 SCENE = Scene(Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),))
@@ -29,9 +30,10 @@ SCENE = Scene(Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),))
 def test_refinements_between_presets_have_their_accuracy():
     """All but the spacing is as the presets have it."""
     scene = replace(SCENE, lava=Lava(viscosity=1e4))
-    for refinement, name in ((0.3, 'draft'), (1.0, 'standard'), (1.7, 'standard'), (2.5, 'fine')):
-        accuracy = pilots.accuracy_at(scene, refinement)
-        assert accuracy.spacing == pytest.approx(10.0 / refinement)
+    width = flow_width(scene, horizon=3600.0)
+    for refinement, name in ((0.3, 'draft'), (1.0, 'standard'), (1.3, 'standard'), (2.5, 'fine')):
+        accuracy = pilots.accuracy_at(scene, refinement, 3600.0)
+        assert accuracy.spacing == pytest.approx(width / (ACROSS * refinement), rel=5e-3)
         expected = replace(pilots.PRESETS[name].accuracy, spacing=accuracy.spacing)
         assert accuracy == expected
 

@@ -22,12 +22,14 @@ import numpy as np
 import pytest
 
 from eruption import VENT, write_case
-from lava_ros.accuracy import expected_thickness
+from lava_ros.accuracy import expected_thickness, mature_thickness
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.maps import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
-from lava_ros.hindcast.run import mature_thickness, Run, Settings, simulate
+from lava_ros.hindcast.run import Run, Settings, simulate
 from lava_ros.hindcast.score import judge
+from lava_ros.presets import PRESETS
+from lava_ros.resolution import resolution_of
 
 SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=4)
 
@@ -149,21 +151,18 @@ def test_barrier_in_mid_eruption_holds_lava_back(tmp_path: Path) -> None:
     assert got[1] < 0.1 * got[0]
 
 
-def test_particles_are_no_more_than_are_worth_it(valley: Case) -> None:
-    """They are as far apart as the cells ask for, or further, and cells no finer than they."""
-    assert Settings('draft').accuracy(valley).spacing == 40.0
-    assert Settings('draft').coarseness(valley) == 2
+def test_a_case_has_the_spacing_of_its_flow(valley: Case) -> None:
+    """It is that of any scene for the duration of the case; cells are no finer than particles."""
+    for preset in ('draft', 'standard', 'fine'):
+        found = resolution_of(
+            valley.scene, PRESETS[preset].accuracy, horizon=valley.duration
+        )
+        accuracy = Settings(preset).accuracy(valley)
+        assert (accuracy.spacing, accuracy.thickness) == (found.spacing, found.thickness)
     assert Settings('draft').accuracy(valley).courant_number == 1.0
     assert Settings('reference').accuracy(valley).courant_number == 0.25
-    assert Settings('standard').accuracy(valley).spacing == 20.0
-    assert Settings('standard').coarseness(valley) == 1
-    assert Settings('fine').accuracy(valley).spacing == pytest.approx(20.0 / 2.0**0.5)
-    assert Settings('fine').coarseness(valley) == 1
+    assert Settings('fine', spacing=15.0).coarseness(valley) == 1
     assert Settings('fine', spacing=45.0).coarseness(valley) == 2
-    long = replace(valley, volume=1e10)
-    spacing = Settings('standard').accuracy(long).spacing
-    assert spacing is not None
-    assert spacing > 40.0
 
 
 def test_flows_are_as_thick_as_lava_on_its_way(valley: Case) -> None:
