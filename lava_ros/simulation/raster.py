@@ -22,9 +22,9 @@ The volume is kept: each particle shares all of its own out to the cells that ar
 
     h_c = f_c sum_j V_j W_cj / N_j,    N_j = A sum_c f_c W_cj,
 
-A the area of a cell. The weight f_c is the root of the mean thickness of the particles around it:
-to the first order it undoes what the kernel smooths (docs/MODEL.md). A particle far from all
-covered cells gives its volume to the cell that it lies in.
+A the area of a cell. The weight f_c is the root of the particles' mean thickness around it over
+their cover: to the first order that undoes what the kernel smooths (docs/MODEL.md). A particle far
+from all covered cells gives its volume to the cell that it lies in.
 """
 
 from functools import lru_cache
@@ -110,8 +110,9 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         if cover == real(0.0):
             thickness[i, j] = wp.float32(0.0)
             return
-        root = wp.float32(wp.sqrt(height / cover))
+        mean = height / cover
         cover *= real(wp.static(norm)) * inverse * inverse
+        root = wp.float32(wp.sqrt(mean / cover))
         if cover <= real(wp.static(LEAST_COVER)):
             thickness[i, j] = _BESIDE
         else:
