@@ -16,8 +16,15 @@
 
 A kernel sum reaches its radius past the last particle, and the paper's borders are too round.
 Here a cell holds lava where the particles' own areas V / h, smoothed by the same kernel, cover
-more than half of it: at a straight border that is where the lava ends, whatever the radius. In a
-cell that is covered in part the thickness is that of the covered part.
+more than half of it: at a straight border that is where the lava ends, whatever the radius.
+
+The volume is kept: each particle shares all of its own out to the cells that are covered,
+
+    h_c = f_c sum_j V_j W_cj / N_j,    N_j = A sum_c f_c W_cj,
+
+A the area of a cell. The weight f_c is the root of the particles' mean thickness around it over
+their cover: to the first order that undoes what the kernel smooths (docs/MODEL.md). A particle far
+from all covered cells gives its volume to the cell that it lies in.
 """
 
 from functools import lru_cache
@@ -27,27 +34,43 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.cells import cell_frame, cell_functions
-from lava_ros.simulation.compiled import load4, row_from
+from lava_ros.simulation.compiled import counted_from, load4, row_from
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import NeighborGrid
-from lava_ros.simulation.state import State
+from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
 from lava_ros.simulation.threads import launch, LEAST_SUMS
 
 #: Share of a cell from which it holds lava.
 LEAST_COVER = 0.5
 
+#: Smoothed weight of the covered cells at a particle, over one of its own thickness, below which
+#: it is far from them: what is much smaller has few digits.
+_LEAST_NEAR = 1e-3
+
+#: In place of a weight: particles are in reach of the cell, but do not cover it.
+_BESIDE = wp.constant(wp.float32(-1.0))
+
 
 @lru_cache
-def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
+def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     norm, shape, *_ = smoothing_kernel(kernel_name, real, ratio)
     _, _, cells_around, range_in = cell_functions(real)
     load = load4(real)
 
+    @wp.func
+    def middle(first: wp.float64, n: int, resolution: wp.float64) -> real:
+        """Coordinate of the middle of the n-th cell; the same in all passes, to the bit."""
+        return real(first + (wp.float64(n) + wp.float64(0.5)) * resolution)
+
+    @wp.func
+    def cell_at(place: real, first: wp.float64, resolution: wp.float64) -> int:
+        return int(wp.floor((wp.float64(place) - first) / resolution))
+
     @wp.kernel(module='unique', enable_backward=False)
-    def raster(
+    def weigh(
         ordered: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
         starts: wp.array(dtype=wp.int32),
@@ -59,20 +82,19 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
         temperature: wp.array2d(dtype=wp.float32),
         first: int,
     ):
-        """Sum V W over the cover sum (V / h) W, and the V W-weighted mean of T, at a centre."""
+        """Weigh the cells that are covered, and mark those that are not but have lava in reach."""
         n, j = wp.tid()
         i = row_from(first, n)
+        temperature[i, j] = wp.float32(wp.nan)
         if known[i, j] == wp.uint8(0):
             thickness[i, j] = wp.float32(wp.nan)
-            temperature[i, j] = wp.float32(wp.nan)
             return
-        x = real(terrain.x0 + (wp.float64(j) + wp.float64(0.5)) * terrain.resolution)
-        y = real(terrain.y0 + (wp.float64(i) + wp.float64(0.5)) * terrain.resolution)
+        x = middle(terrain.x0, j, terrain.resolution)
+        y = middle(terrain.y0, i, terrain.resolution)
         reach = real(radius)
         inverse = real(1.0) / reach
         height = real(0.0)
         cover = real(0.0)
-        heat = real(0.0)
         box = cells_around(cells, x, y, reach)
         for r in range(box[0], box[1]):
             near = range_in(cells, starts, r, box)
@@ -85,20 +107,124 @@ def _kernel(real: Any, kernel_name: str, ratio: float) -> Any:
                     weight = p[2] * shape(wp.sqrt(square))
                     height += weight
                     cover += weight / flow[k][0]
-                    heat += weight * p[3]
-        scale = real(wp.static(norm)) * inverse * inverse
-        cover *= scale
-        if cover > real(wp.static(LEAST_COVER)):
-            thickness[i, j] = wp.float32(height * scale / wp.min(cover, real(1.0)))
-            temperature[i, j] = wp.float32(heat / height)
+        if cover == real(0.0):
+            thickness[i, j] = wp.float32(0.0)
+            return
+        mean = height / cover
+        cover *= real(wp.static(norm)) * inverse * inverse
+        root = wp.float32(wp.sqrt(mean / cover))
+        if cover <= real(wp.static(LEAST_COVER)):
+            thickness[i, j] = _BESIDE
         else:
             # a cover that is no number is not dry ground
-            thickness[i, j] = wp.where(
-                cover <= real(wp.static(LEAST_COVER)), wp.float32(0.0), wp.float32(wp.nan)
-            )
-            temperature[i, j] = wp.float32(wp.nan)
+            thickness[i, j] = wp.where(root > wp.float32(0.0), root, wp.float32(wp.nan))
 
-    return raster
+    @wp.kernel(module='unique', enable_backward=False)
+    def share_out(
+        ordered: wp.array(dtype=vec4),
+        flow: wp.array(dtype=vec3),
+        counts: wp.array(dtype=wp.int32),
+        terrain: terrain_frame(wp.float64),
+        known: wp.array2d(dtype=wp.uint8),
+        radius: wp.float64,
+        thickness: wp.array2d(dtype=wp.float32),
+        share: wp.array(dtype=real),
+        home: wp.array(dtype=wp.int32),
+        first: int,
+    ):
+        """Find what a particle gives for a unit of weight, or to the cell that it lies in."""
+        k = counted_from(first, wp.tid())
+        if k >= counts[PARTICLES]:
+            return
+        p = load(ordered, k)
+        reach = real(radius)
+        inverse = real(1.0) / reach
+        south = wp.max(cell_at(p[1] - reach, terrain.y0, terrain.resolution), 0)
+        north = wp.min(cell_at(p[1] + reach, terrain.y0, terrain.resolution) + 1, terrain.rows)
+        west = wp.max(cell_at(p[0] - reach, terrain.x0, terrain.resolution), 0)
+        east = wp.min(cell_at(p[0] + reach, terrain.x0, terrain.resolution) + 1, terrain.columns)
+        total = real(0.0)
+        for i in range(south, north):
+            dy = (middle(terrain.y0, i, terrain.resolution) - p[1]) * inverse
+            for j in range(west, east):
+                dx = (middle(terrain.x0, j, terrain.resolution) - p[0]) * inverse
+                square = dx * dx + dy * dy
+                if square < real(1.0) and thickness[i, j] > wp.float32(0.0):
+                    total += real(thickness[i, j]) * shape(wp.sqrt(square))
+        area = real(terrain.resolution * terrain.resolution)
+        share[k] = p[2] / (area * total)
+        home[k] = -1
+        total *= area * real(wp.static(norm)) * inverse * inverse
+        if total > real(wp.static(_LEAST_NEAR)) * wp.sqrt(flow[k][0]):
+            return
+        # the cell that it lies in, or at a hole the next one, as rounding has it
+        nearest = real(1.0)
+        is_covered = wp.bool(False)
+        for i in range(south, north):
+            dy = (middle(terrain.y0, i, terrain.resolution) - p[1]) * inverse
+            for j in range(west, east):
+                dx = (middle(terrain.x0, j, terrain.resolution) - p[0]) * inverse
+                square = dx * dx + dy * dy
+                if square < nearest and known[i, j] != wp.uint8(0):
+                    nearest = square
+                    home[k] = i * terrain.columns + j
+                    is_covered = thickness[i, j] > wp.float32(0.0)
+        if is_covered:
+            home[k] = -1
+        elif home[k] >= 0:
+            share[k] = p[2] / area
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def gather(
+        ordered: wp.array(dtype=vec4),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        terrain: terrain_frame(wp.float64),
+        radius: wp.float64,
+        share: wp.array(dtype=real),
+        home: wp.array(dtype=wp.int32),
+        thickness: wp.array2d(dtype=wp.float32),
+        temperature: wp.array2d(dtype=wp.float32),
+        first: int,
+    ):
+        """Sum the particles' shares in a cell, and their mean temperature."""
+        n, j = wp.tid()
+        i = row_from(first, n)
+        own_weight = thickness[i, j]
+        if own_weight == wp.float32(0.0) or wp.isnan(own_weight):
+            return
+        is_covered = own_weight > wp.float32(0.0)
+        own = i * terrain.columns + j
+        x = middle(terrain.x0, j, terrain.resolution)
+        y = middle(terrain.y0, i, terrain.resolution)
+        reach = real(radius)
+        inverse = real(1.0) / reach
+        height = real(0.0)
+        heat = real(0.0)
+        box = cells_around(cells, x, y, reach)
+        for r in range(box[0], box[1]):
+            near = range_in(cells, starts, r, box)
+            for k in range(near[0], near[1]):
+                part = real(0.0)
+                p = load(ordered, k)
+                if is_covered:
+                    dx = (x - p[0]) * inverse
+                    dy = (y - p[1]) * inverse
+                    square = dx * dx + dy * dy
+                    if square < real(1.0) and home[k] < 0:
+                        part = share[k] * shape(wp.sqrt(square))
+                elif home[k] == own:
+                    part = share[k]
+                height += part
+                heat += part * p[3]
+        if is_covered:
+            height *= real(own_weight)
+            heat *= real(own_weight)
+        thickness[i, j] = wp.float32(height)
+        if height != real(0.0):
+            temperature[i, j] = wp.float32(heat / height)
+
+    return weigh, share_out, gather
 
 
 class Raster:
@@ -140,22 +266,46 @@ class Raster:
         self.thickness, self.temperature = self.grids[0], self.grids[1]
 
     def fill(self, state: State, neighbors: NeighborGrid) -> None:
-        """Fill thickness and temperature from the ordered particles' flow."""
+        """Fill thickness and temperature from the ordered particles' flow.
+
+        Between the passes ``thickness`` holds the cells' weights.
+        """
+        weigh, share_out, gather = _kernels(state.real, *self._choice)
         rows, columns = self.thickness.shape
+        frame, known = self._terrain.exact_frame, self._terrain.known
+        grid = {
+            'device': self._device,
+            'least': math.ceil(LEAST_SUMS / columns),
+            'columns': columns,
+        }
+        maps = [self.thickness, self.temperature]
+        around = [neighbors.starts, neighbors.frame, frame]
         launch(
-            _kernel(state.real, *self._choice),
+            weigh,
             rows,
+            inputs=[state.ordered, state.flow, *around, known, self._radius],
+            outputs=maps,
+            **grid,
+        )
+        launch(
+            share_out,
+            state.extent,
             inputs=[
                 state.ordered,
                 state.flow,
-                neighbors.starts,
-                neighbors.frame,
-                self._terrain.exact_frame,
-                self._terrain.known,
+                state.counts,
+                frame,
+                known,
                 self._radius,
+                self.thickness,
             ],
-            outputs=[self.thickness, self.temperature],
+            outputs=[state.share, state.home],
             device=self._device,
-            least=math.ceil(LEAST_SUMS / columns),
-            columns=columns,
+        )
+        launch(
+            gather,
+            rows,
+            inputs=[state.ordered, *around, self._radius, state.share, state.home],
+            outputs=maps,
+            **grid,
         )

@@ -104,6 +104,10 @@ class State:
             of each particle, shape [capacity]; none with the Euler integrator.
         drift: Displacement a stage ago [m] and velocity at the start of the step [m/s], likewise.
         flow: Thickness [m], velocity x and y [m/s], of each ordered particle, shape [capacity].
+        share: What each ordered particle gives to a map: to a cell of unit weight before the
+            kernel's [m^(1/2)], or to the one it lies in [m], shape [capacity].
+        home: Number of the cell that has all of an ordered particle's volume, -1 where several
+            share it, shape [capacity].
         surface: Only where the gradient takes differences: elevation of the surface [m] and the
             area V/h [m2] of each ordered particle, shape [capacity].
         source: Only with the Green's function: x, y [m], and volume times local velocity, x and y
@@ -194,6 +198,8 @@ class State:
         self.particle = wp.zeros(capacity, dtype=self.vec4, device=self.device)
         self.ordered = self._with_spare(self.vec4)
         self.flow = wp.zeros(capacity, dtype=self.vec3, device=self.device)
+        self.share = wp.zeros(capacity, dtype=self.real, device=self.device)
+        self.home = wp.zeros(capacity, dtype=wp.int32, device=self.device)
         self.cell = wp.zeros(capacity, dtype=wp.int32, device=self.device)
         self.rank = wp.zeros(capacity, dtype=wp.int32, device=self.device)
         if self.is_ranked_again:

@@ -158,8 +158,14 @@ class Trial:
         assert spacing is not None
         cell = 0.5 * spacing
         x0, y0, x1, y1 = window
-        shape = (int(np.ceil((y1 - y0) / cell)), int(np.ceil((x1 - x0) / cell)))
-        fine = Terrain(np.zeros(shape), cell, origin=(x0, y0))
+        rows, columns = int(np.ceil((y1 - y0) / cell)), int(np.ceil((x1 - x0) / cell))
+        # what lies beyond the window has its part in the thickness of what lies in it
+        beyond = int(np.ceil(2.0 * self.simulation.radius / cell))
+        fine = Terrain(
+            np.zeros((rows + 2 * beyond, columns + 2 * beyond)),
+            cell,
+            origin=(x0 - beyond * cell, y0 - beyond * cell),
+        )
         sample = self.simulation.sample()
         inside = np.array([fine.covers(*place) for place in sample.position], dtype=bool)
         copy = Simulation(
@@ -171,7 +177,8 @@ class Trial:
                 sample.position[inside], sample.volume[inside], sample.temperature[inside]
             ),
         )
-        return Field(copy.snapshot().thickness, cell, (x0, y0))
+        thickness = copy.snapshot().thickness
+        return Field(thickness[beyond:-beyond, beyond:-beyond], cell, (x0, y0))
 
     def run(self, case: str, *measurements: Measurement) -> Run:
         """Close the trial with what was measured."""

@@ -34,10 +34,11 @@ ROOT = Path(__file__).parents[3]
 
 NONE = {item.name: False for item in fields(Effects)}
 
-#: The arrays of a step without effects.
+#: The arrays of a step without effects, and of a map.
 BARE_ARRAYS = {
     'particle', 'ordered', 'flow', 'cell', 'rank', 'remainder', 'ordered_remainder', 'clock',
     'counts', 'chosen', 'rates', 'stage', 'left', 'base', 'drift', 'ordered_base', 'ordered_drift',
+    'share', 'home',
 }
 
 #: The kernels it launches, in their order.
