@@ -18,8 +18,9 @@ The flow follows the steepest descent from the vent with the largest discharge. 
 of that path the terrain has a cross-section, and the lava fills it to its normal depth: the level
 at which the local balance of weight and drag carries the whole discharge,
 Q = K sum (level - ground)^3 dy, K = rho g tan(b) cos^4(b) / (3 mu). A flow that nothing confines
-is no wider than the steady flow of a point source down a plane (Smith 1973), and on level ground
-no wider than the flow of a point source onto a plane (Huppert 1982).
+is no wider than the steady flow of a point source down a plane (Smith 1973), on level ground no
+wider than the flow of a point source onto a plane (Huppert 1982), and nowhere wider than
+``WIDEST`` thicknesses: its edges want particles too.
 """
 
 from dataclasses import dataclass, replace
@@ -36,6 +37,9 @@ HORIZON = 86400.0
 
 #: Particles across the flow at a refinement of 1 (docs/benchmarks/convergence_h200.csv).
 ACROSS = 16.0
+
+#: Largest width over the thickness of the flow.
+WIDEST = 50.0
 
 #: Particles across the flow below which it is under-resolved: its footprint is another one.
 LEAST_ACROSS = 9.0
@@ -170,10 +174,11 @@ def flow_width(scene: Scene, *, horizon: float = HORIZON) -> float:
     x0, y0, x1, y1 = terrain.extent
     level = _HUPPERT * (scene.gravity * discharge**3 / (3.0 * kinematic)) ** 0.125
     level = max(level * math.sqrt(horizon), 2.0 * vent.radius)
+    most = WIDEST * (3.0 * kinematic * discharge / scene.gravity) ** 0.25
     level = float(min(level, math.hypot(x1 - x0, y1 - y0)))
     path, height = _descent(terrain, vent.position)
     if len(path) < 3:
-        return level
+        return min(level, most)
     step = float(np.hypot(*(path[1] - path[0])))
     along = path[2:] - path[:-2]
     along /= np.hypot(*along.T)[:, None]
@@ -185,7 +190,7 @@ def flow_width(scene: Scene, *, horizon: float = HORIZON) -> float:
     width, area = _normal_depth(terrain, path[1:-1], along, widest, discharge / mobility)
     # the front moves on by the volume that its cross-sections take
     reached = np.cumsum(area * step) / discharge <= horizon
-    return float(np.median(width[: max(int(reached.sum()), 1)]))
+    return min(float(np.median(width[: max(int(reached.sum()), 1)])), most)
 
 
 def _peak(vent: Vent) -> float:
@@ -253,7 +258,7 @@ def _normal_depth(
     # lava is where no higher ground lies between it and the path
     ground[:, middle:] = np.maximum.accumulate(ground[:, middle:], axis=1)
     ground[:, : middle + 1] = np.maximum.accumulate(ground[:, middle::-1], axis=1)[:, ::-1]
-    cell = widest / (_SAMPLES - 1)
+    cell = widest / _SAMPLES
     low = ground[:, middle].copy()
     # all of the flux through one sample
     high = low + np.cbrt(flux / cell)

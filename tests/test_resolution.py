@@ -22,7 +22,7 @@ import pytest
 
 from lava_ros.accuracy import Accuracy
 from lava_ros.resolution import (
-    ACROSS, flow_width, LEAST_ACROSS, MOST_PARTICLES, resolution_of, resolved_accuracy,
+    ACROSS, flow_width, LEAST_ACROSS, MOST_PARTICLES, resolution_of, resolved_accuracy, WIDEST,
 )
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 
@@ -57,23 +57,29 @@ def test_a_valley_is_filled_to_its_normal_depth(cell: float) -> None:
 
 def test_on_an_incline_it_is_as_wide_as_the_steady_flow() -> None:
     """Smith (1973): half the width is ((14/3) x / tan b)^(3/7) (35 Q / 32 K)^(1/7)."""
-    found = flow_width(scene(ground(10.0)), horizon=1e6)
-    near, far = (
-        2.0 * (14.0 / 3.0 * x / SLOPE) ** (3.0 / 7.0) * (350.0 / 32.0 / MOBILITY) ** (1.0 / 7.0)
-        for x in (40.0, 1900.0)
-    )
-    middle = 2.0 * (14.0 / 3.0 * 950.0 / SLOPE) ** (3 / 7) * (350.0 / 32.0 / MOBILITY) ** (1 / 7)
-    assert near < found < far
-    assert found == pytest.approx(middle, rel=0.05)
+    thin = replace(LAVA, viscosity=1.0)
+    short = replace(scene(ground(2.0)), lava=thin)
+    mobility = 1e4 * MOBILITY
+    middle = 2.0 * (14.0 / 3.0 * 950.0 / SLOPE) ** (3 / 7) * (350.0 / 32.0 / mobility) ** (1 / 7)
+    thickness = (3.0 * 10.0 / (2600.0 * 9.81)) ** 0.25
+    assert middle > WIDEST * thickness
+    assert flow_width(short) == pytest.approx(WIDEST * thickness)
+    steep = replace(short, terrain=replace(short.terrain, elevation=8.0 * short.terrain.elevation))
+    slope = 8.0 * SLOPE
+    found = flow_width(steep)
+    # lava gets as far as 253 points of the path, 8 m apart; the median is at half of the way
+    mobility = 2600.0 * 9.81 * slope / (1.0 + slope**2) ** 2 / 3.0
+    middle = (14.0 / 3.0 * 950.0 / slope) ** (3 / 7) * (350.0 / 32.0 / mobility) ** (1 / 7)
+    assert found == pytest.approx(min(2.0 * middle, WIDEST * thickness), rel=0.06)
 
 
 def test_on_level_ground_it_is_as_wide_as_the_flow_has_spread() -> None:
-    """Huppert (1982): a radius of 0.715 (g Q^3 / 3 nu)^(1/8) t^(1/2)."""
+    """Huppert (1982): a radius of 0.715 (g Q^3 / 3 nu)^(1/8) t^(1/2), up to 50 thicknesses."""
     flat = scene(Terrain(np.zeros((100, 100)), 10.0))
-    radius = 0.715 * (9.81 * 1000.0 * 2600.0 / 3e4) ** 0.125 * HOUR**0.5
-    assert flow_width(flat, horizon=HOUR) == pytest.approx(2.0 * radius)
-    # no further than the map
-    assert flow_width(flat, horizon=1e9) == pytest.approx(math.hypot(1000.0, 1000.0))
+    radius = 0.715 * (9.81 * 1000.0 * 2600.0 / 3e4) ** 0.125 * 600.0**0.5
+    assert flow_width(flat, horizon=600.0) == pytest.approx(2.0 * radius)
+    thickness = (3e4 * 10.0 / (2600.0 * 9.81)) ** 0.25
+    assert flow_width(flat, horizon=1e9) == pytest.approx(WIDEST * thickness)
 
 
 def test_it_is_that_of_the_way_that_lava_takes_in_time() -> None:
