@@ -22,7 +22,13 @@ import pytest
 
 from lava_ros.accuracy import Accuracy
 from lava_ros.resolution import (
-    ACROSS, flow_width, LEAST_ACROSS, MOST_PARTICLES, resolution_of, resolved_accuracy, WIDEST,
+    ACROSS,
+    flow_width,
+    LEAST_ACROSS,
+    MOST_PARTICLES,
+    resolution_of,
+    resolved_accuracy,
+    WIDEST,
 )
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 

@@ -178,7 +178,7 @@ def covered(
     scene: Scene, count: int, effects: Effects, *, accuracy: Accuracy, horizon: float, device: str
 ) -> np.ndarray:
     """Cells that lava covers at a time [s] in each of many runs, bool, [runs, rows, columns]."""
-    accuracy = resolved_accuracy(accuracy, scene)
+    accuracy = resolved_accuracy(accuracy, scene, horizon=horizon)
     wide = copies(scene, count)
     simulation = Simulation(wide, effects=effects, accuracy=accuracy, device=device)
     simulation.advance(horizon)
@@ -193,6 +193,7 @@ def cost(
     scene: Scene, effects: Effects, *, accuracy: Accuracy, horizon: float, device: str
 ) -> Cost:
     """Simulate a scene up to a time [s], its kernels compiled beforehand."""
+    accuracy = resolved_accuracy(accuracy, scene, horizon=horizon)
     warm = Simulation(scene, effects=effects, accuracy=accuracy, device=device)
     warm.advance(1e-3)
     simulation = Simulation(scene, effects=effects, accuracy=accuracy, device=device)

@@ -36,7 +36,7 @@ class BenchScene:
     Attributes:
         name: Its name.
         title: What it is, in a few words.
-        scene: Terrain, vents and lava; the particles' spacing is the terrain's resolution.
+        scene: Terrain, vents and lava.
         horizon: Time to simulate and to choose the effects for [s].
     """
 

@@ -159,8 +159,8 @@ def afford(
         clock: What tells the time [s]; ``time.process_time`` on a CPU that others use too.
 
     Returns:
-        What to run, how long it will take and what it will err. ``accuracy_at(scene,
-        plan.refinement)`` is its accuracy, ``plan.forced`` its effects.
+        What to run, how long it will take and what it will err. ``preset_accuracy(
+        plan.preset, spacing=plan.spacing)`` is its accuracy, ``plan.forced`` its effects.
 
     Raises:
         LavaError: An argument is not usable, or the time is too short for the coarsest run.

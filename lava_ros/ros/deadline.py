@@ -82,7 +82,6 @@ class DeadlineChooser:
     def _afford(self, scene: Scene, settings: Settings) -> Accuracy:
         # the solver loads Warp; the worker's thread does that, not the importer
         from lava_ros.forecast.affordable import afford, sampling_error
-        from lava_ros.forecast.pilots import accuracy_at
 
         begun = time.monotonic()
         asked = settings.ensemble_members
@@ -116,4 +115,4 @@ class DeadlineChooser:
             sampling_error=sampling_error(members),
             spent=time.monotonic() - begun,
         )
-        return accuracy_at(scene, plan.refinement, settings.forecast_horizon)
+        return preset_accuracy(plan.preset, spacing=plan.spacing)

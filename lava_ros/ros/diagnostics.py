@@ -161,7 +161,9 @@ def simulation_status(
         message = f'{message}: {worker.error}'
     elif worker.is_behind:
         level, message = DiagnosticStatus.WARN, 'running slower than the clock asks for'
-    elif resolution is not None and resolution.is_coarse:
+    elif (
+        worker.state is WorkerState.RUNNING and resolution is not None and resolution.is_coarse
+    ):
         level, message = DiagnosticStatus.WARN, resolution.text()
     values: dict[str, object] = {
         'state': worker.state.value,

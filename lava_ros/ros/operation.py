@@ -433,8 +433,11 @@ class Operation:
         if resolution is None or resolution == self._reported_resolution:
             return
         self._reported_resolution = resolution
-        logger = self._node.get_logger()
-        (logger.warning if resolution.is_coarse else logger.info)(resolution.text())
+        # a line that logs keeps its severity
+        if resolution.is_coarse:
+            self._node.get_logger().warning(resolution.text())
+        else:
+            self._node.get_logger().info(resolution.text())
 
     def _stamp_ns(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)

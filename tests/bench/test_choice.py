@@ -24,8 +24,8 @@ from lava_ros.bench import choice
 from lava_ros.bench.scenes import scenes
 from lava_ros.choice import CRITERIA, decide, effects_for
 from lava_ros.presets import DEFAULT, preset_accuracy
+from lava_ros.resolution import resolved_accuracy
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.automatic import resolved_accuracy
 
 ACCURACY = preset_accuracy(DEFAULT)
 

@@ -92,7 +92,7 @@ def test_maps_of_a_scene(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     maps = {name: read(out / f'{name}.tif') for name in MAPS}
     probability = maps['inundation_probability']
     assert set(np.unique(probability)) <= set(np.arange(9) * 12.5)
-    assert probability.max() == 100.0 and probability.min() == 0.0
+    assert probability.max() >= 75.0 and probability.min() == 0.0
     half = maps['arrival_time_p50'] >= 0.0
     np.testing.assert_array_equal(half, probability >= 50.0)
     assert (maps['arrival_time_p10'][half] <= maps['arrival_time_p50'][half]).all()
