@@ -1,0 +1,375 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Several codes on the same flow, the same grid and one core, scored in the same way.
+
+The codes: the presets, the plain scheme of finite_volumes.c (the floor), and Lava2d from a folder
+that holds it (github.com/davemhyman/lava2d; numexpr, pandas, netCDF4 and scipy beside it). The
+exact solution, as means over the cells, is scored like a code: what a grid alone makes of it. All
+solve the equation of small slopes, without cos^4 of the ground's: Lava2d has no other.
+
+It renews the rows of the codes that are named in codes.csv, and then the tables follow:
+
+    taskset --cpu-list 0 python docs/benchmarks/codes.py presets plain
+    python tests/verification/test_other_codes.py
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+import csv
+import ctypes
+from dataclasses import dataclass
+from functools import lru_cache
+import math
+import os
+from pathlib import Path
+from statistics import median
+import subprocess
+import sys
+import tempfile
+import time
+from typing import NamedTuple
+
+import numpy as np
+
+from lava_ros.presets import preset_accuracy
+from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.verification import exact
+from lava_ros.verification.cases.case import FLAT, FRONT, GRAVITY, ISOTHERMAL, NU
+from lava_ros.verification.measure import machine_name
+
+FOLDER = Path(__file__).parent
+TABLE = FOLDER / 'codes.csv'
+COLUMNS = (
+    'case',
+    'code',
+    'cell_m',
+    'quantity',
+    'value',
+    'unit',
+    'cpu_s',
+    'low',
+    'high',
+    'repetitions',
+    'machine',
+    'command',
+)
+
+#: What all cases have: discharge [m3/s] and radius of the vent [m]; its lava is ISOTHERMAL.
+DISCHARGE, VENT_RADIUS = 10.0, 10.0
+
+#: g / (3 nu) [1/(m s)].
+ALPHA = GRAVITY / (3.0 * NU)
+
+#: Places in a cell, to a side, that means over it are made of.
+PLACES = 8
+
+#: Cells of the plain scheme that others are compared with where no exact solution is known [m].
+FINEST = 1.25
+
+#: Share of the plain scheme's stable step.
+SHARE = 0.9
+
+#: What keeps Lava2d to one core.
+ONE_THREAD = {**os.environ, 'NUMEXPR_NUM_THREADS': '1', 'OMP_NUM_THREADS': '1'}
+
+PRESETS = ('draft', 'standard', 'fine')
+
+Function = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
+class Result(NamedTuple):
+    """Thickness [m], shape [rows, columns], and the CPU time of each repetition [s]."""
+
+    thickness: np.ndarray
+    seconds: list[float]
+
+
+@dataclass(frozen=True)
+class Flow:
+    """A flow on a rectangle of cells; the vent is at 0, 0.
+
+    Attributes:
+        name: Its name.
+        window: Smallest x and y, largest x and y [m]: multiples of every cell.
+        end: When it is looked at [s].
+        ground: Elevation [m] at places.
+        scores: What is measured of a thickness on cells: quantity, value and unit.
+        exact: Exact thickness [m] at places; None: what is right is the plain scheme on FINEST.
+    """
+
+    name: str
+    window: tuple[float, float, float, float]
+    end: float
+    ground: Function
+    scores: Callable[[Flow, np.ndarray, float], Iterator[tuple[str, float, str]]]
+    exact: Function | None = None
+
+    def centres(self, cell: float) -> tuple[np.ndarray, np.ndarray]:
+        """Places of the cells' centres, x and y [m]."""
+        x0, y0, x1, y1 = self.window
+        x, y = (np.arange(a + 0.5 * cell, b, cell) for a, b in ((x0, x1), (y0, y1)))
+        return tuple(np.meshgrid(x, y))
+
+    def means(self, function: Function, cell: float) -> np.ndarray:
+        """Means of a function over the cells."""
+        x, y = self.centres(cell)
+        shifts = ((np.arange(PLACES) + 0.5) / PLACES - 0.5) * cell
+        return sum(function(x + dx, y + dy) for dx in shifts for dy in shifts) / PLACES**2
+
+    def expected(self, cell: float) -> np.ndarray:
+        """What the thickness should be on cells [m]."""
+        if self.exact is not None:
+            return self.means(self.exact, cell)
+        fine = finest(self.name)
+        rows, columns = (round(side * FINEST / cell) for side in fine.shape)
+        blocks = fine.reshape(rows, len(fine) // rows, columns, -1)
+        return blocks.mean(axis=(1, 3))
+
+
+def distance(thickness, expected):
+    """Distance of a thickness from another, over that one's volume [%]."""
+    return 100.0 * np.abs(thickness - expected).sum() / expected.sum()
+
+
+SPREAD = exact.ConstantFluxSpread(DISCHARGE, NU, GRAVITY)
+HOUR = 3600.0
+
+
+def spread_scores(flow, thickness, cell):
+    """Radius of the area that lava covers, and the thickness's distance from the exact one."""
+    covered = np.count_nonzero(thickness > FRONT) * cell**2
+    if flow.window[1] == 0.0:
+        covered *= 2.0
+    radius = math.sqrt(covered / math.pi)
+    yield 'radius', 100.0 * (radius / SPREAD.radius_of_thickness(FRONT, flow.end) - 1.0), '%'
+    yield 'profile', distance(thickness, flow.expected(cell)), '%'
+
+
+def spread(name, window):
+    """A constant flux onto a plane (Huppert 1982)."""
+    return Flow(
+        name,
+        window,
+        HOUR,
+        lambda x, y: np.zeros_like(x),
+        spread_scores,
+        lambda x, y: SPREAD.thickness(np.hypot(x, y), HOUR),
+    )
+
+
+#: The valley: its fall along x and that of its walls, and where its stream is looked at [m].
+FALL, WALL, REACH = math.tan(math.radians(5.0)), 0.1, (350.0, 750.0)
+
+#: Its stream's thickness in the middle [m], the surface level across: Q = alpha FALL h^4 / 2 WALL.
+MIDDLE = (2.0 * WALL * DISCHARGE / (ALPHA * FALL)) ** 0.25
+
+
+def valley_scores(flow, thickness, cell):
+    """Section of the stream, and the thickness's distance from the exact one."""
+    x, _ = flow.centres(cell)
+    reach = (x[0] > REACH[0]) & (x[0] < REACH[1])
+    stream = thickness[:, reach]
+    expected = flow.expected(cell)[:, reach]
+    yield 'section', 100.0 * (stream.sum() / expected.sum() - 1.0), '%'
+    yield 'profile', distance(stream, expected), '%'
+
+
+def hill_scores(flow, thickness, cell):
+    """Area that lava covers, and the thickness's distance from that of FINEST."""
+    expected = flow.expected(cell)
+    covered = [np.count_nonzero(item > FRONT) for item in (thickness, expected)]
+    yield 'area', 100.0 * (covered[0] / covered[1] - 1.0), '%'
+    yield 'profile', distance(thickness, expected), '%'
+
+
+FLOWS = {
+    flow.name: flow
+    for flow in (
+        spread('constant_flux', (-130.0, -130.0, 130.0, 130.0)),
+        spread('constant_flux_half', (-130.0, 0.0, 130.0, 130.0)),
+        Flow(
+            'valley',
+            (-100.0, -100.0, 1800.0, 100.0),
+            7200.0,
+            lambda x, y: WALL * np.abs(y) - FALL * x,
+            valley_scores,
+            lambda x, y: np.maximum(MIDDLE - WALL * np.abs(y), 0.0),
+        ),
+        # a hill of 15 m in the way down the same fall
+        Flow(
+            'hill',
+            (-60.0, -140.0, 480.0, 140.0),
+            HOUR,
+            lambda x, y: 15.0 * np.exp(-((x - 150.0) ** 2 + (y - 10.0) ** 2) / 1800.0) - FALL * x,
+            hill_scores,
+        ),
+    )
+}
+
+
+def exact_means(flow, cell, _):
+    """The exact solution as means over the cells."""
+    return Result(flow.expected(cell), [])
+
+
+def timed(repetitions, run):
+    """The last result of several runs, and the CPU time of each."""
+    seconds = []
+    for _ in range(repetitions):
+        begin = time.process_time()
+        result = run()
+        seconds.append(time.process_time() - begin)
+    return Result(result, seconds)
+
+
+def preset(name):
+    """A preset, its kernels compiled beforehand."""
+
+    def run(flow, cell, repetitions):
+        x0, y0, _, _ = flow.window
+        terrain = Terrain(flow.ground(*flow.centres(cell)), cell, origin=(x0, y0))
+        vent = Vent((0.0, 0.0), DISCHARGE, radius=VENT_RADIUS)
+        scene = Scene(terrain, (vent,), ISOTHERMAL, gravity=GRAVITY)
+
+        def thickness(end=flow.end):
+            simulation = Simulation(
+                scene,
+                effects=FLAT,
+                accuracy=preset_accuracy(name),
+                device='cpu',
+                horizon=flow.end,
+            )
+            simulation.advance(end)
+            return np.nan_to_num(simulation.snapshot().thickness).astype(float)
+
+        thickness(1.0)
+        return timed(repetitions, thickness)
+
+    return run
+
+
+def compiled(folder):
+    """The plain scheme, from its source."""
+    library = Path(folder) / 'finite_volumes.so'
+    source = FOLDER / 'finite_volumes.c'
+    options = ['-O3', '-march=native', '-ffast-math', '-shared', '-fPIC']
+    subprocess.run(['cc', *options, '-o', library, source], check=True)
+    advance = ctypes.CDLL(str(library)).advance
+    cells, long = np.ctypeslib.ndpointer(np.float64, flags='C'), ctypes.c_long
+    box = np.ctypeslib.ndpointer(np.int64, flags='C')
+    advance.argtypes = [*[cells] * 4, box, long, long, *[ctypes.c_double] * 4]
+    advance.restype = long
+    return advance
+
+
+def plain(flow, cell, repetitions):
+    """The plain scheme."""
+    z = flow.ground(*flow.centres(cell))
+    source = flow.means(lambda x, y: 1.0 * (np.hypot(x, y) < VENT_RADIUS), cell)
+    half = 0.5 if flow.window[1] == 0.0 else 1.0
+    source *= half * DISCHARGE / (source.sum() * cell**2)
+    rows, columns = np.nonzero(source)
+    box = np.array([rows.min(), rows.max(), columns.min(), columns.max()])
+    with tempfile.TemporaryDirectory() as folder:
+        advance = compiled(folder)
+
+        def thickness():
+            h, change = np.zeros_like(z), np.zeros_like(z)
+            advance(h, change, z, source, box, *z.shape, cell, ALPHA, SHARE, flow.end)
+            return h
+
+        return timed(repetitions, thickness)
+
+
+def lava2d(folder):
+    """Lava2d without cooling, crystals and crust; time is that of its ``sim.run``."""
+
+    def run(flow, cell, repetitions):
+        seconds = []
+        with tempfile.TemporaryDirectory() as place:
+            output = f'{place}/out.npz'
+            script = [sys.executable, FOLDER / 'lava2d.py', folder, flow.name, f'{cell:g}', output]
+            for _ in range(repetitions):
+                subprocess.run(script, env=ONE_THREAD, stdout=subprocess.DEVNULL, check=True)
+                with np.load(output) as out:
+                    thickness, second = out['thickness'], float(out['seconds'])
+                seconds.append(second)
+        return Result(thickness, seconds)
+
+    return run
+
+
+@lru_cache
+def finest(name):
+    """The thickness of a flow by the plain scheme on FINEST."""
+    return plain(FLOWS[name], FINEST, 1).thickness
+
+
+def codes(folder):
+    """What can be run: a group, a flow's name, a code's, its cells [m] and how it is run."""
+    for name in FLOWS:
+        half = name.endswith('_half')
+        for cell in (10.0, 5.0, 2.5):
+            if name.startswith('constant_flux'):
+                yield 'plain', name, 'exact solution', cell, exact_means
+            yield 'plain', name, 'plain scheme', cell, plain
+        for item in () if half else PRESETS:
+            yield 'presets', name, item, 5.0, preset(item)
+        for cell in () if half or folder is None else (10.0, 5.0):
+            yield 'lava2d', name, 'Lava2d', cell, lava2d(folder)
+
+
+def main():
+    """Run codes and renew their rows."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('group', nargs='+', choices=('presets', 'plain', 'lava2d'))
+    parser.add_argument('--lava2d', metavar='FOLDER', help='a checkout of Lava2d')
+    parser.add_argument('--repetitions', type=int, default=3)
+    chosen = parser.parse_args()
+    if 'lava2d' in chosen.group and chosen.lava2d is None:
+        parser.error('lava2d takes --lava2d FOLDER')
+    rows = {}
+    if TABLE.exists():
+        with TABLE.open(newline='', encoding='utf-8') as file:
+            for row in csv.DictReader(file):
+                rows[tuple(row[column] for column in COLUMNS[:4])] = row
+    for group, name, code, cell, run in codes(chosen.lava2d):
+        if group not in chosen.group:
+            continue
+        flow = FLOWS[name]
+        result = run(flow, cell, chosen.repetitions)
+        spent = sorted(result.seconds)
+        times = [f'{item:.3g}' for item in (median(spent), spent[0], spent[-1])] if spent else []
+        for quantity, value, unit in flow.scores(flow, result.thickness, cell):
+            key = (name, code, f'{cell:g}', quantity)
+            fields = [f'{value:.4g}', unit, *(times or [''] * 3), len(spent)]
+            command = f'taskset --cpu-list 0 python docs/benchmarks/codes.py {group}'
+            fields += [machine_name('cpu'), command]
+            rows[key] = dict(zip(COLUMNS, (*key, *fields), strict=True))
+            print(*key, *fields[:3], flush=True)
+    # rows of what is no longer run are dropped
+    order = [(name, code, f'{cell:g}') for _, name, code, cell, _ in codes('')]
+    with TABLE.open('w', newline='', encoding='utf-8') as file:
+        table = csv.DictWriter(file, COLUMNS, lineterminator='\n')
+        table.writeheader()
+        for made in order:
+            table.writerows(row for key, row in rows.items() if key[:3] == made)
+
+
+if __name__ == '__main__':
+    main()
