@@ -82,6 +82,13 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
         'brink', 'fine', 'place',
     ),
     Safeguard(
+        'fall', 'lava at a wall that is many times as fast as free fall',
+        f'{SOLVER}/fall.py',
+        'if head > fall:',
+        'if head > fall + real(1e30):',
+        'pit_filled', 'standard', 'fall',
+    ),
+    Safeguard(
         'onward', 'lava that slows down within a step and is put back, again and again',
         f'{SOLVER}/motion.py',
         'if short > real(0.0):',

@@ -30,8 +30,8 @@ from typing import Any
 
 import warp as wp
 
-#: Steepest ground on which lava lies as a layer [deg]. The speed on the map is largest at 30, and
-#: a third of that at 60: a layer is 1.44 times as thick there, and thinner again on what is steeper.
+#: Steepest ground on which lava lies as a layer [deg]. The speed on the map is largest at 30 and a
+#: third of that at 60: a layer is 1.44 times as thick there, and thinner again on what is steeper.
 STEEPEST = 60.0
 
 #: The square of its gradient.
