@@ -166,11 +166,15 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             mobility = response[0]
             largest = response[1]
         velocity = -mobility * surface
+        bounded = velocity
         if wp.static(not effects.inertia):
-            velocity = fallen(
+            bounded = fallen(
                 velocity, height, place.x, place.y, real(constants.gravity), top, elevation,
                 terrain,
             )
+        if wp.static(not (green or helmholtz)):
+            # to lateral stress it stands for what drives lava, and the mean is bounded
+            velocity = bounded
         if flow:
             flow[i] = vec3(height, velocity[0], velocity[1])
         if wp.static(effects.viscous_heating):
@@ -202,7 +206,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             flow[i] = vec3(height, surface.x, surface.y)
         else:
             raised(rates, DIFFUSION, rate)
-            raised(rates, ADVECTION, wp.length(velocity) / real(constants.reach))
+            raised(rates, ADVECTION, wp.length(bounded) / real(constants.reach))
 
     return balance
 

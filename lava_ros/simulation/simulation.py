@@ -433,9 +433,6 @@ class Simulation:
             count = 1 + math.ceil(math.dist(start, end) / resolution)
             every.append(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start))
         top = max(float(read(self._state.top)[0]), self._terrain.highest(np.concatenate(every)))
-        if self.accuracy.formulation == 'as-published':
-            # the paper's formulas know no bound
-            top = FAR
         self._state.top.fill_(top)
 
     def _append(self, rows: np.ndarray | list[tuple[float, ...]]) -> None:

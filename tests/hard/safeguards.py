@@ -65,7 +65,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
         f'{SOLVER}/motion.py',
         'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top:',
         'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top + real(1e30):',
-        'film_at_wall', 'fine', 'climb',
+        'film_at_wall', 'standard', 'climb',
     ),
     Safeguard(
         'push', 'lava lifted by all of its thickness where its surface is all but level',

@@ -318,7 +318,6 @@ def _motion_kernel(
             wait_for(pace.chosen)
         # read again: it would take registers from the sums
         p = load(way.ordered, i)
-        # lava that falls drags along what has not
         u = fallen(
             vec2(f[1], f[2]), f[0], p[0], p[1], real(way.constants.gravity), way.top,
             way.elevation, way.terrain,

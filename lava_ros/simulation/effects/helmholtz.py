@@ -230,7 +230,6 @@ def _kernels(
         after_the_former()
         if i < counts[PARTICLES]:
             p = load(layer, i)
-            # lava that falls drags along what has not
             u = fallen(solution[i], p[3], p[0], p[1], real(gravity), top, elevation, terrain)
             flow[i] = vec3(p[3], u[0], u[1])
 

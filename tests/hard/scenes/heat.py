@@ -75,6 +75,7 @@ SCENES = (
         'as_cold_as_the_air', 'lava that has the temperature of the air',
         scene(plane(0.2), (), Lava(viscosity=1.0, arrhenius=0.004), ambient_temperature=600.0),
         1000.0, lava=block(40.0, 40.0, 1.0, temperature=600.0), thickness=1.0, mirrored=True,
+        mirrored_until=100.0,
     ),
     HardScene(
         'chilled_at_once', 'heat transfer so strong that a step takes all of it',

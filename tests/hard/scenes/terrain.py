@@ -121,7 +121,7 @@ SCENES = (
         'pit_filled', 'thin lava that fills a pit of 50 m from within',
         scene(terrain(_deep, cell=10.0, side=30), (vent(0.0, 0.0, 200.0, radius=10.0),),
               material(viscosity=100.0)),
-        150.0, mirrored=True, mirrored_until=30.0, halved=False,
+        150.0, frames=20, mirrored=True, mirrored_until=30.0, halved=False,
         dry=lambda places: np.abs(places).max(axis=1) > 60.0,
     ),
     HardScene(
