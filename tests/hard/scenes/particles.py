@@ -86,6 +86,7 @@ SCENES = (
         'piled_up_lateral', 'a pile fifty times as thick as was expected, with lateral stress',
         scene(), 10.0, 'lateral', lava=block(10.0, 10.0, 50.0), thickness=1.0,
         dry=lambda places: np.hypot(*places.T) > 60.0, mirrored=True,
+        mirrored_until=0.4,
     ),
     HardScene(
         'piled_higher_lateral', 'a pile a thousand times as thick as was expected, likewise',
