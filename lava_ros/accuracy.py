@@ -157,15 +157,15 @@ def expected_thickness(scene: Scene) -> float:
 def mature_thickness(scene: Scene) -> float:
     """Thickness scale of a flow that has cooled half-way to its solidus [m].
 
-    Most of a flow is lava on its way, not lava at its vent: the scale above at the geometric mean
-    of its viscosities at vent and solidus.
+    Most of a flow is lava on its way, not lava at its vent: it is the scale above at
+    ``mature_viscosity``.
     """
-    stiffer = stiffened_viscosity(scene, 0.5) / vent_viscosity(scene)
+    stiffer = mature_viscosity(scene) / vent_viscosity(scene)
     return expected_thickness(scene) * math.sqrt(math.sqrt(stiffer))
 
 
-def stiffened_viscosity(scene: Scene, share: float) -> float:
-    """Viscosity of a share of the way from the vent to the solidus, on a logarithmic scale [Pa s].
+def mature_viscosity(scene: Scene) -> float:
+    """Geometric mean of the viscosities at the hottest vent and at the solidus [Pa s].
 
     Without a solidus it is that at the vent.
     """
@@ -173,8 +173,7 @@ def stiffened_viscosity(scene: Scene, share: float) -> float:
     if not scene.lava.solidus:
         return viscosity
     ratio = scene.lava.viscosity_at(scene.lava.solidus) / viscosity
-    stiffer: float = min(max(ratio, 1.0), MOST_STIFFENING) ** share
-    return viscosity * stiffer
+    return viscosity * math.sqrt(min(max(ratio, 1.0), MOST_STIFFENING))
 
 
 def vent_viscosity(scene: Scene) -> float:

@@ -29,7 +29,7 @@ import math
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy, mature_thickness, stiffened_viscosity
+from lava_ros.accuracy import Accuracy, mature_thickness, mature_viscosity
 from lava_ros.scene import Scene, Terrain, Vent
 
 #: How far ahead is looked, unless somebody says otherwise [s].
@@ -51,9 +51,8 @@ _ERROR, _ORDER = 3.0, 1.0
 #: Particles that the horizon may bring at a refinement of 1; the spacing grows with more.
 MOST_PARTICLES = 200_000
 
-#: Share of the way from vent to solidus, in powers of the viscosity, at which the width is taken:
-#: with this share, flows that freeze and flows that do not need as many particles across.
-_STIFFENED = 0.3
+#: Quantile of the widths along the way: what is narrow is what has to be resolved.
+_NARROW = 0.25
 
 #: Points of the path, cells between two of them, directions in which the next is looked for.
 _POINTS, _STRIDE, _DIRECTIONS = 256, 4.0, 64
@@ -156,7 +155,7 @@ def resolved_accuracy(
 
 @lru_cache(maxsize=2)
 def flow_width(scene: Scene, *, horizon: float = HORIZON) -> float:
-    """Median width [m] of the flow along the way that it takes within a time.
+    """Width [m] of the flow, the lower quartile along the way that it takes within a time.
 
     Args:
         scene: The scene.
@@ -170,7 +169,7 @@ def flow_width(scene: Scene, *, horizon: float = HORIZON) -> float:
         return math.nan
     vent = max(vents, key=_peak)
     discharge, terrain = _peak(vent), scene.terrain
-    kinematic = stiffened_viscosity(scene, _STIFFENED) / scene.lava.density
+    kinematic = mature_viscosity(scene) / scene.lava.density
     x0, y0, x1, y1 = terrain.extent
     level = _HUPPERT * (scene.gravity * discharge**3 / (3.0 * kinematic)) ** 0.125
     level = max(level * math.sqrt(horizon), 2.0 * vent.radius)
@@ -190,7 +189,7 @@ def flow_width(scene: Scene, *, horizon: float = HORIZON) -> float:
     width, area = _normal_depth(terrain, path[1:-1], along, widest, discharge / mobility)
     # the front moves on by the volume that its cross-sections take
     reached = np.cumsum(area * step) / discharge <= horizon
-    return min(float(np.median(width[: max(int(reached.sum()), 1)])), most)
+    return min(float(np.quantile(width[: max(int(reached.sum()), 1)], _NARROW)), most)
 
 
 def _peak(vent: Vent) -> float:

@@ -22,6 +22,7 @@ import numpy as np
 
 from lava_ros.checkpoint import Checkpoint
 from lava_ros.errors import LavaError
+from lava_ros.simulation.state import FAR
 
 if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation
@@ -63,7 +64,10 @@ def put_back(simulation: Simulation, checkpoint: Checkpoint) -> Simulation:
     for name, array in checkpoint.arrays.items():
         owner, _, own_name = name.partition('.')
         parts.setdefault(owner, {})[own_name] = array
-    simulation._state.load(parts.pop('state', {}), checkpoint.capacity)
+    state = parts.pop('state', {})
+    # what was written before there was a bound goes on without one
+    state.setdefault('top', np.full_like(simulation._state.top.numpy(), FAR))
+    simulation._state.load(state, checkpoint.capacity)
     carried, released = _conduits(checkpoint, parts.pop('vents', {}))
     simulation._vents = simulation._vent_set(
         checkpoint.scene.vents, since=checkpoint.since, carried=carried

@@ -50,6 +50,7 @@ from lava_ros.simulation.compiled import (
     sum_over,
 )
 from lava_ros.simulation.effects import load as load_effect
+from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.rheology import rheology_type, speed_function, viscosity_function
@@ -123,6 +124,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     along = load_effect('steep').along(real) if effects.steep else None
     speed = speed_function(real, effects)
     raised = raise_to(real)
+    fallen = fall_function(real)
 
     @wp.func
     def balance(
@@ -136,6 +138,9 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         bend: real,
         law: rheology_type(real),
         constants: flow_constants_of(real),
+        top: wp.array(dtype=real),
+        elevation: wp.array2d(dtype=real),
+        terrain: terrain_frame(real),
         flow: wp.array(dtype=vec3),
         source: wp.array(dtype=vec4),
         area_of: wp.array(dtype=real),
@@ -161,6 +166,15 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             mobility = response[0]
             largest = response[1]
         velocity = -mobility * surface
+        bounded = velocity
+        if wp.static(not effects.inertia):
+            bounded = fallen(
+                velocity, height, place.x, place.y, real(constants.gravity), top, elevation,
+                terrain,
+            )
+        if wp.static(not (green or helmholtz)):
+            # to lateral stress it stands for what drives lava, and the mean is bounded
+            velocity = bounded
         if flow:
             flow[i] = vec3(height, velocity[0], velocity[1])
         if wp.static(effects.viscous_heating):
@@ -192,7 +206,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             flow[i] = vec3(height, surface.x, surface.y)
         else:
             raised(rates, DIFFUSION, rate)
-            raised(rates, ADVECTION, wp.length(velocity) / real(constants.reach))
+            raised(rates, ADVECTION, wp.length(bounded) / real(constants.reach))
 
     return balance
 
@@ -240,6 +254,7 @@ def flow_kernels(
         terrain: terrain_frame(real),
         law: rheology_type(real),
         constants: flow_constants_of(real),
+        top: wp.array(dtype=real),
         flow: wp.array(dtype=vec3),
         source: wp.array(dtype=vec4),
         area_of: wp.array(dtype=real),
@@ -271,7 +286,7 @@ def flow_kernels(
         bend = bend_at(elevation, terrain, p[0], p[1])
         balance(
             i, vec2(p[0], p[1]), p[2], p[3], height, surface, ground, bend, law, constants,
-            flow, source, area_of, rates, slope_of,
+            top, elevation, terrain, flow, source, area_of, rates, slope_of,
         )
 
     @quick_kernel
@@ -323,6 +338,7 @@ def flow_kernels(
         terrain: terrain_frame(real),
         law: rheology_type(real),
         constants: flow_constants_of(real),
+        top: wp.array(dtype=real),
         surface: wp.array(dtype=vec2),
         flow: wp.array(dtype=vec3),
         source: wp.array(dtype=vec4),
@@ -381,7 +397,7 @@ def flow_kernels(
         bend = bend_at(elevation, terrain, p[0], p[1])
         balance(
             i, vec2(p[0], p[1]), p[2], p[3], flow[i][0], rise, ground, bend, law, constants,
-            flow, source, area_of, rates, slope_of,
+            top, elevation, terrain, flow, source, area_of, rates, slope_of,
         )
 
     if gradient == 'energy':
@@ -424,7 +440,7 @@ def compute_flow(
     launch_over(
         state,
         kernels.flow,
-        inputs=[*ground, law, constants, *surface],
+        inputs=[*ground, law, constants, state.top, *surface],
         outputs=[
             state.flow if fills_flow or state.has_surface else None,
             *state.optional('source', 'area'),

@@ -28,8 +28,9 @@ from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
 
 #: Arrays of ``State`` that a motion reads and writes, those among them that there are.
 _ARRAYS = (
-    'counts', 'clock', 'stage', 'ordered', 'ordered_base', 'ordered_drift', 'ordered_remainder',
-    'ordered_age', 'particle', 'base', 'drift', 'remainder', 'velocity', 'age', 'slope', 'cold',
+    'counts', 'clock', 'top', 'stage', 'ordered', 'ordered_base', 'ordered_drift',
+    'ordered_remainder', 'ordered_age', 'particle', 'base', 'drift', 'remainder', 'velocity',
+    'age', 'slope', 'cold',
 )
 
 
@@ -43,6 +44,7 @@ def journey_type(real: Any) -> Any:
     class Journey:
         counts: wp.array(dtype=wp.int32)
         clock: wp.array(dtype=wp.float64)
+        top: wp.array(dtype=real)
         stage: wp.array(dtype=real)
         elevation: wp.array2d(dtype=real)
         terrain: terrain_frame(real)

@@ -44,6 +44,7 @@ from lava_ros.simulation.stage import Stage
 from lava_ros.simulation.state import (
     BEYOND,
     centre_of,
+    FAR,
     NEWCOMERS,
     PARTICLES,
     room_for,
@@ -128,6 +129,7 @@ class Simulation:
         self._place(scene.terrain)
         self._start_with(particles)
         self._vents = self._vent_set(scene.vents, since=0.0, carried=[0.0] * len(scene.vents))
+        self._raise_top(self._state.read_particles()[:, :2])
 
     @property
     def device(self) -> str:
@@ -282,6 +284,7 @@ class Simulation:
         ]
         self._vents = self._vent_set(vents, since=now, carried=carried)
         self.scene = scene
+        self._raise_top()
         self._decide()
         self._append(
             [
@@ -313,6 +316,8 @@ class Simulation:
         self._vents = self._vent_set(scene.vents, since=self.time, carried=pending)
         self._decide()
         self._sort()
+        self._state.top.fill_(-FAR)
+        self._raise_top(self._state.read_particles()[:, :2])
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float = HORIZON) -> None:
         """Choose the effects anew from now on; what has frozen stays ground.
@@ -424,6 +429,17 @@ class Simulation:
         self._cover()
         self._emitted_before = float(self._state.read_particles()[:, 2].sum())
         self._sort()
+
+    def _raise_top(self, places: np.ndarray | None = None) -> None:
+        """Let lava have fallen from the vents, and from places relative to the centre [m]."""
+        every = [np.empty((0, 2)) if places is None else places]
+        centre, resolution = centre_of(self.scene.terrain), self.scene.terrain.resolution
+        for vent in self.scene.vents:
+            start, end = np.subtract((vent.position, vent.end or vent.position), centre)
+            count = 1 + math.ceil(math.dist(start, end) / resolution)
+            every.append(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start))
+        top = max(float(read(self._state.top)[0]), self._terrain.highest(np.concatenate(every)))
+        self._state.top.fill_(top)
 
     def _append(self, rows: np.ndarray | list[tuple[float, ...]]) -> None:
         """Add particles given as (map x, map y, volume, temperature)."""

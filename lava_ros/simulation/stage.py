@@ -161,12 +161,16 @@ class Stage:
         if self._accuracy.formulation == 'as-published':
             publish_velocity(self._state, self._neighbors, self._radius, self._viscosity)
         elif self._effects.green:
-            load('green').spread_velocity(self._state, self._neighbors, self._radius)
+            load('green').spread_velocity(
+                self._state, self._neighbors, self._terrain, self.constants
+            )
         elif self._effects.helmholtz:
             assert self._accuracy.thickness is not None
             load('helmholtz').solve_velocity(
                 self._state,
                 self._neighbors,
+                self._terrain,
+                gravity=self.constants.gravity,
                 radius=self._radius,
                 thickness=THICKEST * self._accuracy.thickness,
                 kernel=self._accuracy.kernel,

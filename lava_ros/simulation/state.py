@@ -74,6 +74,9 @@ SHARED_LANES, SHARED_UP_TO = 4, 50_000
 #: then, and launches are dear.
 AT_ONCE = 150_000
 
+#: Elevation above, or below, every other [m]; finite, as a checkpoint's numbers are.
+FAR = 1e30
+
 #: Items behind the last that sums over neighbours may read (cells.py).
 SPARE = 3
 
@@ -137,6 +140,7 @@ class State:
         chosen: 1 from when a stage is chosen within its motion (direction.py) until its end.
         stage: Weights of the stage at hand.
         rates: Reciprocal of the step each limit allows [1/s].
+        top: Elevation of the highest ground that lava came from, above the terrain's mean [m].
         left: Volume that has left the terrain [m3], float64.
         cold: Only with solidification: 1 when a particle got colder than the solidus in this step.
         frozen: Only with solidification: volume that has frozen [m3], float64.
@@ -184,6 +188,7 @@ class State:
             self.moved = wp.zeros(2, dtype=wp.float64, device=device)
         if effects.conduction:
             self.waited = wp.zeros(2, dtype=wp.float64, device=device)
+        self.top = wp.full(1, -FAR, dtype=self.real, device=device)
         self.left = wp.zeros(1, dtype=wp.float64, device=device)
         if effects.solidification:
             self.cold = wp.zeros(1, dtype=wp.int32, device=device)
@@ -394,7 +399,7 @@ class State:
         for name in set(self._carried) & set(former._carried):
             if count:
                 wp.copy(getattr(self, name), getattr(former, name), count=count)
-        for name in ('clock', 'counts', 'left', 'frozen'):
+        for name in ('clock', 'counts', 'top', 'left', 'frozen'):
             if hasattr(self, name) and hasattr(former, name):
                 wp.copy(getattr(self, name), getattr(former, name))
 
@@ -435,7 +440,7 @@ class State:
     @property
     def _sums(self) -> list[str]:
         """Names of the arrays that do not depend on the number of particles."""
-        names = ('clock', 'counts', 'rates', 'stage', 'left', 'frozen', 'moved', 'waited')
+        names = ('clock', 'counts', 'rates', 'stage', 'top', 'left', 'frozen', 'moved', 'waited')
         return [name for name in names if hasattr(self, name)]
 
     def take_order(self) -> None:

@@ -21,6 +21,7 @@ own direction, quadratic across, the same at the corners, and curl-free.
 """
 
 from functools import lru_cache
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +30,7 @@ import warp as wp
 from lava_ros.scene import Terrain
 from lava_ros.simulation.compiled import load9
 from lava_ros.simulation.state import centre_of, REAL
+from lava_ros.simulation.streams import read
 
 
 @lru_cache
@@ -74,6 +76,36 @@ class StaggeredTerrain:
             frame.x0, frame.y0 = float(x0), float(y0)
             frame.resolution = terrain.resolution
             frame.rows, frame.columns = rows, columns
+
+    def highest(self, places: np.ndarray) -> float:
+        """Height of the highest of some places [m].
+
+        Args:
+            places: Positions relative to the terrain's centre [m], shape [count, 2].
+        """
+        real, device = self.height.dtype, self.height.device
+        heights = wp.empty(len(places), dtype=real, device=device)
+        where = wp.array(places, dtype=wp.types.vector(2, real), device=device)
+        inputs = [where, self.height, self.frame]
+        wp.launch(_heights(real), len(places), inputs, [heights], device=device)
+        return float(read(heights).max(initial=-math.inf))
+
+
+@lru_cache
+def _heights(real: Any) -> Any:
+    height_at = terrain_functions(real).height_at
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def heights_at(
+        places: wp.array(dtype=wp.types.vector(2, real)),
+        height: wp.array2d(dtype=real),
+        frame: terrain_frame(real),
+        heights: wp.array(dtype=real),
+    ):
+        i = wp.tid()
+        heights[i] = height_at(height, frame, places[i][0], places[i][1])
+
+    return heights_at
 
 
 def ringed_heights(terrain: Terrain) -> np.ndarray:

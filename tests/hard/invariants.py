@@ -41,6 +41,8 @@ climb        The surface H + h at a particle is no higher than the highest that 
              u^2 / 2g so far. Tolerance: the smaller of its own thickness and what the
              ground around it rises in one kernel radius. A sum over the neighbours cannot tell
              heights within its radius apart, and never makes lava where there is none.
+fall         Without inertia u^2 / 2g is at most the fall from the highest surface that lava came
+             from, plus the thickness. Not at the paper's formulas, which have no bound.
 place        Particles are on cells with data, and nowhere that the scene declares dry.
 cost         Velocity evaluations in a frame: at most ``COST`` times those that the thickest,
              fastest and least viscous lava at the frame's ends allow with steps at the limits.
@@ -76,6 +78,9 @@ STEEPEST = 1.5
 
 #: Share of the energy that rounding may add in a frame: positions and heights are float32.
 ENERGY = 1e-6
+
+#: Share by which u^2 may exceed that of free fall: heights are float32.
+FALL = 1e-3
 
 #: Evaluations over those that the lava at the frame's ends calls for.
 COST = 4.0
@@ -163,6 +168,7 @@ class Watch:
         self._hottest = -math.inf
         self._coldest = math.inf
         self._top = -math.inf
+        self._source = -math.inf
         self._head = 0.0
         self._thrown = 0.0
         self._first = math.inf
@@ -178,12 +184,14 @@ class Watch:
         if former is not self._terrain:
             top = float(np.nanmax(self._terrain.elevation))
             self._highest = max(self._highest + lift(former, self._terrain), top)
+            self._source = -math.inf
         self._top = -math.inf
         self._know(sample)
         ground = Ground(self._simulation)
         if len(sample.volume):
             surface = sample.thickness + ground.height(sample.position)
             self._top = max(self._top, float(surface.max()))
+            self._source = max(self._source, self._top)
         now = self._frame(sample, ground)
         if not hasattr(self, '_last'):
             self._received = now.energy
@@ -316,10 +324,16 @@ class Watch:
             return
         surface = sample.thickness + ground.height(sample.position)
         self._raise_top(sample, surface, ground)
-        speed = np.linalg.norm(sample.velocity, axis=1)
+        heads = (sample.velocity**2).sum(axis=1) / (2.0 * self._simulation.scene.gravity)
         if self._simulation.effects.inertia:
-            gravity = self._simulation.scene.gravity
-            self._head = max(self._head, float(speed.max()) ** 2 / (2.0 * gravity))
+            self._head = max(self._head, float(heads.max()))
+        elif self._simulation.accuracy.formulation != 'as-published':
+            self._source = max(self._source, self._top)
+            fall = np.maximum(self._source - surface + sample.thickness, 0.0)
+            most = (fall + sample.thickness) * (1.0 + FALL)
+            worst = int(np.argmax(heads / most))
+            where = f'at ({sample.position[worst][0]:.6g}, {sample.position[worst][1]:.6g})'
+            bound('fall', float(heads[worst]), float(most[worst]), where)
         rise = ground.rise(sample.position, self._simulation.radius)
         tolerance = np.minimum(sample.thickness, rise)
         # 64 roundings of 2^-24, as of a sum over so many neighbours

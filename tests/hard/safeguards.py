@@ -65,7 +65,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
         f'{SOLVER}/motion.py',
         'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top:',
         'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top + real(1e30):',
-        'film_at_wall', 'fine', 'climb',
+        'film_at_wall', 'standard', 'climb',
     ),
     Safeguard(
         'push', 'lava lifted by all of its thickness where its surface is all but level',
@@ -80,6 +80,13 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
         'if size > most:',
         'if size > most + real(1e30):',
         'brink', 'fine', 'place',
+    ),
+    Safeguard(
+        'fall', 'lava at a wall that is many times as fast as free fall',
+        f'{SOLVER}/fall.py',
+        'if head > fall:',
+        'if head > fall + real(1e30):',
+        'pit_filled', 'standard', 'fall',
     ),
     Safeguard(
         'onward', 'lava that slows down within a step and is put back, again and again',
@@ -107,7 +114,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
         f'{SOLVER}/effects/inertia.py',
         'if work > given:',
         'if work > given + real(1e30):',
-        'heated_by_fall_inertia', 'standard', 'temperature',
+        'heated_in_canyon_inertia', 'draft', 'temperature',
     ),
     Safeguard(
         'bend', 'lava that swings from side to side of a hollow in ever shorter steps',

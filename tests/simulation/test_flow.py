@@ -136,7 +136,7 @@ def test_viscosity_follows_arrhenius(device):
     speeds = []
     for temperature in (1423.0, 1323.0):
         simulation = Simulation(
-            Scene(Terrain(np.tile(np.arange(10.0), (10, 1)), 1.0)),
+            Scene(Terrain(np.tile(np.arange(10.0), (10, 1)), 1.0), lava=Lava(viscosity=1e5)),
             effects=Effects(cooling=False, steep=False),
             accuracy=Accuracy(spacing=1.0, thickness=1.0),
             particles=Particles([[5.0, 5.0]], 1.0, temperature),

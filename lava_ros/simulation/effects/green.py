@@ -49,6 +49,8 @@ from lava_ros.simulation.compiled import (
     wait_for,
 )
 from lava_ros.simulation.direction import Direction, DIRECTORS
+from lava_ros.simulation.fall import fall_function
+from lava_ros.simulation.flow import flow_constants_of
 from lava_ros.simulation.journey import journey_type
 from lava_ros.simulation.kernels import (
     bessel,
@@ -60,6 +62,7 @@ from lava_ros.simulation.kernels import (
 from lava_ros.simulation.motion import motion_of
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
 from lava_ros.simulation.threads import launch_over, LEAST_SUMS
 from lava_ros.simulation.timestep import pace_type
 from lava_ros.simulation.vents import Outlets
@@ -228,10 +231,12 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
 
 @lru_cache
 def _velocity_kernel(real: Any, lanes: int, is_short: bool, is_wide: bool) -> Any:
+    vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     load, load_number = load4(real), load1(real)
     velocity_of = _velocity_function(real, lanes, is_short, is_wide)
+    fallen = fall_function(real)
 
     @quick_kernel
     def green_velocity(
@@ -242,6 +247,10 @@ def _velocity_kernel(real: Any, lanes: int, is_short: bool, is_wide: bool) -> An
         support: real,
         source: wp.array(dtype=vec4),
         area: wp.array(dtype=real),
+        constants: flow_constants_of(real),
+        top: wp.array(dtype=real),
+        elevation: wp.array2d(dtype=real),
+        terrain: terrain_frame(real),
         flow: wp.array(dtype=vec3),
         first: int,
     ):
@@ -253,7 +262,11 @@ def _velocity_kernel(real: Any, lanes: int, is_short: bool, is_wide: bool) -> An
             here, p, own = load(ordered, i), load(source, i), load_number(area, i)
             f = velocity_of(lane, here, p, own, starts, cells, support, source, area)
             if lane == 0:
-                flow[i] = f
+                u = fallen(
+                    vec2(f[1], f[2]), f[0], here[0], here[1], real(constants.gravity), top,
+                    elevation, terrain,
+                )
+                flow[i] = vec3(f[0], u[0], u[1])
 
     return green_velocity
 
@@ -268,9 +281,12 @@ def _motion_kernel(
     direct: Any,
     bounds: tuple[int, int] | None,
 ) -> Any:
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     load, load_number = load4(real), load1(real)
     velocity_of = _velocity_function(real, lanes, is_short, is_wide)
+    fallen = fall_function(real)
 
     @quick_kernel(bounds=bounds)
     def green_motion(
@@ -294,14 +310,19 @@ def _motion_kernel(
         lane = thread % lanes
         if i >= past_the_cache(way.counts, PARTICLES):
             return
-        here, p, own = load(way.ordered, i), load(source, i), load_number(area, i)
-        f = velocity_of(lane, here, p, own, starts, way.cells, support, source, area)
+        here, driven, own = load(way.ordered, i), load(source, i), load_number(area, i)
+        f = velocity_of(lane, here, driven, own, starts, way.cells, support, source, area)
         if lane > 0:
             return
         if wp.static(direct is not None):
             wait_for(pace.chosen)
         # read again: it would take registers from the sums
-        motion(i, load(way.ordered, i), f, way)
+        p = load(way.ordered, i)
+        u = fallen(
+            vec2(f[1], f[2]), f[0], p[0], p[1], real(way.constants.gravity), way.top,
+            way.elevation, way.terrain,
+        )
+        motion(i, p, vec3(f[0], u[0], u[1]), way)
 
     return green_motion
 
@@ -345,13 +366,16 @@ def move_particles(
     neighbors.is_binned = state.bins_in_motion
 
 
-def spread_velocity(state: State, neighbors: NeighborGrid, support: float) -> None:
+def spread_velocity(
+    state: State, neighbors: NeighborGrid, terrain: StaggeredTerrain, constants: Any
+) -> None:
     """Replace the local velocity in ``state.flow`` by the Green's function's.
 
     Args:
         state: The particles; ``source`` and ``area`` of it are filled.
         neighbors: Their neighbour grid, built.
-        support: Radius at which the Green's function is cut off [m], at most the cells' size.
+        terrain: The ground.
+        constants: The flow's; at the kernel's radius the Green's function is cut off.
     """
     launch_over(
         state,
@@ -361,9 +385,13 @@ def spread_velocity(state: State, neighbors: NeighborGrid, support: float) -> No
             state.counts,
             neighbors.starts,
             neighbors.frame,
-            support,
+            constants.radius,
             state.source,
             state.area,
+            constants,
+            state.top,
+            terrain.height,
+            terrain.frame,
         ],
         outputs=[state.flow],
         least=_LEAST_PART,

@@ -41,9 +41,11 @@ from lava_ros.simulation.compiled import (
     store4,
     sum_over,
 )
+from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import smoothing_kernel, SmoothingKernel
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
 from lava_ros.simulation.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.wide import over_neighbors
 
@@ -146,6 +148,7 @@ def _kernels(
     terms = kernel.terms
     cells_around = cell_functions(real).cells_around
     load, store, total = load4(real), store4(real), sum_over(real, lanes)
+    fallen = fall_function(real)
     sums_around = _sums_function(real, kernel, lanes)
     if is_wide and kernel.wide_terms:
         sums_around = _wide_sums_function(kernel.wide_terms)
@@ -215,13 +218,20 @@ def _kernels(
     @quick_kernel
     def finish(
         counts: wp.array(dtype=wp.int32),
+        layer: wp.array(dtype=vec4),
         solution: wp.array(dtype=vec2),
+        gravity: wp.float64,
+        top: wp.array(dtype=real),
+        elevation: wp.array2d(dtype=real),
+        terrain: terrain_frame(real),
         flow: wp.array(dtype=vec3),
     ):
         i = wp.tid()
         after_the_former()
         if i < counts[PARTICLES]:
-            flow[i] = vec3(flow[i][0], solution[i][0], solution[i][1])
+            p = load(layer, i)
+            u = fallen(solution[i], p[3], p[0], p[1], real(gravity), top, elevation, terrain)
+            flow[i] = vec3(p[3], u[0], u[1])
 
     return start, sweep, finish
 
@@ -259,7 +269,9 @@ def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
 def solve_velocity(
     state: State,
     neighbors: NeighborGrid,
+    terrain: StaggeredTerrain,
     *,
+    gravity: float,
     radius: float,
     thickness: float,
     kernel: str,
@@ -270,6 +282,8 @@ def solve_velocity(
     Args:
         state: The particles.
         neighbors: Their neighbour grid, built.
+        terrain: The ground.
+        gravity: Acceleration of gravity [m/s2].
         radius: Kernel radius [m].
         thickness: Thickness up to which the sweeps converge as far as ``REDUCTION`` says [m].
         kernel: Name of the smoothing kernel.
@@ -306,6 +320,8 @@ def solve_velocity(
     state.launches(
         finish,
         dim=state.capacity,
-        inputs=[state.counts, current],
+        inputs=[
+            state.counts, state.layer, current, gravity, state.top, terrain.height, terrain.frame
+        ],
         outputs=[state.flow],
     )

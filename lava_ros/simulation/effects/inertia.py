@@ -38,7 +38,7 @@ Du/Dt = -g grad S - gamma u, gamma = 3 mu / (rho h^2) for Newtonian lava (MODEL.
   leapfrog: it conserves an energy that differs from it by parts of (w dt)^2 / 8, w the motion's
   frequency, and with it the energy swings to and fro. Reported velocities leave out the term of e
   for the last half of a step: they are exact where that is short.
-* Steep slopes. On a map the acceleration down a slope b is g tan b cos^2 b.
+* Steep slopes. On a map the acceleration down a slope b is g tan b cos^2 b; b as in steep.py.
 """
 
 from functools import lru_cache
@@ -138,7 +138,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
     viscosity = viscosity_function(real, effects)
     is_newtonian = speed_function(real, effects) is None
     slowed = _drag_function(real, effects)
-    steep, heats = effects.steep, effects.viscous_heating
+    square_of = load_effect('steep').squared_cosine(real) if effects.steep else None
+    heats = effects.viscous_heating
 
     @wp.func
     def of_sum(e: real) -> real:
@@ -153,8 +154,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
     @wp.func
     def share_of(ground: vec2) -> real:
         """The part of g that acts on a map, cos^2 b."""
-        if wp.static(steep):
-            return real(1.0) / (real(1.0) + wp.dot(ground, ground))
+        if wp.static(square_of is not None):
+            return square_of(ground)
         return real(1.0)
 
     @quick_kernel

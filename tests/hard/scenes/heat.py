@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hard.case import block, HardScene, material, plane, scene, vent
+from hard.case import block, CELL, HardScene, material, plane, scene, vent
 from lava_ros.lava import Lava
 from lava_ros.simulation import Particles
 
@@ -38,6 +38,10 @@ def _hot_on_cold(spacing: float) -> Particles:
         np.concatenate([cold.volume, hot.volume]),
         np.concatenate([cold.temperature, hot.temperature]),
     )
+
+
+def _canyon(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return 0.1 * y - 1000.0 * (np.abs(x - 0.5 * CELL) < 0.5 * CELL)
 
 
 def _cliff(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -75,6 +79,7 @@ SCENES = (
         'as_cold_as_the_air', 'lava that has the temperature of the air',
         scene(plane(0.2), (), Lava(viscosity=1.0, arrhenius=0.004), ambient_temperature=600.0),
         1000.0, lava=block(40.0, 40.0, 1.0, temperature=600.0), thickness=1.0, mirrored=True,
+        mirrored_until=100.0,
     ),
     HardScene(
         'chilled_at_once', 'heat transfer so strong that a step takes all of it',
@@ -92,6 +97,10 @@ SCENES = (
         'heated_by_fall_inertia', 'the same with inertia: into the foot of the cliff at speed',
         scene(_cliff, (vent(0.0, 40.0, 20.0),), material(viscosity=1.0)), 40.0,
         'heating_inertia', mirrored=True,
+    ),
+    HardScene(
+        'heated_in_canyon_inertia', 'the same into a canyon as wide as a cell',
+        scene(_canyon, (vent(0.0, 50.0),), material(viscosity=1.0)), 20.0, 'heating_inertia',
     ),
     HardScene(
         'held_by_strength', 'a yield strength that holds everything where it is',

@@ -86,11 +86,13 @@ SCENES = (
         'piled_up_lateral', 'a pile fifty times as thick as was expected, with lateral stress',
         scene(), 10.0, 'lateral', lava=block(10.0, 10.0, 50.0), thickness=1.0,
         dry=lambda places: np.hypot(*places.T) > 60.0, mirrored=True,
+        mirrored_until=0.4,
     ),
     HardScene(
         'piled_higher_lateral', 'a pile a thousand times as thick as was expected, likewise',
-        scene(), 3.0, 'lateral', lava=block(30.0, 30.0, 100.0), thickness=0.1, mirrored=True,
-        mirrored_until=0.3, most_steps={'fine': 90},
+        scene(None, (), material(viscosity=1e8)), 3e5, 'lateral',
+        lava=block(30.0, 30.0, 100.0), thickness=0.1, mirrored=True, mirrored_until=3e4,
+        most_steps={'fine': 90}, longest_step=1e5,
     ),
     HardScene(
         'coincident_pairs', 'every particle twice in its place',

@@ -25,9 +25,19 @@ def _cliff(drop: float) -> Surface:
     return lambda x, y: np.where(y > 0.0, drop + 0.1 * y, 0.0)
 
 
+def _caldera(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A slope that goes on 1,000 m lower, as inside a caldera's wall."""
+    return 0.1 * y + np.where(y > 0.0, 1000.0, 0.0)
+
+
 def _single(height: float) -> Surface:
     """A slope with one row of cells two wide, raised or dug, in the way of the flow."""
     return lambda x, y: 0.1 * y + np.where((np.abs(x) < CELL) & (np.abs(y) < CELL), height, 0.0)
+
+
+def _deep(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A pit ten cells wide and 50 m deep."""
+    return np.where(np.maximum(np.abs(x), np.abs(y)) < 50.0, 0.0, 50.0)
 
 
 def _canyon(depth: float) -> Surface:
@@ -86,12 +96,18 @@ SCENES = (
         scene(_cliff(200.0), (TOP,)), 120.0, 'inertia', mirrored=True,
     ),
     HardScene(
+        'caldera_wall', 'a wall of 1000 m from one cell to the next, with a slope below',
+        scene(_caldera, (vent(0.0, 30.0),), material(viscosity=100.0)), 200.0, mirrored=True,
+        mirrored_until=50.0, reaches=65.0,
+    ),
+    HardScene(
         'spike', 'a spike of 100 m in the way',
         scene(_single(100.0), (TOP,)), 300.0, mirrored=True, mirrored_until=200.0,
         dry=lambda places: (np.abs(places) < 0.25 * CELL).all(axis=1),
     ),
     HardScene(
-        'pit', 'a pit of 100 m in the way', scene(_single(-100.0), (TOP,)), 300.0, mirrored=True
+        'pit', 'a pit of 100 m in the way', scene(_single(-100.0), (TOP,)), 200.0, mirrored=True,
+        mirrored_until=150.0,
     ),
     HardScene(
         'pit_level', 'the same, thickness taken in plan',
@@ -100,6 +116,13 @@ SCENES = (
     HardScene(
         'pit_inertia', 'the same with inertia',
         scene(_single(-100.0), (TOP,)), 150.0, 'inertia', mirrored=True,
+    ),
+    HardScene(
+        'pit_filled', 'thin lava that fills a pit of 50 m from within',
+        scene(terrain(_deep, cell=10.0, side=30), (vent(0.0, 0.0, 200.0, radius=10.0),),
+              material(viscosity=100.0)),
+        150.0, frames=20, mirrored=True, mirrored_until=30.0, halved=False,
+        dry=lambda places: np.abs(places).max(axis=1) > 60.0,
     ),
     HardScene(
         'canyon', 'a canyon as wide as a cell, 50 m deep', scene(_canyon(50.0), (TOP,)), 150.0
@@ -164,7 +187,7 @@ SCENES = (
     ),
     HardScene(
         'slope_89_degrees', 'a plane of 89 degrees everywhere', scene(plane(57.29), (TOP,)),
-        100.0, mirrored=True,
+        100.0, mirrored=True, mirrored_until=40.0,
     ),
     HardScene(
         'slope_89_degrees_level', 'the same, thickness taken in plan',
@@ -180,7 +203,7 @@ SCENES = (
     ),
     HardScene(
         'noise_film', 'a film on noise of 50 m',
-        scene(_noise(50.0), (), material(viscosity=10.0)), 300.0,
+        scene(_noise(50.0), (), material(viscosity=10.0)), 60.0,
         lava=block(50.0, 50.0, 0.05), thickness=0.05,
     ),
     HardScene(

@@ -75,7 +75,7 @@ SCENES = (
     ),
     HardScene(
         'column_200_m', 'a column as wide as a cell, 200 m high',
-        scene(None, (), material(viscosity=1e6)), 20.0,
-        lava=block(5.0, 5.0, 200.0), thickness=50.0, mirrored=True,
+        scene(None, (), material(viscosity=1e9)), 2e4,
+        lava=block(5.0, 5.0, 200.0), thickness=50.0, mirrored=True, longest_step=2e4,
     ),
 )

@@ -37,8 +37,8 @@ NONE = {item.name: False for item in fields(Effects)}
 #: The arrays of a step without effects, and of a map.
 BARE_ARRAYS = {
     'particle', 'ordered', 'flow', 'cell', 'rank', 'remainder', 'ordered_remainder', 'clock',
-    'counts', 'chosen', 'rates', 'stage', 'left', 'base', 'drift', 'ordered_base', 'ordered_drift',
-    'share', 'home',
+    'counts', 'chosen', 'rates', 'stage', 'top', 'left', 'base', 'drift', 'ordered_base',
+    'ordered_drift', 'share', 'home',
 }
 
 #: The kernels it launches, in their order.
