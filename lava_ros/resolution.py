@@ -173,7 +173,7 @@ def flow_width(scene: Scene, *, horizon: float = HORIZON) -> float:
     x0, y0, x1, y1 = terrain.extent
     level = _HUPPERT * (scene.gravity * discharge**3 / (3.0 * kinematic)) ** 0.125
     level = max(level * math.sqrt(horizon), 2.0 * vent.radius)
-    most = WIDEST * (3.0 * kinematic * discharge / scene.gravity) ** 0.25
+    most = float(WIDEST * (3.0 * kinematic * discharge / scene.gravity) ** 0.25)
     level = float(min(level, math.hypot(x1 - x0, y1 - y0)))
     path, height = _descent(terrain, vent.position)
     if len(path) < 3:
@@ -189,7 +189,8 @@ def flow_width(scene: Scene, *, horizon: float = HORIZON) -> float:
     width, area = _normal_depth(terrain, path[1:-1], along, widest, discharge / mobility)
     # the front moves on by the volume that its cross-sections take
     reached = np.cumsum(area * step) / discharge <= horizon
-    return min(float(np.quantile(width[: max(int(reached.sum()), 1)], _NARROW)), most)
+    narrow = float(np.quantile(width[: max(int(reached.sum()), 1)], _NARROW))
+    return min(narrow, most)
 
 
 def _peak(vent: Vent) -> float:

@@ -149,7 +149,7 @@ def scenes() -> tuple[BenchScene, ...]:
             'lobe',
             'a toe with a crust that freezes',
             Scene(_terrain((-20.0, 12.0), (-16.0, 16.0), 0.4, _plane(0.05)),
-                  (Vent((0.03, 0.02), 0.003, radius=1.0),),
+                  (Vent((0.03, 0.02), 0.0002, radius=0.4),),
                   replace(BASALT, viscosity=1e4, conductivity=3.0, crust=True)),
             16000.0,
         ),
