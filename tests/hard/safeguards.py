@@ -114,7 +114,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
         f'{SOLVER}/effects/inertia.py',
         'if work > given:',
         'if work > given + real(1e30):',
-        'heated_in_canyon_inertia', 'draft', 'temperature',
+        'heated_in_pit_inertia', 'standard', 'temperature',
     ),
     Safeguard(
         'bend', 'lava that swings from side to side of a hollow in ever shorter steps',

@@ -38,7 +38,9 @@ Du/Dt = -g grad S - gamma u, gamma = 3 mu / (rho h^2) for Newtonian lava (MODEL.
   leapfrog: it conserves an energy that differs from it by parts of (w dt)^2 / 8, w the motion's
   frequency, and with it the energy swings to and fro. Reported velocities leave out the term of e
   for the last half of a step: they are exact where that is short.
-* Steep slopes. On a map the acceleration down a slope b is g tan b cos^2 b; b as in steep.py.
+* Steep slopes. On a map the acceleration down a slope b is g tan b cos^2 b: along a wall lava
+  takes as long as its fall does. The drag is that of the layer in ``steep.py``, that
+  of lava which climbs a wall that of a layer as steep as it.
 """
 
 from functools import lru_cache
@@ -87,6 +89,7 @@ def _drag_function(real: Any, effects: Effects) -> Any:
     viscosity = viscosity_function(real, effects)
     speed = speed_function(real, effects)
     along = load_effect('steep').along(real) if effects.steep else None
+    up = load_effect('steep').along(real, climbs=True) if effects.steep else None
 
     @wp.func
     def slowed(
@@ -105,6 +108,8 @@ def _drag_function(real: Any, effects: Effects) -> Any:
         layer = vec2(height, real(1.0))
         if wp.static(effects.steep):
             layer = along(height, velocity / pace, ground)
+            if wp.dot(velocity, ground) > real(0.0):
+                layer = up(height, velocity / pace, ground)
         if wp.static(speed is None):
             mobility = weight * layer[0] * layer[0] / (real(3.0) * viscosity(law, temperature))
         else:
@@ -138,8 +143,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
     viscosity = viscosity_function(real, effects)
     is_newtonian = speed_function(real, effects) is None
     slowed = _drag_function(real, effects)
-    square_of = load_effect('steep').squared_cosine(real) if effects.steep else None
-    heats = effects.viscous_heating
+    steep, heats = effects.steep, effects.viscous_heating
 
     @wp.func
     def of_sum(e: real) -> real:
@@ -154,8 +158,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
     @wp.func
     def share_of(ground: vec2) -> real:
         """The part of g that acts on a map, cos^2 b."""
-        if wp.static(square_of is not None):
-            return square_of(ground)
+        if wp.static(steep):
+            return real(1.0) / (real(1.0) + wp.dot(ground, ground))
         return real(1.0)
 
     @quick_kernel

@@ -39,33 +39,20 @@ _LARGEST = math.tan(math.radians(STEEPEST)) ** 2
 
 
 @lru_cache
-def squared_cosine(real: Any) -> Any:
-    """Return the device function cos^2 b of the ground's gradient, b no steeper than a layer's."""
-    vec2 = wp.types.vector(2, real)
-
-    @wp.func
-    def square_of(ground: vec2) -> real:
-        return real(1.0) / (real(1.0) + wp.min(wp.dot(ground, ground), real(_LARGEST)))
-
-    return square_of
-
-
-@lru_cache
 def factor(real: Any) -> Any:
     """Return the device function cos^4 b of the ground's gradient."""
     vec2 = wp.types.vector(2, real)
-    square_of = squared_cosine(real)
 
     @wp.func
     def steep(ground: vec2) -> real:
-        square = square_of(ground)
+        square = real(1.0) / (real(1.0) + wp.min(wp.dot(ground, ground), real(_LARGEST)))
         return square * square
 
     return steep
 
 
 @lru_cache
-def along(real: Any) -> Any:
+def along(real: Any, *, climbs: bool = False) -> Any:
     """Return the device function that gives a thickness and a slope whose laws hold on the level.
 
     Let the surface's gradient be (s, r), down the ground's slope and across it. In a layer
@@ -74,18 +61,24 @@ def along(real: Any) -> Any:
     s = tan b and r = 0. The velocity is along it; on the map its part down the slope is cos b
     times as long, which leaves it along (s, r), with the mobility of that layer on that slope.
     With the ground's gradient G the slope is cos b (|grad S|^2 + (grad S . G)^2)^(1/2).
+
+    Args:
+        real: Warp scalar type to compute in.
+        climbs: Whether lava runs up the slope: then it is on it, however steep.
     """
     vec2 = wp.types.vector(2, real)
-    square_of = squared_cosine(real)
+    largest = math.inf if climbs else _LARGEST
 
     @wp.func
     def layer(height: real, surface: vec2, ground: vec2) -> vec2:
-        square = square_of(ground)
+        rise = wp.dot(ground, ground)
         down = wp.dot(surface, ground)
-        # G no longer than that of the steepest layer
-        kept = real(_LARGEST) / wp.max(wp.dot(ground, ground), real(_LARGEST))
-        return vec2(
-            height * square, wp.sqrt(square * (wp.dot(surface, surface) + kept * (down * down)))
-        )
+        down *= down
+        if rise > real(largest):
+            # G is that of the steepest layer
+            down *= real(largest) / rise
+            rise = real(largest)
+        square = real(1.0) / (real(1.0) + rise)
+        return vec2(height * square, wp.sqrt(square * (wp.dot(surface, surface) + down)))
 
     return layer

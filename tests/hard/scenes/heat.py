@@ -40,12 +40,12 @@ def _hot_on_cold(spacing: float) -> Particles:
     )
 
 
-def _canyon(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    return 0.1 * y - 1000.0 * (np.abs(x - 0.5 * CELL) < 0.5 * CELL)
-
-
 def _cliff(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return 0.1 * y + np.where(y > 0.0, 1000.0, 0.0)
+
+
+def _pit(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return y - 1000.0 * ((np.abs(x) < CELL) & (np.abs(y) < CELL))
 
 
 SCENES = (
@@ -99,8 +99,8 @@ SCENES = (
         'heating_inertia', mirrored=True,
     ),
     HardScene(
-        'heated_in_canyon_inertia', 'the same into a canyon as wide as a cell',
-        scene(_canyon, (vent(0.0, 50.0),), material(viscosity=1.0)), 20.0, 'heating_inertia',
+        'heated_in_pit_inertia', 'the same into a pit, whose far wall it runs against',
+        scene(_pit, (vent(0.0, 50.0),), material(viscosity=1.0)), 40.0, 'heating_inertia',
     ),
     HardScene(
         'held_by_strength', 'a yield strength that holds everything where it is',
