@@ -16,6 +16,7 @@
 
 from dataclasses import replace
 import json
+import re
 
 import numpy as np
 import pytest
@@ -41,12 +42,14 @@ def _machine(monkeypatch, base=2e-4, each=1e-7, dearer=None, slower=4.0, worse=0
     """
     asked = []
 
+    usual = pilots.spacing_at(SCENE, 1.0, 3600.0)
+
     def effects_for(scene, forced, *, accuracy):
-        is_dear = dearer is not None and accuracy.spacing <= 10.0 / dearer
+        is_dear = dearer is not None and accuracy.spacing <= usual / dearer
         return DEAR if is_dear else EFFECTS
 
     def run_at(scene, refinement, horizon, *, device, wall_limit, effects=None, clock=None):
-        accuracy = pilots.accuracy_at(scene, refinement)
+        accuracy = pilots.accuracy_at(scene, refinement, horizon)
         effects = effects or effects_for(scene, {}, accuracy=accuracy)
         asked.append((refinement, effects))
         particles = 1000.0 * refinement**2
@@ -83,7 +86,7 @@ def test_a_plan_uses_its_time_and_knows_its_error(monkeypatch, within):
     assert _wall_time(plan.refinement) == pytest.approx(USED * within, rel=0.05)
     assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.03)
     assert 0.5 < plan.error / (0.04 / plan.refinement) < 2.0
-    assert plan.spacing == pytest.approx(10.0 / plan.refinement)
+    assert plan.spacing == pilots.spacing_at(SCENE, plan.refinement, 3600.0)
     assert (plan.members, plan.sampling_error) == (1, 0.0)
 
 
@@ -269,7 +272,7 @@ def test_the_command_says_what_to_run(tmp_path, capsys):
     path = tmp_path / 'plan.json'
     assert cli.main([*words, '--json', str(path)]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert any(line.startswith('pilot: spacing 100 m took ') for line in lines)
+    assert any(re.match(r'pilot: spacing [0-9.]+ m took ', line) for line in lines)
     plan = json.loads(path.read_text())
     assert f'preset {plan["preset"]}, spacing {plan["spacing"]:.3g} m' in lines
     assert 0.0 < plan['wall_time'] <= 5.0

@@ -249,6 +249,7 @@ def trials(draw: Any, *, all_effects: bool) -> Trial:
     if all_effects and draw(st.integers(0, 3)) == 0:
         accuracy = preset_accuracy('reference')
     spacing = terrain.resolution / accuracy.refinement
+    accuracy = replace(accuracy, spacing=spacing)
     flux = sum(max(q for _, q in vent.series) for vent in vents) or 1.0
     share = draw(st.just(0.0) | st.floats(0.01, 1.0))
     particle = spacing**2 * expected_thickness(scene)

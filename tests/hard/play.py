@@ -178,7 +178,9 @@ def play(
 
 def simulation_of(item: HardScene, accuracy: Accuracy, device: str | None) -> Simulation:
     """The scene's simulation at its start."""
+    # of the cells, not of the flow: what a scene tries lies in its ground
     spacing = accuracy.spacing or item.scene.terrain.resolution / accuracy.refinement
+    accuracy = replace(accuracy, spacing=spacing)
     effects: Effects | dict[str, bool] = PHYSICS[item.physics] if item.physics else {}
     if accuracy.formulation == 'as-published':
         without = dict.fromkeys(('inertia', 'helmholtz'), False)
