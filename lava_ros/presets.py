@@ -14,8 +14,11 @@
 
 """Named points on the measured front of accuracy against time.
 
-Every number below was chosen from the full `lava accuracy` run that is committed beside it
-(`EVIDENCE`, by `COMMAND`); docs/accuracy/ has its table and chart.
+The ratio and the share of the stable step were chosen from the full `lava accuracy` run that is
+committed beside them (`EVIDENCE`, by `COMMAND`); docs/accuracy/ has its table and chart. The
+refinements were chosen by how far footprints of real flows agree
+(docs/benchmarks/convergence_h200.csv). `EVIDENCE` is of refinements of 0.5, 1, 2 and 3 for `draft`,
+`standard`, `fine` and `reference`.
 """
 
 from __future__ import annotations
@@ -68,19 +71,19 @@ _PRESETS = (
     Preset(
         'draft',
         Accuracy(refinement=0.707, ratio=3.5, diffusion_number=1.6),
-        'A first look, and ensembles of many runs.',
+        'A first look, and ensembles of many runs: 11 particles across the flow.',
         Evidence('fixed_volume', {'radius': 0.002, 'profile': 0.01, 'edge': 0.008}),
     ),
     Preset(
         'standard',
         Accuracy(refinement=1.0, ratio=3.5, diffusion_number=1.6),
-        'For maps: errors of the method well below those of terrain and discharge.',
+        'For maps: 16 particles across the flow.',
         Evidence('fixed_volume', {'radius': 0.0007, 'profile': 0.004, 'edge': 0.004}),
     ),
     Preset(
         'fine',
         Accuracy(refinement=1.414, ratio=3.5, diffusion_number=1.6),
-        'For figures, and where a channel is a few particles wide.',
+        'For figures: 23 particles across the flow.',
         Evidence('fixed_volume', {'radius': 0.0006, 'profile': 0.002, 'edge': 0.003}),
     ),
     Preset(

@@ -44,9 +44,10 @@ WIDEST = 50.0
 #: Particles across the flow below which it is under-resolved: its footprint is another one.
 LEAST_ACROSS = 9.0
 
-#: Error of a footprint at 1 particle across, and the power of the particles across at which it
-#: falls: of the runs of docs/benchmarks/convergence_h200.csv, by the least squares.
-_ERROR, _ORDER = 3.0, 1.0
+#: Error of a footprint with as many particles across as ``standard`` has, and the power of them
+#: at which it falls, for lava that freezes and lava that does not: the means of the mapped
+#: eruptions and of the other scenes in docs/benchmarks/convergence_h200.csv.
+_ERRORS = {True: (0.146, 1.3), False: (0.017, 2.3)}
 
 #: Particles that the horizon may bring at a refinement of 1; the spacing grows with more.
 MOST_PARTICLES = 200_000
@@ -83,6 +84,7 @@ class Resolution:
         thickness: Expected thickness of the flow [m].
         width: Width of the flow [m], NaN without a discharge.
         across: Particles across it, NaN likewise.
+        freezes: Whether the lava has a solidus: footprints then depend more on the resolution.
         limit: What decided: ``flow``, its width; ``particles``, their largest number; ``given``,
             the user; or ``cells``, the terrain's, without a discharge.
     """
@@ -91,12 +93,14 @@ class Resolution:
     thickness: float
     width: float
     across: float
+    freezes: bool
     limit: str
 
     @property
     def error(self) -> float:
-        """Expected error of the footprint, 1 - Jaccard index against a converged one."""
-        return min(_ERROR / self.across**_ORDER, 1.0) if self.across else math.nan
+        """Expected error of the footprint, 1 - Jaccard index with that of a finer run."""
+        usual, order = _ERRORS[self.freezes]
+        return min(usual * math.pow(ACROSS / self.across, order), 1.0)
 
     @property
     def is_coarse(self) -> bool:
@@ -129,18 +133,20 @@ def resolution_of(
     """
     thickness = accuracy.thickness or mature_thickness(scene)
     width = flow_width(scene, horizon=horizon)
+    freezes = scene.lava.solidus > 0.0
     if accuracy.spacing is not None:
-        return Resolution(accuracy.spacing, thickness, width, width / accuracy.spacing, 'given')
+        spacing = accuracy.spacing
+        return Resolution(spacing, thickness, width, width / spacing, freezes, 'given')
     if math.isnan(width):
         spacing = scene.terrain.resolution / accuracy.refinement
-        return Resolution(spacing, thickness, width, width, 'cells')
+        return Resolution(spacing, thickness, width, width, freezes, 'cells')
     wanted = width / (ACROSS * accuracy.refinement)
     most = MOST_PARTICLES * accuracy.refinement**2
     least = math.sqrt(_emitted(scene, horizon) / (thickness * most))
     limit = 'flow' if wanted >= least else 'particles'
     # digits that rounding decides would make another flow of a scene that is turned
     spacing = float(f'{max(wanted, least):.3g}')
-    return Resolution(spacing, thickness, width, width / spacing, limit)
+    return Resolution(spacing, thickness, width, width / spacing, freezes, limit)
 
 
 def resolved_accuracy(

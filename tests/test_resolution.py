@@ -14,13 +14,16 @@
 
 """Particle spacing from the width of the flow."""
 
+import csv
 from dataclasses import replace
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lava_ros.accuracy import Accuracy
+from lava_ros.presets import PRESETS
 from lava_ros.resolution import (
     ACROSS,
     flow_width,
@@ -35,6 +38,7 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 LAVA = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0)
 SLOPE = math.tan(math.radians(5.0))
 HOUR = 3600.0
+ROOT = Path(__file__).parents[1]
 
 #: rho g tan(b) cos^4(b) / (3 mu) on that slope [1/(m s)].
 MOBILITY = 2600.0 * 9.81 * SLOPE / (1.0 + SLOPE**2) ** 2 / 3e4
@@ -158,3 +162,25 @@ def test_without_a_discharge_cells_decide() -> None:
         assert (found.spacing, found.limit) == (2.5, 'cells')
         assert math.isnan(found.width) and not found.is_coarse
         assert 'no discharge' in found.text()
+
+
+def test_the_expected_error_is_what_was_measured() -> None:
+    """Means over the mapped eruptions, and over the other scenes, at `draft` and `standard`."""
+    rows = read_rows(ROOT / 'docs/benchmarks/convergence_h200.csv')
+    for lava in (LAVA, replace(LAVA, solidus=1100.0)):
+        valley = replace(scene(ground(5.0, 0.1)), lava=lava)
+        for preset in ('draft', 'standard'):
+            errors = [
+                1.0 - float(row['jaccard'])
+                for row in rows
+                if row['preset'] == preset
+                and row['scene'].startswith('etna') == (lava.solidus > 0.0)
+            ]
+            found = resolution_of(valley, PRESETS[preset].accuracy).error
+            assert found == pytest.approx(np.mean(errors), rel=0.1)
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """The lines of a CSV file."""
+    with path.open(encoding='utf-8') as file:
+        return list(csv.DictReader(file))
