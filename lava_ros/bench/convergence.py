@@ -112,7 +112,7 @@ def scenes() -> tuple[Case, ...]:
     return (_ridge(), _coarse(), _hill(), _valley(), _cliff())
 
 
-def _case(name: str, scene: Scene, horizon: float) -> Case:
+def case_of(name: str, scene: Scene, horizon: float) -> Case:
     """A scene that nobody has mapped."""
     volume = horizon * sum(flux for vent in scene.vents for _, flux in vent.series)
     nothing = np.zeros(scene.terrain.shape, dtype=bool)
@@ -120,7 +120,7 @@ def _case(name: str, scene: Scene, horizon: float) -> Case:
 
 
 def _ridge() -> Case:
-    return _case('ridge', Scene(finer(demo_terrain(), 2), (_CREST,), _TONGUES), 3.0 * _HOUR)
+    return case_of('ridge', Scene(finer(demo_terrain(), 2), (_CREST,), _TONGUES), 3.0 * _HOUR)
 
 
 def _coarse() -> Case:
@@ -131,7 +131,7 @@ def _coarse() -> Case:
     blocks = terrain.elevation[: rows * size, : columns * size]
     mean = blocks.reshape(rows, size, columns, size).mean(axis=(1, 3))
     wide = replace(terrain, elevation=mean, resolution=size * terrain.resolution)
-    return _case('coarse_ridge', Scene(finer(wide, 6), (_CREST,), _TONGUES), 3.0 * _HOUR)
+    return case_of('coarse_ridge', Scene(finer(wide, 6), (_CREST,), _TONGUES), 3.0 * _HOUR)
 
 
 def _grid(columns: int, rows: int, cell: float) -> tuple[np.ndarray, np.ndarray]:
@@ -145,7 +145,7 @@ def _hill() -> Case:
     x, y = _grid(400, 400, 5.0)
     height = 150.0 * np.exp(-((x - 1000.0) ** 2 + y**2) / (2.0 * 250.0**2))
     vent = Vent((1060.0, 1000.0), 10.0)
-    return _case('hill', Scene(Terrain(height, 5.0), (vent,), _LAVA), 2.0 * _HOUR)
+    return case_of('hill', Scene(Terrain(height, 5.0), (vent,), _LAVA), 2.0 * _HOUR)
 
 
 def _valley() -> Case:
@@ -153,7 +153,7 @@ def _valley() -> Case:
     x, y = _grid(440, 60, 5.0)
     height = 500.0 - math.tan(math.radians(5.0)) * x + 0.1 * np.abs(y)
     vent = Vent((150.0, 150.0), 10.0)
-    return _case('valley', Scene(Terrain(height, 5.0), (vent,), _LAVA), 2.0 * _HOUR)
+    return case_of('valley', Scene(Terrain(height, 5.0), (vent,), _LAVA), 2.0 * _HOUR)
 
 
 def _cliff() -> Case:
@@ -162,7 +162,7 @@ def _cliff() -> Case:
     height = 2000.0 - math.tan(math.radians(5.0)) * x - 200.0 * (x > 1000.0) + 0.0 * y
     vent = Vent((500.0, 1012.5), 20.0, radius=30.0)
     lava = replace(_LAVA, viscosity=5e3)
-    return _case('cliff', Scene(finer(Terrain(height, 25.0), 2), (vent,), lava), 6.0 * _HOUR)
+    return case_of('cliff', Scene(finer(Terrain(height, 25.0), 2), (vent,), lava), 6.0 * _HOUR)
 
 
 @dataclass(frozen=True, eq=False)
