@@ -17,8 +17,8 @@
 The ratio and the share of the stable step were chosen from the full `lava accuracy` run that is
 committed beside them (`EVIDENCE`, by `COMMAND`); docs/accuracy/ has its table and chart. The
 refinements were chosen by how far footprints of real flows agree
-(docs/benchmarks/convergence_h200.csv). `EVIDENCE` is of refinements of 0.5, 1, 2 and 3 for `draft`,
-`standard`, `fine` and `reference`.
+(docs/benchmarks/convergence_h200.csv). `EVIDENCE` is of refinements of 0.5, 1, 2 and 3 for
+`draft`, `standard`, `fine` and `reference`.
 """
 
 from __future__ import annotations
