@@ -82,7 +82,7 @@ class Accuracy:
     thickness: float | None = None
     ratio: float = 3.0
     kernel: str = 'wendland'
-    raster_ratio: float = 1.0
+    raster_ratio: float = 1.2
     diffusion_number: float = 1.6
     courant_number: float = 0.5
     longest_step: float = 60.0

@@ -92,6 +92,7 @@ _PRESETS = (
         Accuracy(
             refinement=2.0,
             ratio=4.0,
+            raster_ratio=1.05,
             courant_number=0.25,
             gradient='balanced',
             precision='float64',

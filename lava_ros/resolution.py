@@ -39,7 +39,7 @@ HORIZON = 86400.0
 ACROSS = 16.0
 
 #: Largest width over the thickness of the flow.
-WIDEST = 50.0
+WIDEST = 22.0
 
 #: Particles across the flow below which it is under-resolved: its footprint is another one.
 LEAST_ACROSS = 9.0

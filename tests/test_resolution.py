@@ -59,7 +59,7 @@ def scene(terrain: Terrain, discharge: float = 10.0) -> Scene:
 @pytest.mark.parametrize('cell', [2.5, 5.0, 10.0])
 def test_a_valley_is_filled_to_its_normal_depth(cell: float) -> None:
     """In a V with walls 1:n, Q = K n h^4 / 2 and the width is 2 n h; cells round its bottom."""
-    for wall in (0.1, 0.2):
+    for wall in (0.12, 0.2):
         depth = (20.0 * wall / MOBILITY) ** 0.25
         found = flow_width(scene(ground(cell, wall)), horizon=2.0 * HOUR)
         assert found == pytest.approx(2.0 * depth / wall, rel=0.03, abs=0.5 * cell)
@@ -84,10 +84,10 @@ def test_on_an_incline_it_is_as_wide_as_the_steady_flow() -> None:
 
 
 def test_on_level_ground_it_is_as_wide_as_the_flow_has_spread() -> None:
-    """Huppert (1982): a radius of 0.715 (g Q^3 / 3 nu)^(1/8) t^(1/2), up to 50 thicknesses."""
+    """Huppert (1982): a radius of 0.715 (g Q^3 / 3 nu)^(1/8) t^(1/2), up to ``WIDEST`` thicknesses."""
     flat = scene(Terrain(np.zeros((100, 100)), 10.0))
-    radius = 0.715 * (9.81 * 1000.0 * 2600.0 / 3e4) ** 0.125 * 600.0**0.5
-    assert flow_width(flat, horizon=600.0) == pytest.approx(2.0 * radius)
+    radius = 0.715 * (9.81 * 1000.0 * 2600.0 / 3e4) ** 0.125 * 100.0**0.5
+    assert flow_width(flat, horizon=100.0) == pytest.approx(2.0 * radius)
     thickness = (3e4 * 10.0 / (2600.0 * 9.81)) ** 0.25
     assert flow_width(flat, horizon=1e9) == pytest.approx(WIDEST * thickness)
 

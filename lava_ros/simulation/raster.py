@@ -15,16 +15,18 @@
 """Particles to grid: thickness and temperature at the cells of the terrain (section 3.4.2).
 
 A kernel sum reaches its radius past the last particle, and the paper's borders are too round.
-Here a cell holds lava where the particles' own areas V / h, smoothed by the same kernel, cover
-more than half of it: at a straight border that is where the lava ends, whatever the radius.
+Here lava is where the particles' own areas V / h, smoothed by the same kernel, cover more than half
+of the ground: at a straight border that is where the lava ends, whatever the radius. Of a cell at
+the border a part is covered, by the cover in its middle and its gradient, and the cell's thickness
+is the mean over all of it.
 
 The volume is kept: each particle shares all of its own out to the cells that are covered,
 
     h_c = f_c sum_j V_j W_cj / N_j,    N_j = A sum_c f_c W_cj,
 
-A the area of a cell. The weight f_c is the root of the particles' mean thickness around it over
-their cover: to the first order that undoes what the kernel smooths (docs/MODEL.md). A particle far
-from all covered cells gives its volume to the cell that it lies in.
+A the area of a cell. The weight f_c is the part that is covered times the root of the particles'
+mean thickness around it over their cover: to the first order that undoes what the kernel smooths
+(docs/MODEL.md). A particle far from all covered cells gives its volume to the cell that it lies in.
 """
 
 from functools import lru_cache
@@ -56,7 +58,7 @@ _BESIDE = wp.constant(wp.float32(-1.0))
 def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    norm, shape, *_ = smoothing_kernel(kernel_name, real, ratio)
+    norm, shape, slope, *_ = smoothing_kernel(kernel_name, real, ratio)
     _, _, cells_around, range_in = cell_functions(real)
     load = load4(real)
 
@@ -68,6 +70,20 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
     @wp.func
     def cell_at(place: real, first: wp.float64, resolution: wp.float64) -> int:
         return int(wp.floor((wp.float64(place) - first) / resolution))
+
+    @wp.func
+    def part_above(middle: real, rise_x: real, rise_y: real) -> real:
+        """Share of a cell where a plane is above 0, from its middle and its rises across."""
+        wide = real(0.5) * wp.max(wp.abs(rise_x), wp.abs(rise_y))
+        narrow = real(0.5) * wp.min(wp.abs(rise_x), wp.abs(rise_y))
+        height = wp.abs(middle)
+        small = real(0.0)
+        if height < wide - narrow:
+            small = real(0.5) - real(0.5) * height / wide
+        elif height < wide + narrow:
+            rest = wide + narrow - height
+            small = rest * rest / (real(8.0) * wide * narrow)
+        return wp.where(middle > real(0.0), real(1.0) - small, small)
 
     @wp.kernel(module='unique', enable_backward=False)
     def weigh(
@@ -95,6 +111,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         inverse = real(1.0) / reach
         height = real(0.0)
         cover = real(0.0)
+        rise_x = real(0.0)
+        rise_y = real(0.0)
         box = cells_around(cells, x, y, reach)
         for r in range(box[0], box[1]):
             near = range_in(cells, starts, r, box)
@@ -104,20 +122,34 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
                 dy = (y - p[1]) * inverse
                 square = dx * dx + dy * dy
                 if square < real(1.0):
-                    weight = p[2] * shape(wp.sqrt(square))
-                    height += weight
-                    cover += weight / flow[k][0]
+                    distance = wp.sqrt(square)
+                    area = p[2] / flow[k][0]
+                    share = area * shape(distance)
+                    height += share * flow[k][0]
+                    cover += share
+                    area *= slope(distance)
+                    rise_x += area * dx
+                    rise_y += area * dy
         if cover == real(0.0):
             thickness[i, j] = wp.float32(0.0)
             return
         mean = height / cover
-        cover *= real(wp.static(norm)) * inverse * inverse
-        root = wp.float32(wp.sqrt(mean / cover))
-        if cover <= real(wp.static(LEAST_COVER)):
+        scale = real(wp.static(norm)) * inverse * inverse
+        cover *= scale
+        scale *= real(terrain.resolution) * inverse
+        rise_x *= scale
+        rise_y *= scale
+        above = cover - real(wp.static(LEAST_COVER))
+        part = part_above(above, rise_x, rise_y)
+        # half-way between the highest cover in the cell and the lowest that is lava
+        change = real(0.5) * (wp.abs(rise_x) + wp.abs(rise_y))
+        lowest = wp.max(cover - change, real(wp.static(LEAST_COVER)))
+        typical = real(0.5) * (cover + change + lowest)
+        weight = wp.float32(part * wp.sqrt(mean * typical) / cover)
+        # a cover that is no number is not dry ground
+        thickness[i, j] = wp.where(weight > wp.float32(0.0), weight, wp.float32(wp.nan))
+        if part == real(0.0) and cover > real(0.0):
             thickness[i, j] = _BESIDE
-        else:
-            # a cover that is no number is not dry ground
-            thickness[i, j] = wp.where(root > wp.float32(0.0), root, wp.float32(wp.nan))
 
     @wp.kernel(module='unique', enable_backward=False)
     def share_out(

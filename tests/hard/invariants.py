@@ -128,6 +128,7 @@ class _Frame:
     time: float
     energy: float
     given: float
+    source: float
     frozen: float
     thickest: float
     evaluations: int
@@ -367,11 +368,8 @@ class Watch:
         scene = self._simulation.scene
         thickest = max(last.thickest, now.thickest)
         given = max(now.given - last.given, 0.0)
-        source = 0.0
-        for vent in scene.vents:
-            highest = ground.highest(vent, self._simulation.accuracy.spacing or 0.0)
-            head = float(np.hypot(*vent.velocity)) ** 2 / (2.0 * scene.gravity)
-            source = max(source, highest + head)
+        # what came out since may be of vents that were replaced
+        source = max(last.source, now.source)
         came_in = given * (source + thickest) + max(now.frozen - last.frozen, 0.0) * thickest
         relief = float(sample.volume.sum()) * (ground.relief + now.thickest)
         rounding = ENERGY * max(relief, last.energy)
@@ -418,6 +416,7 @@ class Watch:
             time=self._simulation.time,
             energy=energy,
             given=budget.emitted - budget.pending,
+            source=self._highest_source(ground),
             frozen=budget.frozen,
             thickest=thickest,
             evaluations=int(counts[EVALUATIONS]),
@@ -425,6 +424,15 @@ class Watch:
             cost=_cost(self._simulation, sample, ground),
             half_kick=half_kick,
         )
+
+    def _highest_source(self, ground: Ground) -> float:
+        """Highest energy of what the vents emit, over its weight and from the lowest ground [m]."""
+        scene, highest = self._simulation.scene, 0.0
+        for vent in scene.vents:
+            head = float(np.hypot(*vent.velocity)) ** 2 / (2.0 * scene.gravity)
+            least = self._simulation.accuracy.spacing or 0.0
+            highest = max(highest, ground.highest(vent, least) + head)
+        return highest
 
     def _energy(self, sample: ParticleSample, ground: Ground) -> float:
         simulation = self._simulation

@@ -107,7 +107,8 @@ def test_memory_is_used_again(device):
 def test_launches_under_way_change_nothing(monkeypatch):
     """One that is launched before the last one is looked at: the same times, steps and lava.
 
-    There is more lava than there was room for at the start, and it comes far.
+    There is more lava than there was room for at the start, and it comes far. Cells are laid
+    around it at other stages, so sums are rounded otherwise.
     """
     ends = []
     monkeypatch.setattr(simulation_module, '_FIRST_CAPACITY', 256)
@@ -128,7 +129,7 @@ def test_launches_under_way_change_nothing(monkeypatch):
         ends.append((simulation.steps, simulation.time, simulation.snapshot()))
     one, other = ends
     assert one[:2] == other[:2]
-    assert np.array_equal(one[2].thickness, other[2].thickness, equal_nan=True)
+    assert np.allclose(one[2].thickness, other[2].thickness, rtol=0.0, atol=1e-6)
 
 
 def test_volumes_are_summed_where_they_are(device):

@@ -77,9 +77,10 @@ def _run(accuracy: Accuracy, device: str) -> Run:
     x = (terrain.origin[0] + columns * terrain.resolution) / cosine
     y = terrain.origin[1] + rows * terrain.resolution
     here = np.ix_(np.abs(y) < 4.0 * run_out, (x > 0.5 * last) & (x < last))
+    cell = terrain.resolution / cosine
     measured = start + forecast.arrival[here].astype(np.float64)
     exactly = np.broadcast_to(
-        [solution.arrival(place, threshold) for place in x[here[1][0]]], measured.shape
+        [solution.mean_arrival(place, threshold, cell) for place in x[here[1][0]]], measured.shape
     )
     # NaN, an error, where the front did not arrive
     worst = np.unravel_index(np.argmax(np.abs(measured / exactly - 1.0)), measured.shape)

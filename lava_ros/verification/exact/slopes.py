@@ -108,6 +108,25 @@ class SlopeFlux:
         lag = (1.0 - math.log(2.0)) * self.run_out + self.behind_toe(thickness)
         return (distance + lag) / self.speed
 
+    def mean_arrival(self, distance: float, thickness: float, cell: float) -> float:
+        """Time [s] at which the mean over a cell reaches a thickness [m], its toe still in it.
+
+        With h = r h0 at the cell's near side, the lava in it has the area
+        -(h0^2 cot b / 2) (r^2 + ln(1 - r^2)).
+
+        Args:
+            distance: Distance of the cell's middle from the source [m].
+            thickness: The mean thickness [m].
+            cell: Side of the cell along the slope [m].
+        """
+        wanted = -2.0 * thickness * cell / (self.thickness * self.run_out)
+        low, high = 0.0, 1.0 - 1e-12
+        for _ in range(60):
+            ratio = 0.5 * (low + high)
+            is_more = ratio**2 + math.log1p(-(ratio**2)) < wanted
+            low, high = (low, ratio) if is_more else (ratio, high)
+        return self.arrival(distance - 0.5 * cell, low * self.thickness)
+
 
 class SteadySource:
     """A steady point source on a slope, far down (Smith 1973, J. Fluid Mech. 58).
