@@ -17,8 +17,7 @@
 The ratio and the share of the stable step were chosen from the full `lava accuracy` run that is
 committed beside them (`EVIDENCE`, by `COMMAND`); docs/accuracy/ has its table and chart. The
 refinements were chosen by how far footprints of real flows agree
-(docs/benchmarks/convergence_h200.csv). `EVIDENCE` is of refinements of 0.5, 1, 2 and 3 for
-`draft`, `standard`, `fine` and `reference`.
+(docs/benchmarks/convergence_h200.csv).
 """
 
 from __future__ import annotations
@@ -72,19 +71,19 @@ _PRESETS = (
         'draft',
         Accuracy(refinement=0.707, ratio=3.5, diffusion_number=1.6),
         'A first look, and ensembles of many runs: 11 particles across the flow.',
-        Evidence('fixed_volume', {'radius': 0.002, 'profile': 0.01, 'edge': 0.008}),
+        Evidence('fixed_volume', {'radius': 0.0013, 'profile': 0.0061, 'edge': 0.0073}),
     ),
     Preset(
         'standard',
         Accuracy(refinement=1.0, ratio=3.5, diffusion_number=1.6),
         'For maps: 16 particles across the flow.',
-        Evidence('fixed_volume', {'radius': 0.0007, 'profile': 0.004, 'edge': 0.004}),
+        Evidence('fixed_volume', {'radius': 0.0007, 'profile': 0.0036, 'edge': 0.0053}),
     ),
     Preset(
         'fine',
         Accuracy(refinement=1.414, ratio=3.5, diffusion_number=1.6),
         'For figures: 23 particles across the flow.',
-        Evidence('fixed_volume', {'radius': 0.0006, 'profile': 0.002, 'edge': 0.003}),
+        Evidence('fixed_volume', {'radius': 0.0008, 'profile': 0.0027, 'edge': 0.0043}),
     ),
     Preset(
         'reference',
@@ -100,7 +99,7 @@ _PRESETS = (
             symmetric=True,
         ),
         'To measure the others against: float64, short steps, ponds at rest.',
-        Evidence('fixed_volume', {'radius': 0.0005, 'profile': 0.0013, 'edge': 0.0019}),
+        Evidence('fixed_volume', {'radius': 0.0008, 'profile': 0.0022, 'edge': 0.003}),
     ),
     Preset(
         'as-published',
@@ -114,7 +113,7 @@ _PRESETS = (
             formulation='as-published',
         ),
         "The paper's printed formulas and settings: for comparison only.",
-        Evidence('fixed_volume', {'radius': 0.11, 'profile': 2.6, 'scatter': 2.7}),
+        Evidence('fixed_volume', {'radius': 0.06, 'profile': 2.2, 'scatter': 0.92}),
     ),
 )
 

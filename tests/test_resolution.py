@@ -84,7 +84,7 @@ def test_on_an_incline_it_is_as_wide_as_the_steady_flow() -> None:
 
 
 def test_on_level_ground_it_is_as_wide_as_the_flow_has_spread() -> None:
-    """Huppert (1982): a radius of 0.715 (g Q^3 / 3 nu)^(1/8) t^(1/2), up to ``WIDEST`` thicknesses."""
+    """Huppert (1982): a radius of 0.715 (g Q^3 / 3 nu)^(1/8) t^(1/2), up to some thicknesses."""
     flat = scene(Terrain(np.zeros((100, 100)), 10.0))
     radius = 0.715 * (9.81 * 1000.0 * 2600.0 / 3e4) ** 0.125 * 100.0**0.5
     assert flow_width(flat, horizon=100.0) == pytest.approx(2.0 * radius)

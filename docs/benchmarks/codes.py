@@ -179,9 +179,21 @@ FALL, WALL, REACH = math.tan(math.radians(5.0)), 0.1, (350.0, 750.0)
 MIDDLE = (2.0 * WALL * DISCHARGE / (ALPHA * FALL)) ** 0.25
 
 
+#: Its section [m2]; a front travels at discharge over section.
+SECTION = MIDDLE**2 / WALL
+
+
 def valley_scores(flow, thickness, cell):
-    """Section of the stream, and the thickness's distance from the exact one."""
+    """Section of the stream, its front, and the thickness's distance from the exact one.
+
+    The front is where the section is half of the exact one.
+    """
     x, _ = flow.centres(cell)
+    section = thickness.sum(axis=0) * cell
+    last = int(np.flatnonzero(section > 0.5 * SECTION)[-1])
+    part = (section[last] - 0.5 * SECTION) / (section[last] - section[last + 1])
+    front = x[0, last] + part * cell
+    yield 'front', 100.0 * (front * SECTION / (DISCHARGE * flow.end) - 1.0), '%'
     reach = (x[0] > REACH[0]) & (x[0] < REACH[1])
     stream = thickness[:, reach]
     expected = flow.expected(cell)[:, reach]

@@ -15,10 +15,10 @@
 """Particles to grid: thickness and temperature at the cells of the terrain (section 3.4.2).
 
 A kernel sum reaches its radius past the last particle, and the paper's borders are too round.
-Here lava is where the particles' own areas V / h, smoothed by the same kernel, cover more than half
-of the ground: at a straight border that is where the lava ends, whatever the radius. Of a cell at
-the border a part is covered, by the cover in its middle and its gradient, and the cell's thickness
-is the mean over all of it.
+Here lava is where the particles' own areas V / h, smoothed by the same kernel, cover more than
+half of the ground: at a straight border that is where the lava ends, whatever the radius. Of a
+cell at the border a part is covered, by the cover in its middle and its gradient, and the cell's
+thickness is the mean over all of it.
 
 The volume is kept: each particle shares all of its own out to the cells that are covered,
 
@@ -26,7 +26,8 @@ The volume is kept: each particle shares all of its own out to the cells that ar
 
 A the area of a cell. The weight f_c is the part that is covered times the root of the particles'
 mean thickness around it over their cover: to the first order that undoes what the kernel smooths
-(docs/MODEL.md). A particle far from all covered cells gives its volume to the cell that it lies in.
+(docs/MODEL.md). A particle far from all covered cells gives its volume to the cell that it lies
+in.
 """
 
 from functools import lru_cache

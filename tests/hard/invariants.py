@@ -426,7 +426,7 @@ class Watch:
         )
 
     def _highest_source(self, ground: Ground) -> float:
-        """Highest energy of what the vents emit, over its weight and from the lowest ground [m]."""
+        """Highest energy of what vents emit, over its weight and from the lowest ground [m]."""
         scene, highest = self._simulation.scene, 0.0
         for vent in scene.vents:
             head = float(np.hypot(*vent.velocity)) ** 2 / (2.0 * scene.gravity)

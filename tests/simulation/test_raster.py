@@ -64,7 +64,7 @@ def test_footprint_does_not_swell_with_the_kernel(device, count, ratio):
 
 def test_a_cell_at_the_border_holds_its_mean(device):
     """Whatever the cells, they hold the means of a finer map of the same particles."""
-    fine, area = mapped(2000, 3.5, device, cells=400)
+    fine, _ = mapped(2000, 3.5, device, cells=400)
     coarse, _ = mapped(2000, 3.5, device, cells=80)
     means = fine.thickness.reshape(80, 5, 80, 5).mean(axis=(1, 3))
     error = np.abs(coarse.thickness - means).sum() / means.sum()

@@ -165,7 +165,7 @@ def others_table() -> str:
 
 TABLES = {
     'flux': lambda: grid_table('constant_flux', 'radius', 'R'),
-    'valley': lambda: grid_table('valley', 'section', 'section'),
+    'valley': lambda: grid_table('valley', 'front', 'front'),
     'hill': lambda: grid_table('hill', 'area', 'area'),
     'ours': ours_table,
     'others': others_table,

@@ -212,7 +212,9 @@ def _run_conduction(accuracy: Accuracy, device: str) -> Run:
     # conducts so well that a front of temperature is wider than the kernel
     lava = replace(STILL, density=1000.0, specific_heat=1000.0, conductivity=1000.0)
     diffusivity, time = 1e-3, 1.6e4
-    spacing, length, width = 0.5 / accuracy.refinement, 60.0, 14.0
+    length, width = 60.0, 14.0
+    # as many columns on either side of the step
+    spacing = 0.5 * length / round(length * accuracy.refinement)
     places = _lattice(length, width, spacing)
     cold = places[:, 0] < 0.0
     trial = Trial(
