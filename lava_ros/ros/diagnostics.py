@@ -184,6 +184,9 @@ def simulation_status(
         # The negation also catches NaN.
         if not budget.error <= VOLUME_TOLERANCE and level != DiagnosticStatus.ERROR:
             level, message = DiagnosticStatus.ERROR, 'volume is not conserved'
+        elif budget.late > 0.0 and level != DiagnosticStatus.ERROR:
+            level = DiagnosticStatus.WARN
+            message = f'behind: {budget.late:.3g} m3 of lava wait in the vents'
         values |= {
             'simulated_time_s': repr(snapshot.time),
             'frame_stamp_ns': frame_stamp_ns,
@@ -192,6 +195,7 @@ def simulation_status(
             'volume_emitted_m3': repr(budget.emitted),
             'volume_held_m3': repr(budget.held),
             'volume_pending_m3': repr(budget.pending),
+            'volume_late_m3': repr(budget.late),
             'volume_left_m3': repr(budget.left),
             'volume_frozen_m3': repr(budget.frozen),
             'volume_error': f'{budget.error:.3e}',

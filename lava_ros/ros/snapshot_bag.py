@@ -110,6 +110,7 @@ def _told(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
         'volume_emitted_m3': repr(budget.emitted),
         'volume_held_m3': repr(budget.held),
         'volume_pending_m3': repr(budget.pending),
+        'volume_late_m3': repr(budget.late),
         'volume_left_m3': repr(budget.left),
         'volume_frozen_m3': repr(budget.frozen),
         'volume_error': f'{budget.error:.3e}',

@@ -181,6 +181,7 @@ def budget_of(moment: Moment, vents: VentSet, before: float) -> VolumeBudget:
         pending=pending,
         left=moment.left,
         frozen=moment.frozen,
+        late=vents.late(pending),
     )
 
 

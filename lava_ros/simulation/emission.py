@@ -147,7 +147,9 @@ def emission_function(
                 while k + 1 < outlets.starts[v + 1] and outlets.times[k + 1] <= time:
                     k += 1
                 volume = outlets.volumes[k] + outlets.fluxes[k] * (time - outlets.times[k])
-                due = int(volume / outlets.particle_volume) - outlets.released[v]
+                rest = volume / outlets.particle_volume - wp.float64(outlets.released[v])
+                # no more than an integer holds and a step should bring; the others come later
+                due = int(wp.min(rest, wp.float64(outlets.most)))
                 due -= due % group_of(v, outlets)
                 if due > 0:
                     due = released(v, due, outlets, m)

@@ -57,7 +57,7 @@ from lava_ros.simulation.state import (
 from lava_ros.simulation.streams import read, Reader
 from lava_ros.simulation.terrain import StaggeredTerrain
 from lava_ros.simulation.threads import is_alone
-from lava_ros.simulation.vents import vent_set, VentSet
+from lava_ros.simulation.vents import check_rates, parting, vent_set, VentSet
 
 #: Particles there is room for at the start.
 _FIRST_CAPACITY = 4096
@@ -128,6 +128,7 @@ class Simulation:
         self._after_step: dict[str, Any] = {}
         self._place(scene.terrain)
         self._start_with(particles)
+        check_rates(scene.vents, self.particle_volume)
         self._vents = self._vent_set(scene.vents, since=0.0, carried=[0.0] * len(scene.vents))
         self._raise_top(self._state.read_particles()[:, :2])
 
@@ -203,9 +204,7 @@ class Simulation:
             if self._state.needs_room(counts) or counts[BEYOND]:
                 while under_way:
                     clock, counts = under_way.popleft()()
-                self._state.make_room(counts)
-                if counts[BEYOND]:
-                    self._cover()
+                self._make_room(counts)
         while under_way:
             clock, counts = under_way.popleft()()
         # the stages that the step at hand still needs, and no other
@@ -214,6 +213,13 @@ class Simulation:
             self._run_stages()
             yield
             _, counts = self._state.look()
+        # a part that ends with its first stage makes room as well
+        self._make_room(counts)
+
+    def _make_room(self, counts: np.ndarray) -> None:
+        self._state.make_room(counts)
+        if counts[BEYOND]:
+            self._cover()
 
     def snapshot(self) -> Snapshot:
         """Put the flow on the terrain's cells."""
@@ -262,14 +268,16 @@ class Simulation:
         """Replace the vents from now on.
 
         A vent that keeps its place keeps what is in its conduit; what is in the conduit of a vent
-        that closes comes out as one last, smaller particle.
+        that closes comes out at once, in whole particles and a last, smaller one.
 
         Raises:
-            LavaError: A vent is not on the terrain, or its lava solid; the old vents stay.
+            LavaError: A vent is not on the terrain, its lava solid or its discharge more than the
+                particles can be; the old vents stay.
         """
         vents = check_vents(vents, self.scene.terrain)
         if vents == self._vents.vents:
             return
+        check_rates(vents, self.particle_volume)
         self._settle()
         scene = replace(self.scene, vents=vents)
         now = self.time
@@ -288,9 +296,9 @@ class Simulation:
         self._decide()
         self._append(
             [
-                (*vent.position, volume, vent.temperature)
-                for vent, volume in last
-                if volume > 0.0
+                (*place, volume, vent.temperature)
+                for vent, waiting in last
+                for place, volume in parting(vent, waiting, self.particle_volume)
             ]
         )
         self._forget_launches()

@@ -35,6 +35,7 @@ class VolumeBudget:
             (less than eight where they emit symmetrically).
         left: What has flowed over the terrain's border or onto cells without data.
         frozen: What has solidified and become ground.
+        late: The part of ``pending`` that should have come out: the vents are behind.
     """
 
     emitted: float
@@ -42,6 +43,7 @@ class VolumeBudget:
     pending: float
     left: float
     frozen: float = 0.0
+    late: float = 0.0
 
     @property
     def error(self) -> float:

@@ -15,7 +15,7 @@
 """Vents: particles of constant volume, as many as the integral of the discharge asks for."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 import math
 from typing import Any
@@ -24,12 +24,25 @@ import numpy as np
 import warp as wp
 
 from lava_ros.accuracy import Accuracy
+from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.state import centre_of
 from lava_ros.simulation.streams import read
 
+#: Particles that the vents may bring in a second: more is no flow that anybody can compute.
+MOST_A_SECOND = 1e6
+
+#: Particles that all vents together bring in a step, and at least each.
+_MOST_A_STEP, _LEAST_MOST = 2**18, 64
+
 #: Particles that come out of a disc and of a fissure at once, so that they have its symmetries.
 _DISC_GROUP, _FISSURE_GROUP = 8, 4
+
+#: Part of a particle that rounding may keep back.
+_ROUNDING = 1e-6
+
+#: The golden angle [rad].
+_GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 
 
 @wp.struct
@@ -37,7 +50,8 @@ class Outlets:
     """The tables of some vents, and what has come out of them, on a device.
 
     ``starts`` says which of the breakpoints of ``times``, ``fluxes`` and ``volumes`` are a vent's,
-    shape [vents + 1]. ``released`` and ``due`` are those of ``VentSet``.
+    shape [vents + 1]. ``released`` and ``due`` are those of ``VentSet``, ``most`` the particles that
+    a vent may bring in a step.
     """
 
     shape: wp.array2d(dtype=wp.float64)
@@ -46,6 +60,7 @@ class Outlets:
     fluxes: wp.array(dtype=wp.float64)
     volumes: wp.array(dtype=wp.float64)
     particle_volume: wp.float64
+    most: wp.int32
     released: wp.array(dtype=wp.int32)
     due: wp.array(dtype=wp.vec2d)
 
@@ -175,6 +190,7 @@ class VentSet:
         self.outlets.fluxes = wp.array(fluxes, dtype=wp.float64, device=device)
         self.outlets.volumes = wp.array(volumes, dtype=wp.float64, device=device)
         self.outlets.particle_volume = particle_volume
+        self.outlets.most = max(_MOST_A_STEP // max(len(self.vents), 1), _LEAST_MOST)
         self.outlets.released, self.outlets.due = self.released, self.due
         self._foresee()
 
@@ -215,13 +231,69 @@ class VentSet:
         given = [vent.volume_between(self.since, time) for vent in self.vents]
         return self._carried + given - released * self._particle_volume
 
+    def late(self, pending: float) -> float:
+        """The part of what is pending [m3] that room and steps have kept from coming out."""
+        groups = [_FISSURE_GROUP if vent.end else _DISC_GROUP for vent in self.vents]
+        count = sum(groups) if self.is_symmetric else len(groups)
+        usual = count * self._particle_volume * (1.0 + _ROUNDING)
+        return pending - usual if pending > usual else 0.0
+
     def longest_step(self, thickness: float) -> float:
-        """Time [s] in which the strongest vent raises its own area by half a thickness [m]."""
-        strongest = 0.0
+        """Time [s] in which no vent raises its own area by more than half a thickness [m].
+
+        All together then bring no more particles than a step should.
+        """
+        strongest, total = 0.0, 0.0
         for vent, area in zip(self.vents, self._areas, strict=True):
             flux = max(value for _, value in vent.series)
-            strongest = max(strongest, flux / area)
-        return 0.5 * thickness / strongest if strongest > 0.0 else math.inf
+            strongest, total = max(strongest, flux / area), total + flux
+        if strongest <= 0.0:
+            return math.inf
+        return min(0.5 * thickness / strongest, _MOST_A_STEP * self._particle_volume / total)
+
+
+def check_rates(vents: Sequence[Vent], particle_volume: float) -> None:
+    """Refuse a discharge that would bring more particles than can be computed.
+
+    Raises:
+        LavaError: It names the vent and the largest discharge of all of them together.
+    """
+    most, total = MOST_A_SECOND * particle_volume, 0.0
+    for number, vent in enumerate(vents):
+        flux = max(value for _, value in vent.series)
+        total += flux
+        if total > most:
+            raise LavaError(
+                f'vents[{number}].discharge',
+                flux,
+                f'at most {most:.3g} m3/s of all vents together, {MOST_A_SECOND:g} particles of '
+                f'{particle_volume:.3g} m3 in a second',
+            )
+
+
+def parting(
+    vent: Vent, waiting: float, particle_volume: float
+) -> Iterator[tuple[tuple[float, float], float]]:
+    """Places and volumes [m3] of the particles of a conduit that is emptied.
+
+    They are spread over the vent; a single one comes out in its middle.
+    """
+    count = math.ceil(waiting / particle_volume)
+    if count > _MOST_A_STEP:
+        count, particle_volume = _MOST_A_STEP, waiting / _MOST_A_STEP
+    for n in range(count):
+        volume = min(particle_volume, waiting - n * particle_volume)
+        if volume <= 0.0:
+            continue
+        x, y = vent.position
+        if count > 1 and vent.end:
+            share = (n + 0.5) / count
+            x, y = x + share * (vent.end[0] - x), y + share * (vent.end[1] - y)
+        elif count > 1:
+            # Vogel's spiral
+            distance, angle = vent.radius * math.sqrt((n + 0.5) / count), n * _GOLDEN
+            x, y = x + distance * math.cos(angle), y + distance * math.sin(angle)
+        yield (x, y), volume
 
 
 def vent_set(

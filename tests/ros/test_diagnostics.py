@@ -82,6 +82,12 @@ def test_input_log_says_things_once():
     assert _values(log.status())['rejected'] == '4'
 
 
+def test_lava_that_waits_in_the_vents_is_a_warning():
+    """Its volume is accounted for, and its flow is not on the map."""
+    status = _simulation(WorkerState.RUNNING, _snapshot(late=0.4))
+    assert (status.level, status.message) == (WARN, 'behind: 0.4 m3 of lava wait in the vents')
+
+
 def test_simulation_values():
     """The values are those of the frame that was published."""
     values = _values(_simulation(WorkerState.RUNNING, _snapshot()))
@@ -98,6 +104,7 @@ def test_simulation_values():
         'volume_emitted_m3': '10.0',
         'volume_held_m3': '9.0',
         'volume_pending_m3': '0.5',
+        'volume_late_m3': '0.0',
         'volume_left_m3': '1.0',
         'volume_frozen_m3': '0.0',
         'volume_error': '0.000e+00',
