@@ -50,8 +50,8 @@ class Outlets:
     """The tables of some vents, and what has come out of them, on a device.
 
     ``starts`` says which of the breakpoints of ``times``, ``fluxes`` and ``volumes`` are a vent's,
-    shape [vents + 1]. ``released`` and ``due`` are those of ``VentSet``, ``most`` the particles that
-    a vent may bring in a step.
+    shape [vents + 1]. ``released`` and ``due`` are those of ``VentSet``, ``most`` the particles
+    that a vent may bring in a step.
     """
 
     shape: wp.array2d(dtype=wp.float64)
