@@ -17,7 +17,6 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
 import json
 import os
 from pathlib import Path
@@ -28,6 +27,7 @@ import tempfile
 import time
 from typing import Any, TYPE_CHECKING
 
+import numpy as np
 import yaml
 
 from lava_ros import validation
@@ -36,7 +36,7 @@ from lava_ros.cli.ros import require_ros
 from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
 from lava_ros.errors import LavaError
 from lava_ros.presets import DEFAULT, PRESETS
-from lava_ros.scene import Scene
+from lava_ros.scene import Scene, scene_to_dict
 
 if TYPE_CHECKING:
     from lava_ros.ros.monitor import Monitor, Observation
@@ -62,8 +62,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser = subparsers.add_parser(
         'demo',
         help='let lava flow down a mountain, live in ROS 2, and record it',
-        description='Start the node and, in another process, a publisher of terrain and vents; '
-        'watch the flow over DDS, record it, draw it, and end.',
+        description='Start the node on a scene, watch the flow over DDS, record it, draw it, '
+        'and end.',
     )
     add_scene_arguments(parser)
     parser.add_argument(
@@ -109,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
     """Run the demo.
 
     Returns:
-        0, or 1 when one of its processes fails.
+        0, or 1 when the node fails.
 
     Raises:
         LavaError: An argument cannot be used, or ROS 2 is not installed.
@@ -126,7 +126,6 @@ def run(args: argparse.Namespace) -> int:
     if args.domain is not None:
         validation.number('--domain', args.domain, at_least=0.0, at_most=101.0)
     scene = scene_from_arguments(args)
-    _check_defaults(scene)
     if args.json:
         # what cannot be written had better be known before
         validation.file_to_write('--json', args.json)
@@ -138,7 +137,7 @@ def run(args: argparse.Namespace) -> int:
     settings |= {'end_time': duration, 'time_scale': speed, 'horizon': duration / 3600.0}
     started = time.monotonic()
     try:
-        seen = _flow(args, settings, domain, duration)
+        seen = _flow(scene, settings, domain, duration)
     except ChildError as error:
         print(f'lava demo: {error}', file=sys.stderr)
         return 1
@@ -159,19 +158,6 @@ def run(args: argparse.Namespace) -> int:
             raise LavaError('--json', args.json, f'a file to write ({error})') from error
     _print_table(result)
     return 0
-
-
-def _check_defaults(scene: Scene) -> None:
-    """Refuse what a scene may say but topics and parameters cannot."""
-    usual = Scene(scene.terrain)
-    for name in ('ambient_temperature', 'gravity'):
-        if getattr(scene, name) != getattr(usual, name):
-            raise LavaError(
-                f'scene.{name}',
-                getattr(scene, name),
-                f"{getattr(usual, name):g}: the demo sends terrain and vents as topics, which do "
-                "not carry it; 'lava node' reads whole scenes",
-            )
 
 
 def _remove_earlier_demo(output: Path) -> None:
@@ -210,79 +196,75 @@ def _node_parameters(
     scene: Scene, output: Path, spacing: float | None, device: str | None
 ) -> dict[str, Any]:
     terrain = scene.terrain
-    parameters = {
+    return {
         'record': True,
         'bag_directory': str(output),
-        'terrain_allow_holes': True,
         'spacing': spacing or 0.0,
         'device': device or '',
         'epsg': terrain.epsg or 0,
         'offset_easting': terrain.offset[0],
         'offset_northing': terrain.offset[1],
     }
-    return parameters | {f'lava.{name}': value for name, value in asdict(scene.lava).items()}
+
+
+def _write_scene(scene: Scene, folder: Path) -> dict[str, str]:
+    """Write a scene for the node; returns the parameters that name its files."""
+    terrain = scene.terrain
+    grid = {'elevation': terrain.elevation, 'resolution': terrain.resolution}
+    grid |= {'origin': terrain.origin, 'offset': terrain.offset}
+    if terrain.epsg is not None:
+        grid['epsg'] = terrain.epsg
+    np.savez(folder / 'terrain.npz', **grid)
+    plain = scene_to_dict(scene) | {'terrain': {'file': 'terrain.npz'}}
+    # JSON is YAML
+    (folder / 'scene.yaml').write_text(json.dumps(plain), encoding='utf-8')
+    return {'scene': str(folder / 'scene.yaml')}
 
 
 def _flow(
-    args: argparse.Namespace, parameters: dict[str, Any], domain: int, duration: float
+    scene: Scene, parameters: dict[str, Any], domain: int, duration: float
 ) -> Observation:
-    """Run the processes until the flow has reached its end.
+    """Run the node until the flow has reached its end.
 
     Returns:
         What was heard last.
 
     Raises:
-        ChildError: One of the processes failed.
+        ChildError: The node failed.
     """
     from lava_ros.ros.monitor import Monitor
 
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     env = os.environ | {'ROS_DOMAIN_ID': str(domain)}
-    scene_arguments = [
-        item
-        for name in ('scene', 'terrain')
-        if getattr(args, name)
-        for item in (f'--{name}', getattr(args, name))
-    ]
     print(f'ROS domain {domain}; to watch: ROS_DOMAIN_ID={domain} rviz2')
     with tempfile.TemporaryDirectory(prefix='lava-demo-') as folder:
         path = Path(folder)
+        parameters = parameters | _write_scene(scene, path)
         document = {'/**': {'ros__parameters': parameters}}
         (path / 'parameters.yaml').write_text(yaml.safe_dump(document), encoding='utf-8')
-        children: list[Child] = []
+        node = None
         monitor = Monitor(domain)
         try:
-            for name, module, arguments in (
-                (
-                    'node',
-                    'lava_ros.ros.node',
-                    ['--ros-args', '--params-file', str(path / 'parameters.yaml')],
-                ),
-                ('feed', 'lava_ros.cli.main', ['feed', *scene_arguments]),
-            ):
-                log = path / f'{name}.log'
-                children.append(Child(name, module, arguments, log=log, env=env))
-            watched = _watch(monitor, children, duration)
-            for child in children:
-                child.stop()
+            arguments = ['--ros-args', '--params-file', str(path / 'parameters.yaml')]
+            node = Child('node', 'lava_ros.ros.node', arguments, log=path / 'node.log', env=env)
+            watched = _watch(monitor, node, duration)
+            node.stop()
             return watched
         finally:
             monitor.close()
             # After a failure or Ctrl+C the node still gets the time to finish its bag.
-            for child in children:
-                child.end()
+            if node is not None:
+                node.end()
 
 
-def _watch(monitor: Monitor, children: list[Child], duration: float) -> Observation:
+def _watch(monitor: Monitor, node: Child, duration: float) -> Observation:
     """Show the progress until the flow has reached its end."""
-    node = children[0]
     heard_at, heard = time.monotonic(), (0.0, '')
     with _Progress(duration) as progress:
         while True:
             seen = monitor.observe(0.2)
             now = time.monotonic()
-            for child in children:
-                child.check()
+            node.check()
             if seen.has_failed or seen.recorder_error or seen.refused:
                 reason = seen.recorder_error or seen.refused or seen.message
                 raise ChildError(node.failure(f'reports: {reason}'))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava demo`: node, feed and monitor are processes of a real graph."""
+"""`lava demo`: node and monitor are processes of a real graph."""
 
 import json
 import os
@@ -116,15 +116,21 @@ def test_what_cannot_be_written_is_refused_before_anything_starts(
     assert (tmp_path / 'lava_demo/demo.json').exists()
 
 
-def test_a_scene_that_topics_cannot_carry(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Gravity of another planet is refused rather than dropped."""
-    np.savez(tmp_path / 'a.npz', elevation=np.zeros((9, 9)), resolution=10.0)
-    scene = {'terrain': {'file': 'a.npz'}, 'gravity': 3.7}
+def test_a_discharge_that_changes_gives_its_integral(tmp_path: Path) -> None:
+    """Whatever the speed; the scene's own gravity is the node's."""
+    np.savez(tmp_path / 'a.npz', elevation=np.zeros((40, 40)), resolution=10.0)
+    vent = {'position': [200.0, 200.0], 'discharge': [[0.0, 30.0], [600.0, 0.0]], 'radius': 20.0}
+    scene = {'terrain': {'file': 'a.npz'}, 'vents': [vent], 'gravity': 3.7}
     (tmp_path / 'scene.yaml').write_text(yaml.safe_dump(scene))
-    assert cli.main(['demo', '--scene', str(tmp_path / 'scene.yaml')]) == 2
-    assert 'scene.gravity is 3.7, expected 9.81' in capsys.readouterr().err
+    words = ['--scene', 'scene.yaml', '--duration', '3600', '--max-speed', '100000']
+    demo = start(tmp_path, *words, '--device', 'cpu', '--json', 'out.json')
+    _, errors = demo.communicate(timeout=100)
+    assert demo.returncode == 0, errors
+    result = json.loads((tmp_path / 'out.json').read_text())
+    assert result['volume_emitted'] == pytest.approx(18_000.0, rel=1e-9)
+    with AnyReader([tmp_path / 'bags/demo']) as reader:
+        held = {item.topic for item in reader.connections if item.msgcount}
+    assert {'/terrain', '/vents'} <= held
 
 
 def test_a_node_that_cannot_work_is_an_error_with_its_log(tmp_path: Path) -> None:
