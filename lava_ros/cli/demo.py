@@ -210,7 +210,7 @@ def _node_parameters(
 def _write_scene(scene: Scene, folder: Path) -> dict[str, str]:
     """Write a scene for the node; returns the parameters that name its files."""
     terrain = scene.terrain
-    grid = {'elevation': terrain.elevation, 'resolution': terrain.resolution}
+    grid: dict[str, Any] = {'elevation': terrain.elevation, 'resolution': terrain.resolution}
     grid |= {'origin': terrain.origin, 'offset': terrain.offset}
     if terrain.epsg is not None:
         grid['epsg'] = terrain.epsg
