@@ -23,7 +23,6 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.effects import merging
 from lava_ros.simulation.state import FULL, IS_LAST, PARTICLES, STEP
-from lava_ros.verification.bounds import bound
 from lava_ros.verification.cases import CASES, spreading
 
 LAVA = Lava(viscosity=2e3, density=2600.0, arrhenius=0.0, emissivity=0.0, convection=0.0)
@@ -195,14 +194,14 @@ def test_fewer_particles_give_the_same_flow(device):
 
 
 def test_a_constant_flux_takes_fewer_particles_at_the_same_error(device, monkeypatch):
-    """Two thirds of the particles or fewer spread as exactly as all of them have to."""
+    """Two thirds of the particles or fewer spread as exactly as all of them, to 0.1 %."""
     accuracy = Accuracy(refinement=0.6, ratio=3.5)
     plain = CASES['constant_flux'].run(accuracy, device)
     monkeypatch.setattr(spreading, 'FLAT', MERGING)
     merged = CASES['constant_flux'].run(accuracy, device)
     assert merged.particles * merged.evaluations < plain.particles * plain.evaluations / 1.5
-    for item in merged.measurements:
-        assert item.error <= bound('standard', 'constant_flux', item.quantity), item
+    for item, other in zip(merged.measurements, plain.measurements, strict=True):
+        assert item.error <= other.error + 0.001, item
 
 
 def test_deterministic_runs_are_identical_to_the_bit(device):

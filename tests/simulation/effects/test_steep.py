@@ -69,6 +69,7 @@ def test_a_cliff_is_no_dam(device, effects, cells):
                 Lava(viscosity=5e3),
             ),
             effects=effects,
+            accuracy=Accuracy(spacing=5.8),
             device=device,
         )
         simulation.advance(6 * 3600.0)
