@@ -439,18 +439,13 @@ def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scen
     Raises:
         LavaError: The file cannot be read, or one of its fields is not usable.
     """
-    import yaml
-
     from lava_ros.materials import lava_from_dict
     from lava_ros.terrain_files import load_terrain
+    from lava_ros.yaml_files import read_yaml
 
     path = Path(path)
-    try:
-        data = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise LavaError('scene', str(path), f'a readable YAML file ({error})') from error
     names = ['terrain', 'vents', 'lava', 'ambient_temperature', 'gravity', 'uncertainty']
-    data = validation.keys('scene', data, allowed=names)
+    data = validation.keys('scene', read_yaml('scene', path), allowed=names)
     if terrain is None:
         options = validation.keys(
             'scene.terrain',
