@@ -14,9 +14,17 @@
 
 """The one exception this package raises for bad input."""
 
+import reprlib
+from typing import Any
 
 #: Longest text of a value in a message [characters]; of a longer one the middle is left out.
 LONGEST_VALUE = 120
+
+#: Longest text of what would be right [characters]: it may quote the error of a library.
+LONGEST_EXPECTED = 1000
+
+#: Integers of more bits are not printed: Python itself refuses those of 4,300 digits.
+LONGEST_INTEGER = 1024
 
 
 class LavaError(ValueError):
@@ -36,13 +44,44 @@ class LavaError(ValueError):
         self.field = field
         self.value = value
         self.expected = expected
-        shown = repr(value)
-        if len(shown) > LONGEST_VALUE:
-            # of a path the end says most
-            half = (LONGEST_VALUE - 3) // 2
-            shown = f'{shown[:half]}...{shown[-half:]}'
-        super().__init__(f'{field} is {shown}, expected {expected}')
+        shown = _cut(_Shown().repr(value), LONGEST_VALUE)
+        right = one_line(expected, LONGEST_EXPECTED)
+        super().__init__(f'{one_line(field, LONGEST_VALUE)} is {shown}, expected {right}')
 
     def __reduce__(self) -> tuple[type['LavaError'], tuple[str, object, str]]:
         """Make it again in another process, which raises it there as it was raised here."""
         return type(self), (self.field, self.value, self.expected)
+
+
+class _Shown(reprlib.Repr):
+    """What ``repr`` gives, made of no more parts of a value than a message can show."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxlevel = 3
+        self.maxlist = self.maxtuple = self.maxset = self.maxfrozenset = self.maxdict = 10
+        self.maxstring = self.maxlong = self.maxother = LONGEST_VALUE
+
+    def repr_int(self, x: int, level: int) -> str:
+        if x.bit_length() > LONGEST_INTEGER:
+            return f'<integer of {x.bit_length()} bits>'
+        return super().repr_int(x, level)
+
+    def repr_bytes(self, x: Any, level: int) -> str:
+        return self.repr_str(x, level)
+
+
+def one_line(text: str, longest: int) -> str:
+    """Return a text on one line, cut to a length: a key of a file may have any."""
+    text = _cut(text, longest)
+    if not text.isprintable():
+        text = _cut(repr(' '.join(text.split()))[1:-1], longest)
+    return text
+
+
+def _cut(text: str, longest: int) -> str:
+    if len(text) <= longest:
+        return text
+    # of a path the end says most
+    half = (longest - 3) // 2
+    return f'{text[:half]}...{text[-half:]}'

@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder
@@ -32,6 +31,7 @@ from lava_ros.layer_files import layers_from_dict, load_layers
 from lava_ros.layers import IMAGE, Layer
 from lava_ros.share import share_path
 from lava_ros.timeline import Timeline
+from lava_ros.yaml_files import parse_yaml
 
 # Resolution and origin (x, y) of a grid [m].
 _Place = tuple[float, float, float]
@@ -274,11 +274,7 @@ def _layers(bag: BagReader) -> tuple[Layer, ...]:
 
 def _yaml(bag: BagReader, name: str) -> Any:
     """What a text of the bag's custom data says, None without one."""
-    try:
-        return yaml.safe_load(bag.custom_data.get(name, ''))
-    except yaml.YAMLError as error:
-        where = f'custom_data {name} of {bag.path}'
-        raise LavaError(where, bag.custom_data[name], f'YAML ({error})') from error
+    return parse_yaml(f'custom_data {name} of {bag.path}', bag.custom_data.get(name, ''))
 
 
 def _topic(bag: BagReader, name: str, message_type: str) -> str | None:

@@ -60,13 +60,9 @@ def load_layers(path: str | Path) -> tuple[Layer, ...]:
     Raises:
         LavaError: The file cannot be read, or a key or value in it is wrong.
     """
-    import yaml
+    from lava_ros.yaml_files import read_yaml
 
-    try:
-        data = yaml.safe_load(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise LavaError('msg_config', str(path), f'a readable YAML file ({error})') from error
-    return layers_from_dict(data)
+    return layers_from_dict(read_yaml('msg_config', path))
 
 
 def layers_from_dict(data: object) -> tuple[Layer, ...]:

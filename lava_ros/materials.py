@@ -84,10 +84,10 @@ class Material:
 @cache
 def materials() -> dict[str, Material]:
     """All lavas, by name."""
-    import yaml
+    from lava_ros.yaml_files import parse_yaml
 
     text = resources.files('lava_ros').joinpath(FILE).read_text(encoding='utf-8')
-    data = yaml.safe_load(text)
+    data = parse_yaml(FILE, text)
     return {
         name: Material(
             name,

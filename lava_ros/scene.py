@@ -18,6 +18,7 @@ Everything here is plain data in SI units (metres, seconds, kelvin) and validate
 that exists can be simulated. Only numpy is needed.
 """
 
+from bisect import bisect
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
@@ -260,16 +261,26 @@ class Vent:
 
     def discharge_at(self, time: float) -> float:
         """Volume flux at a time [s] of the simulation [m3/s]."""
-        return next((flux for start, flux in reversed(self.series) if start <= time), 0.0)
+        series = self.series
+        index = bisect(series, (time, math.inf)) - 1
+        return series[index][1] if index >= 0 else 0.0
 
     def volume_between(self, start: float, end: float) -> float:
         """Volume [m3] the vent emits from ``start`` to ``end`` [s]: the exact integral."""
-        total = 0.0
+        return self.volumes_at([end], since=start)[0]
+
+    def volumes_at(self, times: Sequence[float], *, since: float) -> list[float]:
+        """Volumes [m3] the vent emits from ``since`` to each of some times [s], which increase."""
         series = self.series
-        for index, (time, flux) in enumerate(series):
-            until = series[index + 1][0] if index + 1 < len(series) else math.inf
-            total += flux * max(0.0, min(end, until) - max(start, time))
-        return total
+        volumes, before, index = [], 0.0, 0
+        for end in times:
+            while index + 1 < len(series) and series[index + 1][0] <= end:
+                (time, flux), until = series[index], series[index + 1][0]
+                before += flux * max(0.0, until - max(since, time))
+                index += 1
+            time, flux = series[index]
+            volumes.append(before + flux * max(0.0, end - max(since, time)))
+        return volumes
 
 
 def _discharge(label: str, value: object) -> float | tuple[tuple[float, float], ...]:
@@ -439,18 +450,13 @@ def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scen
     Raises:
         LavaError: The file cannot be read, or one of its fields is not usable.
     """
-    import yaml
-
     from lava_ros.materials import lava_from_dict
     from lava_ros.terrain_files import load_terrain
+    from lava_ros.yaml_files import read_yaml
 
     path = Path(path)
-    try:
-        data = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise LavaError('scene', str(path), f'a readable YAML file ({error})') from error
     names = ['terrain', 'vents', 'lava', 'ambient_temperature', 'gravity', 'uncertainty']
-    data = validation.keys('scene', data, allowed=names)
+    data = validation.keys('scene', read_yaml('scene', path), allowed=names)
     if terrain is None:
         options = validation.keys(
             'scene.terrain',

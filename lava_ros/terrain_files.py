@@ -27,6 +27,7 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.raster_files import open_raster
 from lava_ros.scene import MAX_SIDE_CELLS, Terrain
 
 #: EPSG code of WGS 84 longitude and latitude.
@@ -54,9 +55,9 @@ def load_terrain(
 ) -> Terrain:
     """Read an elevation file.
 
-    GeoTIFF (.tif, .tiff), ESRI ASCII grid (.asc) and whatever else GDAL reads need rasterio. Files
-    in degrees are reprojected to their UTM zone; cells that are not square become square, as long
-    as the shorter side. Elevations have to be metres.
+    GeoTIFF (.tif, .tiff) and ESRI ASCII grids (.asc) need rasterio. Files in degrees are
+    reprojected to their UTM zone; cells that are not square become square, as long as the shorter
+    side. Elevations have to be metres.
 
     An .npz file holds ``elevation`` [m], shape [rows, columns], and ``resolution`` [m], or ``dx``
     and ``dy``; x and y are metres. Optional are ``origin`` and ``offset`` (x, y) [m], ``epsg``,
@@ -207,15 +208,14 @@ def _read_gdal(path: Path) -> _Raster:
         with warnings.catch_warnings():
             # A file without coordinates is no surprise here: _checked_transform looks.
             warnings.simplefilter('ignore', rasterio.errors.NotGeoreferencedWarning)
-            with rasterio.open(path) as source:
+            with open_raster(path) as source:
                 _check_raster(source, path)
                 band = source.read(1, masked=True)
                 transform, crs = source.transform, source.crs
                 scale, shift = source.scales[0], source.offsets[0]
     except (rasterio.errors.RasterioError, OSError) as error:
-        raise LavaError(
-            'terrain file', str(path), f'an elevation file that GDAL can read ({error})'
-        ) from error
+        right = f'a GeoTIFF or an ESRI ASCII grid that GDAL can read ({error})'
+        raise LavaError('terrain file', str(path), right) from error
     elevation = band.astype(np.float32).filled(np.nan) * np.float32(scale) + np.float32(shift)
     if transform.e < 0.0:
         elevation = np.flipud(elevation)

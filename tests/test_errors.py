@@ -16,7 +16,7 @@
 
 import pickle
 
-from lava_ros.errors import LavaError, LONGEST_VALUE
+from lava_ros.errors import LavaError, LONGEST_EXPECTED, LONGEST_VALUE
 
 
 def test_it_names_field_value_and_what_would_be_right():
@@ -30,6 +30,23 @@ def test_of_a_long_value_both_ends_are_shown():
     text = str(LavaError('terrain', 'a' + 300 * '/x' + 'z', 'a file'))
     assert "'a/x" in text and "/xz'" in text and '...' in text
     assert len(text) < LONGEST_VALUE + len('terrain is , expected a file') + 1
+
+
+def test_a_value_is_not_written_out_to_be_cut():
+    """What is behind references of a few bytes, or would be printed only to be left out."""
+    value = ['x']
+    for _ in range(100):
+        value = [value] * 10
+    for shown in (value, {1: value}, (value, value), 1 << 10**6, [[10**5000]], b'x' * 10**6):
+        text = str(LavaError('gravity', shown, 'a number'))
+        assert len(text) <= LONGEST_VALUE + len('gravity is , expected a number')
+
+
+def test_it_is_one_line():
+    """A key of a file is a part of the field, and an error of a library of what is expected."""
+    text = str(LavaError('scene.\x1b[31m\n' + 'k' * 10**6, 'a\nb', 'one\nof ' + 'x' * 10**6))
+    assert text.isprintable()
+    assert len(text) <= 2 * LONGEST_VALUE + LONGEST_EXPECTED
 
 
 def test_it_is_the_same_in_another_process():

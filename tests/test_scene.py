@@ -117,6 +117,26 @@ def test_discharge_series_integrates_exactly():
     assert Vent((0.0, 0.0), 3.0).volume_between(10.0, 12.0) == 6.0
 
 
+def test_a_long_discharge_series_is_read_once():
+    """A table of a million points: each one looked at for each other would take days."""
+    count = 1_000_000
+    series = tuple((float(time), float(time % 7)) for time in range(count))
+    # what is validated point by point takes seconds
+    vent = Vent((0.0, 0.0), 1.0)
+    object.__setattr__(vent, 'discharge', series)
+    volumes = vent.volumes_at([time for time, _ in series], since=0.0)
+    assert (volumes[0], volumes[7], volumes[-1]) == (0.0, 21.0, vent.volume_between(0.0, 999999.0))
+    assert [vent.discharge_at(time + 0.5) for time in range(count)] == [q for _, q in series]
+
+
+def test_volumes_begin_where_they_are_asked_for():
+    """Before the first point nothing comes out; times before ``since`` count nothing."""
+    vent = Vent((0.0, 0.0), [(10.0, 2.0), (20.0, 5.0), (25.0, 0.0)])
+    assert vent.volumes_at([0.0, 12.0, 20.0, 30.0], since=11.0) == [0.0, 2.0, 18.0, 43.0]
+    assert Vent((0.0, 0.0), 3.0).volumes_at([4.0, 5.0, 7.0], since=5.0) == [0.0, 0.0, 6.0]
+    assert [vent.discharge_at(time) for time in (9.0, 10.0, 24.0, 25.0)] == [0.0, 2.0, 5.0, 0.0]
+
+
 def test_vents_must_lie_on_the_terrain():
     """A vent, or its fissure's end, outside the terrain is an error that names it."""
     with pytest.raises(LavaError, match=r'vents\[1\]\.position'):

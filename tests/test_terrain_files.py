@@ -15,7 +15,9 @@
 """Elevation files become terrain, or one clear error."""
 
 from pathlib import Path
+import socket
 import sys
+import threading
 from typing import Any
 
 from matplotlib import cbook
@@ -55,10 +57,12 @@ def write_tif(path: Path, bands: np.ndarray, **options: Any) -> Path:
     return path
 
 
-def write_asc(path: Path, cell: str = 'cellsize 25') -> Path:
+def write_asc(
+    path: Path, cell: str = 'cellsize 25', *, hole: object = -9999, nodata: object = -9999
+) -> Path:
     """Write an ESRI ASCII grid with a hole in its north-east corner."""
-    rows = [[7, 8, -9999], [4, 5, 6], [1, 2, 3]]
-    text = f'ncols 3\nnrows 3\nxllcorner 1000\nyllcorner 2000\n{cell}\nNODATA_value -9999\n'
+    rows = [[7, 8, hole], [4, 5, 6], [1, 2, 3]]
+    text = f'ncols 3\nnrows 3\nxllcorner 1000\nyllcorner 2000\n{cell}\nNODATA_value {nodata}\n'
     path.write_text(text + '\n'.join(' '.join(map(str, row)) for row in rows) + '\n')
     return path
 
@@ -82,6 +86,76 @@ def test_esri_grid(tmp_path: Path) -> None:
     np.testing.assert_array_equal(terrain.elevation, [[1, 2, 3], [4, 5, 6], [7, 8, np.nan]])
     assert (terrain.resolution, terrain.origin, terrain.offset) == (25.0, (0, 0), (1000, 2000))
     assert terrain.epsg is None
+
+
+@pytest.mark.parametrize(('hole', 'nodata'), [('nan', 'nan'), ('NaN', 'nan'), ('nan', 'NaN')])
+def test_esri_grid_with_a_hole_that_is_no_number(tmp_path: Path, hole: str, nodata: str) -> None:
+    """Text is no data where the header says so."""
+    terrain = load_terrain(write_asc(tmp_path / 'a.asc', hole=hole, nodata=nodata))
+    np.testing.assert_array_equal(terrain.elevation, [[1, 2, 3], [4, 5, 6], [7, 8, np.nan]])
+
+
+@pytest.mark.parametrize('number', ['-1', '+1.5', '.5', '2.', '1,5', '1e2', '1.5E-3', '-9999.0'])
+def test_esri_grid_of_all_kinds_of_numbers(tmp_path: Path, number: str) -> None:
+    """What GDAL reads as a number is one, also with a comma."""
+    terrain = load_terrain(write_asc(tmp_path / 'a.asc', hole=number))
+    value = float(number.replace(',', '.'))
+    expected = np.nan if value == -9999.0 else np.float32(value)
+    np.testing.assert_array_equal(terrain.elevation[2, 2], expected)
+
+
+@pytest.mark.parametrize('text', ['nan', 'NaN', 'N/A', '-', '1o1', '1D3', '0x1F', 'inf', '1.2.3'])
+def test_esri_grid_with_text_is_refused(tmp_path: Path, text: str) -> None:
+    """Each would be 0 m or a part of itself; the error says where it stands."""
+    with pytest.raises(LavaError) as caught:
+        load_terrain(write_asc(tmp_path / 'a.asc', hole=text))
+    assert caught.value.field == 'line 7, column 5 of a.asc'
+    assert caught.value.value == text
+
+
+def test_esri_grid_with_text_for_nodata_is_refused(tmp_path: Path) -> None:
+    """It would make holes of what is 0."""
+    with pytest.raises(LavaError, match=r"NODATA_value of a\.asc is 'N/A', expected a number"):
+        load_terrain(write_asc(tmp_path / 'a.asc', hole='N/A', nodata='N/A'))
+
+
+@pytest.mark.parametrize('sort', ['vrt', 'wms'])
+@pytest.mark.parametrize('name', ['a.tif', 'a.asc'])
+def test_a_raster_that_refers_to_others_is_refused(tmp_path: Path, sort: str, name: str) -> None:
+    """Nobody is asked for what such a file names, whatever it is called."""
+    with socket.create_server(('127.0.0.1', 0)) as server:
+        server.settimeout(0.2)
+        url = f'http://127.0.0.1:{server.getsockname()[1]}/x'
+        text = {
+            'vrt': '<VRTDataset rasterXSize="20" rasterYSize="20"><SRS>EPSG:32633</SRS>'
+            '<GeoTransform>0,10,0,100,0,-10</GeoTransform><VRTRasterBand dataType="Float32" '
+            'band="1"><SimpleSource><SourceFilename relativeToVRT="0">/vsicurl/'
+            f'{url}.tif</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>',
+            'wms': f'<GDAL_WMS><Service name="WMS"><ServerUrl>{url}?</ServerUrl><Layers>a</Layers>'
+            '</Service><DataWindow><UpperLeftX>0</UpperLeftX><UpperLeftY>200</UpperLeftY>'
+            '<LowerRightX>200</LowerRightX><LowerRightY>0</LowerRightY><SizeX>20</SizeX>'
+            '<SizeY>20</SizeY></DataWindow><BandsCount>1</BandsCount></GDAL_WMS>',
+        }
+        (tmp_path / name).write_text(text[sort])
+        asked = []
+        thread = threading.Thread(target=_answer, args=(server, asked))
+        thread.start()
+        with pytest.raises(LavaError, match='a GeoTIFF or an ESRI ASCII grid'):
+            load_terrain(tmp_path / name)
+        thread.join()
+    assert asked == []
+
+
+def _answer(server: socket.socket, asked: list[bytes]) -> None:
+    """Note who asks, until nobody does for a while."""
+    try:
+        while True:
+            connection, _ = server.accept()
+            with connection:
+                asked.append(connection.recv(60))
+                connection.sendall(b'HTTP/1.1 404 x\r\nContent-Length: 0\r\n\r\n')
+    except TimeoutError:
+        pass
 
 
 def test_esri_grid_takes_the_epsg_it_cannot_say(tmp_path: Path) -> None:

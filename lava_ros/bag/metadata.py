@@ -24,6 +24,7 @@ import yaml
 
 from lava_ros.bag.qos import QosProfile
 from lava_ros.errors import LavaError
+from lava_ros.yaml_files import read_yaml
 
 FILE_NAME = 'metadata.yaml'
 
@@ -161,16 +162,11 @@ def read_metadata(path: Path) -> StoredMetadata:
     Raises:
         LavaError: The file is unreadable, or describes a bag that is not plain MCAP.
     """
-    try:
-        data = yaml.safe_load(path.read_text(encoding='utf-8'))[_ROOT]
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, TypeError, KeyError) as error:
-        raise LavaError(
-            'bag',
-            str(path),
-            f'metadata that rosbag2 wrote; if it is damaged, remove it and the bag is read '
-            f'without ({type(error).__name__}: {error})',
-        ) from error
-    return parse_metadata(data, path)
+    right = 'metadata that rosbag2 wrote; if it is damaged, remove it and the bag is read without'
+    data = read_yaml('bag', path, right)
+    if not isinstance(data, Mapping) or _ROOT not in data:
+        raise LavaError('bag', str(path), f'{right} (a mapping with the key {_ROOT})')
+    return parse_metadata(data[_ROOT], path)
 
 
 def parse_metadata(data: object, path: Path) -> StoredMetadata:

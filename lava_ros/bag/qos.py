@@ -22,6 +22,7 @@ import yaml
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.yaml_files import parse_yaml
 
 #: What rosbag2 writes for a duration without limit [ns].
 INFINITE_NS = 2**63 - 1
@@ -121,12 +122,14 @@ def profiles_from_yaml(text: str) -> tuple[QosProfile, ...]:
         LavaError: The text is not such a list.
     """
     expected = 'a YAML list of QoS profiles as rosbag2 writes it'
+    items = parse_yaml('offered_qos_profiles', text, expected) or []
+    if not isinstance(items, list):
+        raise LavaError('offered_qos_profiles', text, expected)
     try:
-        items = yaml.safe_load(text) or []
-        if not isinstance(items, list):
-            raise LavaError('offered_qos_profiles', text, expected)
         return tuple(_from_dict(item) for item in items)
-    except (yaml.YAMLError, TypeError, KeyError, IndexError) as error:
+    except LavaError:
+        raise
+    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
         raise LavaError('offered_qos_profiles', text, f'{expected} ({error})') from error
 
 

@@ -20,8 +20,6 @@ from pathlib import Path
 import re
 from typing import NamedTuple
 
-import yaml
-
 from lava_ros.bag import metadata as bag_metadata
 from lava_ros.bag import qos as bag_qos
 from lava_ros.bag.mcap_file import has_begun, McapFile, open_mcap
@@ -29,6 +27,7 @@ from lava_ros.bag.mcap_output import METADATA_RECORD
 from lava_ros.bag.qos import QosProfile
 from lava_ros.bag.schemas import MessageSchema
 from lava_ros.errors import LavaError
+from lava_ros.yaml_files import parse_yaml
 
 
 class BagMessage(NamedTuple):
@@ -294,11 +293,6 @@ def _custom_data(files: list[McapFile]) -> dict[str, str]:
     for contents in reversed(files):
         text = contents.metadata.get(METADATA_RECORD, {}).get('serialized_metadata', '')
         if text:
-            try:
-                data = yaml.safe_load(text)
-            except yaml.YAMLError as error:
-                raise LavaError(
-                    f'record {METADATA_RECORD} of {contents.path}', text, f'YAML ({error})'
-                ) from error
+            data = parse_yaml(f'record {METADATA_RECORD} of {contents.path}', text)
             return bag_metadata.parse_metadata(data, contents.path).custom_data
     return {}

@@ -23,9 +23,8 @@ import json
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
-import yaml
-
 from lava_ros.errors import LavaError
+from lava_ros.yaml_files import parse_yaml
 
 if TYPE_CHECKING:
     from lava_ros.bag.reader import BagFile, BagReader, Topic
@@ -237,8 +236,8 @@ def _checkpoint_lines(bag: BagReader) -> list[str]:
 def _scene(custom_data: Mapping[str, str]) -> dict[str, Any] | None:
     """The scene as plain data, None when the bag has none that reads as a mapping."""
     try:
-        scene = yaml.safe_load(custom_data.get(_SCENE, ''))
-    except yaml.YAMLError:
+        scene = parse_yaml('scene', custom_data.get(_SCENE, ''))
+    except LavaError:
         return None
     return scene if isinstance(scene, dict) else None
 

@@ -24,6 +24,7 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.susceptibility import Susceptibility
 from lava_ros.geotiff import require_rasterio
+from lava_ros.raster_files import open_raster
 from lava_ros.scene import Terrain
 
 
@@ -31,7 +32,7 @@ def susceptibility_from_file(path: str | Path, terrain: Terrain) -> Susceptibili
     """Read where vents may open: a raster of relative likelihoods.
 
     Args:
-        path: A GeoTIFF, or what else GDAL reads; without coordinate system it has the terrain's.
+        path: A GeoTIFF or an ESRI ASCII grid; without coordinate system it has the terrain's.
         terrain: The ground.
 
     Raises:
@@ -72,7 +73,6 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
         LavaError: The file cannot be read, or nobody knows where it is.
     """
     require_rasterio(path)
-    import rasterio
     from rasterio.errors import NotGeoreferencedWarning, RasterioError
     from rasterio.transform import from_origin
     from rasterio.warp import reproject, Resampling
@@ -81,11 +81,12 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
         with warnings.catch_warnings():
             # a file without coordinates is refused below
             warnings.simplefilter('ignore', NotGeoreferencedWarning)
-            with rasterio.open(path) as source:
+            with open_raster(path) as source:
                 band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
                 place, crs, count = source.transform, source.crs, source.count
     except (RasterioError, OSError) as error:
-        raise LavaError(field, str(path), f'a raster that GDAL can read ({error})') from error
+        right = f'a GeoTIFF or an ESRI ASCII grid that GDAL can read ({error})'
+        raise LavaError(field, str(path), right) from error
     if place.is_identity or count != 1:
         raise LavaError(field, str(path), 'a georeferenced raster with one band')
     target_crs = _coordinates(terrain, crs, path, field)

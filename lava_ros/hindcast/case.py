@@ -206,15 +206,12 @@ def load_case(
 
 def _options(folder: Path) -> dict[str, Any]:
     """What ``case.yaml`` says, nothing where there is none."""
-    import yaml
+    from lava_ros.yaml_files import read_yaml
 
     path = folder / 'case.yaml'
     if not path.exists():
         return {}
-    try:
-        data = yaml.safe_load(path.read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise LavaError('case', str(path), f'a readable YAML file ({error})') from error
+    data = read_yaml('case', path)
     return validation.keys('case', {} if data is None else data, allowed=KEYS)
 
 

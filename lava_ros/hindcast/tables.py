@@ -138,8 +138,13 @@ def series_of(
     times = {time for item in rates for time in (item.start, item.end)}
     times |= {time for vent in vents for time in (vent.start, vent.end) if math.isfinite(time)}
     result: list[list[tuple[float, float]]] = [[] for _ in vents]
+    row = 0
     for time in sorted(times):
-        discharge = next((i.discharge for i in rates if i.start <= time < i.end), 0.0)
+        # rows end one after the other
+        while row < len(rates) and rates[row].end <= time:
+            row += 1
+        is_on = row < len(rates) and rates[row].start <= time
+        discharge = rates[row].discharge if is_on else 0.0
         shares = [vent.share if vent.start <= time < vent.end else 0.0 for vent in vents]
         if discharge > 0.0 and not any(shares):
             right = 'at least one row of vent.csv with start_s <= t < end_s: lava comes out then'

@@ -19,7 +19,8 @@ from dataclasses import dataclass
 import json
 from typing import Any
 
-import yaml
+from lava_ros.errors import LavaError
+from lava_ros.yaml_files import parse_yaml
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,8 @@ def describe(custom_data: Mapping[str, str]) -> Description:
 
 def _parameters(text: str) -> Mapping[str, Any]:
     try:
-        data = yaml.safe_load(text)
-    except yaml.YAMLError:
+        data = parse_yaml('parameters', text)
+    except LavaError:
         return {}
     return {str(key): value for key, value in data.items()} if isinstance(data, Mapping) else {}
 

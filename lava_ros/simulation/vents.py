@@ -175,10 +175,10 @@ class VentSet:
             row[7:9] = vent.velocity
             row[9] = places[vent.position, vent.end]
             places[vent.position, vent.end] += 1
-            for time, flux in vent.series:
-                times.append(max(time, since))
-                fluxes.append(flux)
-                volumes.append(conduit + vent.volume_between(since, times[-1]))
+            begins = [max(time, since) for time, _ in vent.series]
+            times += begins
+            fluxes += [flux for _, flux in vent.series]
+            volumes += [conduit + volume for volume in vent.volumes_at(begins, since=since)]
             starts.append(len(times))
         self._areas = [math.pi * row[4] ** 2 + 2.0 * row[4] * row[6] for row in shape]
         self.released = wp.zeros(max(1, len(self.vents)), dtype=wp.int32, device=device)

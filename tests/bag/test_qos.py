@@ -68,7 +68,11 @@ def test_profiles_of_old_bags_have_numbers() -> None:
     assert profile.deadline == 0
 
 
-@pytest.mark.parametrize('text', ['a: 1', '- 1', '- {history: keep_last}', '[', '- {history: 9}'])
+NOT_PROFILES = ['a: 1', '- 1', '- {history: keep_last}', '[', '- {history: 9}', '- 2001-99-99']
+NOT_PROFILES += [profiles_to_yaml([LATCHED]).replace('sec: 9223372036', 'sec: x')]
+
+
+@pytest.mark.parametrize('text', NOT_PROFILES)
 def test_text_that_is_no_profile_list_is_refused(text: str) -> None:
     """Anything but a list of complete profiles raises."""
     with pytest.raises(LavaError, match='offered_qos_profiles'):

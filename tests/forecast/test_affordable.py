@@ -111,7 +111,7 @@ def test_a_plan_goes_on_with_the_effects_of_finer_runs(monkeypatch):
 
 def test_a_plan_stays_below_effects_that_are_too_dear(monkeypatch):
     """As fine as it can be without them, and it does not say that this is the finest."""
-    _machine(monkeypatch, dearer=0.45, slower=40.0)
+    _machine(monkeypatch, dearer=0.9, slower=40.0)
     plan = afford(SCENE, within=0.5, horizon=3600.0, device='cpu')
     assert 0.88 < plan.refinement < 0.9 and not plan.is_finest
     assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.05)
@@ -145,7 +145,7 @@ def test_a_plan_may_do_without_what_does_not_fit(monkeypatch):
     """Where most of the time would be left it is finer, and says what it leaves out."""
     within = 1.0
     for share, gain in ((0.3, 1.2), (0.1, 1.5)):
-        _machine(monkeypatch, dearer=0.45, slower=40.0)
+        _machine(monkeypatch, dearer=0.9, slower=40.0)
         within = _wall_time(0.9) / share
         kept = afford(SCENE, within=within, horizon=3600.0, device='cpu')
         assert kept.refinement < 0.9 and kept.forced == {}

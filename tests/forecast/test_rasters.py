@@ -99,6 +99,9 @@ def test_rasters_of_nowhere_are_refused(tmp_path: Path) -> None:
     for path in (tmp_path / 'none.tif', tmp_path / 'text.tif', far):
         with pytest.raises(LavaError, match='--observed'):
             outline_from_file(path, TERRAIN, 600.0)
+    (tmp_path / 'other.tif').write_text('<VRTDataset rasterXSize="8" rasterYSize="6"/>')
+    with pytest.raises(LavaError, match='a GeoTIFF or an ESRI ASCII grid'):
+        outline_from_file(tmp_path / 'other.tif', TERRAIN, 600.0)
     here = write(tmp_path / 'here.tif', ones)
     with pytest.raises(LavaError, match='coordinate system'):
         raster_on(Terrain(np.zeros((6, 8)), 20.0), here, field='a')

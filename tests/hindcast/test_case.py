@@ -24,6 +24,7 @@ import pytest
 from eruption import CORNER, elevation, footprint, SHAPE, VENT, write_case, write_grid
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import load_case
+from lava_ros.hindcast.tables import Interval, series_of, VentRow
 from lava_ros.materials import material_named
 
 ETNA = Path(__file__).parents[3] / 'shared/data/etna2001'
@@ -152,6 +153,17 @@ def _thick() -> np.ndarray:
 
 def _vents(text: str) -> Callable[[Path], object]:
     return lambda folder: (folder / 'vent.csv').write_text(text)
+
+
+def test_a_long_table_of_rates_is_read_once() -> None:
+    """300,000 rows: each one looked at for each other would take hours."""
+    rates = tuple(Interval(float(time), time + 1.0, 1.0 + time % 2) for time in range(300_000))
+    (series,) = series_of((VentRow('', (0.0, 0.0)),), rates)
+    assert series[:3] == ((0.0, 1.0), (1.0, 2.0), (2.0, 1.0))
+    assert series[-1] == (300_000.0, 0.0)
+    gap = (Interval(0.0, 1.0, 2.0), Interval(3.0, 4.0, 2.0))
+    (series,) = series_of((VentRow('', (0.0, 0.0)),), gap)
+    assert series == ((0.0, 2.0), (1.0, 0.0), (3.0, 2.0), (4.0, 0.0))
 
 
 def _yaml(text: str) -> Callable[[Path], object]:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Vents that are choked, too strong, or closed while lava waits in them."""
+"""The tables of vents on a device, and vents that are choked, too strong or closed."""
 
 from itertools import count
 import math
@@ -26,7 +26,7 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 import lava_ros.simulation.simulation as simulation_module
-from lava_ros.simulation.vents import MOST_A_SECOND, parting
+from lava_ros.simulation.vents import MOST_A_SECOND, parting, VentSet
 
 VENT = Vent((50.0, 50.0), 20.0, radius=10.0)
 
@@ -106,3 +106,27 @@ def test_a_conduit_is_emptied_in_whole_particles(waiting: float, end: object) ->
         assert inside if end is None else 50.0 <= x <= 70.0 and y == 50.0
     if 1.0 < waiting < 1e6:
         assert len({place for place, _ in found}) == len(found)
+
+
+def test_a_long_discharge_series_becomes_a_table() -> None:
+    """Of 300,000 points: to integrate up to each one from the first would take hours."""
+    count = 300_000
+    vent = Vent((0.0, 0.0), 1.0)
+    # what is validated point by point takes seconds
+    series = tuple((float(time), float(time % 7)) for time in range(count))
+    object.__setattr__(vent, 'discharge', series)
+    vents = VentSet(
+        [vent],
+        since=10.0,
+        carried=[4.0],
+        centre=np.zeros(2),
+        particle_volume=1.0,
+        least_radius=1.0,
+        downhill=[0.0],
+        symmetric=False,
+        device='cpu',
+    )
+    volumes = vents.outlets.volumes.numpy()
+    assert volumes.shape == (count,)
+    assert volumes[:14].tolist() == 11 * [4.0] + [7.0, 11.0, 16.0]
+    assert volumes[-1] == 4.0 + vents.emitted(count - 1.0)
