@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 import os
 from pathlib import Path
 from typing import Any
+import zlib
 
 import yaml
 
@@ -31,6 +32,14 @@ FILE_NAME = 'metadata.yaml'
 VERSION = 9
 
 ROS_DISTRO = 'jazzy'
+
+#: Name of the MCAP metadata record that holds what metadata.yaml says.
+RECORD = 'rosbag2'
+
+#: Key of a checksum over that record: MCAP itself has none.
+CHECKSUM = 'crc32'
+
+_TEXT = 'serialized_metadata'
 
 _ROOT = 'rosbag2_bagfile_information'
 
@@ -130,9 +139,17 @@ class BagMetadata:
         }
 
 
-def serialize(metadata: BagMetadata) -> str:
-    """The text of a file's ``rosbag2`` record: YAML without its root key."""
-    return _dump(metadata.to_dict())
+def to_record(metadata: BagMetadata) -> dict[str, str]:
+    """The content of a file's ``rosbag2`` record: YAML without its root key, and a checksum."""
+    text = _dump(metadata.to_dict())
+    return {_TEXT: text, CHECKSUM: _checksum(RECORD, text)}
+
+
+def is_whole(name: str, record: Mapping[str, str]) -> bool:
+    """Whether an MCAP metadata record fits its checksum, where it has one."""
+    if CHECKSUM in record:
+        return record[CHECKSUM] == _checksum(name, record.get(_TEXT, ''))
+    return name != RECORD or _TEXT in record
 
 
 def write_metadata(directory: Path, metadata: BagMetadata) -> None:
@@ -163,13 +180,27 @@ def read_metadata(path: Path) -> StoredMetadata:
     """
     try:
         data = yaml.safe_load(path.read_text(encoding='utf-8'))[_ROOT]
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, TypeError, KeyError) as error:
+    except (OSError, ValueError, yaml.YAMLError, TypeError, KeyError) as error:
         raise LavaError(
             'bag',
             str(path),
             f'metadata that rosbag2 wrote; if it is damaged, remove it and the bag is read '
             f'without ({type(error).__name__}: {error})',
         ) from error
+    return parse_metadata(data, path)
+
+
+def parse_record(record: Mapping[str, str], path: Path) -> StoredMetadata:
+    """Take what a reader needs from the content of a ``rosbag2`` record.
+
+    Raises:
+        LavaError: It is no YAML, or no such metadata.
+    """
+    text = record.get(_TEXT, '')
+    try:
+        data = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError) as error:
+        raise LavaError(f'record {RECORD} of {path}', text, f'YAML ({error})') from error
     return parse_metadata(data, path)
 
 
@@ -206,6 +237,10 @@ def parse_metadata(data: object, path: Path) -> StoredMetadata:
         tuple(Path(str(item)).name for item in names),
         {str(key): str(value) for key, value in custom_data.items()},
     )
+
+
+def _checksum(name: str, text: str) -> str:
+    return f'{zlib.crc32((name + text).encode()):08x}'
 
 
 def _time_span(start_ns: int | None, end_ns: int | None) -> dict[str, Any]:
