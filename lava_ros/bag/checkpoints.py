@@ -63,20 +63,23 @@ def checkpoints_of(
 
     Args:
         bag: The bag's directory, or an .mcap file.
-        on_refused: Is told of each that is damaged, or of a later version.
+        on_refused: Is told of each attachment that is damaged, or of a later version.
 
     Raises:
         LavaError: There is no such bag, or it cannot be read.
     """
     result = []
     for item in attachments_of(bag):
-        if item.media_type == MEDIA_TYPE:
-            try:
-                summary = summary_of(item.read())
-            except LavaError as error:
-                if on_refused is not None:
-                    on_refused(error)
+        try:
+            data = item.read()
+            # a damaged one may no longer say that it is a checkpoint
+            if item.media_type != MEDIA_TYPE:
                 continue
+            summary = summary_of(data)
+        except LavaError as error:
+            if on_refused is not None:
+                on_refused(error)
+        else:
             result.append(
                 StoredCheckpoint(
                     summary.time, item.log_time_ns, summary.particle_count, item.size
@@ -98,7 +101,6 @@ def newest_checkpoint(bag: str | Path) -> FoundCheckpoint:
     for item in reversed(attachments_of(bag)):
         try:
             data = item.read()
-            # a damaged one may no longer say that it is a checkpoint
             if item.media_type == MEDIA_TYPE:
                 return FoundCheckpoint(from_bytes(data), item.log_time_ns, tuple(refused))
         except LavaError as error:

@@ -481,7 +481,7 @@ def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
                 damage.append((offset, end, f'a chunk ({error})'))
                 continue
             except _DAMAGE:
-                damage.append((offset, end, f'a {Opcode(opcode).name.lower()}'))
+                damage.append((offset, end, f'a {Opcode(opcode).name.lower()} record'))
                 continue
             last = result.blocks[-1] if result.blocks else None
             if block and last and is_run and opcode == Opcode.MESSAGE and _follows(last, block):
