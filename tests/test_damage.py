@@ -162,8 +162,8 @@ def test_a_damaged_description_gives_way_to_another(bag: Path, tmp_path: Path, c
 @pytest.mark.parametrize(
     ('opcode', 'offset', 'said'),
     [
-        (Opcode.STATISTICS, FRAME.size, 'the index at the end of the file'),
-        (Opcode.FOOTER, FRAME.size + 1, 'the index at the end of the file'),
+        (Opcode.STATISTICS, FRAME.size, 'the index at the end of'),
+        (Opcode.FOOTER, FRAME.size + 1, 'the index at the end of'),
         (Opcode.DATA_END, FRAME.size, 'the data outside of chunks and attachments'),
         (Opcode.MESSAGE_INDEX, FRAME.size + 8, 'the data outside of chunks and attachments'),
     ],

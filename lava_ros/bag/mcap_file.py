@@ -489,15 +489,15 @@ def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
             elif block:
                 result.blocks.append(block)
         is_run = opcode == Opcode.MESSAGE
-    if result.finished and not (has_end and footer is not None and _fits_footer(data, footer)):
-        damage.append((len(data), len(data), 'the index at the end of the file'))
     result.damage = [_sentence(result, *item) for item in damage]
+    if result.finished and not (has_end and footer is not None and _fits_footer(data, footer)):
+        result.damage.append(f'the index at the end of {path} is damaged; it is read without')
     assert result.counts is not None
     lost = sum(result.counts.pop(key) for key in set(result.counts) - set(result.channels))
     if lost:
         result.damage.append(
             f'{lost} messages of {path} are of topics that only a damaged part defines; they are '
-            f'left out'
+            'left out'
         )
     return result
 
