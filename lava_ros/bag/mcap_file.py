@@ -285,7 +285,7 @@ def read_summary(data: mmap.mmap) -> Summary | None:
         return None
     try:
         data.seek(0)
-        reader = SeekingReader(data, record_size_limit=MAX_BLOCK_SIZE)  # type: ignore[arg-type]
+        reader = SeekingReader(data, record_size_limit=MAX_BLOCK_SIZE)
         summary = reader.get_summary()
     except _DAMAGE:
         return None
@@ -341,12 +341,12 @@ def _fits(data: mmap.mmap, position: int, *, has_chunks: bool = False) -> bool:
     if place > len(data):
         return False
     opcode, length = FRAME.unpack_from(data, position)
-    end = place + length
+    end = place + int(length)
     if end > len(data):
         return False
     if opcode == Opcode.MESSAGE:
         # nothing in it tells; beside chunks it is more likely a damaged index
-        return length >= _LEAST_MESSAGE and not has_chunks
+        return int(length) >= _LEAST_MESSAGE and not has_chunks
     if opcode not in _LAYOUTS:
         return False
     before, kinds, after = _LAYOUTS[opcode]
@@ -355,7 +355,7 @@ def _fits(data: mmap.mmap, position: int, *, has_chunks: bool = False) -> bool:
         size = struct.calcsize(f'<{kind}')
         if place + size > end:
             return False
-        place += size + struct.unpack_from(f'<{kind}', data, place)[0]
+        place += size + int(struct.unpack_from(f'<{kind}', data, place)[0])
     return place + after == end
 
 
@@ -365,7 +365,7 @@ def _is_cut(data: mmap.mmap, position: int) -> bool:
         return True
     opcode, length = FRAME.unpack_from(data, position)
     is_known = opcode in _LAYOUTS or opcode == Opcode.MESSAGE
-    return is_known and position + FRAME.size + length > len(data)
+    return is_known and position + FRAME.size + int(length) > len(data)
 
 
 def _has_end(data: mmap.mmap) -> bool:
@@ -433,7 +433,7 @@ def _is_sound(data: mmap.mmap, summary: Summary) -> bool:
         return False
     (stored,) = _DATA_END.unpack_from(data, end + FRAME.size)
     if stored:
-        return stored == _checksum(data, 0, end)
+        return int(stored) == _checksum(data, 0, end)
     for index in summary.attachment_indexes:
         content = data[index.offset : index.offset + index.length]
         if content[0] != Opcode.ATTACHMENT or not is_whole(content):
