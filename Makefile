@@ -35,12 +35,13 @@ hard: $(STAMP)  ## Run the hard scenes at every preset on every device, 10 minut
 hard-published: $(STAMP)  ## Run the hard scenes at the paper's settings, 10 s each: what breaks there
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.run --published $(ARGS)
 
-nightly: $(STAMP)  ## Try 2,000 random scenes and messages, kill 20 recordings, install the node elsewhere; figures in build/fuzz.json (ARGS='--hypothesis-seed=1')
+nightly: $(STAMP)  ## Try 2,000 random scenes and messages, kill 20 recordings, flip 900 bits of bags, install the node elsewhere; figures in build/fuzz.json (ARGS='--hypothesis-seed=1')
 	@mkdir -p build
 	@rm -f build/fuzz.json
 	LAVA_FUZZ_FIGURES=build/fuzz.json $(VENV)/bin/python -m pytest tests/fuzz --hypothesis-profile=nightly \
 	  --numprocesses auto --dist load $(ARGS)
 	LAVA_KILLS=20 $(VENV)/bin/python -m pytest tests/ros/faults
+	LAVA_FLIPS=300 $(VENV)/bin/python -m pytest tests/test_damage.py
 	PYTHONPATH=tests $(VENV)/bin/python tests/install/installed_node.py
 
 soak: $(STAMP)  ## Keep a node busy for 30 minutes and judge memory, deadlines and bag (ARGS='--minutes 5')

@@ -14,11 +14,12 @@
 
 """The checkpoints in a bag: attachments that a simulation can go on from."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from lava_ros.bag.attachments import Attachment, attachments_of
-from lava_ros.checkpoint import Checkpoint, from_bytes, MEDIA_TYPE, PREFIX_SIZE, summary_of
+from lava_ros.bag.attachments import attachments_of
+from lava_ros.checkpoint import Checkpoint, from_bytes, MEDIA_TYPE, summary_of
 from lava_ros.errors import LavaError
 
 #: Name of the attachments.
@@ -47,7 +48,7 @@ class FoundCheckpoint(NamedTuple):
     Attributes:
         checkpoint: The checkpoint.
         log_time_ns: ROS time at which it was taken [ns].
-        refused: Newer ones that cannot be read, and why.
+        refused: Newer attachments that cannot be read, and why.
     """
 
     checkpoint: Checkpoint
@@ -55,21 +56,35 @@ class FoundCheckpoint(NamedTuple):
     refused: tuple[LavaError, ...]
 
 
-def checkpoints_of(bag: str | Path) -> list[StoredCheckpoint]:
-    """The checkpoints of a bag, finished or not, oldest first; what they hold is not read.
+def checkpoints_of(
+    bag: str | Path, on_refused: Callable[[LavaError], None] | None = None
+) -> list[StoredCheckpoint]:
+    """The checkpoints of a bag, finished or not, oldest first; what they hold is not unpacked.
 
     Args:
         bag: The bag's directory, or an .mcap file.
+        on_refused: Is told of each attachment that is damaged, or of a later version.
 
     Raises:
-        LavaError: There is no such bag, it cannot be read, or a checkpoint is of a later version.
+        LavaError: There is no such bag, or it cannot be read.
     """
     result = []
-    for item in _attachments(bag):
-        summary = summary_of(item.start(PREFIX_SIZE))
-        result.append(
-            StoredCheckpoint(summary.time, item.log_time_ns, summary.particle_count, item.size)
-        )
+    for item in attachments_of(bag):
+        try:
+            data = item.read()
+            # a damaged one may no longer say that it is a checkpoint
+            if item.media_type != MEDIA_TYPE:
+                continue
+            summary = summary_of(data)
+        except LavaError as error:
+            if on_refused is not None:
+                on_refused(error)
+        else:
+            result.append(
+                StoredCheckpoint(
+                    summary.time, item.log_time_ns, summary.particle_count, item.size
+                )
+            )
     return result
 
 
@@ -83,15 +98,13 @@ def newest_checkpoint(bag: str | Path) -> FoundCheckpoint:
         LavaError: There is no such bag, or no checkpoint in it that can be read.
     """
     refused: list[LavaError] = []
-    for item in reversed(_attachments(bag)):
+    for item in reversed(attachments_of(bag)):
         try:
-            return FoundCheckpoint(from_bytes(item.read()), item.log_time_ns, tuple(refused))
+            data = item.read()
+            if item.media_type == MEDIA_TYPE:
+                return FoundCheckpoint(from_bytes(data), item.log_time_ns, tuple(refused))
         except LavaError as error:
             refused.append(error)
     if refused:
         raise refused[0]
     raise LavaError('bag', str(bag), 'a bag with a checkpoint in it; this one has none')
-
-
-def _attachments(bag: str | Path) -> list[Attachment]:
-    return [item for item in attachments_of(bag) if item.media_type == MEDIA_TYPE]

@@ -28,9 +28,6 @@ from lava_ros.bag.schemas import MessageSchema
 #: Uncompressed size at which a chunk is closed [bytes]; ``flush`` closes it earlier.
 CHUNK_SIZE = 4 * 1024 * 1024
 
-#: Name of the MCAP metadata record that holds what metadata.yaml says.
-METADATA_RECORD = 'rosbag2'
-
 
 @dataclass
 class _Channel:
@@ -64,7 +61,10 @@ class McapOutput:
         self._stream = path.open('xb')
         try:
             self._mcap = Writer(
-                self._stream, chunk_size=CHUNK_SIZE, compression=CompressionType.ZSTD
+                self._stream,
+                chunk_size=CHUNK_SIZE,
+                compression=CompressionType.ZSTD,
+                enable_data_crcs=True,
             )
             self._mcap.start(profile='ros2', library=f'lava_ros {LIBRARY_IDENTIFIER}')
             self._write_metadata_record()
@@ -175,6 +175,6 @@ class McapOutput:
 
     def _write_metadata_record(self) -> None:
         topics = tuple(channel.topic for channel in self._channels.values())
-        text = bag_metadata.serialize(BagMetadata((self.record,), topics, self._custom_data))
-        self._mcap.add_metadata(METADATA_RECORD, {'serialized_metadata': text})
+        metadata = BagMetadata((self.record,), topics, self._custom_data)
+        self._mcap.add_metadata(bag_metadata.RECORD, bag_metadata.to_record(metadata))
         self._is_described = True

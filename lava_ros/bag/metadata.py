@@ -19,12 +19,13 @@ from dataclasses import dataclass, field
 import os
 from pathlib import Path
 from typing import Any
+import zlib
 
 import yaml
 
 from lava_ros.bag.qos import QosProfile
 from lava_ros.errors import LavaError
-from lava_ros.yaml_files import read_yaml
+from lava_ros.yaml_files import parse_yaml, read_yaml
 
 FILE_NAME = 'metadata.yaml'
 
@@ -32,6 +33,14 @@ FILE_NAME = 'metadata.yaml'
 VERSION = 9
 
 ROS_DISTRO = 'jazzy'
+
+#: Name of the MCAP metadata record that holds what metadata.yaml says.
+RECORD = 'rosbag2'
+
+#: Key of a checksum over that record: MCAP itself has none.
+CHECKSUM = 'crc32'
+
+_TEXT = 'serialized_metadata'
 
 _ROOT = 'rosbag2_bagfile_information'
 
@@ -131,9 +140,17 @@ class BagMetadata:
         }
 
 
-def serialize(metadata: BagMetadata) -> str:
-    """The text of a file's ``rosbag2`` record: YAML without its root key."""
-    return _dump(metadata.to_dict())
+def to_record(metadata: BagMetadata) -> dict[str, str]:
+    """The content of a file's ``rosbag2`` record: YAML without its root key, and a checksum."""
+    text = _dump(metadata.to_dict())
+    return {_TEXT: text, CHECKSUM: _checksum(RECORD, text)}
+
+
+def is_whole(name: str, record: Mapping[str, str]) -> bool:
+    """Whether an MCAP metadata record fits its checksum, where it has one."""
+    if CHECKSUM in record:
+        return record[CHECKSUM] == _checksum(name, record.get(_TEXT, ''))
+    return name != RECORD or _TEXT in record
 
 
 def write_metadata(directory: Path, metadata: BagMetadata) -> None:
@@ -169,6 +186,16 @@ def read_metadata(path: Path) -> StoredMetadata:
     return parse_metadata(data[_ROOT], path)
 
 
+def parse_record(record: Mapping[str, str], path: Path) -> StoredMetadata:
+    """Take what a reader needs from the content of a ``rosbag2`` record.
+
+    Raises:
+        LavaError: It is no YAML, or no such metadata.
+    """
+    data = parse_yaml(f'record {RECORD} of {path}', record.get(_TEXT, ''))
+    return parse_metadata(data, path)
+
+
 def parse_metadata(data: object, path: Path) -> StoredMetadata:
     """Take what a reader needs from metadata without its root key.
 
@@ -202,6 +229,10 @@ def parse_metadata(data: object, path: Path) -> StoredMetadata:
         tuple(Path(str(item)).name for item in names),
         {str(key): str(value) for key, value in custom_data.items()},
     )
+
+
+def _checksum(name: str, text: str) -> str:
+    return f'{zlib.crc32((name + text).encode()):08x}'
 
 
 def _time_span(start_ns: int | None, end_ns: int | None) -> dict[str, Any]:

@@ -16,6 +16,7 @@
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+import logging
 from pathlib import Path
 import re
 from typing import NamedTuple
@@ -23,11 +24,11 @@ from typing import NamedTuple
 from lava_ros.bag import metadata as bag_metadata
 from lava_ros.bag import qos as bag_qos
 from lava_ros.bag.mcap_file import has_begun, McapFile, open_mcap
-from lava_ros.bag.mcap_output import METADATA_RECORD
 from lava_ros.bag.qos import QosProfile
 from lava_ros.bag.schemas import MessageSchema
 from lava_ros.errors import LavaError
-from lava_ros.yaml_files import parse_yaml
+
+_LOG = logging.getLogger(__name__)
 
 
 class BagMessage(NamedTuple):
@@ -99,6 +100,7 @@ class BagReader:
         custom_data: Free text by name that describes the recording.
         recovered: Whether a file was not finished; then everything before the place where it
             breaks off is there.
+        damage: What is damaged, and left out for it, each a sentence; it is logged, too.
         start_ns: Log time of the first message [ns], None without messages.
         end_ns: Log time of the last message [ns], None without messages.
         size: Size of the files together [bytes].
@@ -118,7 +120,7 @@ class BagReader:
         if self.path.is_dir():
             yaml_path = self.path / bag_metadata.FILE_NAME
             stored = bag_metadata.read_metadata(yaml_path) if yaml_path.exists() else None
-            names = stored.file_names if stored else _mcap_names(self.path)
+            names = stored.file_names if stored else mcap_names(self.path)
             self.files = tuple(self.path / name for name in names)
             if not self.files:
                 raise LavaError(
@@ -132,13 +134,30 @@ class BagReader:
         if not was_begun:
             self.files = self.files[:-1]
         self._contents = [open_mcap(item) for item in self.files]
+        self.damage = tuple(text for item in self._contents for text in item.damage)
         self.topics = _topics(self._contents)
-        self.custom_data = stored.custom_data if stored else _custom_data(self._contents)
+        described, unreadable = _described(self._contents)
+        self.custom_data = described if stored is None else stored.custom_data
+        if stored is None:
+            self.damage += unreadable
+        elif _is_checked(self._contents) and described != stored.custom_data:
+            self.damage += (
+                f'custom_data of {yaml_path} is damaged or changed: the last file says otherwise',
+            )
         self.recovered = not (was_begun and all(item.finished for item in self._contents))
         blocks = [block for item in self._contents for block in item.blocks]
         self.start_ns = min((block.start_ns for block in blocks), default=None)
         self.end_ns = max((block.end_ns for block in blocks), default=None)
         self.size = sum(item.stat().st_size for item in self.files)
+        for text in self.damage:
+            _LOG.warning('%s', text)
+        for item in self._contents:
+            if item.rest:
+                _LOG.info(
+                    '%s was cut off: its last %d bytes are not whole and left out',
+                    item.path,
+                    item.rest,
+                )
 
     @property
     def duration_ns(self) -> int:
@@ -219,7 +238,7 @@ class BagReader:
         return sorted(found.values(), key=lambda item: item.stamp_ns)
 
 
-def _mcap_names(directory: Path) -> tuple[str, ...]:
+def mcap_names(directory: Path) -> tuple[str, ...]:
     """MCAP files of a directory by the number in their names: 2 comes before 10."""
 
     def order(name: str) -> list[tuple[int, str]]:
@@ -288,11 +307,24 @@ def _topics(files: list[McapFile]) -> dict[str, Topic]:
     }
 
 
-def _custom_data(files: list[McapFile]) -> dict[str, str]:
-    """Custom data of the newest file whose metadata record can be read."""
+def _described(files: list[McapFile]) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Custom data of the newest file with a record of them, and why newer ones do not serve."""
+    unreadable: tuple[str, ...] = ()
     for contents in reversed(files):
-        text = contents.metadata.get(METADATA_RECORD, {}).get('serialized_metadata', '')
-        if text:
-            data = parse_yaml(f'record {METADATA_RECORD} of {contents.path}', text)
-            return bag_metadata.parse_metadata(data, contents.path).custom_data
-    return {}
+        record = contents.metadata.get(bag_metadata.RECORD)
+        if record is not None:
+            try:
+                data = bag_metadata.parse_record(record, contents.path).custom_data
+            except LavaError as error:
+                unreadable += (str(error),)
+            else:
+                return data, unreadable
+    return {}, unreadable
+
+
+def _is_checked(files: list[McapFile]) -> bool:
+    """Whether the last file is whole and its description has a checksum."""
+    last = files[-1] if files else None
+    return last is not None and not last.damage and (
+        bag_metadata.CHECKSUM in last.metadata.get(bag_metadata.RECORD, {})
+    )

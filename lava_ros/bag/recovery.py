@@ -21,6 +21,7 @@ from pathlib import Path
 from lava_ros.bag.attachments import Attachment, attachments_in
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.writer import BagWriter
+from lava_ros.errors import LavaError
 
 
 def recover(
@@ -31,7 +32,8 @@ def recover(
 ) -> int:
     """Copy every message that can be read, with its definition, QoS and time, into a new bag.
 
-    The new bag is split into files where the old one is, and has the same attachments.
+    The new bag is split into files where the old one is, and has the same attachments. What is
+    damaged is left out; ``source.damage`` says what that is.
 
     Args:
         source: The bag, finished or not.
@@ -42,15 +44,15 @@ def recover(
         How many messages were copied.
 
     Raises:
-        LavaError: The directory exists, or a chunk or an attachment in the middle of the source is
-            damaged; what comes before it has been copied then.
+        LavaError: The directory exists, or a file of the source can no longer be read; what comes
+            before has been copied then.
         OSError: The new bag cannot be written.
     """
     with BagWriter(directory, custom_data=source.custom_data) as writer:
         for index, file in enumerate(source.files):
             if index:
                 writer.begin_file()
-            attachments = deque(attachments_in(file))
+            attachments = deque(filter(_is_readable, attachments_in(file)))
             for message in source.file_messages(file):
                 while attachments and attachments[0].log_time_ns < message.stamp_ns:
                     _attach(writer, attachments.popleft())
@@ -70,6 +72,14 @@ def recover(
             for item in attachments:
                 _attach(writer, item)
         return writer.message_count
+
+
+def _is_readable(item: Attachment) -> bool:
+    try:
+        item.read()
+    except LavaError:
+        return False
+    return True
 
 
 def _attach(writer: BagWriter, item: Attachment) -> None:

@@ -96,6 +96,7 @@ def _as_dict(bag: BagReader) -> dict[str, Any]:
         ],
         'size': bag.size,
         'recovered': bag.recovered,
+        'damage': list(bag.damage),
         'start_ns': bag.start_ns,
         'end_ns': bag.end_ns,
         'duration': bag.duration_ns / 1e9,
@@ -125,6 +126,8 @@ def _lines(bag: BagReader) -> list[str]:
     if len(bag.files) > 1:
         lines += [_file_line(item, bag.start_ns or 0) for item in bag.describe_files()]
     state = 'cut off; everything before that is there' if bag.recovered else 'finished'
+    if bag.damage:
+        state = f'{state.split(";")[0]}; damaged in {len(bag.damage)} places'
     lines.append(f'recording  {state}')
     if bag.start_ns is not None:
         lines.append(f'start      {_moment(bag.start_ns)}')
@@ -218,11 +221,13 @@ def _checkpoint_lines(bag: BagReader) -> list[str]:
     """The newest checkpoints, each a moment that `lava node --resume` can go on from."""
     from lava_ros.bag.checkpoints import checkpoints_of
 
-    stored = checkpoints_of(bag.path)
+    refused: list[LavaError] = []
+    stored = checkpoints_of(bag.path, refused.append)
+    lines = [f'  cannot be read: {item}' for item in refused]
     if not stored:
-        return []
+        return ['', 'checkpoints  none that can be read', *lines] if refused else []
     total = _size(sum(item.size for item in stored))
-    lines = ['', f'checkpoints  {len(stored)}, {total}; resume takes the newest']
+    lines = ['', f'checkpoints  {len(stored)}, {total}; resume takes the newest', *lines]
     if len(stored) > _SHOWN_CHECKPOINTS:
         lines.append(f'  {len(stored) - _SHOWN_CHECKPOINTS} older ones')
     for item in stored[-_SHOWN_CHECKPOINTS:]:

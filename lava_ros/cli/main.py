@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+import logging
 import os
 import sys
 
@@ -53,6 +54,9 @@ from lava_ros.errors import LavaError
 #: Exit status for input that cannot be used, as argparse has it.
 USAGE_ERROR = 2
 
+#: Exit status of a command that did its work, but not with all of a damaged bag.
+DAMAGED = 1
+
 _ROS_ARGS = '--ros-args'
 
 #: The commands under the headings of the manual page.
@@ -72,7 +76,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: Arguments without the program's name, those of the process when left out.
 
     Returns:
-        The exit status: 0 when it went well, 2 for input that cannot be used.
+        The exit status: 0 when it went well, 1 when part of a bag was damaged and left out, 2 for
+        input that cannot be used.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     parser = _parser()
@@ -84,8 +89,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser.parse_args(arguments)
     args.ros_args = ros_args
     args.parser = parser
+    said = _Said(args.command)
+    log = logging.getLogger('lava_ros')
+    log.addHandler(said)
+    level = log.level
+    log.setLevel(logging.INFO)
     try:
-        return int(args.run(args))
+        return int(args.run(args)) or (DAMAGED if said.has_warned else 0)
     except LavaError as error:
         # Libraries explain themselves over several lines.
         print(f'lava {args.command}: {" ".join(str(error).split())}', file=sys.stderr)
@@ -96,6 +106,26 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader of our output has gone: there is nobody to tell, and Python would try at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+    finally:
+        log.removeHandler(said)
+        log.setLevel(level)
+
+
+class _Said(logging.Handler):
+    """Prints what the package logs, once, and remembers whether it was a warning."""
+
+    def __init__(self, command: str) -> None:
+        super().__init__()
+        self.has_warned = False
+        self._command = command
+        self._known: set[str] = set()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        text = ' '.join(record.getMessage().split())
+        if text not in self._known:
+            print(f'lava {self._command}: {text}', file=sys.stderr)
+        self._known.add(text)
+        self.has_warned = self.has_warned or record.levelno >= logging.WARNING
 
 
 def _parser() -> argparse.ArgumentParser:

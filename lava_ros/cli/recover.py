@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava recover`: turn a bag whose recording was cut off into one that every tool reads."""
+"""`lava recover`: turn a bag that was cut off or is damaged into one that every tool reads."""
 
 from __future__ import annotations
 
@@ -25,8 +25,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     """Add the command to the `lava` parser."""
     parser = subparsers.add_parser(
         'recover',
-        help='rewrite a bag whose recording was cut off',
-        description='Copy every whole message of a bag into a new, finished bag.',
+        help='rewrite a bag that was cut off or is damaged',
+        description='Copy every whole message of a bag into a new, finished bag. What is '
+        'damaged is left out and said.',
     )
     parser.add_argument('bag', help='bag directory or .mcap file')
     parser.add_argument('output', help='directory of the new bag; must not exist yet')
@@ -55,5 +56,7 @@ def run(args: argparse.Namespace) -> int:
         print(f'{topic.count:8}  {topic.name}')
     seconds = ((whole.end_ns or 0) - (whole.start_ns or 0)) / 1e9
     state = 'had been cut off' if source.recovered else 'was whole'
+    if source.damage:
+        state = f'was damaged in {len(source.damage)} places'
     print(f'{seconds:.3f} s of recording; the bag {state}')
     return 0

@@ -67,7 +67,7 @@ def test_no_damage_is_passed_over(path: Path, damage: Callable[[int], int]) -> N
 def test_a_file_that_changes_meanwhile(path: Path) -> None:
     """One that is gone or shorter than it was, or a length that no memory holds, is an error."""
     first, second = attachments_in(path)
-    assert (first.read(), second.start(5)) == (WRITTEN['first'], bytes(range(5)))
+    assert first.read() == WRITTEN['first']
     with pytest.raises(LavaError, match=f'expected at most {MAX_BLOCK_SIZE}'):
         replace(first, length=MAX_BLOCK_SIZE + 1).read()
     path.write_bytes(path.read_bytes()[: second.offset + 20])

@@ -1,0 +1,307 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Damaged bags: what is wrong is said, everything else is shown and saved, no command breaks."""
+
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
+import os
+from pathlib import Path
+import random
+import shutil
+from typing import Any
+
+from mcap.opcode import Opcode
+import pytest
+import rasterio
+
+from lava_ros.bag import BagReader, BagWriter
+from lava_ros.bag.attachments import attachments_in
+from lava_ros.bag.checkpoints import checkpoints_of, NAME, newest_checkpoint
+from lava_ros.bag.mcap_file import FRAME, MAGIC
+from lava_ros.bag.replay import schedule
+from lava_ros.checkpoint import MEDIA_TYPE
+from lava_ros.cli.main import main
+from lava_ros.errors import LavaError
+from recording import record
+from small_checkpoint import small_checkpoint
+
+#: Bits that are flipped in each bag; `make nightly` tries more.
+FLIPS = int(os.environ.get('LAVA_FLIPS', '40'))
+
+TIMES = (200.0, 400.0, 600.0, 800.0)
+
+
+@pytest.fixture(scope='module')
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished bag of four frames, a chunk and a checkpoint each."""
+    directory = tmp_path_factory.mktemp('sound')
+    source = BagReader(record(directory / 'source', TIMES))
+    times = iter(TIMES)
+    with BagWriter(directory / 'bag', custom_data=source.custom_data) as writer:
+        for item in source.messages():
+            topic = source.topics[item.topic]
+            writer.write(
+                item.topic, topic.message_type, item.data, item.stamp_ns, qos=topic.qos
+            )
+            if item.topic == '/diagnostics':
+                time = next(times)
+                data = small_checkpoint(time, int(time) // 100).to_bytes()
+                writer.attach(NAME, MEDIA_TYPE, data, item.stamp_ns)
+                writer.flush()
+    return directory / 'bag'
+
+
+@pytest.fixture
+def bag(sound: Path, tmp_path: Path) -> Path:
+    """A copy of it to damage."""
+    return Path(shutil.copytree(sound, tmp_path / 'bag'))
+
+
+def records(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """Opcode, place and end of each record."""
+    place = len(MAGIC)
+    while place < len(data) - len(MAGIC):
+        opcode, length = FRAME.unpack_from(data, place)
+        yield opcode, place, place + FRAME.size + length
+        place += FRAME.size + length
+
+
+def places_of(path: Path, opcode: Opcode) -> list[int]:
+    """Where the records of a kind are."""
+    return [place for kind, place, _ in records(path.read_bytes()) if kind == opcode]
+
+
+def flip(path: Path, place: int, bit: int) -> None:
+    """Flip a bit."""
+    data = bytearray(path.read_bytes())
+    data[place] ^= 1 << bit
+    path.write_bytes(data)
+
+
+def lava(*words: object) -> tuple[int, str, str]:
+    """Call the command line: its exit status, what it prints, what it says on stderr."""
+    with redirect_stdout(StringIO()) as out, redirect_stderr(StringIO()) as err:
+        status = main([str(word) for word in words])
+    return status, out.getvalue(), err.getvalue()
+
+
+def contents(bag: Path) -> object:
+    """Everything in a bag that a recovery is to keep."""
+    reader = BagReader(bag)
+    attachments = [item for path in reader.files for item in attachments_in(path)]
+    data = [(item.name, item.log_time_ns, item.read()) for item in attachments]
+    return list(reader.messages()), reader.topics, reader.custom_data, data
+
+
+def test_a_chunk_that_is_lost_is_said(bag: Path, tmp_path: Path) -> None:
+    """The flow of 600 s in place of 800 s is exported with exit status 1, and the gap is named."""
+    path = bag / 'bag_0.mcap'
+    flip(path, places_of(path, Opcode.CHUNK)[-1], 4)
+    status, _, said = lava('export', bag, '-o', tmp_path / 'out')
+    assert status == 1
+    assert f'of {path} (after 4.500 s of its messages)' in said
+    with rasterio.open(tmp_path / 'out/height.tif') as file:
+        assert file.tags()['simulated_time_s'] == '600.0'
+    status, out, said = lava('info', bag)
+    assert (status, 'finished; damaged in 1 places' in out) == (1, True)
+    assert 'is damaged' in said
+    before = len(list(BagReader(bag).messages()))
+    assert BagReader(bag).message_count == before
+    status, out, _ = lava('recover', bag, tmp_path / 'new')
+    assert (status, 'the bag was damaged in 1 places' in out) == (1, True)
+    assert BagReader(tmp_path / 'new').message_count == before > 0
+    assert BagReader(tmp_path / 'new').damage == ()
+    assert [item.time for item in checkpoints_of(tmp_path / 'new')] == list(TIMES)
+
+
+@pytest.mark.parametrize('part', ['opcode', 'length', 'data'])
+@pytest.mark.parametrize('cut', [0, 1000])
+def test_only_the_damaged_chunk_is_lost(bag: Path, part: str, cut: int) -> None:
+    """What follows it is read, in a finished file and in one that was cut off."""
+    path = bag / 'bag_0.mcap'
+    whole = list(BagReader(bag).messages())
+    place = places_of(path, Opcode.CHUNK)[1]
+    flip(path, place + {'opcode': 0, 'length': 2, 'data': 100}[part], 3)
+    os.truncate(path, path.stat().st_size - cut)
+    reader = BagReader(path)
+    assert reader.recovered == bool(cut)
+    assert len(reader.damage) == 1
+    left = list(reader.messages())
+    lost = [item for item in whole if item not in left]
+    assert {item.topic for item in lost} >= {'/hazard', '/height', '/diagnostics'}
+    assert len({item.stamp_ns for item in lost}) == 2
+    assert len(left) + len(lost) == len(whole)
+
+
+@pytest.mark.parametrize('cut', [0, 1000])
+def test_a_damaged_description_gives_way_to_another(bag: Path, tmp_path: Path, cut: int) -> None:
+    """The record at the start is damaged: messages stay, in a new bag as well."""
+    path = bag / 'bag_0.mcap'
+    whole = list(BagReader(bag).messages())
+    flip(path, places_of(path, Opcode.METADATA)[0] + FRAME.size + 60, 7)
+    os.truncate(path, path.stat().st_size - cut)
+    status, _, said = lava('recover', path, tmp_path / 'new')
+    assert status == 1
+    assert 'a metadata record is damaged' in said
+    assert list(BagReader(tmp_path / 'new').messages()) == whole
+
+
+@pytest.mark.parametrize(
+    ('opcode', 'offset', 'said'),
+    [
+        (Opcode.STATISTICS, FRAME.size, 'the index at the end of'),
+        (Opcode.FOOTER, FRAME.size + 1, 'the index at the end of'),
+        (Opcode.DATA_END, FRAME.size, 'the data outside of chunks and attachments'),
+        (Opcode.MESSAGE_INDEX, FRAME.size + 8, 'the data outside of chunks and attachments'),
+    ],
+)
+def test_each_section_has_its_checksum(bag: Path, opcode: Opcode, offset: int, said: str) -> None:
+    """Summary and data section are checked; every message is read without them."""
+    path = bag / 'bag_0.mcap'
+    whole = list(BagReader(bag).messages())
+    flip(path, places_of(path, opcode)[0] + offset, 0)
+    reader = BagReader(bag)
+    assert list(reader.messages()) == whole
+    assert len(reader.damage) == 1 and said in reader.damage[0]
+    assert not reader.recovered
+
+
+def test_a_changed_metadata_yaml_is_said(bag: Path) -> None:
+    """It has no checksum, but the files say what was recorded."""
+    path = bag / 'metadata.yaml'
+    path.write_text(path.read_text().replace('500000.0', '500001.0'))
+    (damage,) = BagReader(bag).damage
+    assert 'metadata.yaml is damaged or changed' in damage
+
+
+@pytest.mark.parametrize('is_cut', [False, True])
+@pytest.mark.parametrize('part', ['opcode', 'length', 'name', 'media type', 'magic', 'time'])
+def test_a_damaged_checkpoint_gives_way_to_the_one_before(
+    bag: Path, part: str, is_cut: bool
+) -> None:
+    """Any bit of its header: resume and info take the others, and say which is damaged."""
+    path = bag / 'bag_0.mcap'
+    place = places_of(path, Opcode.ATTACHMENT)[-1]
+    content = place + FRAME.size
+    data = content + 20 + len(NAME) + 4 + len(MEDIA_TYPE) + 8
+    at = {
+        'opcode': place, 'length': place + 1, 'name': content + 20,
+        'media type': content + 24 + len(NAME) + 3, 'magic': data, 'time': data + 32,
+    }
+    if is_cut:
+        os.truncate(path, places_of(path, Opcode.DATA_END)[0])
+    flip(path, at[part], 2 if part == 'length' else 7)
+    # a finished file says a second time where it is
+    is_lost = is_cut or part not in ('opcode', 'length')
+    found = newest_checkpoint(path)
+    assert found.checkpoint.time == (600.0 if is_lost else 800.0)
+    assert [str(path) in str(item) for item in found.refused] == [True] * is_lost
+    status, out, said = lava('info', path)
+    assert (status, 'is damaged' in said) == (1, True)
+    assert f'checkpoints  {3 if is_lost else 4}, ' in out
+    assert ('cannot be read: attachment' in out) == is_lost
+
+
+def test_a_bag_of_an_earlier_version_is_checked_by_its_parts(bag: Path) -> None:
+    """Without a checksum over the data those of chunks and attachments are looked at."""
+    path = bag / 'bag_0.mcap'
+    data = bytearray(path.read_bytes())
+    (place,) = places_of(path, Opcode.DATA_END)
+    data[place + FRAME.size : place + FRAME.size + 4] = bytes(4)
+    path.write_bytes(data)
+    assert BagReader(bag).damage == ()
+    for opcode in (Opcode.CHUNK, Opcode.ATTACHMENT):
+        path.write_bytes(data)
+        flip(path, places_of(path, opcode)[2] + 100, 5)
+        assert len(BagReader(bag).damage) == 1
+
+
+@pytest.mark.parametrize('kind', ['finished', 'cut off', 'metadata.yaml'])
+def test_a_flipped_bit_is_never_silent(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    """Every command on bags with one wrong bit: it works, or says what does not.
+
+    Half of the bits are anywhere in the file, half in what is not the data of chunks and
+    attachments.
+    """
+    drawn: list[Any] = []
+    monkeypatch.setattr('lava_ros.plot.plot_frame', lambda frame, path: drawn.append(vars(frame)))
+    monkeypatch.setattr(
+        'lava_ros.ros.player.play', lambda bag, **_: len(drawn.extend(schedule(bag)) or drawn)
+    )
+    path = bag / 'bag_0.mcap'
+    places = [
+        byte
+        for _, place, end in records(path.read_bytes())
+        for byte in range(place, min(end, place + 60))
+    ]
+    if kind == 'metadata.yaml':
+        path = bag / kind
+        places = list(range(path.stat().st_size))
+    if kind == 'cut off':
+        (bag / 'metadata.yaml').unlink()
+        end = places_of(path, Opcode.DATA_END)[0] - 30
+        os.truncate(path, end)
+        places = [place for place in places if place < end]
+    data = path.read_bytes()
+    out, html = tmp_path / 'out', tmp_path / 'out.html'
+    commands = {
+        'info': ('info', bag, '--json', '-'),
+        'replay': ('replay', bag),
+        'plot': ('plot', bag, '-o', out),
+        'report': ('report', bag, '-o', html),
+        'export': ('export', bag, '-o', out, '--every', '--maps', 'height', 'hazard'),
+        'recover': ('recover', bag, out),
+    }
+    show: dict[str, Callable[[], object]] = {
+        'recover': lambda: contents(out),
+        'export': lambda: {item.name: item.read_bytes() for item in out.iterdir()},
+        'report': html.read_bytes,
+    }
+
+    def results() -> dict[str, tuple[int, str, object]]:
+        found = {}
+        for name, words in commands.items():
+            drawn.clear()
+            shutil.rmtree(out, ignore_errors=True)
+            status, printed, said = lava(*words)
+            assert 'Traceback' not in said
+            made = None if status == 2 else (printed, repr(drawn), show.get(name, str)())
+            found[name] = (status, said, made)
+        drawn.clear()
+        return found
+
+    expected = results()
+    assert {status for status, _, _ in expected.values()} == {0}, expected
+    chance = random.Random(kind)
+    for index in range(FLIPS):
+        place = chance.choice(places) if index % 2 else chance.randrange(len(data))
+        bit = chance.randrange(8)
+        path.write_bytes(data)
+        flip(path, place, bit)
+        for name, (status, said, made) in results().items():
+            where = f'{name}, byte {place}, bit {bit}: {said}'
+            assert status in (0, 1, 2), where
+            assert status == 0 or said, where
+            if status == 0 and said == expected[name][1]:
+                assert made == expected[name][2], where
+        try:
+            time = newest_checkpoint(bag).checkpoint.time
+        except LavaError:
+            pytest.fail(f'byte {place}, bit {bit}: no checkpoint can be read')
+        assert time in TIMES
+    path.write_bytes(data)
