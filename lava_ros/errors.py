@@ -20,6 +20,9 @@ from typing import Any
 #: Longest text of a value in a message [characters]; of a longer one the middle is left out.
 LONGEST_VALUE = 120
 
+#: Longest name of what is wrong [characters]: it may have a path, which is of no use cut.
+LONGEST_FIELD = 400
+
 #: Longest text of what would be right [characters]: it may quote the error of a library.
 LONGEST_EXPECTED = 1000
 
@@ -46,7 +49,7 @@ class LavaError(ValueError):
         self.expected = expected
         shown = _cut(_Shown().repr(value), LONGEST_VALUE)
         right = one_line(expected, LONGEST_EXPECTED)
-        super().__init__(f'{one_line(field, LONGEST_VALUE)} is {shown}, expected {right}')
+        super().__init__(f'{one_line(field, LONGEST_FIELD)} is {shown}, expected {right}')
 
     def __reduce__(self) -> tuple[type['LavaError'], tuple[str, object, str]]:
         """Make it again in another process, which raises it there as it was raised here."""

@@ -16,7 +16,7 @@
 
 import pickle
 
-from lava_ros.errors import LavaError, LONGEST_EXPECTED, LONGEST_VALUE
+from lava_ros.errors import LavaError, LONGEST_EXPECTED, LONGEST_FIELD, LONGEST_VALUE
 
 
 def test_it_names_field_value_and_what_would_be_right():
@@ -46,7 +46,8 @@ def test_it_is_one_line():
     """A key of a file is a part of the field, and an error of a library of what is expected."""
     text = str(LavaError('scene.\x1b[31m\n' + 'k' * 10**6, 'a\nb', 'one\nof ' + 'x' * 10**6))
     assert text.isprintable()
-    assert len(text) <= 2 * LONGEST_VALUE + LONGEST_EXPECTED
+    words = len(' is , expected ')
+    assert len(text) <= LONGEST_FIELD + LONGEST_VALUE + LONGEST_EXPECTED + words
 
 
 def test_it_is_the_same_in_another_process():

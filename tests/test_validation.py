@@ -62,11 +62,11 @@ def test_keys_names_unknown_and_missing_keys():
 
 
 def test_long_values_are_shortened():
-    """A message stays readable when the value is huge, and shows where it begins and ends."""
+    """A message stays readable when the value is huge, and shows how it begins."""
     text = str(LavaError('x', list(range(1000)), 'less'))
     assert len(text) < 160
     assert text.startswith('x is [0, 1, 2')
-    assert '998, 999], expected less' in text
+    assert text.endswith(', ...], expected less')
 
 
 def test_a_file_to_write_is_left_as_it_is(tmp_path):
