@@ -142,7 +142,8 @@ def resolution_of(
         return Resolution(spacing, thickness, width, width, freezes, 'cells')
     wanted = width / (ACROSS * accuracy.refinement)
     most = MOST_PARTICLES * accuracy.refinement**2
-    least = math.sqrt(_emitted(scene, horizon) / (thickness * most))
+    emitted = sum(vent.volume_between(0.0, horizon) for vent in scene.vents)
+    least = math.sqrt(emitted / (thickness * most))
     limit = 'flow' if wanted >= least else 'particles'
     # digits that rounding decides would make another flow of a scene that is turned
     spacing = float(f'{max(wanted, least):.3g}')
@@ -201,16 +202,6 @@ def flow_width(scene: Scene, *, horizon: float = HORIZON) -> float:
 
 def _peak(vent: Vent) -> float:
     return float(max(flux for _, flux in vent.series))
-
-
-def _emitted(scene: Scene, horizon: float) -> float:
-    """Volume that comes out within a time [m3]."""
-    total = 0.0
-    for vent in scene.vents:
-        series = [(min(max(time, 0.0), horizon), flux) for time, flux in vent.series]
-        ends = [time for time, _ in series[1:]] + [horizon]
-        total += sum(flux * (end - time) for (time, flux), end in zip(series, ends, strict=True))
-    return total
 
 
 def _descent(terrain: Terrain, start: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
