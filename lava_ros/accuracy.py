@@ -148,7 +148,7 @@ def expected_thickness(scene: Scene) -> float:
     (Lister 1992). Q is the largest discharge of any vent; without one it is 1 m3/s. mu is the
     viscosity at the hottest vent.
     """
-    discharge = max((flux for vent in scene.vents for _, flux in vent.series), default=0.0)
+    discharge = max((vent.peak for vent in scene.vents), default=0.0)
     scale = 3.0 * vent_viscosity(scene) * (discharge or 1.0)
     scale /= scene.lava.density * scene.gravity
     return max(math.sqrt(math.sqrt(scale)), LEAST_THICKNESS)

@@ -30,7 +30,7 @@ import math
 import numpy as np
 
 from lava_ros.accuracy import Accuracy, mature_thickness, mature_viscosity
-from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene import Scene, Terrain
 
 #: How far ahead is looked, unless somebody says otherwise [s].
 HORIZON = 86400.0
@@ -171,11 +171,11 @@ def flow_width(scene: Scene, *, horizon: float = HORIZON) -> float:
     Returns:
         The width; NaN where no vent has a discharge.
     """
-    vents = [vent for vent in scene.vents if _peak(vent) > 0.0]
+    vents = [vent for vent in scene.vents if vent.peak > 0.0]
     if not vents:
         return math.nan
-    vent = max(vents, key=_peak)
-    discharge, terrain = _peak(vent), scene.terrain
+    vent = max(vents, key=lambda item: item.peak)
+    discharge, terrain = vent.peak, scene.terrain
     kinematic = mature_viscosity(scene) / scene.lava.density
     x0, y0, x1, y1 = terrain.extent
     level = _HUPPERT * (scene.gravity * discharge**3 / (3.0 * kinematic)) ** 0.125
@@ -198,10 +198,6 @@ def flow_width(scene: Scene, *, horizon: float = HORIZON) -> float:
     reached = np.cumsum(area * step) / discharge <= horizon
     narrow = float(np.quantile(width[: max(int(reached.sum()), 1)], _NARROW))
     return min(narrow, most)
-
-
-def _peak(vent: Vent) -> float:
-    return float(max(flux for _, flux in vent.series))
 
 
 def _descent(terrain: Terrain, start: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:

@@ -259,6 +259,11 @@ class Vent:
             return ((-math.inf, self.discharge),)
         return tuple(self.discharge)
 
+    @property
+    def peak(self) -> float:
+        """The largest discharge of the series [m3/s]."""
+        return max(flux for _, flux in self.series)
+
     def discharge_at(self, time: float) -> float:
         """Volume flux at a time [s] of the simulation [m3/s]."""
         series = self.series

@@ -245,8 +245,7 @@ class VentSet:
         """
         strongest, total = 0.0, 0.0
         for vent, area in zip(self.vents, self._areas, strict=True):
-            flux = max(value for _, value in vent.series)
-            strongest, total = max(strongest, flux / area), total + flux
+            strongest, total = max(strongest, vent.peak / area), total + vent.peak
         if strongest <= 0.0:
             return math.inf
         return min(0.5 * thickness / strongest, _MOST_A_STEP * self._particle_volume / total)
@@ -260,12 +259,11 @@ def check_rates(vents: Sequence[Vent], particle_volume: float) -> None:
     """
     most, total = MOST_A_SECOND * particle_volume, 0.0
     for number, vent in enumerate(vents):
-        flux = max(value for _, value in vent.series)
-        total += flux
+        total += vent.peak
         if total > most:
             raise LavaError(
                 f'vents[{number}].discharge',
-                flux,
+                vent.peak,
                 f'at most {most:.3g} m3/s of all vents together, {MOST_A_SECOND:g} particles of '
                 f'{particle_volume:.3g} m3 in a second',
             )
