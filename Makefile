@@ -5,7 +5,7 @@ STAMP := $(VENV)/.installed
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo forecast-demo test coverage docs look hard hard-published safeguards nightly soak lint types clean
+.PHONY: help setup demo forecast-demo test coverage docs look hard hard-published safeguards nightly audit soak lint types clean
 
 help:  ## Say what can be made
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/'
@@ -13,7 +13,7 @@ help:  ## Say what can be made
 setup: $(STAMP)  ## Create .venv and install everything into it
 
 # Installs again when what is installed has changed; the stamp says that it went through.
-$(STAMP): setup.py setup.cfg pyproject.toml package.xml constraints.txt
+$(STAMP): setup.py setup.cfg pyproject.toml package.xml constraints.txt $(wildcard launch/* libexec/* params/* rviz/*)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
 	  || { echo 'lava_ros needs Python 3.10 or newer; choose one: make PYTHON=python3.12 $(MAKECMDGOALS)' >&2; exit 1; }
 	$(PYTHON) -m venv $(VENV)
@@ -24,9 +24,10 @@ demo: $(STAMP)  ## Let lava flow down a mountain, live in ROS 2 (ARGS='--help' l
 	$(VENV)/bin/lava demo $(ARGS)
 
 forecast-demo: $(STAMP)  ## Open a vent, live in ROS 2, and see an outline narrow the forecast (ARGS='--members 32')
-	$(VENV)/bin/lava forecast-demo --picture docs/images/forecast.png $(ARGS)
+	@mkdir -p build
+	$(VENV)/bin/lava forecast-demo --picture build/forecast.png $(ARGS)
 
-test: $(STAMP)  ## Run every test, three at a time (ARGS='-k bag' selects)
+test: $(STAMP)  ## Run every test but those marked nightly, three at a time (ARGS='-k bag' selects)
 	$(VENV)/bin/python -m pytest --numprocesses 3 --dist loadfile $(ARGS)
 
 hard: $(STAMP)  ## Run the hard scenes at every preset on every device, 10 minutes on 2 cores (ARGS='--scene cliff')
@@ -35,21 +36,32 @@ hard: $(STAMP)  ## Run the hard scenes at every preset on every device, 10 minut
 hard-published: $(STAMP)  ## Run the hard scenes at the paper's settings, 10 s each: what breaks there
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.run --published $(ARGS)
 
-nightly: $(STAMP)  ## Try 2,000 random scenes and messages, kill 20 recordings, flip 900 bits of bags, install the node elsewhere; figures in build/fuzz.json (ARGS='--hypothesis-seed=1')
+nightly: $(STAMP)  ## Try 2,000 random scenes, messages, files and command lines, kill 20 recordings, flip 1,500 bits of bags, run the tests marked nightly, install the node elsewhere, run the Dockerfile's steps, look up weaknesses; a table at the end (ARGS='--hypothesis-seed=1')
 	@mkdir -p build
 	@rm -f build/fuzz.json
-	LAVA_FUZZ_FIGURES=build/fuzz.json $(VENV)/bin/python -m pytest tests/fuzz --hypothesis-profile=nightly \
-	  --numprocesses auto --dist load $(ARGS)
-	LAVA_KILLS=20 $(VENV)/bin/python -m pytest tests/ros/faults
-	LAVA_FLIPS=300 $(VENV)/bin/python -m pytest tests/test_damage.py
-	PYTHONPATH=tests $(VENV)/bin/python tests/install/installed_node.py
+	@failed=; export LAVA_FUZZ_FIGURES=build/fuzz.json; \
+	$(VENV)/bin/python -m pytest tests/fuzz --hypothesis-profile=nightly --numprocesses auto --dist load $(ARGS) \
+	  || failed="$$failed fuzz"; \
+	$(VENV)/bin/python -m pytest tests -m nightly --numprocesses auto --dist loadfile || failed="$$failed marked"; \
+	LAVA_KILLS=20 $(VENV)/bin/python -m pytest tests/ros/faults || failed="$$failed faults"; \
+	LAVA_FLIPS=500 $(VENV)/bin/python -m pytest tests/test_damage.py || failed="$$failed damage"; \
+	PYTHONPATH=tests $(VENV)/bin/python tests/install/installed_node.py || failed="$$failed install"; \
+	$(VENV)/bin/python tests/install/image.py || failed="$$failed image"; \
+	make --no-print-directory audit || failed="$$failed audit"; \
+	$(VENV)/bin/python tests/fuzz/table.py build/fuzz.json; \
+	test -z "$$failed" || { echo "failed:$$failed" >&2; exit 1; }
+
+audit:  ## Look up known weaknesses of what constraints.txt names; fails where one cannot be looked up
+	$(PYTHON) -m venv build/audit
+	build/audit/bin/python -m pip install --quiet --disable-pip-version-check 'pip-audit==2.10.1'
+	build/audit/bin/pip-audit --strict --no-deps --disable-pip --requirement constraints.txt
 
 soak: $(STAMP)  ## Keep a node busy for 30 minutes and judge memory, deadlines and bag (ARGS='--minutes 5')
 	PYTHONPATH=tests $(VENV)/bin/python -m soak.soak $(ARGS)
 
-look: $(STAMP)  ## Drive reports in a browser and encode films, with wheels of Chromium and ffmpeg (900 MB)
+look: $(STAMP)  ## Drive reports and the live view in a browser and encode films, with wheels of Chromium and ffmpeg (900 MB)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[look]'
-	$(VENV)/bin/python -m pytest tests/report/test_browser.py tests/test_animation.py $(ARGS)
+	$(VENV)/bin/python -m pytest tests/report/test_browser.py tests/watch/test_watch_browser.py tests/test_animation.py $(ARGS)
 
 safeguards: $(STAMP)  ## Take out each safeguard in a copy of the package and see its test fail
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.safeguards $(ARGS)

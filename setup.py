@@ -16,9 +16,12 @@
 
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import Distribution, find_packages, setup
 
 NAME = 'lava_ros'
+
+# colcon runs a link to this file elsewhere.
+ROOT = Path(__file__).resolve().parent
 
 EXTRAS = {
     # Only the ros-jazzy-* wheels are named: they pin every other ROS wheel to Jazzy's version.
@@ -31,6 +34,12 @@ EXTRAS = {
     'hindcast': ['scipy>=1.11,<2'],
     'completion': ['shtab>=1.7,<2'],
     'ensemble': ['dask>=2025.1,<2027', 'distributed>=2025.1,<2027', 'scipy>=1.11,<2'],
+    'watch': [
+        'bokeh>=3.4,<4',
+        'matplotlib>=3.8,<4',
+        'mcap-ros2-support>=0.5.5,<1',
+        'tornado>=6.2,<7',
+    ],
     'test': [
         'hypothesis>=6.100,<7',
         'mcap-ros2-support>=0.5.5,<1',
@@ -41,21 +50,32 @@ EXTRAS = {
     ],
 }
 EXTRAS['all'] = sorted({requirement for extra in EXTRAS.values() for requirement in extra})
+# GeoPackage and NetCDF, which few need: they bring another GDAL, and pandas.
+EXTRAS['gis'] = ['fiona>=1.10,<2', 'scipy>=1.11,<2', 'xarray>=2024.1,<2027']
 # Chromium and ffmpeg as wheels, for the tests of pages and films on machines that have neither:
 # 900 MB, too much for everybody.
 EXTRAS['look'] = ['PySide6-WebEngine>=6.12,<6.13', 'imageio-ffmpeg>=0.6,<1']
 
 
+class WithData(Distribution):
+    """Data files come with an editable install too: setuptools asks for them by another name."""
+
+    def has_data(self) -> bool:
+        """Say whether there are any."""
+        return bool(self.has_data_files())
+
+
 def files_in(folder: str) -> list[str]:
     """List the files of a folder, relative to this file's."""
-    return sorted(str(path) for path in Path(folder).glob('*') if path.is_file())
+    return sorted(f'{folder}/{path.name}' for path in (ROOT / folder).glob('*') if path.is_file())
 
 
 setup(
+    distclass=WithData,
     name=NAME,
     version='0.1.0',
     description='Lava flow simulation on the GPU as a ROS 2 node',
-    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description=(ROOT / 'README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     author='lava_ros authors',
     maintainer='lava_ros maintainers',
@@ -64,12 +84,14 @@ setup(
     keywords=['ROS', 'lava', 'hazard', 'simulation', 'Warp'],
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
-        NAME: ['py.typed', 'materials.yaml'],
-        f'{NAME}.report': ['report.css', 'report.html', 'report.js'],
+        NAME: ['py.typed'],
+        f'{NAME}.scene': ['materials.yaml', 'st_helens.npz'],
+        f'{NAME}.pages.report': ['report.css', 'report.html', 'report.js'],
     },
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
+        (f'lib/{NAME}', files_in('libexec')),
         (f'share/{NAME}/launch', files_in('launch')),
         (f'share/{NAME}/msg_configs', files_in('msg_configs')),
         (f'share/{NAME}/params', files_in('params')),
@@ -90,6 +112,7 @@ setup(
         'rich>=13.7,<16',
         'warp-lang>=1.19,<2',
         'zstandard>=0.22,<1',
+        'lz4>=4,<5',
     ],
     extras_require=EXTRAS,
     entry_points={

@@ -19,8 +19,8 @@ import json
 from pathlib import Path
 import re
 
-from lava_ros.lava import Lava
 from lava_ros.ros import parameters
+from lava_ros.scene import constants_of
 
 PAGE = Path(__file__).with_name('ROS.md')
 BEGIN, END = '<!-- parameters: begin -->\n', '<!-- parameters: end -->\n'
@@ -35,7 +35,7 @@ def specs() -> Iterator[parameters.ParameterSpec]:
     yield from parameters.LIFECYCLE
     yield from parameters.SOURCES
     yield from parameters.PARAMETERS
-    yield from parameters.lava_parameters(Lava())
+    yield from parameters.constant_parameters(constants_of(None))
 
 
 def limits(spec: parameters.ParameterSpec) -> str:
@@ -47,11 +47,13 @@ def limits(spec: parameters.ParameterSpec) -> str:
 def row(spec: parameters.ParameterSpec) -> str:
     """A parameter's row of the table."""
     types = {bool: 'bool', int: 'integer', float: 'double', str: 'string', list: 'string_array'}
+    # ROS's tools take 7e-07 for a text
+    default = re.sub(r'^(-?\d+)e', r'\1.0e', json.dumps(spec.default))
     unit = re.search(r'\[([^\]]+)\]', spec.description)
     cells = (
         f'`{spec.name}`',
         types[type(spec.default)],
-        f'`{json.dumps(spec.default)}`',
+        f'`{default}`',
         limits(spec),
         unit.group(1) if unit else '',
         'no' if spec.read_only else 'at a reset' if LATER in spec.description else 'yes',

@@ -18,11 +18,11 @@ import sys
 
 import numpy as np
 
-from lava_ros.layer_files import load_layers
+from lava_ros.files.resources import share_path
+from lava_ros.maps.layer_files import load_layers
 from lava_ros.scene import Lava, Scene, Vent
-from lava_ros.share import share_path
+from lava_ros.scene.terrain_files import demo_terrain, load_terrain
 from lava_ros.simulation import Simulation
-from lava_ros.terrain_files import demo_terrain, load_terrain
 
 terrain = load_terrain(sys.argv[1]) if len(sys.argv) > 1 else demo_terrain()
 row, column = np.unravel_index(np.nanargmax(terrain.elevation), terrain.shape)

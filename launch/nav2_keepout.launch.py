@@ -22,15 +22,22 @@ the second part of params/nav2_filters.yaml among its parameters.
 """
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
-from launch_ros.substitutions import FindPackageShare
+from launch_ros.substitutions import ExecutableInPackage, FindPackageShare
 
-# The servers, of Nav2's costmap_filter_info_server each.
-SERVERS = ('keepout_filter_info_server', 'speed_filter_info_server')
+# The servers, and the masks they speak of.
+SERVERS = {
+    'keepout_filter_info_server': 'keepout_mask',
+    'speed_filter_info_server': 'speed_mask',
+}
+
+# Packages and executables of Nav2.
+SERVER = {'package': 'nav2_map_server', 'executable': 'costmap_filter_info_server'}
+MANAGER = {'package': 'nav2_lifecycle_manager', 'executable': 'lifecycle_manager'}
 
 
 def _share(*words):
@@ -41,13 +48,21 @@ def _share(*words):
 ARGUMENTS = (
     ('msg_config', 'nav2_speed.yaml', 'Layers of the node; the servers speak of its masks'),
     ('filters_file', _share('params', 'nav2_filters.yaml'), 'Parameters of the servers (YAML)'),
+    ('namespace', '', 'Namespace of the node, of the servers and of RViz'),
     ('use_sim_time', 'false', 'Follow /clock'),
 )
+
+
+def _check(context):
+    """Fail before anything starts: launch would leave the node behind."""
+    for executable in (SERVER, MANAGER):
+        ExecutableInPackage(**executable).perform(context)
 
 
 def generate_launch_description():
     """Describe the arguments and what is started with them."""
     use_sim_time = ParameterValue(LaunchConfiguration('use_sim_time'), value_type=bool)
+    namespace = LaunchConfiguration('namespace')
     parameters = [
         ParameterFile(LaunchConfiguration('filters_file')),
         {'use_sim_time': use_sim_time},
@@ -58,25 +73,31 @@ def generate_launch_description():
                 DeclareLaunchArgument(name, default_value=default, description=description)
                 for name, default, description in ARGUMENTS
             ),
+            OpaqueFunction(function=_check),
             IncludeLaunchDescription(
                 PythonLaunchDescriptionSource(_share('launch', 'lava.launch.py')),
                 launch_arguments=[
-                    (name, LaunchConfiguration(name)) for name in ('msg_config', 'use_sim_time')
+                    (name, LaunchConfiguration(name))
+                    for name in ('msg_config', 'namespace', 'use_sim_time')
                 ],
             ),
             *(
                 Node(
-                    package='nav2_map_server',
-                    executable='costmap_filter_info_server',
+                    **SERVER,
                     name=name,
+                    namespace=namespace,
                     output='screen',
-                    parameters=parameters,
+                    # Nav2 takes the name as it is, wherever its costmaps are.
+                    parameters=[
+                        *parameters,
+                        {'mask_topic': PathJoinSubstitution(['/', namespace, mask])},
+                    ],
                 )
-                for name in SERVERS
+                for name, mask in SERVERS.items()
             ),
             Node(
-                package='nav2_lifecycle_manager',
-                executable='lifecycle_manager',
+                **MANAGER,
+                namespace=namespace,
                 name='lifecycle_manager_lava_filters',
                 output='screen',
                 parameters=parameters,

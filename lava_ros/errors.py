@@ -78,8 +78,17 @@ def one_line(text: str, longest: int) -> str:
     """Return a text on one line, cut to a length: a key of a file may have any."""
     text = _cut(text, longest)
     if not text.isprintable():
-        text = _cut(repr(' '.join(text.split()))[1:-1], longest)
+        text = _cut(printable(' '.join(text.split())), longest)
     return text
+
+
+def printable(text: str) -> str:
+    """Return a text with its control characters, but ends of lines and tabs, as escapes."""
+    if text.replace('\n', '').replace('\t', '').isprintable():
+        return text
+    return ''.join(
+        item if item.isprintable() or item in '\n\t' else ascii(item)[1:-1] for item in text
+    )
 
 
 def _cut(text: str, longest: int) -> str:

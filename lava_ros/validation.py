@@ -16,7 +16,6 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 import math
-from pathlib import Path
 
 from lava_ros.errors import LavaError
 
@@ -59,6 +58,22 @@ def number(
     return result
 
 
+def whole(field: str, value: object, *, at_least: int, at_most: int) -> int:
+    """Return ``value`` as an integer inside the given limits.
+
+    Raises:
+        LavaError: The value is not a whole number or lies outside the limits.
+    """
+    right = f'a whole number from {at_least} to {at_most}'
+    try:
+        result = number(field, value, at_least=at_least, at_most=at_most)
+    except LavaError:
+        raise LavaError(field, value, right) from None
+    if not result.is_integer():
+        raise LavaError(field, value, right)
+    return int(result)
+
+
 def pair(
     field: str, value: object, *, unit: str = 'm', most: float | None = None
 ) -> tuple[float, float]:
@@ -79,6 +94,17 @@ def pair(
         number(f'{field}[0]', items[0], at_least=least, at_most=most, unit=unit),
         number(f'{field}[1]', items[1], at_least=least, at_most=most, unit=unit),
     )
+
+
+def flag(field: str, value: object) -> bool:
+    """Return ``value`` when it is true or false.
+
+    Raises:
+        LavaError: It is neither.
+    """
+    if not isinstance(value, bool):
+        raise LavaError(field, value, 'true or false')
+    return value
 
 
 def choice(field: str, value: object, allowed: Iterable[str]) -> str:
@@ -112,21 +138,3 @@ def keys(
         if key not in value:
             raise LavaError(f'{field}.{key}', None, 'a value: this key is required')
     return dict(value)
-
-
-def file_to_write(field: str, value: str | Path) -> Path:
-    """Return ``value`` as the path of a file that can be written; what is there stays as it is.
-
-    Raises:
-        LavaError: It is a folder, in none that exists, or not to be written.
-    """
-    path = Path(value)
-    is_new = not path.exists()
-    try:
-        with path.open('ab'):
-            pass
-        if is_new:
-            path.unlink()
-    except OSError as error:
-        raise LavaError(field, str(value), f'a file to write ({error})') from error
-    return path

@@ -25,8 +25,9 @@ from typing import Any
 import numpy as np
 
 from lava_ros.forecast.members import make_plan, MemberFields, Plan
-from lava_ros.scene import Scene, Terrain, Vent
-from lava_ros.uncertainty import uncertainty_from_dict
+from lava_ros.maps.forecast import HazardMaps, QUANTILES
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene.uncertainty import uncertainty_from_dict
 
 SPEED = 0.5
 
@@ -47,7 +48,7 @@ VENT = Vent((300.0, 240.0), DISCHARGE)
 def disc_plan(**uncertainty: Any) -> Plan:
     """The plan of an ensemble with an uncertain discharge, and what else is asked for."""
     uncertain = uncertainty_from_dict({'discharge': LOGNORMAL, **uncertainty})
-    scene = Scene(TERRAIN, (VENT,), uncertainty=uncertain)
+    scene = Scene(TERRAIN, (VENT,), uncertainty=uncertain, lava=Lava())
     return make_plan(scene, horizon=HORIZON, looks=60)
 
 
@@ -75,3 +76,10 @@ def exact_probability() -> np.ndarray:
     factor = (distances() / SPEED) ** 2 / HORIZON / DISCHARGE
     normal = NormalDist(0.0, np.log(FACTOR))
     return np.vectorize(lambda value: 1.0 - normal.cdf(np.log(value)))(factor)
+
+
+def same(one: HazardMaps, other: HazardMaps) -> bool:
+    """Whether two have the same bits in all maps."""
+    pairs = [(one.probability, other.probability), (one.thickness, other.thickness)]
+    pairs += [(one.arrival[share], other.arrival[share]) for share in QUANTILES]
+    return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)

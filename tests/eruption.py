@@ -73,3 +73,40 @@ def write_case(folder: Path, *, hours: float = 3.0, yaml: str = '') -> Path:
     if yaml:
         (folder / 'case.yaml').write_text(yaml, encoding='utf-8')
     return folder
+
+
+def write_case_in_degrees(
+    folder: Path, *, hours: float = 3.0
+) -> tuple[Path, tuple[float, float]]:
+    """Write the same case in longitude and latitude, as GeoTIFF.
+
+    Returns:
+        Its folder; longitude and latitude of the vent.
+    """
+    import rasterio
+    from rasterio.transform import from_bounds, from_origin
+    from rasterio.warp import reproject, transform, transform_bounds
+
+    folder = write_case(folder, hours=hours)
+    rows, columns = SHAPE
+    north = CORNER[1] + rows * CELL
+    there = from_bounds(
+        *transform_bounds('EPSG:32633', 'EPSG:4326', *CORNER, CORNER[0] + columns * CELL, north),
+        columns, rows,
+    )
+    for name, values in (('elevation', elevation()), ('footprint', footprint())):
+        warped = np.full(SHAPE, -9999.0)
+        reproject(
+            np.flipud(values), warped, src_crs='EPSG:32633', dst_crs='EPSG:4326',
+            src_transform=from_origin(CORNER[0], north, CELL, CELL), dst_transform=there,
+            dst_nodata=-9999.0,
+        )
+        with rasterio.open(
+            folder / f'{name}.tif', 'w', driver='GTiff', width=columns, height=rows, count=1,
+            dtype='float32', crs='EPSG:4326', transform=there, nodata=-9999.0,
+        ) as file:
+            file.write(warped.astype('float32'), 1)
+        (folder / f'{name}.asc').unlink()
+    (x,), (y,) = transform('EPSG:32633', 'EPSG:4326', [VENT[0]], [VENT[1]])
+    (folder / 'vent.csv').write_text(f'x,y\n{x},{y}\n', encoding='utf-8')
+    return folder, (x, y)

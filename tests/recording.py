@@ -15,20 +15,24 @@
 """Bags of a made-up flow, recorded as the node does, for tests of what reads them."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from mcap.reader import make_reader
+from mcap.writer import Writer
 import numpy as np
 import yaml
 
 from lava_ros.bag import BagWriter, LATCHED
-from lava_ros.layer_files import layers_from_dict, load_layers
-from lava_ros.layers import ZERO_CELSIUS
+from lava_ros.files.resources import share_path
+from lava_ros.maps.layer_files import layers_from_dict, load_layers
+from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.ros import codec, outputs
-from lava_ros.scene import Scene, scene_to_dict, Terrain, Vent
-from lava_ros.share import share_path
-from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+from lava_ros.scene import Lava, Scene, scene_to_dict, Terrain, Vent
+from lava_ros.simulation.budget import VolumeBudget
+from lava_ros.simulation.snapshot import Snapshot, StepReport
 
 SECOND = 1_000_000_000
 
@@ -48,7 +52,15 @@ TERRAIN = Terrain(
     offset=(500_000.0, 4_180_000.0),
 )
 
-VENT = Vent((-47.5, 95.0), 10.0, name='open')
+VENT = Vent((-47.5, 95.0), 10.0, 1423.0, name='open')
+
+#: The grids alone, which are rounded and end at 10 m.
+GRIDS = """
+layers:
+  height: {source: thickness, message: nav_msgs/OccupancyGrid, range: [0.0, 10.0]}
+  temperature: {source: temperature, message: nav_msgs/OccupancyGrid, range: [0.0, 1200.0]}
+  hazard: {source: hazard, message: nav_msgs/OccupancyGrid, threshold: 0.01}
+"""
 
 #: Both layers unrounded, as floats, beside a hazard grid.
 RAW_CONFIG = """
@@ -75,9 +87,12 @@ def record(
     times: Sequence[float] = (200.0, 400.0, 600.0, 800.0),
     *,
     flow: Callable[[float], np.ndarray] = growing,
+    arrived: Callable[[float], np.ndarray] | None = None,
     terrain: Terrain = TERRAIN,
+    vents: Sequence[Vent] = (VENT,),
     config: str | None = None,
     custom_data: Mapping[str, str] | None = None,
+    prefix: str = '',
     clock: bool = True,
     max_duration: float = 0.0,
     close: bool = True,
@@ -88,14 +103,17 @@ def record(
         directory: The bag.
         times: Simulated times of the frames [s].
         flow: Thickness [m] at a time.
+        arrived: When lava came, as known at a time; not noted when left out.
         terrain: The ground.
+        vents: What the flow comes out of.
         config: Text of a message configuration in place of the default one.
         custom_data: What describes the recording beside its scene.
+        prefix: Namespace of all topics.
         clock: Whether diagnostics are recorded.
         max_duration: Time after which a file is not continued [s].
         close: Whether the bag is finished.
     """
-    scene = Scene(terrain, (VENT,))
+    scene = Scene(terrain, tuple(vents), lava=Lava())
     data = {'scene': yaml.safe_dump(scene_to_dict(scene)), **(custom_data or {})}
     layers = load_layers(share_path('msg_configs/default.yaml'))
     if config is not None:
@@ -105,7 +123,7 @@ def record(
 
     def write(topic: str, message_type: str, message: Any, stamp_ns: int) -> None:
         writer.write(
-            f'/{topic}', message_type, codec.serialise(message), stamp_ns, qos=LATCHED
+            f'{prefix}/{topic}', message_type, codec.serialise(message), stamp_ns, qos=LATCHED
         )
 
     image, info = outputs.terrain_messages(terrain, frame_id='map', stamp_ns=START)
@@ -117,7 +135,9 @@ def record(
     write('vents', 'sensor_msgs/msg/PointCloud2', cloud, START)
     for index, time in enumerate(times):
         stamp = START + 2 * index * SECOND
-        snapshot = _snapshot(time, flow(time), terrain)
+        snapshot = snapshot_at(time, flow(time), terrain)
+        if arrived is not None:
+            snapshot = replace(snapshot, arrived=arrived(time).astype(np.float32))
         for layer in layers:
             if layer.enabled:
                 message = outputs.layer_message(
@@ -125,7 +145,7 @@ def record(
                 )
                 write(layer.topic, layer.message, message, stamp)
         if clock:
-            said = _diagnostics(snapshot, stamp)
+            said = diagnostics_of(snapshot, stamp)
             write('diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', said, stamp + SECOND // 2)
         writer.flush()
     if close:
@@ -133,10 +153,11 @@ def record(
     return directory
 
 
-def _snapshot(time: float, thickness: np.ndarray, terrain: Terrain) -> Snapshot:
+def snapshot_at(time: float, thickness: np.ndarray, terrain: Terrain) -> Snapshot:
+    """A flow of a thickness [m] at a time [s], which cools."""
     wet = thickness > 0.0
     temperature = np.where(wet, np.float32(900.0 + ZERO_CELSIUS - 0.1 * time), np.nan)
-    volume = float(thickness.sum()) * terrain.resolution**2
+    volume = float(np.nansum(thickness)) * terrain.resolution**2
     return Snapshot(
         time=time,
         terrain=terrain,
@@ -148,17 +169,13 @@ def _snapshot(time: float, thickness: np.ndarray, terrain: Terrain) -> Snapshot:
     )
 
 
-def _diagnostics(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
+def diagnostics_of(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
     """What the node says about its newest frame."""
     budget = snapshot.budget
     values = {
         'simulated_time_s': repr(snapshot.time),
         'frame_stamp_ns': str(stamp_ns),
-        'volume_emitted_m3': repr(budget.emitted),
-        'volume_held_m3': repr(budget.held),
-        'volume_left_m3': repr(budget.left),
-        'volume_frozen_m3': '0.0',
-        'volume_error': '0.000e+00',
+        **budget.texts(),
         'mean_speed': '50',
         'spacing_m': '2.5',
         'flow_width_m': '40',
@@ -171,3 +188,39 @@ def _diagnostics(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
         name='lava: simulation', values=[KeyValue(key=k, value=v) for k, v in values.items()]
     )
     return DiagnosticArray(header=codec.header('', stamp_ns), status=[status])
+
+
+def silenced(bag: Path, path: Path, topic: str, *, late: bool = False) -> Path:
+    """Copy a bag as one that was recorded with nothing on a topic, or with all of it late.
+
+    Args:
+        bag: The directory of a bag of one file.
+        path: The copy, an .mcap file.
+        topic: The topic.
+        late: Whether its messages are there, behind all others.
+    """
+    (source,) = bag.glob('*.mcap')
+    with source.open('rb') as read, path.open('wb') as write:
+        reader, writer = make_reader(read), Writer(write)
+        writer.start('ros2')
+        summary = reader.get_summary()
+        assert summary is not None
+        schemas = {
+            key: writer.register_schema(item.name, item.encoding, item.data)
+            for key, item in summary.schemas.items()
+        }
+        channels = {
+            key: writer.register_channel(
+                item.topic, item.message_encoding, schemas[item.schema_id], item.metadata
+            )
+            for key, item in summary.channels.items()
+        }
+        for _, channel, message in reader.iter_messages():
+            stamp = message.log_time
+            if channel.topic == topic:
+                if not late:
+                    continue
+                stamp += 10**6 * SECOND
+            writer.add_message(channels[channel.id], stamp, message.data, stamp)
+        writer.finish()
+    return path

@@ -16,10 +16,10 @@
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy
-from lava_ros.checkpoint import Checkpoint
 from lava_ros.effects import Effects
-from lava_ros.scene import Scene, Terrain
+from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.checkpoint import Checkpoint
 
 
 def small_checkpoint(time: float, particles: int) -> Checkpoint:
@@ -27,7 +27,7 @@ def small_checkpoint(time: float, particles: int) -> Checkpoint:
     random = np.random.default_rng(int(time))
     return Checkpoint(
         time=time,
-        scene=Scene(Terrain(np.zeros((3, 4)), 1.0)),
+        scene=Scene(Terrain(np.zeros((3, 4)), 1.0), lava=Lava()),
         effects=Effects(),
         forced=None,
         horizon=1.0,

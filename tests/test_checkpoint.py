@@ -20,11 +20,11 @@ import struct
 import numpy as np
 import pytest
 
-from lava_ros.accuracy import Accuracy
-from lava_ros.checkpoint import Checkpoint, from_bytes, PREFIX_SIZE, summary_of, VERSION
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.checkpoint import Checkpoint, from_bytes, PREFIX_SIZE, summary_of, VERSION
 
 
 def checkpoint(count=1000, **changes):
@@ -156,7 +156,7 @@ def test_a_header_of_other_hands_is_refused(monkeypatch):
         ('scene', {}),
         ('scene', None),
     ):
-        monkeypatch.setattr('lava_ros.checkpoint.json.dumps', _with(name, value))
+        monkeypatch.setattr('lava_ros.simulation.checkpoint.json.dumps', _with(name, value))
         data = one.to_bytes()
         with pytest.raises(LavaError, match=r'checkpoint|accuracy'):
             from_bytes(data)

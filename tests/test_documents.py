@@ -39,6 +39,7 @@ import signal
 import subprocess
 import sys
 import time
+from typing import TextIO
 
 import numpy as np
 import pytest
@@ -61,9 +62,6 @@ REASONS = {
     'a display': 'opens a window',
     'no program': 'is text: a layout, a table, output',
 }
-
-#: Lines that live side by side do so for this long [s].
-TOGETHER = 8.0
 
 DOCUMENTS = sorted(
     path
@@ -123,10 +121,12 @@ def _furnish(folder: Path) -> None:
     easting, northing, cell = 499000.0, 4180000.0, 50.0
     y, x = np.mgrid[140:0:-1, 0:60] * cell
     elevation = (1500.0 - 0.15 * y + 20.0 * np.sin(x / 400.0)).astype('float32')
+    elevation[-1, 0] = -9999.0
     near = (np.hypot(x - 1500.0, y - 6100.0) < 200.0).astype('float32')
     for name, values in (('etna.tif', elevation), ('seen.tif', near)):
         with rasterio.open(
             folder / name, 'w', driver='GTiff', width=60, height=140, count=1, dtype='float32',
+            nodata=-9999.0,
             crs='EPSG:32633', transform=from_origin(easting, northing, cell, cell),
         ) as file:
             file.write(values, 1)
@@ -267,8 +267,7 @@ def _run_together(commands: list[str], folder: Path, environment: dict[str, str]
                     stdout=log, stderr=subprocess.STDOUT,
                 )
             )
-            time.sleep(1.0)
-        time.sleep(TOGETHER)
+        _wait_until_up(running, logs)
         _interrupt(running)
         for process, command, log in zip(running, commands, logs, strict=True):
             log.seek(0)
@@ -278,6 +277,28 @@ def _run_together(commands: list[str], folder: Path, environment: dict[str, str]
             process.kill()
         for log in logs:
             log.close()
+
+
+def _wait_until_up(running: list[subprocess.Popen[bytes]], logs: list[TextIO]) -> None:
+    """Wait until each has ended or has sockets, a graph's or a server's, and falls silent."""
+    end = time.monotonic() + 60.0
+    said, silent_since = -1, 0.0
+    while said < 0 or time.monotonic() < silent_since + 1.0:
+        if time.monotonic() > end:
+            assert said >= 0, [process.args for process in running]
+            return
+        time.sleep(0.1)
+        now = sum(os.fstat(log.fileno()).st_size for log in logs)
+        are_up = all(process.poll() is not None or _has_sockets(process) for process in running)
+        if are_up and now != said:
+            said, silent_since = now, time.monotonic()
+
+
+def _has_sockets(process: subprocess.Popen[bytes]) -> bool:
+    with suppress(OSError):
+        links = Path(f'/proc/{process.pid}/fd').iterdir()
+        return any(os.readlink(link).startswith('socket:') for link in links)
+    return False
 
 
 def _interrupt(running: list[subprocess.Popen[bytes]]) -> None:
@@ -296,12 +317,13 @@ def _interrupt(running: list[subprocess.Popen[bytes]]) -> None:
     'block', [item for item in STANDING if item.language == 'python' and _is_run(item)], ids=str
 )
 def test_python_blocks(block: Block, shop: Path) -> None:
-    """They run as they stand."""
+    """They run as they stand, and what they print is numbers: a terrain has cells without data."""
     done = subprocess.run(
         [sys.executable, '-c', block.text], cwd=shop, env=_environment(shop),
         capture_output=True, text=True, timeout=200.0, check=False,
     )
     assert done.returncode == 0, f'{block}\n{done.stdout}\n{done.stderr}'
+    assert not re.search(r'\bnan\b', done.stdout), f'{block}\n{done.stdout}'
 
 
 @pytest.mark.parametrize(

@@ -15,10 +15,14 @@
 """What describes the package agrees with the package."""
 
 import ast
+from configparser import ConfigParser
 import importlib
+import json
 from pathlib import Path
 import re
 import runpy
+import shutil
+import subprocess
 import sys
 from types import ModuleType
 from typing import Any
@@ -27,6 +31,7 @@ from xml.etree import ElementTree
 from packaging.requirements import Requirement
 import pytest
 
+from install import image
 import lava_ros
 
 ROOT = Path(__file__).parents[1]
@@ -44,16 +49,20 @@ ROS_MODULES = {'rclpy', 'rcl_interfaces', 'ament_index_python'}
 
 
 @pytest.fixture(scope='module')
-def metadata() -> dict[str, Any]:
+def metadata(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What setup.py passes to setuptools, which need not be installed."""
     seen: dict[str, Any] = {}
     stand_in = ModuleType('setuptools')
     stand_in.setup = seen.update  # type: ignore[attr-defined]
     stand_in.find_packages = lambda include: include  # type: ignore[attr-defined]
+    stand_in.Distribution = object  # type: ignore[attr-defined]
     real = sys.modules.get('setuptools')
     sys.modules['setuptools'] = stand_in
     with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(ROOT)
+        # colcon runs a link to it, in a folder of its own
+        place = tmp_path_factory.mktemp('build')
+        (place / 'setup.py').symlink_to(ROOT / 'setup.py')
+        patch.chdir(place)
         try:
             runpy.run_path('setup.py')
         finally:
@@ -61,6 +70,18 @@ def metadata() -> dict[str, Any]:
             if real is not None:
                 sys.modules['setuptools'] = real
     return seen
+
+
+def test_an_editable_installation_is_a_path() -> None:
+    """The finder that is usual would come after a folder `lava_ros`, such as a clone beside us."""
+    settings = ConfigParser()
+    settings.read(ROOT / 'setup.cfg')
+    assert settings['editable_wheel']['mode'] == 'compat'
+
+
+def test_no_target_writes_over_a_tracked_picture() -> None:
+    """What make draws goes where git does not look."""
+    assert 'docs/images' not in (ROOT / 'Makefile').read_text()
 
 
 @pytest.fixture(scope='module')
@@ -123,6 +144,26 @@ def test_scripts_exist(metadata: dict[str, Any]) -> None:
         assert callable(getattr(importlib.import_module(module), function))
 
 
+def test_ros2_run_finds_the_commands(tmp_path: Path) -> None:
+    """Below lib/ there is what starts each command of bin/, with its arguments, in its place."""
+    folders = [tmp_path / 'bin', tmp_path / 'lib/lava_ros']
+    for folder in folders:
+        folder.mkdir(parents=True)
+    for name in ('lava', 'lava_node'):
+        program = folders[0] / name
+        program.write_text('#!/bin/sh\necho "$0" "$$" "$@"\n')
+        program.chmod(0o755)
+        starter = folders[1] / name
+        shutil.copy(ROOT / 'libexec' / name, starter)
+        child = subprocess.Popen(
+            [starter, '--ros-args', '-p', 'a:=two words'], stdout=subprocess.PIPE, text=True
+        )
+        output, _ = child.communicate(timeout=30.0)
+        path, process, words = output.strip().split(' ', 2)
+        assert Path(path).resolve() == program
+        assert (int(process), words) == (child.pid, '--ros-args -p a:=two words')
+
+
 def test_data_files_are_there(metadata: dict[str, Any]) -> None:
     """Marker, manifest, launch files and message configurations are installed."""
     installed = dict(metadata['data_files'])
@@ -132,14 +173,42 @@ def test_data_files_are_there(metadata: dict[str, Any]) -> None:
     assert any(name.endswith('.launch.py') for name in installed['share/lava_ros/launch'])
     assert installed['share/lava_ros/sros2'] == ['sros2/lava_ros.policy.xml']
     assert 'docs/accuracy/cpu.csv' in installed['share/lava_ros/docs/accuracy']
+    assert set(installed['lib/lava_ros']) == {'libexec/lava', 'libexec/lava_node'}
     for folder in ('examples', 'foxglove', 'launch', 'msg_configs', 'params', 'rviz'):
         files = {f'{folder}/{path.name}' for path in (ROOT / folder).glob('*') if path.is_file()}
         assert files and set(installed[f'share/lava_ros/{folder}']) == files
     assert all((ROOT / name).is_file() for names in installed.values() for name in names)
-    pages = metadata['package_data']['lava_ros.report']
-    assert all((ROOT / 'lava_ros/report' / name).is_file() for name in pages)
-    assert len(pages) == 3
-    assert (ROOT / 'lava_ros/py.typed').is_file()
+    inside = {
+        f'{package.replace(".", "/")}/{name}'
+        for package, names in metadata['package_data'].items()
+        for name in names
+    }
+    paths = [path for path in (ROOT / 'lava_ros').rglob('*') if path.is_file()]
+    others = [path for path in paths if path.suffix not in ('.py', '.pyc')]
+    assert inside == {path.relative_to(ROOT).as_posix() for path in others}
+
+
+def test_the_image_has_this_package(metadata: dict[str, Any], tmp_path: Path) -> None:
+    """The Dockerfile's steps are shell, its extras and its command are those of setup.py."""
+    found = image.instructions()
+    texts: dict[str, list[str]] = {kind: [] for kind, _ in found}
+    for kind, text in found:
+        texts[kind].append(text)
+    assert texts['FROM'] == ['ros:jazzy-ros-base']
+    for step in texts['RUN']:
+        subprocess.run(['bash', '-nc', step], check=True)
+    assert texts['COPY'] == ['. /src']
+    extras = re.search(r"'/src\[(.*)\]'", texts['RUN'][-1])
+    assert extras and set(extras[1].split(',')) <= set(metadata['extras_require'])
+    (entry,) = map(json.loads, texts['ENTRYPOINT'])
+    scripts = metadata['entry_points']['console_scripts']
+    assert entry[-1] in {script.split(' = ')[0] for script in scripts}
+    image.copy_context(tmp_path / 'src')
+    data = [name for _, names in metadata['data_files'] for name in names]
+    modules = [str(path.relative_to(ROOT)) for path in (ROOT / 'lava_ros').rglob('*.py')]
+    needed = {*data, *modules, 'setup.py', 'setup.cfg', 'pyproject.toml', 'README.md'}
+    assert all((tmp_path / 'src' / name).is_file() for name in needed)
+    assert not (tmp_path / 'src/tests').exists()
 
 
 def test_ros_packages_are_declared(manifest: ElementTree.Element) -> None:
@@ -152,7 +221,7 @@ def test_ros_packages_are_declared(manifest: ElementTree.Element) -> None:
 def test_python_packages_are_declared(metadata: dict[str, Any]) -> None:
     """setup.py has a requirement for each other module the code imports."""
     extras = metadata['extras_require']
-    requirements = [*metadata['install_requires'], *extras['all']]
+    requirements = [*metadata['install_requires'], *extras['all'], *extras['gis']]
     declared = {_canonical(Requirement(item).name) for item in requirements}
     needed = {
         _canonical(DISTRIBUTIONS.get(name, name)) for name in _imports() if not _is_ros(name)

@@ -67,21 +67,3 @@ def test_long_values_are_shortened():
     assert len(text) < 160
     assert text.startswith('x is [0, 1, 2')
     assert text.endswith(', ...], expected less')
-
-
-def test_a_file_to_write_is_left_as_it_is(tmp_path):
-    """What is there stays, and nothing is made."""
-    old = tmp_path / 'old.json'
-    old.write_text('precious')
-    assert validation.file_to_write('--json', str(old)) == old
-    assert validation.file_to_write('--json', tmp_path / 'new.json') == tmp_path / 'new.json'
-    assert [path.name for path in tmp_path.iterdir()] == ['old.json']
-    assert old.read_text() == 'precious'
-
-
-def test_a_file_that_cannot_be_written_is_refused(tmp_path):
-    """A folder, a file in a folder that is missing, and one in a file."""
-    (tmp_path / 'file').write_text('')
-    for path in (tmp_path, tmp_path / 'none/a.json', tmp_path / 'file/a.json'):
-        with pytest.raises(LavaError, match='^--json is .* a file to write'):
-            validation.file_to_write('--json', path)

@@ -19,16 +19,20 @@ import time
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy
-from lava_ros.choice import decide, effects_for, HORIZON
-from lava_ros.resolution import resolution_of
 from lava_ros.ros.worker import SimulationWorker
-from lava_ros.scene import check_vents, Scene, Terrain, Vent
-from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot, StepReport, VolumeBudget
+from lava_ros.scene import check_vents, Lava, Scene, Terrain, Vent
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.budget import VolumeBudget
+from lava_ros.simulation.resolution import resolution_of
+from lava_ros.simulation.selection import decide, effects_for, HORIZON
+from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot, StepReport
 
 TERRAIN = Terrain(np.zeros((4, 5)), 10.0)
-VENT = Vent((25.0, 15.0), 2.0, name='one')
-OUTSIDE = Vent((500.0, 0.0), 2.0, name='far')
+VENT = Vent((25.0, 15.0), 2.0, 1360.0, name='one')
+#: How long to wait for what has to come, on a busy machine too [s].
+PATIENCE = 60.0
+
+OUTSIDE = Vent((500.0, 0.0), 2.0, 1360.0, name='far')
 
 
 class KeepsTime:
@@ -109,12 +113,12 @@ class KeepsTime:
         return PendingSnapshot(finish)
 
     def set_vents(self, vents):
-        scene = Scene(self.scene.terrain, check_vents(vents, self.scene.terrain))
+        scene = Scene(self.scene.terrain, check_vents(vents, self.scene.terrain), lava=Lava())
         self.emitted_before, self.changed_at = self.emitted(), self.time
         self.scene = scene
 
     def set_terrain(self, terrain):
-        self.scene = Scene(terrain, self.scene.vents)
+        self.scene = Scene(terrain, self.scene.vents, lava=Lava())
 
 
 class Bench:
@@ -144,7 +148,7 @@ class Bench:
     def simulation(self):
         return self.made[-1]
 
-    def wait(self, condition, timeout=5.0):
+    def wait(self, condition, timeout=PATIENCE):
         end = time.monotonic() + timeout
         while not condition():
             assert time.monotonic() < end, self.worker.status
@@ -154,4 +158,4 @@ class Bench:
         self.wait(lambda: self.worker.status.state is state)
 
     def run(self, future):
-        return future.result(timeout=5.0)
+        return future.result(timeout=PATIENCE)

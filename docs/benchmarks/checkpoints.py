@@ -28,8 +28,8 @@ import time
 
 from lava_ros.bag import BagWriter
 from lava_ros.bag.checkpoints import NAME
-from lava_ros.bench.effects import effect_sets, lava_field
-from lava_ros.checkpoint import from_bytes, MEDIA_TYPE
+from lava_ros.simulation.checkpoint import from_bytes, MEDIA_TYPE
+from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
 
 REPETITIONS = 5
 

@@ -22,7 +22,7 @@ solve the equation of small slopes, without cos^4 of the ground's: Lava2d has no
 It renews the rows of the codes that are named in codes.csv, and then the tables follow:
 
     taskset --cpu-list 0 python docs/benchmarks/codes.py presets plain
-    python tests/verification/test_other_codes.py
+    python docs/benchmarks/other_codes.py
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from lava_ros.presets import preset_accuracy
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import FLAT, FRONT, GRAVITY, ISOTHERMAL, NU
 from lava_ros.verification.measure import machine_name

@@ -33,12 +33,12 @@ from statistics import median
 import sys
 import time
 
-from lava_ros.bench.choice import jaccard
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.coarse import coarsened
 from lava_ros.hindcast.run import FORCED, Settings
-from lava_ros.hindcast.score import THRESHOLD
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import COVERED
+from lava_ros.verification.benchmarks.selection import jaccard
 
 DAY, SPACING = 86400.0, 10.0
 
@@ -86,7 +86,7 @@ def main():
         for courant in COURANT
     }
     covered = {
-        courant: [snapshot.thickness >= THRESHOLD for _, snapshot in found]
+        courant: [snapshot.thickness >= COVERED for _, snapshot in found]
         for courant, found in ends.items()
     }
     finest = covered[min(COURANT)]

@@ -31,11 +31,12 @@ import time
 
 import numpy as np
 
-from lava_ros.presets import preset_accuracy
-from lava_ros.ros.forecaster import Forecaster, ForecastRules
+from lava_ros.ros.ensemble_forecasts import ForecastRules
+from lava_ros.ros.forecaster import Forecaster
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.state import EVALUATIONS
 
 #: Turns with forecasts; there is one more without.
@@ -140,7 +141,7 @@ def main():
             tell('behind the clock', case, 100.0 * (1.0 - rates[:, 1].mean() / scale), '%')
         tell('share of forecasts', case, forecaster.status.share, '')
         if forecaster.latest is not None:
-            tell('wall time of a forecast', case, forecaster.latest.forecast.duration, 's')
+            tell('wall time of a forecast', case, forecaster.latest.shown.duration, 's')
 
 
 if __name__ == '__main__':

@@ -30,10 +30,10 @@ from dataclasses import replace
 from itertools import combinations
 import sys
 
-from lava_ros.bench.choice import covered, footprint, jaccard, noise
-from lava_ros.bench.scenes import scenes
-from lava_ros.choice import decide, effects_for
-from lava_ros.presets import DEFAULT, preset_accuracy
+from lava_ros.simulation.presets import DEFAULT, preset_accuracy
+from lava_ros.simulation.selection import decide, effects_for
+from lava_ros.verification.benchmarks.scenes import scenes
+from lava_ros.verification.benchmarks.selection import covered, footprint, jaccard, noise
 from lava_ros.verification.measure import machine_name
 
 FORMS = ('neither', 'green', 'helmholtz')
@@ -60,7 +60,7 @@ def main() -> None:
         ratio = next(
             decision.value
             for decision in decide(item.scene, **arguments)
-            if decision.criterion.effect == 'helmholtz'
+            if decision.name == 'helmholtz'
         )
         runs = {}
         for form in FORMS:

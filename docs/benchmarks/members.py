@@ -27,6 +27,7 @@ or that case pickled) at `draft`, looked at each hour, on ground no finer than t
 import argparse
 import csv
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 import pickle
 import shlex
@@ -34,16 +35,15 @@ from statistics import median
 import sys
 import time
 
-from lava_ros.bench.effects import effect_sets, lava_field
-from lava_ros.forecast.cluster import DaskRunner
-from lava_ros.forecast.ensemble import run_here
+from lava_ros.forecast.ensemble import run_here, run_in_processes
 from lava_ros.forecast.members import make_plan
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.coarse import coarsened
 from lava_ros.hindcast.run import FORCED, Settings
-from lava_ros.simulation.together import interleave
-from lava_ros.uncertainty import uncertainty_from_dict
+from lava_ros.scene.uncertainty import uncertainty_from_dict
+from lava_ros.simulation.batch import interleave
+from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
 
 DAY = 86400.0
 
@@ -92,13 +92,11 @@ def day(case, device, count, workers):
     )
     members = draw_members(scene, count, seed=1)
     if workers > 1:
-        run = DaskRunner(workers=workers, device=device)
+        run = partial(run_in_processes, workers=workers, device=device)
     else:
         # the kernels are there when it counts
         list(run_here(plan, members[:1], device=device))
-
-        def run(plan, members):
-            return run_here(plan, members, device=device)
+        run = partial(run_here, device=device)
 
     start = time.perf_counter()
     footprints = list(run(plan, members))

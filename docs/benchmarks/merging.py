@@ -42,9 +42,9 @@ import numpy as np
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.run import FORCED, Settings
-from lava_ros.presets import preset_accuracy
 from lava_ros.scene import Scene, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, NU, plane, Trial
 from lava_ros.verification.cases.spreading import FRONT

@@ -46,9 +46,9 @@ import yaml
 
 from lava_ros.bag.checkpoints import MEDIA_TYPE, NAME
 from lava_ros.bag.writer import BagWriter
-from lava_ros.bench.effects import effect_sets, lava_field
+from lava_ros.files.resources import find_file
 from lava_ros.ros import qos
-from lava_ros.share import find_file
+from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
 
 #: How long a node may take to its first grid [s]: it may have to compile.
 PATIENCE = 150.0

@@ -47,16 +47,17 @@ import numpy as np
 from plan_scenes import held_out
 
 from lava_ros import validation
-from lava_ros.bench.scenes import scenes
+from lava_ros.cli.output import write_json
 from lava_ros.errors import LavaError
-from lava_ros.forecast.affordable import afford, sampling_error
 from lava_ros.forecast.members import make_plan, run_members
 from lava_ros.forecast.pilots import accuracy_at, run_at
+from lava_ros.forecast.planning import afford, sampling_error
 from lava_ros.forecast.probability import footprint_of, reached_by
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.uncertainty import uncertainty_from_dict
-from lava_ros.verification.rows import write_csv, write_json
+from lava_ros.scene.uncertainty import uncertainty_from_dict
+from lava_ros.verification.benchmarks.scenes import scenes
+from lava_ros.verification.rows import as_plain, write_csv
 
 FOLDER = Path(__file__).parent
 
@@ -449,7 +450,7 @@ def save(rows, args):
     rows = sorted(rows, key=lambda row: (names.index(row.scene), row.within_s, row.members))
     write_csv(rows, args.output)
     if args.json:
-        write_json(rows, args.json)
+        write_json(as_plain(rows), args.json)
 
 
 def write(path, lines):

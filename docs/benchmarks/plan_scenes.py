@@ -18,8 +18,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from lava_ros.bench.scenes import BASALT, BenchScene, FLUID, MELT
 from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.verification.benchmarks.scenes import BASALT, BenchScene, FLUID, MELT
 
 
 def held_out():

@@ -27,8 +27,8 @@ from statistics import median
 import sys
 import time
 
-from lava_ros.bench.effects import effect_sets, lava_field, STEP
-from lava_ros.simulation.threads import threads
+from lava_ros.simulation.backend.threads import threads
+from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 
 #: Sets of effects, by their names in the benchmark, and particles.
 SETS, PARTICLES = ('bare', 'green'), (1000, 10_000, 100_000)

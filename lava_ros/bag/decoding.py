@@ -12,13 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Decodes messages of a bag by the definitions the bag itself holds. Needs no ROS."""
+"""Decodes messages of a bag by the definitions the bag itself holds; grids become arrays."""
 
+from collections.abc import Callable
+from dataclasses import dataclass
+import re
 import struct
 from typing import Any
 
+import numpy as np
+
 from lava_ros.bag.reader import BagMessage, BagReader
 from lava_ros.errors import LavaError
+from lava_ros.files.optional import require
+
+# A list of a fixed length takes memory for as many values as its definition asks for, whatever the
+# message holds.
+_FIXED = re.compile(rb'^\s*[^#\s]+\[\d', re.MULTILINE)
+
+_CDR_HEADER = 4
 
 
 class Decoder:
@@ -30,15 +42,10 @@ class Decoder:
         Raises:
             LavaError: mcap-ros2-support is not installed.
         """
-        try:
-            from mcap.records import Schema
-            from mcap_ros2.decoder import DecoderFactory
-        except ImportError as error:
-            raise LavaError(
-                'bag',
-                str(bag.path),
-                "mcap-ros2-support to decode it: pip install 'lava_ros[plot]'",
-            ) from error
+        require('mcap_ros2.decoder', 'bag', str(bag.path))
+        from mcap.records import Schema
+        from mcap_ros2.decoder import DecoderFactory
+
         self._factory = DecoderFactory()
         self._schemas = {
             name: Schema(
@@ -50,19 +57,75 @@ class Decoder:
             for index, (name, topic) in enumerate(bag.topics.items(), start=1)
         }
 
-    def decode(self, message: BagMessage) -> Any:
+    def decode(self, message: BagMessage, take: Callable[[Any], Any] | None = None) -> Any:
         """Decode a message.
 
+        Args:
+            message: The message.
+            take: Makes the result of the message, where that is not the message itself.
+
         Raises:
-            LavaError: It is not what its definition says.
+            LavaError: It is not what its definition says, or that lacks what ``take`` looks for.
         """
-        decode = self._factory.decoder_for('cdr', self._schemas[message.topic])
-        assert decode is not None
+        schema = self._schemas[message.topic]
+        if _FIXED.search(schema.data):
+            right = 'without lists of a fixed length: no message that is read here has one'
+            raise LavaError(f'definition of {schema.name}', schema.data.decode(), right)
         try:
-            return decode(message.data)
-        except (EOFError, IndexError, struct.error, ValueError) as error:
+            decode = self._factory.decoder_for('cdr', schema)
+            assert decode is not None
+            decoded = decode(message.data)
+            return decoded if take is None else take(decoded)
+        except LavaError:
+            raise
+        # a definition from anywhere is parsed by a library, and its fields are of any type
+        except Exception as error:
             raise LavaError(
                 f'message on {message.topic}',
                 f'{len(message.data)} bytes',
-                f'a {self._schemas[message.topic].name} ({error})',
+                f'a {schema.name} ({type(error).__name__}: {error})',
             ) from error
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A nav_msgs/OccupancyGrid.
+
+    Attributes:
+        resolution: Side of a cell [m].
+        origin: Position (x, y) [m] of the lower-left corner of cell [0, 0].
+        cells: Values, int8, shape [rows, columns].
+    """
+
+    resolution: float
+    origin: tuple[float, float]
+    cells: np.ndarray
+
+
+def read_grid(message: BagMessage) -> Grid:
+    """Read the grid that a message carries, without the Python number a cell that decoders make.
+
+    Raises:
+        LavaError: The message is cut off or is not such a grid.
+    """
+    body = memoryview(message.data)[_CDR_HEADER:]
+    try:
+        order = '<' if message.data[1] & 1 else '>'
+        # The header: a stamp of 8 bytes, the length of the frame's name and the name.
+        (length,) = struct.unpack_from(f'{order}I', body, 8)
+        start = _aligned(12 + length, 4)
+        # Its load time, 8 bytes, comes before the rest of the description.
+        resolution, columns, rows = struct.unpack_from(f'{order}f2I', body, start + 8)
+        pose = _aligned(start + 20, 8)
+        x, y = struct.unpack_from(f'{order}2d', body, pose)
+        (count,) = struct.unpack_from(f'{order}I', body, pose + 56)
+        cells = np.frombuffer(body, np.int8, count, pose + 60)
+        return Grid(resolution, (x, y), cells.reshape(rows, columns))
+    except (IndexError, struct.error, ValueError) as error:
+        raise LavaError(
+            f'message on {message.topic}', f'{len(message.data)} bytes', f'a grid ({error})'
+        ) from error
+
+
+def _aligned(position: int, size: int) -> int:
+    return -(-position // size) * size

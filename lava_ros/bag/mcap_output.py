@@ -12,11 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""One MCAP file of a bag while it is being written."""
+"""A bag while it is written: its directory, whatever its name leads to, and one MCAP file."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import replace
+import os
 from pathlib import Path
+import secrets
+from typing import BinaryIO
 
 from mcap.writer import CompressionType, LIBRARY_IDENTIFIER, Writer
 
@@ -29,12 +33,73 @@ from lava_ros.bag.schemas import MessageSchema
 CHUNK_SIZE = 4 * 1024 * 1024
 
 
-@dataclass
-class _Channel:
-    """A topic of the file and the id its channel has there."""
+class Directory:
+    """A new directory that is kept open: files go into it and not where a link leads.
 
-    id: int
-    topic: TopicRecord
+    Attributes:
+        path: The path it was made at.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Make it; its parents are created where they are missing.
+
+        Raises:
+            OSError: It exists or cannot be made.
+        """
+        self.path = path
+        path.mkdir(parents=True)
+        self._number = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+
+    def create(self, name: str) -> BinaryIO:
+        """Open a new file in it for writing.
+
+        Raises:
+            OSError: There is such a file, or it cannot be made.
+        """
+        return open(name, 'xb', opener=self._open)
+
+    def put(self, name: str, text: str) -> None:
+        """Write a file: either the whole of it is there afterwards or none.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        # nothing that somebody has put there is written to
+        partial = f'.{name}.{secrets.token_hex(4)}.partial'
+        try:
+            with open(partial, 'x', encoding='utf-8', opener=self._open) as stream:
+                stream.write(text)
+            os.replace(partial, name, src_dir_fd=self._number, dst_dir_fd=self._number)
+        except OSError:
+            with suppress(FileNotFoundError):
+                os.unlink(partial, dir_fd=self._number)
+            raise
+
+    def check(self, file: BinaryIO) -> None:
+        """Check that the directory and a file of it are still found by their names.
+
+        Raises:
+            OSError: One was removed, moved or replaced: what is written next is lost to readers.
+        """
+        self._check(self.path, self._number, None)
+        self._check(self.path / file.name, file.fileno(), self._number)
+
+    def close(self) -> None:
+        """Close the directory's descriptor."""
+        os.close(self._number)
+
+    def _open(self, name: str, flags: int) -> int:
+        return os.open(name, flags | os.O_NOFOLLOW, 0o666, dir_fd=self._number)
+
+    def _check(self, path: Path, opened: int, number: int | None) -> None:
+        name = path if number is None else path.name
+        try:
+            there = os.stat(name, dir_fd=number, follow_symlinks=False)
+            is_same = os.path.samestat(there, os.fstat(opened))
+        except OSError:
+            is_same = False
+        if not is_same:
+            raise OSError(f'{path} was removed, moved or replaced')
 
 
 class McapOutput:
@@ -44,21 +109,26 @@ class McapOutput:
         record: What metadata.yaml says of the file.
     """
 
-    def __init__(self, path: Path, custom_data: Mapping[str, str]) -> None:
+    def __init__(
+        self, directory: Directory, name: str, custom_data: Mapping[str, str]
+    ) -> None:
         """Create the file and write what it begins with.
 
         Args:
-            path: The file, which must not exist.
+            directory: The bag's directory.
+            name: The file, which must not exist there.
             custom_data: Free text by name that describes the recording.
 
         Raises:
             OSError: The file cannot be written.
         """
-        self.record = FileRecord(path.name)
+        self.record = FileRecord(name)
         self._custom_data = custom_data
-        self._channels: dict[str, _Channel] = {}
+        # the channel id of each topic, and its messages in this file
+        self._channels: dict[str, tuple[int, TopicRecord]] = {}
         self._schema_ids: dict[str, int] = {}
-        self._stream = path.open('xb')
+        self._directory = directory
+        self._stream = directory.create(name)
         try:
             self._mcap = Writer(
                 self._stream,
@@ -104,22 +174,19 @@ class McapOutput:
         Raises:
             OSError: The file cannot be written.
         """
-        channel = self._channels.get(topic.name) or self._register(topic, schema)
+        channel_id, counted = self._channels.get(topic.name) or self._register(topic, schema)
         self._mcap.add_message(
-            channel.id,
+            channel_id,
             log_time=log_time,
             data=data,
             publish_time=publish_time,
             sequence=topic.message_count,
         )
-        channel.topic = replace(channel.topic, message_count=channel.topic.message_count + 1)
-        record = self.record
-        self.record = replace(
-            record,
-            start_ns=log_time if record.start_ns is None else record.start_ns,
-            end_ns=log_time,
-            message_count=record.message_count + 1,
-        )
+        counted.message_count += 1
+        if self.record.start_ns is None:
+            self.record.start_ns = log_time
+        self.record.end_ns = log_time
+        self.record.message_count += 1
 
     def attach(self, name: str, media_type: str, data: bytes, *, log_time: int) -> None:
         """Put data beside the messages, after those so far; players pass over it.
@@ -136,25 +203,28 @@ class McapOutput:
         """Hand everything written so far to the operating system, as a complete chunk.
 
         Raises:
-            OSError: The file cannot be written.
+            OSError: The file cannot be written, or is not in the bag any more.
         """
         self._mcap.flush()
         if not self._is_described:
             self._write_metadata_record()
             self._mcap.flush()
+        self._directory.check(self._stream)
 
     def finish(self) -> None:
         """Write index and summary and close the file.
 
         Raises:
-            OSError: The file cannot be written; it is closed as it is.
+            OSError: The file cannot be written, or is not in the bag any more; it is closed as it
+                is.
         """
         with self._stream:
             self._mcap.flush()
             self._write_metadata_record()
             self._mcap.finish()
+            self._directory.check(self._stream)
 
-    def _register(self, topic: TopicRecord, schema: MessageSchema) -> _Channel:
+    def _register(self, topic: TopicRecord, schema: MessageSchema) -> tuple[int, TopicRecord]:
         kind = topic.message_type
         if kind not in self._schema_ids:
             self._schema_ids[kind] = self._mcap.register_schema(
@@ -169,12 +239,11 @@ class McapOutput:
                 'topic_type_hash': schema.type_hash,
             },
         )
-        channel = _Channel(channel_id, replace(topic, message_count=0))
-        self._channels[topic.name] = channel
-        return channel
+        self._channels[topic.name] = channel_id, replace(topic, message_count=0)
+        return self._channels[topic.name]
 
     def _write_metadata_record(self) -> None:
-        topics = tuple(channel.topic for channel in self._channels.values())
+        topics = tuple(topic for _, topic in self._channels.values())
         metadata = BagMetadata((self.record,), topics, self._custom_data)
         self._mcap.add_metadata(bag_metadata.RECORD, bag_metadata.to_record(metadata))
         self._is_described = True

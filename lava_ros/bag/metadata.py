@@ -16,7 +16,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-import os
 from pathlib import Path
 from typing import Any
 import zlib
@@ -25,7 +24,7 @@ import yaml
 
 from lava_ros.bag.qos import QosProfile
 from lava_ros.errors import LavaError
-from lava_ros.yaml_files import parse_yaml, read_yaml
+from lava_ros.files.yaml import parse_yaml, read_yaml
 
 FILE_NAME = 'metadata.yaml'
 
@@ -48,7 +47,7 @@ _ROOT = 'rosbag2_bagfile_information'
 _NEVER = 2**63 - 1
 
 
-@dataclass(frozen=True)
+@dataclass
 class TopicRecord:
     """A topic of a bag.
 
@@ -80,7 +79,7 @@ class TopicRecord:
         }
 
 
-@dataclass(frozen=True)
+@dataclass
 class FileRecord:
     """A file of a bag.
 
@@ -153,11 +152,9 @@ def is_whole(name: str, record: Mapping[str, str]) -> bool:
     return name != RECORD or _TEXT in record
 
 
-def write_metadata(directory: Path, metadata: BagMetadata) -> None:
-    """Write metadata.yaml: either the whole file is there afterwards or none of it."""
-    partial = directory / f'{FILE_NAME}.partial'
-    partial.write_text(_dump({_ROOT: metadata.to_dict()}), encoding='utf-8')
-    os.replace(partial, directory / FILE_NAME)
+def to_text(metadata: BagMetadata) -> str:
+    """The content of metadata.yaml."""
+    return _dump({_ROOT: metadata.to_dict()})
 
 
 @dataclass(frozen=True)
@@ -183,7 +180,7 @@ def read_metadata(path: Path) -> StoredMetadata:
     data = read_yaml('bag', path, right)
     if not isinstance(data, Mapping) or _ROOT not in data:
         raise LavaError('bag', str(path), f'{right} (a mapping with the key {_ROOT})')
-    return parse_metadata(data[_ROOT], path)
+    return _parsed(data[_ROOT], path)
 
 
 def parse_record(record: Mapping[str, str], path: Path) -> StoredMetadata:
@@ -192,20 +189,11 @@ def parse_record(record: Mapping[str, str], path: Path) -> StoredMetadata:
     Raises:
         LavaError: It is no YAML, or no such metadata.
     """
-    data = parse_yaml(f'record {RECORD} of {path}', record.get(_TEXT, ''))
-    return parse_metadata(data, path)
+    return _parsed(parse_yaml(f'record {RECORD} of {path}', record.get(_TEXT, '')), path)
 
 
-def parse_metadata(data: object, path: Path) -> StoredMetadata:
-    """Take what a reader needs from metadata without its root key.
-
-    Args:
-        data: The parsed YAML.
-        path: File that holds it, for messages.
-
-    Raises:
-        LavaError: It is no such metadata, or describes a bag that is not plain MCAP.
-    """
+def _parsed(data: object, path: Path) -> StoredMetadata:
+    """What a reader needs of metadata without its root key."""
     if not isinstance(data, Mapping):
         raise LavaError('bag', str(path), 'metadata that rosbag2 wrote: a YAML mapping')
     storage = data.get('storage_identifier')

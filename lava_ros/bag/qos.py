@@ -15,14 +15,14 @@
 """Quality of service as rosbag2 writes it into a bag."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import yaml
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.yaml_files import parse_yaml
+from lava_ros.files.yaml import parse_yaml
 
 #: What rosbag2 writes for a duration without limit [ns].
 INFINITE_NS = 2**63 - 1
@@ -44,6 +44,8 @@ _WORDS = {
         'best_available',
     ),
 }
+
+_DURATIONS = ('deadline', 'lifespan', 'liveliness_lease_duration')
 
 
 @dataclass(frozen=True)
@@ -89,17 +91,7 @@ class QosProfile:
 
     def to_dict(self) -> dict[str, Any]:
         """The profile as rosbag2's metadata holds it, keys in rosbag2's order."""
-        return {
-            'history': self.history,
-            'depth': self.depth,
-            'reliability': self.reliability,
-            'durability': self.durability,
-            'deadline': _split(self.deadline),
-            'lifespan': _split(self.lifespan),
-            'liveliness': self.liveliness,
-            'liveliness_lease_duration': _split(self.liveliness_lease_duration),
-            'avoid_ros_namespace_conventions': self.avoid_ros_namespace_conventions,
-        }
+        return asdict(self) | {name: _split(getattr(self, name)) for name in _DURATIONS}
 
 
 #: What the package's maps are published with: the newest one waits for whoever comes late.

@@ -14,12 +14,14 @@
 
 """Reads rosbag2 MCAP bags, also those whose recording was cut off."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 import logging
 from pathlib import Path
 import re
 from typing import NamedTuple
+
+from mcap.records import Message
 
 from lava_ros.bag import metadata as bag_metadata
 from lava_ros.bag import qos as bag_qos
@@ -45,27 +47,6 @@ class BagMessage(NamedTuple):
     stamp_ns: int
     publish_ns: int
     data: bytes
-
-
-@dataclass(frozen=True)
-class BagFile:
-    """A file of a bag.
-
-    Attributes:
-        path: The file.
-        size: Its size [bytes].
-        finished: Whether its writer closed it.
-        start_ns: Log time of its first message [ns], None without messages.
-        end_ns: Log time of its last message [ns], None without messages.
-        message_count: Messages in it, None when it does not say.
-    """
-
-    path: Path
-    size: int
-    finished: bool
-    start_ns: int | None
-    end_ns: int | None
-    message_count: int | None
 
 
 @dataclass(frozen=True)
@@ -96,6 +77,7 @@ class BagReader:
         path: The bag as it was given.
         files: The MCAP files it is made of, oldest first; a last one that was cut off before it
             began is left out.
+        contents: What each of them holds.
         topics: Topics by name.
         custom_data: Free text by name that describes the recording.
         recovered: Whether a file was not finished; then everything before the place where it
@@ -133,25 +115,25 @@ class BagReader:
         was_begun = stored is not None or len(self.files) == 1 or has_begun(self.files[-1])
         if not was_begun:
             self.files = self.files[:-1]
-        self._contents = [open_mcap(item) for item in self.files]
-        self.damage = tuple(text for item in self._contents for text in item.damage)
-        self.topics = _topics(self._contents)
-        described, unreadable = _described(self._contents)
+        self.contents = [open_mcap(item) for item in self.files]
+        self.damage = tuple(text for item in self.contents for text in item.damage)
+        self.topics = _topics(self.contents)
+        described, unreadable = _described(self.contents)
         self.custom_data = described if stored is None else stored.custom_data
         if stored is None:
             self.damage += unreadable
-        elif _is_checked(self._contents) and described != stored.custom_data:
+        elif _is_checked(self.contents) and described != stored.custom_data:
             self.damage += (
                 f'custom_data of {yaml_path} is damaged or changed: the last file says otherwise',
             )
-        self.recovered = not (was_begun and all(item.finished for item in self._contents))
-        blocks = [block for item in self._contents for block in item.blocks]
-        self.start_ns = min((block.start_ns for block in blocks), default=None)
-        self.end_ns = max((block.end_ns for block in blocks), default=None)
-        self.size = sum(item.stat().st_size for item in self.files)
+        self.recovered = not (was_begun and all(item.finished for item in self.contents))
+        starts = [item.start_ns for item in self.contents if item.start_ns is not None]
+        ends = [item.end_ns for item in self.contents if item.end_ns is not None]
+        self.start_ns, self.end_ns = min(starts, default=None), max(ends, default=None)
+        self.size = sum(item.size for item in self.contents)
         for text in self.damage:
             _LOG.warning('%s', text)
-        for item in self._contents:
+        for item in self.contents:
             if item.rest:
                 _LOG.info(
                     '%s was cut off: its last %d bytes are not whole and left out',
@@ -173,46 +155,27 @@ class BagReader:
         return None if None in counts else sum(item for item in counts if item is not None)
 
     def messages(
-        self, topics: Collection[str] | None = None, start_ns: int | None = None
+        self,
+        topics: Collection[str] | None = None,
+        start_ns: int | None = None,
+        *,
+        file: Path | None = None,
     ) -> Iterator[BagMessage]:
         """Yield messages in the order of log time, file by file.
 
         Args:
             topics: Names of the topics to read, None for all; names the bag lacks give nothing.
             start_ns: Earliest log time [ns].
+            file: The one of ``files`` to read, None for all.
 
         Raises:
             LavaError: A file is damaged or cannot be read.
         """
-        for contents in self._contents:
-            yield from _messages(contents, topics, start_ns)
-
-    def file_messages(self, path: Path) -> Iterator[BagMessage]:
-        """Yield the messages of one of ``files`` in the order of log time.
-
-        Raises:
-            LavaError: The file is damaged or cannot be read.
-        """
-        return _messages(self._contents[self.files.index(path)])
-
-    def describe_files(self) -> list[BagFile]:
-        """Say what is in each file."""
-        result = []
-        for contents in self._contents:
-            starts = [block.start_ns for block in contents.blocks]
-            ends = [block.end_ns for block in contents.blocks]
-            counts = contents.counts
-            result.append(
-                BagFile(
-                    contents.path,
-                    contents.path.stat().st_size,
-                    contents.finished,
-                    min(starts, default=None),
-                    max(ends, default=None),
-                    None if counts is None else sum(counts.values()),
-                )
-            )
-        return result
+        for contents in self.contents:
+            if file is None or contents.path == file:
+                names = _channel_topics(contents, topics)
+                for message in contents.messages(names, start_ns or 0):
+                    yield _bag_message(names, message)
 
     def newest(self, topics: Collection[str], before_ns: int) -> list[BagMessage]:
         """The newest message of each topic before a time, oldest first.
@@ -225,13 +188,11 @@ class BagReader:
             LavaError: A file is damaged or cannot be read.
         """
         found: dict[str, BagMessage] = {}
-        for contents in reversed(self._contents):
+        for contents in reversed(self.contents):
             names = _channel_topics(contents, [item for item in topics if item not in found])
             here: dict[str, BagMessage] = {}
-            for channel_id, message in contents.newest(names, before_ns).items():
-                item = BagMessage(
-                    names[channel_id], message.log_time, message.publish_time, message.data
-                )
+            for message in contents.newest(names, before_ns).values():
+                item = _bag_message(names, message)
                 if item.topic not in here or item.stamp_ns > here[item.topic].stamp_ns:
                     here[item.topic] = item
             found.update(here)
@@ -247,14 +208,9 @@ def mcap_names(directory: Path) -> tuple[str, ...]:
     return tuple(sorted((item.name for item in directory.glob('*.mcap')), key=order))
 
 
-def _messages(
-    contents: McapFile, topics: Collection[str] | None = None, start_ns: int | None = None
-) -> Iterator[BagMessage]:
-    names = _channel_topics(contents, topics)
-    for message in contents.messages(names, start_ns):
-        yield BagMessage(
-            names[message.channel_id], message.log_time, message.publish_time, message.data
-        )
+def _bag_message(names: Mapping[int, str], message: Message) -> BagMessage:
+    name = names[message.channel_id]
+    return BagMessage(name, message.log_time, message.publish_time, message.data)
 
 
 def _channel_topics(contents: McapFile, topics: Collection[str] | None) -> dict[int, str]:

@@ -18,7 +18,7 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
-from lava_ros.bag.attachments import Attachment, attachments_in
+from lava_ros.bag.checkpoints import Attachment, attachments_in
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.writer import BagWriter
 from lava_ros.errors import LavaError
@@ -53,7 +53,7 @@ def recover(
             if index:
                 writer.begin_file()
             attachments = deque(filter(_is_readable, attachments_in(file)))
-            for message in source.file_messages(file):
+            for message in source.messages(file=file):
                 while attachments and attachments[0].log_time_ns < message.stamp_ns:
                     _attach(writer, attachments.popleft())
                 topic = source.topics[message.topic]

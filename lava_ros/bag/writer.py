@@ -15,13 +15,13 @@
 """Writes rosbag2 bags: a directory with one MCAP file or several, and metadata.yaml."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
 from lava_ros import validation
 from lava_ros.bag import metadata as bag_metadata
-from lava_ros.bag.mcap_output import McapOutput
+from lava_ros.bag.mcap_output import Directory, McapOutput
 from lava_ros.bag.metadata import BagMetadata, FileRecord, TopicRecord
 from lava_ros.bag.qos import QosProfile
 from lava_ros.bag.schemas import message_schema, MessageSchema
@@ -79,6 +79,7 @@ class BagWriter:
         Raises:
             LavaError: The directory exists or cannot be created, custom data is not text, or a
                 limit is not usable.
+            OSError: The first file cannot be written.
         """
         self._custom_data = _texts(custom_data)
         self._max_size = validation.number('max_size', max_size, at_least=0.0, unit='bytes')
@@ -86,7 +87,7 @@ class BagWriter:
         self._max_duration_ns = round(duration * 1e9)
         self.directory = Path(directory).absolute()
         try:
-            self.directory.mkdir(parents=True)
+            self._directory = Directory(self.directory)
         except FileExistsError:
             raise LavaError(
                 'bag',
@@ -104,7 +105,12 @@ class BagWriter:
         self._repeated_size = 0
         self._finished_size = 0
         self._closed = False
-        self._file: McapOutput | None = self._open_file()
+        self._file: McapOutput | None = None
+        try:
+            self._file = self._open_file()
+        except OSError:
+            self._directory.close()
+            raise
 
     @property
     def message_count(self) -> int:
@@ -188,7 +194,7 @@ class BagWriter:
             item.latest = (data, stamp_ns)
 
     def attach(self, name: str, media_type: str, data: bytes, stamp_ns: int) -> None:
-        """Put data beside the messages; players pass over it, ``bag.attachments`` finds it.
+        """Put data beside the messages; players pass over it, ``bag.checkpoints`` finds it.
 
         Args:
             name: What it is called; names need not differ.
@@ -223,7 +229,7 @@ class BagWriter:
 
         Raises:
             LavaError: The bag is closed.
-            OSError: The file cannot be written.
+            OSError: The file cannot be written, or is not in the bag any more.
         """
         self._open().flush()
 
@@ -236,11 +242,14 @@ class BagWriter:
         if self._closed:
             return
         self._closed = True
-        if self._file is not None:
-            self._file.finish()
-        topics = tuple(item.record for item in self._topics.values())
-        metadata = BagMetadata(tuple(self._records()), topics, self._custom_data)
-        bag_metadata.write_metadata(self.directory, metadata)
+        try:
+            if self._file is not None:
+                self._file.finish()
+            topics = tuple(item.record for item in self._topics.values())
+            metadata = BagMetadata(tuple(self._records()), topics, self._custom_data)
+            self._directory.put(bag_metadata.FILE_NAME, bag_metadata.to_text(metadata))
+        finally:
+            self._directory.close()
 
     def __enter__(self) -> 'BagWriter':
         """Return the writer."""
@@ -261,8 +270,8 @@ class BagWriter:
         return self._file
 
     def _open_file(self) -> McapOutput:
-        path = self.directory / f'{self.directory.name}_{len(self._finished)}.mcap'
-        return McapOutput(path, self._custom_data)
+        name = f'{self.directory.name}_{len(self._finished)}.mcap'
+        return McapOutput(self._directory, name, self._custom_data)
 
     def _records(self) -> list[FileRecord]:
         return [*self._finished, *([self._file.record] if self._file is not None else [])]
@@ -288,7 +297,7 @@ class BagWriter:
         self._open().write(
             item.record, item.schema, data, log_time=log_time, publish_time=publish_time
         )
-        item.record = replace(item.record, message_count=item.record.message_count + 1)
+        item.record.message_count += 1
 
 
 def _topic(

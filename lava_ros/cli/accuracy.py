@@ -12,31 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava accuracy`: what accuracy costs in time, on this machine."""
+"""Measure what accuracy costs in time.
+
+Run every case with an exact solution at many settings and at the presets; write the errors and
+times as CSV, as Markdown tables and as a chart.
+"""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.progress import Progress
-from lava_ros.errors import LavaError
+from lava_ros.cli.options import add_options, device_named, seconds_of
+from lava_ros.cli.output import made_folder, Progress, write_json
+from lava_ros.files import write_output
 
 if TYPE_CHECKING:
     from lava_ros.verification.rows import Row
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'accuracy',
-        help='measure what accuracy costs in time',
-        description='Run every case with an exact solution at many settings and at the presets; '
-        'write the errors and times as CSV, as Markdown tables and as a chart.',
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser.add_argument(
         '--quick', action='store_true', help='fewer settings: less than two minutes on two cores'
     )
@@ -46,15 +44,13 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar='NAME',
         help="only this case, or 'lateral'; may be given several times (default: all)",
     )
-    parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
     parser.add_argument(
         '--repetitions', type=int, metavar='N', help='time a short run N times (default: 3)'
     )
     parser.add_argument(
         '--longest',
-        type=float,
-        metavar='S',
-        help='leave out runs that would take longer than S seconds (default: 30)',
+        metavar='TIME',
+        help='leave out runs that would take longer (default: 30s)',
     )
     parser.add_argument(
         '--output',
@@ -62,28 +58,24 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar='DIR',
         help="folder for the report, named after the device (default: 'accuracy')",
     )
-    parser.add_argument('--json', metavar='FILE', help='also write the measurements here')
-    parser.set_defaults(run=run)
+    add_options(parser, '--device', '--json')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure and write the report.
-
-    Raises:
-        LavaError: An argument cannot be used.
-    """
+    """Measure and write the report."""
     from lava_ros.verification import measure, settings
     from lava_ros.verification.cases import CASES, EFFECT_CASES
     from lava_ros.verification.chart import draw
     from lava_ros.verification.lateral import NAME
     from lava_ros.verification.report import markdown
-    from lava_ros.verification.rows import read_csv, write_csv, write_json
+    from lava_ros.verification.rows import as_plain, read_csv, write_csv
 
     repetitions, longest = (1, measure.QUICK_LONGEST) if args.quick else (3, measure.LONGEST)
     if args.repetitions is not None:
-        repetitions = int(validation.number('--repetitions', args.repetitions, at_least=1))
+        most = 1000
+        repetitions = validation.whole('--repetitions', args.repetitions, at_least=1, at_most=most)
     if args.longest is not None:
-        longest = validation.number('--longest', args.longest, above=0.0, unit='s')
+        longest = seconds_of('--longest', args.longest)
     for name in args.case or ():
         validation.choice('--case', name, (*CASES, NAME))
     pairs = [
@@ -93,10 +85,8 @@ def run(args: argparse.Namespace) -> int:
     ]
     order = [*CASES, NAME]
     titles = {case.name: f'{case.title[0].upper()}{case.title[1:]}' for case in CASES.values()}
-    device = _device(args.device)
-    folder, stem = _folder(args.output), measure.file_stem(device)
-    if args.json:
-        validation.file_to_write('--json', args.json)
+    device = device_named(args.device)
+    folder, stem = made_folder(args.output), measure.file_stem(device)
     measured: list[Row] = []
     kept: list[Row] = []
     if args.case and (folder / f'{stem}.csv').exists():
@@ -116,36 +106,18 @@ def run(args: argparse.Namespace) -> int:
             measured += found
             rows = sorted([*kept, *measured], key=lambda row: order.index(row.case))
             write_csv(rows, folder / f'{stem}.csv')
-            _write('--output', folder / f'{stem}.md', markdown(rows, titles, stem=stem))
+            page = markdown(rows, titles, stem=stem)
+            write_output('--output', folder / f'{stem}.md', page)
     for name, shown in (
         (f'{stem}.png', [row for row in rows if row.case not in EFFECT_CASES]),
         (f'{stem}_effects.png', [row for row in rows if row.case in EFFECT_CASES]),
     ):
         if shown:
             draw(shown, titles, folder / name)
-    if args.json:
-        write_json(measured, Path(args.json))
+    write_json(as_plain(measured), args.json)
     _print_presets(measured, titles)
     print(f'written to {folder}: {stem}.csv, {stem}.md, {stem}.png')
     return 0
-
-
-def _device(name: str | None) -> str:
-    import warp as wp
-
-    if name is None:
-        return str(wp.get_preferred_device())
-    known = [str(device) for device in wp.get_devices()]
-    return validation.choice('--device', name, known)
-
-
-def _folder(name: str) -> Path:
-    folder = Path(name)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise LavaError('--output', name, f'a folder that can be made ({error})') from error
-    return folder
 
 
 def _command(args: argparse.Namespace, device: str) -> str:
@@ -156,21 +128,14 @@ def _command(args: argparse.Namespace, device: str) -> str:
     words.append(f'--device {device}')
     for name in ('repetitions', 'longest'):
         if getattr(args, name) is not None:
-            words.append(f'--{name} {getattr(args, name):g}')
+            words.append(f'--{name} {getattr(args, name)}')
     return ' '.join(words)
-
-
-def _write(name: str, path: Path, text: str) -> None:
-    try:
-        path.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise LavaError(name, str(path), f'a file to write ({error})') from error
 
 
 def _print_presets(rows: Sequence[Row], titles: dict[str, str]) -> None:
     """Print the presets' errors and costs, one line for each case."""
-    from lava_ros.verification.front import points, presets_of
-    from lava_ros.verification.tables import percent, seconds
+    from lava_ros.maps.numbers import percent, seconds
+    from lava_ros.verification.rows import points, presets_of
 
     found = {(point.case, point.preset): point for point in points(rows) if point.preset}
     presets = presets_of(found.values())

@@ -12,25 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava animate`: a bag as a moving picture."""
+"""Make a GIF or MP4 of a bag.
+
+Draw a layer of a bag over shaded relief as a moving picture, evenly over its simulated time. MP4
+needs ffmpeg.
+"""
 
 from __future__ import annotations
 
 import argparse
 
-#: As `lava_ros.layers.SOURCES`, by the names of the topics people know.
+from lava_ros.cli.options import add_options, seconds_of
+
+#: As `lava_ros.maps.layers.SOURCES`, by the names of the topics people know.
 LAYERS = {'height': 'thickness', 'temperature': 'temperature', 'hazard': 'hazard'}
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'animate',
-        help='make a GIF or MP4 of a bag',
-        description='Draw a layer of a bag over shaded relief as a moving picture, evenly over '
-        'its simulated time. MP4 needs ffmpeg.',
-    )
-    parser.add_argument('bag', help='bag directory or .mcap file')
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_options(parser, 'bag')
     parser.add_argument(
         '-o', '--output', required=True, metavar='FILE', help='animation to write: .gif, .mp4'
     )
@@ -38,7 +38,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         '--layer', choices=tuple(LAYERS), default='height', help='what to show (default: height)'
     )
     parser.add_argument(
-        '--seconds', type=float, default=10.0, metavar='S', help='how long it lasts (default: 10)'
+        '--seconds', default='10s', metavar='TIME', help='how long it lasts (default: %(default)s)'
     )
     parser.add_argument(
         '--fps', type=float, default=12.0, metavar='N', help='pictures a second (default: 12)'
@@ -46,24 +46,19 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         '--width', type=int, default=800, metavar='PIXELS', help='its width (default: 800)'
     )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Animate the bag that the arguments name.
-
-    Raises:
-        LavaError: The bag cannot be read, or the animation not be written.
-    """
-    from lava_ros.animation import animate_bag
-    from lava_ros.cli.progress import in_terminal
+    """Animate the bag that the arguments name."""
+    from lava_ros.cli.output import in_terminal
+    from lava_ros.maps.animation import animate_bag
 
     with in_terminal() as progress:
         frames = animate_bag(
             args.bag,
             args.output,
             source=LAYERS[args.layer],
-            seconds=args.seconds,
+            seconds=seconds_of('--seconds', args.seconds),
             fps=args.fps,
             width=args.width,
             progress=progress,

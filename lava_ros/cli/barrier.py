@@ -12,26 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""Raise a terrain along a line, into a new file.
 
-"""`lava barrier`: earth piled up along a line, on a copy of a terrain."""
+Pile up a barrier along a line of an elevation and write the new elevation as GeoTIFF; --low-pass
+smooths the ground first.
+"""
 
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
-from lava_ros.barrier import Barrier, with_barrier
+from lava_ros.cli.options import add_options
 from lava_ros.errors import LavaError
+from lava_ros.files import file_to_write
+from lava_ros.scene.barrier import Barrier, with_barrier
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'barrier',
-        help='raise a terrain along a line, into a new file',
-        description='Pile up a barrier along a line of an elevation and write the new elevation '
-        'as GeoTIFF; --low-pass smooths the ground first.',
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser.add_argument('terrain', metavar='TERRAIN', help='GeoTIFF, ESRI ASCII grid or npz')
     parser.add_argument(
         '-o', '--output', required=True, metavar='FILE', help='elevation to write, .tif'
@@ -47,32 +45,18 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         '--slope', type=float, default=1.0, metavar='S', help='of its sides (default: %(default)g)'
     )
-    parser.add_argument(
-        '--low-pass',
-        type=float,
-        default=0.0,
-        metavar='M',
-        help='standard deviation of a Gaussian to smooth the ground with [m]',
-    )
-    parser.add_argument('--epsg', type=int, metavar='CODE', help='coordinates of a file without')
-    parser.set_defaults(run=run)
+    add_options(parser, '--low-pass', '--epsg', low_pass=0.0)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Write the terrain.
-
-    Raises:
-        LavaError: An argument or a file cannot be used.
-    """
-    from lava_ros.geotiff import write_grid
-    from lava_ros.low_pass import low_pass
-    from lava_ros.terrain_files import load_terrain
+    """Write the terrain."""
+    from lava_ros.maps.gis import write_grid
+    from lava_ros.scene.low_pass import low_pass
+    from lava_ros.scene.terrain_files import load_terrain
 
     if not args.line and not args.low_pass:
         raise LavaError('--line', None, 'the places of a barrier, or --low-pass')
-    output = Path(args.output)
-    if output.suffix.lower() not in ('.tif', '.tiff'):
-        raise LavaError('--output', str(output), 'a file whose name ends with .tif')
+    output = file_to_write('--output', args.output, ('.tif', '.tiff'))
     terrain = low_pass(load_terrain(args.terrain, epsg=args.epsg), args.low_pass)
     before = terrain
     if args.line:

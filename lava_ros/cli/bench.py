@@ -12,7 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava bench`: what a step and effects cost, and whether the choice of them is right."""
+"""Measure what steps and effects cost.
+
+effects: the time of a step with each effect, and with all, over that of the bare step. steps:
+steps, memory and snapshots from few particles to many, beside a plain step. publishing: steps
+while grids are taken ten times a second, and memory on a large map. choice: twelve scenes with
+the effects they call for, and with all there are. convergence: footprints at presets from coarse
+to fine, of scenes or of mapped eruptions.
+"""
 
 from __future__ import annotations
 
@@ -21,30 +28,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from lava_ros import presets, validation
-from lava_ros.cli.progress import Progress
+from lava_ros import validation
+from lava_ros.cli.options import add_options, device_named
+from lava_ros.cli.output import Progress, write_json
 from lava_ros.errors import LavaError
+from lava_ros.files import file_to_write
 
-#: The benchmarks, and what each measures.
-BENCHMARKS = {
-    'effects': 'the time of a step with each effect, and with all, over that of the bare step',
-    'steps': 'steps, memory and snapshots from few particles to many, beside a plain step',
-    'publishing': 'steps while grids are taken ten times a second, and memory on a large map',
-    'choice': 'twelve scenes with the effects they call for, and with all there are',
-    'convergence': 'footprints at presets from coarse to fine, of scenes or of mapped eruptions',
-}
+#: The benchmarks, each of which the description above explains.
+BENCHMARKS = ('effects', 'steps', 'publishing', 'choice', 'convergence')
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'bench',
-        help='measure what steps and effects cost',
-        description='Measure on this machine. '
-        + ' '.join(f'{name}: {text}.' for name, text in BENCHMARKS.items()),
-    )
-    parser.add_argument('benchmark', choices=tuple(BENCHMARKS), metavar='|'.join(BENCHMARKS))
-    parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument('benchmark', choices=BENCHMARKS, metavar='|'.join(BENCHMARKS))
+    add_options(parser, '--device', '--preset', '--json')
     parser.add_argument(
         '--particles',
         type=int,
@@ -54,9 +51,6 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument(
         '--repetitions', type=int, default=5, metavar='N', help='not choice (default: 5)'
-    )
-    parser.add_argument(
-        '--preset', default=presets.DEFAULT, metavar='NAME', help='choice (default: %(default)s)'
     )
     parser.add_argument(
         '--runs',
@@ -72,85 +66,59 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help='convergence: a mapped eruption, as of lava hindcast, in place of the scenes',
     )
     parser.add_argument('--output', metavar='FILE', help='write the table as CSV')
-    parser.add_argument('--json', metavar='FILE', help='write the table as JSON')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run a benchmark.
+    """Run a benchmark."""
+    from lava_ros.verification.rows import as_plain, write_csv
 
-    Raises:
-        LavaError: An argument cannot be used.
-    """
-    import warp as wp
-
-    from lava_ros.verification.rows import write_csv, write_json
-
-    device = args.device or str(wp.get_preferred_device())
-    validation.choice('--device', device, [str(known) for known in wp.get_devices()])
-    repetitions = int(validation.number('--repetitions', args.repetitions, at_least=1))
-    validation.choice('--preset', args.preset, presets.PRESETS)
-    runs = args.runs or {'choice': 24}.get(args.benchmark, 8)
-    runs = int(validation.number('--runs', runs, at_least=2))
+    device = device_named(args.device)
+    repetitions = validation.whole('--repetitions', args.repetitions, at_least=1, at_most=1000)
+    runs = {'choice': 24}.get(args.benchmark, 8) if args.runs is None else args.runs
+    runs = validation.whole('--runs', runs, at_least=2, at_most=1000)
     for particles in args.particles or ():
         validation.number('--particles', particles, at_least=100, at_most=1e8)
     if args.benchmark != 'steps' and len(args.particles or ()) > 1:
         raise LavaError('--particles', args.particles, f'one number for {args.benchmark}')
-    for name in ('output', 'json'):
-        place = getattr(args, name)
-        if place:
-            validation.file_to_write(f'--{name}', place)
+    if args.output:
+        file_to_write('--output', args.output, ('.csv',))
     with Progress() as progress:
-        if args.benchmark == 'effects':
-            rows = _effects(args, device, repetitions, progress)
-        elif args.benchmark in ('steps', 'publishing'):
-            rows = _rows(args, device, repetitions, progress)
-        elif args.benchmark == 'convergence':
+        if args.benchmark == 'convergence':
             rows = _convergence(device, args.case, runs, progress)
-        else:
+        elif args.benchmark == 'choice':
             rows = _choice(device, args.preset, runs, progress)
+        else:
+            rows = _rows(args, device, repetitions, progress)
     if args.output:
         write_csv(rows, Path(args.output))
-    if args.json:
-        write_json(rows, Path(args.json))
+    write_json(as_plain(rows), args.json)
     return 0
-
-
-def _effects(
-    args: argparse.Namespace, device: str, repetitions: int, progress: Progress
-) -> Sequence[Any]:
-    from lava_ros.bench.effects import measure
-
-    rows = list(
-        measure(
-            device,
-            command=_command(args, device, repetitions),
-            particles=args.particles[0] if args.particles else None,
-            repetitions=repetitions,
-            on_progress=progress.show,
-        )
-    )
-    print(f'{"effects":24}  {rows[0].unit:>24}  over bare')
-    for row in rows:
-        print(f'{row.benchmark:24}  {row.value:24.3g}  {row.ratio:9.2f}')
-    return rows
 
 
 def _rows(
     args: argparse.Namespace, device: str, repetitions: int, progress: Progress
 ) -> Sequence[Any]:
-    from lava_ros.bench import publishing, steps
+    from lava_ros.ros import publishing_benchmark as publishing
+    from lava_ros.verification.benchmarks import effects, steps
 
-    options: dict[str, Any] = {
-        'command': _command(args, device, repetitions),
-        'repetitions': repetitions,
-        'on_progress': progress.show,
-    }
-    if args.benchmark == 'steps':
-        rows = list(steps.measure(device, particles=args.particles, **options))
-    else:
-        particles = args.particles[0] if args.particles else None
-        rows = list(publishing.measure(device, particles=particles, **options))
+    modules = {'effects': effects, 'steps': steps, 'publishing': publishing}
+    particles = args.particles
+    if args.benchmark != 'steps':
+        particles = particles[0] if particles else None
+    rows = list(
+        modules[args.benchmark].measure(
+            device,
+            command=_command(args, device, repetitions),
+            particles=particles,
+            repetitions=repetitions,
+            on_progress=progress.show,
+        )
+    )
+    if args.benchmark == 'effects':
+        print(f'{"effects":24}  {rows[0].unit:>24}  over bare')
+        for row in rows:
+            print(f'{row.benchmark:24}  {row.value:24.3g}  {row.ratio:9.2f}')
+        return rows
     width = max(len(row.benchmark) for row in rows)
     print(f'{"":{width}}  particles     median        low       high')
     for row in rows:
@@ -172,8 +140,8 @@ def _command(args: argparse.Namespace, device: str, repetitions: int) -> str:
 def _convergence(
     device: str, folders: Sequence[str], runs: int, progress: Progress
 ) -> Sequence[Any]:
-    from lava_ros.bench import convergence
     from lava_ros.hindcast.case import load_case
+    from lava_ros.verification.benchmarks import convergence
 
     cases = [load_case(folder) for folder in folders]
     rows = convergence.run(device, cases, progress.show, runs)
@@ -192,7 +160,7 @@ def _convergence(
 
 
 def _choice(device: str, preset: str, runs: int, progress: Progress) -> Sequence[Any]:
-    from lava_ros.bench import choice
+    from lava_ros.verification.benchmarks import selection as choice
 
     rows = choice.run(device, progress.show, preset, runs)
     width = max(len(row.scene) for row in rows)

@@ -12,45 +12,42 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""Search for the constants that fit mapped eruptions.
 
-"""`lava calibrate`: constants that make a hindcast cover what was mapped, and how sure."""
+Run one or more cases (docs/VALIDATION.md) with many sets of a few constants inside their published
+ranges, the same for all cases, and report the sets that are nearly as good as the best, how far
+each constant spreads in them, which ones the score does not depend on, and what constants fitted
+to the other cases score on each. The score is the mean over the cases. Started again it goes on
+with the runs it has.
+"""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
-import json
 from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
+from lava_ros.cli.options import add_options
+from lava_ros.cli.output import made_folder, write_json
 from lava_ros.errors import LavaError
-from lava_ros.presets import PRESETS
+from lava_ros.files import file_to_write
 
 if TYPE_CHECKING:
-    from lava_ros.hindcast.calibration import Finding, Trial
+    from lava_ros.hindcast.calibration import Finding, LeftOut, Trial
+    from lava_ros.hindcast.case import Case
 
 #: What a calibration leaves in its folder.
 TABLE, RESULT = 'runs.csv', 'calibration.json'
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'calibrate',
-        help='search for the constants that fit a mapped eruption',
-        description='Run a case (docs/VALIDATION.md) with many sets of a few constants inside '
-        'their published ranges, and report the runs that are nearly as good as the best, how far '
-        'each constant spreads in them, and which ones the score does not depend on. Started '
-        'again it goes on with the runs that it has.',
-    )
-    parser.add_argument('case', metavar='CASE_DIR', help='folder of the case')
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.add_argument('case', metavar='CASE_DIR', nargs='+', help='folder of a case')
     parser.add_argument(
-        '--preset', choices=tuple(PRESETS), default='draft', help='accuracy (default: %(default)s)'
-    )
-    parser.add_argument(
-        '--runs', type=int, default=48, metavar='N', help='runs (default: %(default)s)'
+        '--runs', type=int, default=48, metavar='N', help='sets of values (default: %(default)s)'
     )
     parser.add_argument(
         '--directions',
@@ -65,9 +62,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         action='append',
         default=[],
         metavar='NAME[=LOW:HIGH]',
-        help='what to search, and in which range: viscosity [Pa s], yield_strength [Pa], '
-        'emissivity, solidus [K], vent_temperature [K], discharge [1]; may be repeated (default: '
-        'those with a published range)',
+        help='what to search, and in which range: a constant of the lava (lava materials NAME), '
+        'vent_temperature [K] or discharge [1]; may be repeated (default: those with a published '
+        'range)',
     )
     parser.add_argument(
         '--workers',
@@ -76,69 +73,62 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar='N',
         help='runs at once, which share the GPU (default: %(default)s)',
     )
-    parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
-    parser.add_argument('--spacing', type=float, metavar='M', help="particles' distance [m]")
     parser.add_argument('--material', metavar='NAME', help="lava in place of the case's")
-    parser.add_argument('--low-pass', type=float, metavar='M', help='smooth the elevation first')
-    parser.add_argument('--seed', type=int, default=0, help='of the search (default: 0)')
     parser.add_argument(
         '-o',
         '--output',
         metavar='DIR',
-        help='folder for the table and the result (default: calibrations/<case>_<preset>)',
+        help='folder for the table and the result (default: calibrations/<cases>_<preset>)',
     )
-    parser.add_argument('--json', metavar='FILE', help='also write the result here')
-    parser.add_argument(
-        '--fresh', action='store_true', help='start anew where earlier runs could be used'
+    add_options(
+        parser, '--preset', '--spacing', '--device', '--low-pass', '--seed', '--fresh', '--json',
+        preset='draft',
     )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the calibration.
-
-    Raises:
-        LavaError: The case, an argument or the output cannot be used.
-    """
-    from lava_ros.cli.progress import Progress
+    """Run the calibration."""
+    from lava_ros.cli.output import Progress
     from lava_ros.hindcast.calibration import (
         BATCH,
         Evaluator,
         findings,
+        leave_one_out,
         near_best,
         read_trials,
         search,
         write_trials,
     )
     from lava_ros.hindcast.case import load_case
+    from lava_ros.hindcast.replicates import MOST
     from lava_ros.hindcast.run import Settings
-    from lava_ros.hindcast.several import MOST
     from lava_ros.hindcast.unknowns import unknowns_of
 
-    runs = int(validation.number('--runs', args.runs, at_least=4, at_most=1e6))
-    workers = int(validation.number('--workers', args.workers, at_least=1, at_most=64))
-    directions = int(validation.number('--directions', args.directions, at_least=1, at_most=MOST))
+    runs = validation.whole('--runs', args.runs, at_least=4, at_most=10**6)
+    workers = validation.whole('--workers', args.workers, at_least=1, at_most=64)
+    directions = validation.whole('--directions', args.directions, at_least=1, at_most=MOST)
+    seed = validation.whole('--seed', args.seed, at_least=0, at_most=2**32 - 1)
     options = {'material': args.material, 'low_pass_width': args.low_pass}
-    case = load_case(args.case, **options)
-    unknowns = unknowns_of(case, *_chosen(args.unknown))
+    cases = [load_case(folder, **options) for folder in args.case]
+    names = _names(cases)
+    unknowns = unknowns_of(cases[0], *_chosen(args.unknown))
     settings = Settings(args.preset, args.spacing, args.device)
-    output = Path(args.output or Path('calibrations') / f'{case.name}_{args.preset}')
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise LavaError('--output', str(output), f'a folder to write to ({error})') from error
+    output = made_folder(args.output or Path('calibrations') / '_'.join([*names, args.preset]))
     table = output / TABLE
-    validation.file_to_write('--output', table)
-    if args.json:
-        # what cannot be written had better be known before
-        validation.file_to_write('--json', args.json)
-    known = [] if args.fresh else read_trials(table, unknowns)
-    others = {trial.numbers['directions'] for trial in known} - {directions}
+    file_to_write('--output', table)
+    known = [] if args.fresh else read_trials(table, unknowns, names)
+    others = {
+        numbers['directions'] for trial in known for numbers in trial.numbers.values()
+    } - {directions}
     if others:
         right = f'{min(others):g} as in {table}, or --fresh'
         raise LavaError('--directions', directions, right)
     evaluator = Evaluator(
-        Path(args.case), settings, workers=workers, runs=directions, **options
+        [Path(folder) for folder in args.case],
+        settings,
+        workers=workers,
+        runs=directions,
+        **options,
     )
     so_far: list[Trial] = []
     with Progress() as progress:
@@ -146,14 +136,14 @@ def run(args: argparse.Namespace) -> int:
         def told(count: int, trial: Trial) -> None:
             so_far.append(trial)
             write_trials(table, unknowns, [*so_far, *known[len(so_far) :]])
-            progress.show(f'run {count}: Jaccard {trial.jaccard:.3f}', count / runs)
+            progress.show(f'set {count}: Jaccard {trial.jaccard:.3f}', count / runs)
 
         try:
             trials = search(
                 unknowns,
                 evaluator,
                 runs=runs,
-                seed=args.seed,
+                seed=seed,
                 batch=max(BATCH, workers),
                 known=known,
                 progress=told,
@@ -161,13 +151,10 @@ def run(args: argparse.Namespace) -> int:
         finally:
             evaluator.close()
     found, near = findings(unknowns, trials), near_best(trials)
-    text = json.dumps(_as_dict(case.name, settings.preset, found, near, trials), indent=1) + '\n'
-    for path in [output / RESULT, *([Path(args.json)] if args.json else [])]:
-        try:
-            path.write_text(text, encoding='utf-8')
-        except OSError as error:
-            raise LavaError('--json', str(path), f'a file to write ({error})') from error
-    _print(found, near, trials)
+    left_out = leave_one_out(trials)
+    data = _as_dict(settings.preset, found, near, trials, left_out)
+    write_json(data, output / RESULT, args.json)
+    _print(found, near, trials, left_out)
     print(f'written to {table}\nwritten to {output / RESULT}')
     return 0
 
@@ -187,35 +174,61 @@ def _chosen(texts: Sequence[str]) -> tuple[tuple[str, ...], dict[str, tuple[floa
     return tuple(names), ranges
 
 
+def _names(cases: Sequence[Case]) -> list[str]:
+    """Names of the cases, which have to be distinct and of one material."""
+    names = [case.name for case in cases]
+    if len(set(names)) < len(names):
+        raise LavaError('CASE_DIR', ' '.join(names), 'folders with different names')
+    materials = sorted({case.material.name for case in cases if case.material})
+    if len(materials) > 1:
+        raise LavaError('CASE_DIR', ' '.join(materials), 'cases of one material, or --material')
+    return names
+
+
 def _as_dict(
-    case: str,
     preset: str,
     found: Sequence[Finding],
     near: Sequence[Trial],
     trials: Sequence[Trial],
+    left_out: Sequence[LeftOut],
 ) -> dict[str, Any]:
     return {
-        'case': case,
+        'cases': list(trials[0].numbers),
         'preset': preset,
         'runs': len(trials),
-        'usual': {**trials[0].values, **trials[0].numbers},
-        'best': {**near[0].values, **near[0].numbers},
-        'near_best': [{**trial.values, **trial.numbers} for trial in near],
+        'usual': asdict(trials[0]),
+        'best': asdict(near[0]),
+        'near_best': [asdict(trial) for trial in near],
+        'leave_one_out': [asdict(item) for item in left_out],
         'unknowns': [asdict(item) for item in found],
     }
 
 
-def _print(found: Sequence[Finding], near: Sequence[Trial], trials: Sequence[Trial]) -> None:
+def _print(
+    found: Sequence[Finding],
+    near: Sequence[Trial],
+    trials: Sequence[Trial],
+    left_out: Sequence[LeftOut],
+) -> None:
+    from lava_ros.hindcast.calibration import can_tell
+
     usual, best = trials[0].jaccard, near[0].jaccard
-    print(f'Jaccard {usual:.3f} with the usual values, {best:.3f} at best in {len(trials)} runs')
-    print(f'{len(near)} runs are within {best - near[-1].jaccard:.3f} of the best; in them')
+    print(f'Jaccard {usual:.3f} with the usual values, {best:.3f} at best of {len(trials)} sets')
+    for case in left_out:
+        print(
+            f'{case.case}: {near[0].mean([case.case]):.3f} with the best set, {case.jaccard:.3f} '
+            f'with the set that is best for the others, {case.best:.3f} with its own best set'
+        )
+    print(f'{len(near)} sets are within {best - near[-1].jaccard:.3f} of the best; in them')
     head = f'{"":17} {"usual":>9} {"best":>9} {"from":>9} {"to":>9}  of its range  correlation'
     print(head)
+    is_enough = can_tell(trials)
+    absent = '  the fit does not depend on it' if is_enough else '  too few sets to tell'
     for item in found:
         unknown = item.unknown
         numbers = (unknown.usual, item.best, item.low, item.high)
         shown = ' '.join(f'{value:9.4g}' for value in numbers)
-        verdict = '' if item.is_sensitive else '  the fit does not depend on it'
+        verdict = '' if item.is_sensitive else absent
         print(
             f'{unknown.name:17} {shown}  {100.0 * item.spread:9.0f} %  {item.correlation:+11.2f}'
             f'{verdict}'

@@ -21,6 +21,7 @@ from pathlib import Path
 import signal
 import subprocess
 import sys
+from types import FrameType
 
 #: Last lines of a log that are shown when its process has failed.
 SHOWN_LINES = 40
@@ -53,6 +54,7 @@ class Child:
         """
         self.name = name
         self._log = log
+        _end_in_order()
         with log.open('wb') as output:
             self._process = subprocess.Popen(
                 [sys.executable, '-u', '-m', module, *arguments],
@@ -106,3 +108,17 @@ class Child:
         lines = self._log.read_text(errors='replace').splitlines()[-SHOWN_LINES:]
         shown = '\n'.join(f'    {line}' for line in lines) or '    (nothing)'
         return f'the {self.name} {what}; its log ends with\n{shown}'
+
+
+def _end_in_order() -> None:
+    """Let the command end its children when it is told to end, as after Ctrl+C."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        # nohup has it ignored
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _leave)
+
+
+def _leave(number: int, _: FrameType | None) -> None:
+    # once: what is told again and again must not cut short how it ends
+    signal.signal(number, signal.SIG_IGN)
+    raise SystemExit(128 + number)

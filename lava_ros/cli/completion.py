@@ -12,13 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava completion`: a script that lets the shell complete `lava`."""
+"""Print a script that lets the shell complete commands and options.
+
+bash: eval "$(lava completion bash)" in ~/.bashrc. zsh: lava completion zsh > DIRECTORY/_lava,
+with DIRECTORY in fpath.
+"""
 
 from __future__ import annotations
 
 import argparse
 
-from lava_ros.errors import LavaError
+from lava_ros.files.optional import require
 
 #: Shells there is a script for.
 SHELLS = ('bash', 'zsh')
@@ -29,40 +33,19 @@ _PATHS = frozenset(
 )
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'completion',
-        help='print a script that lets the shell complete commands and options',
-        description='Print a script for the shell. bash: eval "$(lava completion bash)" in '
-        '~/.bashrc. zsh: lava completion zsh > DIRECTORY/_lava, with DIRECTORY in fpath.',
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser.add_argument('shell', choices=SHELLS, help='the shell it is for')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the script.
+    """Print the script."""
+    require('shtab', 'lava completion')
+    import shtab
 
-    Raises:
-        LavaError: The library that writes it is not installed.
-    """
-    try:
-        import shtab
-    except ImportError:
-        raise LavaError(
-            'Python package shtab', None, "pip install 'lava_ros[completion]'"
-        ) from None
-    _mark_paths(args.parser, shtab.FILE)
+    for command in args.parser.commands.values():
+        for action in command._actions:
+            if action.dest in _PATHS or action.metavar in ('FILE', 'DIR', 'FOLDER'):
+                action.complete = shtab.FILE
     print(shtab.complete(args.parser, shell=args.shell))
     return 0
-
-
-def _mark_paths(parser: argparse.ArgumentParser, complete: object) -> None:
-    """Let the arguments that are files complete to files, in every command."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for command in action.choices.values():
-                _mark_paths(command, complete)
-        elif action.dest in _PATHS or action.metavar in ('FILE', 'DIR', 'FOLDER'):
-            action.complete = complete  # type: ignore[attr-defined]

@@ -12,31 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava doctor`: look at what the package needs, and say what to do about what is missing."""
+"""Look at Python, ROS, DDS, GPU, disk and clock, and say what to do.
+
+Look at what the package needs: Python, packages, ROS, the middleware by a message that goes out
+and comes back, discovery, security, delivery of the layers, GPU, kernel cache, disk and clock.
+Exit status 1 when something does not work.
+"""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
-import json
 from pathlib import Path
 
-from lava_ros.doctor.finding import FAIL, Finding, OK, WARN
-from lava_ros.errors import LavaError
+from lava_ros.cli.options import add_options
+from lava_ros.cli.output import terminal, write_json
+from lava_ros.doctor import FAIL, Finding, OK, WARN
+from lava_ros.errors import LavaError, printable
 
 _STYLES = {OK: 'green', WARN: 'yellow', FAIL: 'bold red'}
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'doctor',
-        help='look at Python, ROS, DDS, GPU, disk and clock, and say what to do',
-        description='Look at what the package needs: Python, packages, ROS, the middleware by a '
-        'message that goes out and comes back, discovery, security, delivery of the layers, GPU, '
-        'kernel cache, disk and clock. Exit status 1 when something does not work.',
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser.add_argument(
         '--bags', metavar='DIR', default='bags', help='where bags go (default: bags)'
     )
@@ -47,8 +46,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         help='layers to look at: a path, or the name of a file in msg_configs/ '
         '(default: default.yaml)',
     )
-    parser.add_argument('--json', metavar='FILE', help='write it as JSON instead, - for stdout')
-    parser.set_defaults(run=run)
+    add_options(parser, '--json')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -56,9 +54,6 @@ def run(args: argparse.Namespace) -> int:
 
     Returns:
         0, or 1 when something does not work.
-
-    Raises:
-        LavaError: The JSON file cannot be written.
     """
     findings = []
     show = _printer() if args.json is None else None
@@ -67,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
         if show is not None:
             show(finding)
     if show is None:
-        _write(args.json, findings)
+        write_json([asdict(finding) for finding in findings], args.json)
     return 1 if any(finding.level == FAIL for finding in findings) else 0
 
 
@@ -92,8 +87,8 @@ def _findings(args: argparse.Namespace) -> Iterator[Finding]:
 
 def _check_layers(name: str) -> Iterator[Finding]:
     from lava_ros.doctor.graph import check_qos
-    from lava_ros.layer_files import load_layers
-    from lava_ros.share import share_path
+    from lava_ros.files.resources import share_path
+    from lava_ros.maps.layer_files import load_layers
 
     path = Path(name)
     try:
@@ -105,13 +100,13 @@ def _check_layers(name: str) -> Iterator[Finding]:
 
 
 def _printer() -> Callable[[Finding], None]:
-    """What prints a finding: in colours where somebody looks and rich is there to make them."""
+    """What prints a finding: in colours in a terminal, where rich is installed."""
     try:
-        from rich.console import Console
         from rich.text import Text
+
+        console = terminal(soft_wrap=True, highlight=False)
     except ImportError:
         return lambda finding: print('\n'.join(_lines(finding)), flush=True)
-    console = Console(soft_wrap=True, highlight=False)
 
     def show(finding: Finding) -> None:
         first, *rest = _lines(finding)
@@ -123,16 +118,5 @@ def _printer() -> Callable[[Finding], None]:
 
 
 def _lines(finding: Finding) -> list[str]:
-    lines = [f'{finding.level:6}{finding.check:13} {finding.text}']
-    return [*lines, f'{"":20}-> {finding.way_out}'] if finding.way_out else lines
-
-
-def _write(file: str, findings: list[Finding]) -> None:
-    text = json.dumps([asdict(finding) for finding in findings], indent=2)
-    if file == '-':
-        print(text)
-        return
-    try:
-        Path(file).write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise LavaError('--json', file, f'a file that can be written ({error})') from error
+    lines = [f'{finding.level:6}{finding.check:13} {printable(finding.text)}']
+    return [*lines, f'{"":20}-> {printable(finding.way_out)}'] if finding.way_out else lines

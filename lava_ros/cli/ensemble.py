@@ -12,44 +12,51 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava ensemble`: many runs of a scene that is uncertain, merged to maps of probability."""
+"""Run a scene many times, and map how likely lava comes, and when.
+
+Draw what is uncertain about a scene (its section `uncertainty`) for each member, run the members
+on all cores or GPUs, and write the probability that lava comes, the times by which 10, 50 and 90 %
+of the members had lava, and the expected thickness, as GeoTIFF and as a bag. The same command
+again goes on where it was interrupted; with more members it adds to them. In place of a scene it
+takes the folder of a mapped eruption (lava hindcast): it then draws from the published ranges of
+the lava, where case.yaml has no `uncertainty`, and scores the probability against the map.
+"""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
-from contextlib import contextmanager
-from importlib.util import find_spec
+from functools import partial
 import json
 from pathlib import Path
 import sys
 import time
 from typing import Any, TYPE_CHECKING
 
-from lava_ros import presets, validation
+from lava_ros import validation
+from lava_ros.cli.export import add_formats_argument
+from lava_ros.cli.options import add_options, device_named, seconds_of
+from lava_ros.cli.ros import missing_package
+from lava_ros.cli.scenes import add_scene_arguments, scene_as_given
 from lava_ros.errors import LavaError
+from lava_ros.files.optional import require
+from lava_ros.simulation import presets
 
 if TYPE_CHECKING:
     from lava_ros.forecast.ensemble import Ensemble
     from lava_ros.forecast.members import Plan
-    from lava_ros.forecast.probability import HazardMaps
+    from lava_ros.hindcast.case import Case
+    from lava_ros.maps.forecast import HazardMaps
+
+#: How far ahead members run by default.
+HORIZON = '6h'
 
 #: Folder of the bag in the output.
 BAG = 'atlas'
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'ensemble',
-        help='run a scene many times, and map how likely lava comes, and when',
-        description='Draw what is uncertain about a scene (its section `uncertainty`) for each '
-        'member, run the members on all cores or GPUs, and write the probability that lava comes, '
-        'the times by which 10, 50 and 90 %% of the members had lava, and the expected thickness, '
-        'as GeoTIFF and as a bag. The same command again goes on where it was interrupted; with '
-        'more members it adds to them.',
-    )
-    parser.add_argument('scene', metavar='SCENE', help='scene file (YAML) with `uncertainty`')
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_scene_arguments(parser, positional=True)
     parser.add_argument(
         '-o', '--output', required=True, metavar='DIR',
         help='folder for members and maps: new, empty, or of the same ensemble',
@@ -58,27 +65,24 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         '--members', type=int, default=64, metavar='N', help='members (default: %(default)s)'
     )
     parser.add_argument(
-        '--horizon', default='6h', metavar='TIME',
-        help='how far ahead each runs: 6h, 90min (default: %(default)s)',
+        '--horizon', metavar='TIME',
+        help='how far ahead each runs: 6h, 90min (default: 6h; of a case its end, always)',
     )
-    parser.add_argument(
-        '--preset', default='draft', metavar='NAME', help='accuracy (default: %(default)s)'
+    add_options(
+        parser, '--preset', '--spacing', '--seed', '--threshold', '--device', '--json',
+        preset='draft',
     )
-    parser.add_argument('--seed', type=int, default=0, metavar='N', help='draw other members')
     parser.add_argument(
         '--susceptibility', metavar='FILE',
         help='raster of where the vent may open, in place of its position',
     )
     parser.add_argument(
         '--observed', metavar='FILE',
-        help='raster of where lava was seen (above 0): members weigh by how well they agree',
+        help='where lava was seen, a raster (above 0) or areas (.geojson, .gpkg): members weigh '
+        'by how well they agree',
     )
     parser.add_argument(
         '--observed-at', metavar='TIME', help='when that was, after the start of the scene'
-    )
-    parser.add_argument(
-        '--threshold', type=float, default=0.1, metavar='M',
-        help='thickness from which on lava has come [m] (default: %(default)s)',
     )
     parser.add_argument(
         '--workers', type=int, metavar='N',
@@ -87,113 +91,118 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         '--scheduler', metavar='ADDRESS', help='a Dask scheduler to use, tcp://host:8786'
     )
-    parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
-    parser.add_argument('--json', metavar='FILE', help='also write what came of it to a file')
-    parser.set_defaults(run=run)
+    add_formats_argument(parser, 'probabilities from 10, 50 and 90 %% on, isochrones', None)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the ensemble.
-
-    Raises:
-        LavaError: An argument or a file cannot be used, or a member fails.
-    """
-    from lava_ros.cli.durations import seconds_of
-    from lava_ros.cli.progress import Progress
-    from lava_ros.forecast.atlas import write_report
+    """Run the ensemble."""
+    from lava_ros.cli.output import Progress, write_json
+    from lava_ros.forecast.assimilation import Outline
     from lava_ros.forecast.ensemble import run_ensemble
-    from lava_ros.forecast.members import check_members, make_plan
-    from lava_ros.forecast.rasters import outline_from_file, susceptibility_from_file
-    from lava_ros.forecast.sampling import draw_members
+    from lava_ros.forecast.members import check_members
+    from lava_ros.forecast.rasters import raster_on, seen_in_file
+    from lava_ros.forecast.sampling import draw_members, Susceptibility
     from lava_ros.forecast.store import Store
-    from lava_ros.geotiff import require_rasterio
-    from lava_ros.scene import scene_from_yaml
+    from lava_ros.maps.gis import coordinate_system, require_formats
+    from lava_ros.scene.uncertainty import uncertainty_to_dict
 
-    horizon = seconds_of('--horizon', args.horizon)
     if (args.observed is None) != (args.observed_at is None):
         raise LavaError('--observed-at', args.observed_at, 'a time beside --observed, not without')
-    require_rasterio(args.output)
-    if args.json:
-        # what cannot be written had better be known before the members have run
-        validation.file_to_write('--json', args.json)
-    scene = scene_from_yaml(args.scene)
+    require('rasterio', 'GeoTIFF', str(args.output))
+    plan, case = _planned(args)
+    scene = plan.scene
+    crs = coordinate_system(scene.terrain.epsg)
+    require_formats(args.formats or (), Path(args.output), crs)
     susceptibility = None
     if args.susceptibility is not None:
-        susceptibility = susceptibility_from_file(args.susceptibility, scene.terrain)
+        likelihood = raster_on(scene.terrain, args.susceptibility, field='--susceptibility')
+        susceptibility = Susceptibility(scene.terrain, likelihood)
     outline = None
     if args.observed is not None:
         seen = seconds_of('--observed-at', args.observed_at)
-        outline = outline_from_file(args.observed, scene.terrain, seen)
+        outline = Outline(seen, *seen_in_file(args.observed, scene.terrain))
     members = draw_members(
         scene, args.members, seed=args.seed, susceptibility=susceptibility
     )
     check_members(scene, members)
-    plan = make_plan(
-        scene,
-        horizon=horizon,
-        accuracy=presets.preset_accuracy(args.preset),
-        threshold=args.threshold,
-    )
     runner, where = _runner(args)
     store = Store(args.output, plan, seed=args.seed, susceptibility=susceptibility)
     started = time.monotonic()
-    with _resumable(), Progress() as progress:
-        progress.show('members begin', 0.0)
-        ensemble = run_ensemble(
-            plan,
-            members,
-            store,
-            runner=runner,
-            outline=outline,
-            on_finished=lambda done, resumed: progress.show(
-                f'{done} of {len(members)} members', (done - resumed) / (len(members) - resumed)
-            ),
-            on_maps=lambda maps: _write_maps(args, plan, maps),
-        )
+    try:
+        with Progress() as progress:
+            progress.show('members begin', 0.0)
+            ensemble = run_ensemble(
+                plan,
+                members,
+                store,
+                runner=runner,
+                outline=outline,
+                on_finished=lambda done, resumed: progress.show(
+                    f'{done} of {len(members)} members',
+                    (done - resumed) / (len(members) - resumed),
+                ),
+                on_maps=lambda maps: _write_maps(args, plan, maps),
+            )
+    except KeyboardInterrupt:
+        print('lava ensemble: interrupted; the same command goes on from here', file=sys.stderr)
+        raise
     wall = time.monotonic() - started
     report = _report(args, plan, ensemble, wall, where)
+    if case is not None:
+        from lava_ros.hindcast.chances import chances_of, mapped_on
+
+        report |= {'case': case.name, 'uncertainty': uncertainty_to_dict(scene.uncertainty)}
+        report['score'] = chances_of(ensemble.maps.probability, mapped_on(case, plan))
     report['files'] = _write(args, plan, ensemble, report)
-    if args.json:
-        write_report(args.json, report)
+    write_json(report, args.json)
     _print(report)
     return 0
 
 
-@contextmanager
-def _resumable() -> Iterator[None]:
-    try:
-        yield
-    except KeyboardInterrupt:
-        print('lava ensemble: interrupted; the same command goes on from here', file=sys.stderr)
-        raise
+def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
+    """What the members have in common; of a folder the case that it holds."""
+    from lava_ros.forecast.members import make_plan
+
+    if args.scene is None or not Path(args.scene).is_dir():
+        return make_plan(
+            scene_as_given(args),
+            horizon=seconds_of('--horizon', args.horizon or HORIZON),
+            accuracy=presets.preset_accuracy(args.preset, spacing=args.spacing),
+            threshold=args.threshold,
+        ), None
+    from lava_ros.hindcast.case import load_case
+    from lava_ros.hindcast.chances import plan_of
+    from lava_ros.hindcast.run import Settings
+
+    for name in ('terrain', 'vent', 'vents', 'discharge', 'horizon', 'fill_holes'):
+        if getattr(args, name) not in (None, False):
+            right = f'absent beside {args.scene}, a case, which says it'
+            raise LavaError(f'--{name.replace("_", "-")}', getattr(args, name), right)
+    case = load_case(args.scene, material=args.material)
+    settings = Settings(args.preset, args.spacing, args.device)
+    return plan_of(case, settings, threshold=args.threshold), case
 
 
 def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
     """What runs the members, and how to say so."""
-    import warp as wp
+    from lava_ros.forecast.cluster import DaskRunner
+    from lava_ros.forecast.ensemble import default_workers, run_here, run_in_processes
 
-    from lava_ros.forecast.cluster import DaskRunner, default_workers
-    from lava_ros.forecast.ensemble import run_here
-    import lava_ros.simulation  # noqa: F401  (quietens Warp)
-
-    if args.device is not None and args.scheduler is None:
-        validation.choice('--device', args.device, [str(item) for item in wp.get_devices()])
-    device = args.device or str(wp.get_preferred_device())
     workers = args.workers
     if workers is not None:
-        workers = int(validation.number('--workers', workers, at_least=1, at_most=1024))
+        workers = validation.whole('--workers', workers, at_least=1, at_most=1024)
         if args.scheduler is not None:
             raise LavaError('--workers', workers, 'absent beside --scheduler, which has its own')
     if args.scheduler is not None:
-        runner = DaskRunner(scheduler=args.scheduler, device=args.device)
+        runner = DaskRunner(args.scheduler, device=args.device)
         return runner, {'scheduler': args.scheduler, 'device': args.device}
     if workers is None:
         # one that is named is shared by nobody
         workers = 1 if args.device not in (None, 'cpu') else default_workers()
-    where = {'workers': workers, 'device': device}
+    where = {'workers': workers, 'device': device_named(args.device)}
     if workers == 1:
-        return lambda plan, members: run_here(plan, members, device=args.device), where
-    return DaskRunner(workers=workers, device=args.device), where
+        return partial(run_here, device=args.device), where
+    return partial(run_in_processes, workers=workers, device=args.device), where
 
 
 def _report(
@@ -237,13 +246,13 @@ def _write(
 ) -> list[str]:
     """Write the maps, and name the files."""
     files = _write_maps(args, plan, ensemble.maps)
-    if any(find_spec(name) is None for name in ('rclpy', 'nav_msgs')):
+    if missing_package():
         print(
             "lava ensemble: no bag without ROS 2; pip install 'lava_ros[ros]' brings it",
             file=sys.stderr,
         )
         return files
-    from lava_ros.ros.atlas_bag import write_atlas_bag
+    from lava_ros.ros.offline_bags import write_atlas_bag
 
     bag = Path(args.output) / BAG
     write_atlas_bag(
@@ -259,8 +268,10 @@ def _write(
 def _write_maps(args: argparse.Namespace, plan: Plan, maps: HazardMaps) -> list[str]:
     from lava_ros.forecast.atlas import write_atlas
 
-    tags = {'scene': Path(args.scene).name, 'seed': str(args.seed), 'preset': args.preset}
-    return [str(path) for path in write_atlas(Path(args.output), maps, plan, tags)]
+    name = Path(args.scene or args.terrain or 'demo').name
+    tags = {'scene': name, 'seed': str(args.seed), 'preset': args.preset}
+    folder = Path(args.output)
+    return [str(path) for path in write_atlas(folder, maps, plan, tags, args.formats)]
 
 
 def _print(report: dict[str, Any]) -> None:
@@ -280,4 +291,12 @@ def _print(report: dict[str, Any]) -> None:
     print(f'arrival times within {report["arrival_error_s"]:g} s')
     for name, area in report['area_m2'].items():
         print(f'{name:>13}: {1e-6 * area:8.3f} km2')
+    if 'score' in report:
+        score, gap = report['score'], report['score']['largest_gap']
+        print(
+            f'against the map: Brier score {score["brier_score"]:.3f}, skill '
+            f'{score["brier_skill"]:.2f} over the {score["cells"]} cells with lava in a member or '
+            f'on the map ({score["brier_skill_of_terrain"]:.2f} over the terrain)'
+            + ('' if gap is None else f'; largest gap of reliability {100.0 * gap:.0f} points')
+        )
     print('\n'.join(f'written to {path}' for path in report['files']))

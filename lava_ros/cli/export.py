@@ -12,37 +12,38 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava export`: the maps of a bag as GeoTIFF, for GIS programs."""
+"""Write the maps of a bag as GeoTIFF.
+
+They are height [m], temperature [Celsius], hazard [0 to 100], arrival (seconds until lava came),
+peak height [m]: north up, in the coordinate system of the terrain. A bag whose terrain has none
+gives files without, in the map frame, unless --epsg and --offset say where it is.
+"""
 
 from __future__ import annotations
 
 import argparse
 import sys
 
-#: As `lava_ros.export.MAPS`, which takes a while to import.
+from lava_ros.cli.options import add_options, seconds_of
+
+#: As `lava_ros.maps.export.MAPS`, which takes a while to import.
 MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
 
+#: As `lava_ros.maps.export.FORMATS`.
+FORMATS = ('tif', 'geojson', 'gpkg', 'nc')
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'export',
-        help='write the maps of a bag as GeoTIFF',
-        description='Write height [m], temperature [Celsius], hazard [0 to 100], arrival (seconds '
-        'until lava came) and peak height [m] of a bag as GeoTIFF: north up, in the coordinate '
-        'system of the terrain. A bag whose terrain has none gives files without, in the map '
-        'frame, unless --epsg and --offset say where it is.',
-    )
-    parser.add_argument('bag', help='bag directory or .mcap file')
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_options(parser, 'bag', '--threshold', '--epsg')
     parser.add_argument(
         '-o', '--output', required=True, metavar='DIR', help='folder to write to: new or empty'
     )
     parser.add_argument(
         '--at',
-        type=float,
-        metavar='S',
-        help='simulated time [s] of the maps; arrival and peak are up to then (default: the last '
-        'there is)',
+        metavar='TIME',
+        help='simulated time of the maps: 2h, 90min; arrival and peak are up to then (default: '
+        'the last there is)',
     )
     parser.add_argument(
         '--every',
@@ -57,16 +58,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar='MAP',
         help=f'which of {", ".join(MAPS)} (default: all)',
     )
-    parser.add_argument(
-        '--threshold',
-        type=float,
-        default=0.1,
-        metavar='M',
-        help='thickness from which on lava has arrived [m] (default: 0.1)',
-    )
-    parser.add_argument(
-        '--epsg', type=int, metavar='CODE', help='coordinate system of a bag that has none'
-    )
+    add_formats_argument(parser, 'outline, isochrones', ('tif',))
     parser.add_argument(
         '--offset',
         nargs=2,
@@ -74,24 +66,38 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar=('E', 'N'),
         help="easting and northing [m] of the map frame's origin, for a bag that has none",
     )
-    parser.set_defaults(run=run)
+
+
+def add_formats_argument(
+    parser: argparse.ArgumentParser, shapes: str, default: tuple[str, ...] | None
+) -> None:
+    """Add the argument that says what maps are written as, and their shapes."""
+    parser.add_argument(
+        '--formats',
+        nargs='+',
+        choices=FORMATS,
+        default=default,
+        metavar='FORMAT',
+        help=f'tif (with styles for QGIS), geojson and gpkg ({shapes}), nc (all maps, by the CF '
+        "conventions); gpkg and nc take pip install 'lava_ros[gis]' (default: "
+        + (' '.join(default) if default else 'tif, and geojson where the place is known')
+        + ')',
+    )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Export the bag that the arguments name.
+    """Export the bag that the arguments name."""
+    from lava_ros.cli.output import in_terminal
+    from lava_ros.maps.export import export_bag
 
-    Raises:
-        LavaError: The bag cannot be read, or the files not be written.
-    """
-    from lava_ros.cli.progress import in_terminal
-    from lava_ros.export import export_bag
-
+    at = None if args.at is None else seconds_of('--at', args.at, may_be_zero=True)
     with in_terminal() as progress:
         exported = export_bag(
             args.bag,
             args.output,
             maps=args.maps,
-            time=args.at,
+            formats=args.formats,
+            time=at,
             every=args.every,
             threshold=args.threshold,
             epsg=args.epsg,

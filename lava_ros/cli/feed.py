@@ -12,7 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava feed`: publish terrain and vents as topics, as sensors would."""
+"""Publish terrain and vents as topics.
+
+The topics are terrain, terrain_info and vents, latched. It ends when it is interrupted.
+"""
 
 from __future__ import annotations
 
@@ -23,24 +26,14 @@ from lava_ros.cli.ros import require_ros
 from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'feed',
-        help='publish terrain and vents as topics',
-        description='Publish terrain, terrain_info and vents, latched, until it is interrupted.',
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     add_scene_arguments(parser)
     parser.add_argument('--frame', default='map', help='frame of the messages (default: map)')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Publish until SIGINT or SIGTERM.
-
-    Raises:
-        LavaError: The scene cannot be used, or ROS 2 is not installed.
-    """
+    """Publish until SIGINT or SIGTERM."""
     require_ros()
     scene = scene_from_arguments(args)
     import rclpy

@@ -12,14 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava forecast-demo`: a vent opens, forecasts come, and what is seen narrows them."""
+"""Open a vent, live in ROS 2, and see an outline narrow the forecast.
+
+Start a node that makes forecasts and ensembles, open a vent over DDS, and say how long the first
+forecast takes. Then show the node an outline of a flow whose discharge and viscosity it does not
+know, and draw its probabilities before and after.
+"""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import replace
-import json
+from dataclasses import dataclass, replace
 import os
 from pathlib import Path
 import tempfile
@@ -27,31 +31,32 @@ import time
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
-import yaml
 
 from lava_ros import validation
-from lava_ros.cli.children import Child, ChildError
-from lava_ros.cli.demo import free_domain
-from lava_ros.cli.ros import require_ros
-from lava_ros.scene import Lava, Scene, scene_to_dict, Terrain, Vent
-from lava_ros.terrain_files import demo_terrain
-from lava_ros.uncertainty import Displacement, Distribution, Uncertainty
+from lava_ros.cli.children import ChildError
+from lava_ros.cli.options import add_options
+from lava_ros.cli.output import write_json
+from lava_ros.cli.ros import domain_of, require_ros, start_node
+from lava_ros.files import file_to_write, PICTURES
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene.terrain_files import demo_terrain
+from lava_ros.scene.uncertainty import Displacement, Distribution, Uncertainty
 
 if TYPE_CHECKING:
-    from lava_ros.ros.forecast_watch import ForecastWatch, HeardGrid
+    from lava_ros.ros.monitor import HeardGrid
     from lava_ros.simulation import Simulation
 
 #: How far forecasts look [s], and simulated seconds in a second.
 HORIZON, SPEED = 3600.0, 40.0
 
-#: Simulated time at which somebody sees where the lava is [s].
+#: Simulated time at which the outline of the lava is observed [s].
 SEEN_AT = 1200.0
 
 #: Distance between particles [m].
 SPACING = 20.0
 
-#: A vent above a deep valley, as the observatory first takes it to be.
-VENT = Vent((4110.0, 5580.0), 60.0, radius=40.0, name='crest')
+#: A vent in the crater of Mount St. Helens, as the observatory first takes it to be.
+VENT = Vent((4050.0, 3300.0), 60.0, radius=40.0, name='crater')
 LAVA = Lava(viscosity=2e4)
 
 #: What it is unsure of.
@@ -71,15 +76,8 @@ PATIENCE = 300.0
 UNDECIDED = (5, 95)
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'forecast-demo',
-        help='open a vent, live in ROS 2, and see an outline narrow the forecast',
-        description='Start a node that makes forecasts and ensembles, open a vent over DDS, and '
-        'say how long the first forecast takes. Then show the node an outline of a flow whose '
-        'discharge and viscosity it does not know, and draw its probabilities before and after.',
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser.add_argument(
         '--members', type=int, default=16, metavar='N',
         help='members of the ensembles (default: %(default)s)',
@@ -92,12 +90,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         '--speed', type=float, default=SPEED, metavar='X',
         help='run X times as fast as real time (default: %(default)g)',
     )
-    parser.add_argument('--json', metavar='FILE', help='also write the result here')
-    parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
-    parser.add_argument(
-        '--domain', type=int, help='ROS domain to run in (default: a free one, isolated)'
-    )
-    parser.set_defaults(run=run)
+    add_options(parser, '--device', '--domain', '--json')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -105,41 +98,29 @@ def run(args: argparse.Namespace) -> int:
 
     Returns:
         0, or 1 when the node fails.
-
-    Raises:
-        LavaError: An argument cannot be used, or ROS 2 is not installed.
     """
     require_ros()
-    members = int(validation.number('--members', args.members, at_least=2, at_most=10_000))
+    members = validation.whole('--members', args.members, at_least=2, at_most=10_000)
     speed = validation.number('--speed', args.speed, at_least=1.0, at_most=200.0)
-    if args.domain is not None:
-        validation.number('--domain', args.domain, at_least=0.0, at_most=101.0)
-    domain = free_domain() if args.domain is None else args.domain
+    domain = domain_of(args.domain)
+    # for this process and for the node
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     # what cannot be written had better be known before
-    for name in ('picture', 'json'):
-        if getattr(args, name) is not None:
-            validation.file_to_write(f'--{name}', getattr(args, name))
+    file_to_write('--picture', args.picture, PICTURES)
     scene = Scene(demo_terrain(), (VENT,), LAVA, uncertainty=UNCERTAINTY)
     truth = _Truth(scene, args.device)
     try:
-        result, maps = _Demo(
-            scene, truth, members=members, speed=speed, device=args.device, domain=domain
-        ).run()
+        result, maps = _Demo(scene, truth, members, speed, args.device, domain).run()
     except ChildError as error:
         print(f'lava forecast-demo: {error}')
         return 1
     from lava_ros.forecast.picture import draw_narrowing
 
     draw_narrowing(
-        scene,
-        maps,
-        seen=truth.seen,
-        came=truth.came,
-        output=Path(args.picture),
+        scene, maps, seen=truth.seen, came=truth.came, output=Path(args.picture)
     )
     result['picture'] = args.picture
-    if args.json:
-        Path(args.json).write_text(json.dumps(result, indent=1) + '\n', encoding='utf-8')
+    write_json(result, args.json)
     _print(result)
     return 0
 
@@ -153,8 +134,8 @@ class _Truth:
     """
 
     def __init__(self, scene: Scene, device: str | None) -> None:
-        from lava_ros.presets import preset_accuracy
         from lava_ros.simulation import Simulation
+        from lava_ros.simulation.presets import preset_accuracy
 
         vent = replace(VENT, discharge=TRUE_DISCHARGE * float(scene.vents[0].series[0][1]))
         lava = replace(scene.lava, viscosity=TRUE_VISCOSITY * scene.lava.viscosity)
@@ -177,29 +158,24 @@ class _Truth:
 
 def _threshold() -> float:
     """Thickness from which on lava has come, as the node has it [m]."""
-    from lava_ros.layer_files import load_layers
-    from lava_ros.layers import PROBABILITY
-    from lava_ros.share import share_path
+    from lava_ros.files.resources import share_path
+    from lava_ros.maps.layer_files import load_layers
+    from lava_ros.maps.layers import PROBABILITY
 
     layers = load_layers(share_path('msg_configs/forecast.yaml'))
     return next(layer.threshold for layer in layers if layer.source == PROBABILITY)
 
 
+@dataclass
 class _Demo:
     """A node in a graph, from the vent to the second map of probabilities."""
 
-    def __init__(
-        self,
-        scene: Scene,
-        truth: _Truth,
-        *,
-        members: int,
-        speed: float,
-        device: str | None,
-        domain: int,
-    ) -> None:
-        self._scene, self._truth, self._members, self._speed = scene, truth, members, speed
-        self._device, self._domain = device, domain
+    scene: Scene
+    truth: _Truth
+    members: int
+    speed: float
+    device: str | None
+    domain: int
 
     def run(self) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]]]:
         """Run it.
@@ -210,71 +186,50 @@ class _Demo:
         Raises:
             ChildError: The node failed, or took too long.
         """
-        from lava_ros.ros.forecast_watch import ForecastWatch
+        from lava_ros.ros.monitor import ForecastWatch
 
-        os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-        env = os.environ | {'ROS_DOMAIN_ID': str(self._domain)}
-        print(f'ROS domain {self._domain}; to watch: ROS_DOMAIN_ID={self._domain} rviz2')
+        print(f'ROS domain {self.domain}; to watch: ROS_DOMAIN_ID={self.domain} rviz2')
         with tempfile.TemporaryDirectory(prefix='lava-forecast-demo-') as folder:
-            parameters = self._write(Path(folder))
-            watch = ForecastWatch(self._domain)
-            self._node = Child(
-                'node',
-                'lava_ros.ros.node',
-                ['--ros-args', '--params-file', str(parameters)],
-                log=Path(folder) / 'node.log',
-                env=env,
-            )
+            self._watch = ForecastWatch(self.domain)
+            settings = {
+                'device': self.device or '',
+                'preset': 'draft',
+                'spacing': SPACING,
+                'time_scale': self.speed,
+                'forecast_horizon': HORIZON / 3600.0,
+                # a busy machine takes its time
+                'forecast_max_age': 4.0 * HORIZON,
+                'ensemble_members': self.members,
+            }
+            # it has no vent yet
+            bare = replace(self.scene, vents=())
+            self._node = start_node(bare, settings, self.domain, Path(folder))
             try:
-                return self._watch(watch)
+                return self._hear()
             finally:
-                watch.close()
+                self._watch.close()
                 self._node.end()
 
-    def _write(self, folder: Path) -> Path:
-        """Write scene and parameters; the scene has no vent yet."""
-        terrain = self._scene.terrain
-        np.savez(
-            folder / 'ground.npz', elevation=terrain.elevation, resolution=terrain.resolution
-        )
-        scene = scene_to_dict(replace(self._scene, vents=()))
-        scene['terrain'] = {'file': 'ground.npz'}
-        (folder / 'scene.yaml').write_text(yaml.safe_dump(scene), encoding='utf-8')
-        settings = {
-            'scene': str(folder / 'scene.yaml'),
-            'device': self._device or '',
-            'preset': 'draft',
-            'spacing': SPACING,
-            'time_scale': self._speed,
-            'forecast_horizon': HORIZON / 3600.0,
-            # a busy machine takes its time
-            'forecast_max_age': 4.0 * HORIZON,
-            'ensemble_members': self._members,
-        }
-        path = folder / 'parameters.yaml'
-        path.write_text(yaml.safe_dump({'/**': {'ros__parameters': settings}}), encoding='utf-8')
-        return path
-
-    def _watch(self, watch: ForecastWatch) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]]]:
-        self._wait(watch, 'to hear it', lambda: watch.is_heard)
+    def _hear(self) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]]]:
+        watch = self._watch
+        self._wait('to hear it', lambda: watch.is_heard)
         # the process of the forecasts is there, too, once it has said something of bare ground
-        self._wait(watch, 'for a first map', lambda: bool(watch.arrivals))
-        opened = watch.open_vents(self._scene.vents, self._scene.terrain)
+        self._wait('for a first map', lambda: bool(watch.arrivals))
+        opened = watch.open_vents(self.scene.vents, self.scene.terrain)
         print('a vent opens', flush=True)
-        arrival = self._heard(watch, watch.arrivals, opened)
+        arrival = self._heard(watch.arrivals, opened)
         print(f'{arrival.heard - opened:6.1f} s  a forecast of when lava comes', flush=True)
-        first = self._heard(watch, watch.probabilities, opened)
+        first = self._heard(watch.probabilities, opened)
         print(f'{first.heard - opened:6.1f} s  a first map of how likely', flush=True)
-        self._wait(watch, 'for all members', lambda: self._is_complete(watch))
+        self._wait('for all members', self._is_complete)
         complete = time.monotonic()
-        print(f'{complete - opened:6.1f} s  all {self._members} members', flush=True)
-        self._wait(watch, 'for the flow', lambda: self._time(watch) > SEEN_AT)
-        stamp_ns = self._stamp_at(watch, SEEN_AT)
+        print(f'{complete - opened:6.1f} s  all {self.members} members', flush=True)
+        self._wait('for the flow', lambda: self._time() > SEEN_AT)
+        stamp_ns = self._stamp_at(SEEN_AT)
         before, status = watch.probabilities[-1], watch.values('ensemble')
-        shown = watch.show_outline(self._truth.seen, self._scene.terrain, stamp_ns)
+        shown = watch.show_outline(self.truth.seen, self.scene.terrain, stamp_ns)
         print(f'{shown - opened:6.1f} s  an outline is seen', flush=True)
         self._wait(
-            watch,
             'to weigh the members',
             lambda: watch.values('ensemble').get('outlines') == '1'
             and watch.probabilities[-1].heard > shown,
@@ -286,9 +241,9 @@ class _Demo:
         )
         print(f'{after.heard - opened:6.1f} s  the probabilities are narrower', flush=True)
         weighed = watch.values('ensemble')
-        self._truth.run_to(float(status['start_time_s']) + HORIZON)
+        self.truth.run_to(float(status['start_time_s']) + HORIZON)
         scored = {
-            name: _scores(item.cells, before.cells, self._truth.came, self._scene.terrain)
+            name: _scores(item.cells, before.cells, self.truth.came, self.scene.terrain)
             for name, item in (('before', before), ('after', after))
         }
         result = {
@@ -297,7 +252,7 @@ class _Demo:
             'all_members_after_s': round(complete - opened, 2),
             'narrower_after_s': round(after.heard - shown, 2),
             'is_same_ensemble': after.stamp_ns == before.stamp_ns,
-            'members': self._members,
+            'members': self.members,
             'members_effective': float(weighed['members_effective']),
             'horizon_s': HORIZON,
             'seen_at_s': SEEN_AT,
@@ -305,26 +260,24 @@ class _Demo:
             **scored,
         }
         maps = [
-            (f'{self._members} members', _probability(before.cells)),
+            (f'{self.members} members', _probability(before.cells)),
             (f'after an outline at {SEEN_AT / 60.0:g} min', _probability(after.cells)),
         ]
         return result, maps
 
-    def _wait(self, watch: ForecastWatch, what: str, condition: Callable[[], bool]) -> None:
+    def _wait(self, what: str, condition: Callable[[], bool]) -> None:
         end = time.monotonic() + PATIENCE
         while not condition():
             self._node.check()
-            watch.listen(0.1)
+            self._watch.listen(0.1)
             for task in ('simulation', 'inputs', 'forecast', 'ensemble'):
-                said = watch.values(task)
+                said = self._watch.values(task)
                 if said['error']:
                     raise ChildError(self._node.failure(f'reports: {task}: {said["message"]}'))
             if time.monotonic() > end:
                 raise ChildError(self._node.failure(f'took more than {PATIENCE:g} s {what}'))
 
-    def _heard(
-        self, watch: ForecastWatch, grids: list[HeardGrid], since: float
-    ) -> HeardGrid:
+    def _heard(self, grids: list[HeardGrid], since: float) -> HeardGrid:
         """The first grid with lava that came since a time [s]."""
         found: list[HeardGrid] = []
 
@@ -332,25 +285,26 @@ class _Demo:
             found[:] = [item for item in grids if item.heard > since and item.cells.max() > 0]
             return bool(found)
 
-        self._wait(watch, 'for a forecast', is_there)
+        self._wait('for a forecast', is_there)
         return found[0]
 
-    def _is_complete(self, watch: ForecastWatch) -> bool:
+    def _is_complete(self) -> bool:
+        watch = self._watch
         said = watch.values('ensemble')
         has_lava = bool(watch.probabilities) and watch.probabilities[-1].cells.max() > 0
         is_newest = has_lava and said.get('frame_stamp_ns') == str(
             watch.probabilities[-1].stamp_ns
         )
-        return is_newest and said.get('members') == str(self._members)
+        return is_newest and said.get('members') == str(self.members)
 
-    def _time(self, watch: ForecastWatch) -> float:
-        return float(watch.values('simulation').get('simulated_time_s', 0.0))
+    def _time(self) -> float:
+        return float(self._watch.values('simulation').get('simulated_time_s', 0.0))
 
-    def _stamp_at(self, watch: ForecastWatch, time: float) -> int:
+    def _stamp_at(self, time: float) -> int:
         """ROS time [ns] of a simulated time [s] that has just passed."""
-        said = watch.values('simulation')
+        said = self._watch.values('simulation')
         late = float(said['simulated_time_s']) - time
-        return int(said['stamp_ns']) - round(1e9 * late / self._speed)
+        return int(said['stamp_ns']) - round(1e9 * late / self.speed)
 
 
 def _probability(cells: np.ndarray) -> np.ndarray:

@@ -12,67 +12,55 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""Simulate a mapped eruption and compare.
 
-"""`lava hindcast`: a mapped eruption again, and how well the simulation covers it."""
+Its folder has elevation.asc, vent.csv, effusion_rate.csv, footprint.asc and maybe case.yaml
+(docs/VALIDATION.md). What the simulation covers is compared with the footprint. A run that is cut
+off goes on when it is started again.
+"""
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
-import json
+from dataclasses import asdict, replace
 from pathlib import Path
 import shutil
 import sys
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
+from lava_ros.cli.options import add_options, forced_effects
+from lava_ros.cli.output import made_folder, write_json
+from lava_ros.cli.scenes import add_vent_arguments, vents_as_given
 from lava_ros.errors import LavaError
-from lava_ros.presets import DEFAULT, PRESETS
+from lava_ros.files import file_to_write
 
 if TYPE_CHECKING:
     from lava_ros.hindcast.case import Case
+    from lava_ros.hindcast.replicates import Agreement
     from lava_ros.hindcast.run import Result, Run, Settings
     from lava_ros.hindcast.score import Score
-    from lava_ros.hindcast.several import Agreement
+    from lava_ros.hindcast.tables import VentRow
+    from lava_ros.scene import Terrain
 
 #: What a hindcast leaves in its folder.
 RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html', 'bag'
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'hindcast',
-        help='simulate a mapped eruption and compare',
-        description='Simulate an eruption from a folder with elevation.asc, vent.csv, '
-        'effusion_rate.csv, footprint.asc and maybe case.yaml (docs/VALIDATION.md), and compare '
-        'what it covers with the footprint. A run that is cut off goes on when it is started '
-        'again.',
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser.add_argument('case', metavar='CASE_DIR', help='folder of the case')
-    parser.add_argument(
-        '--preset', choices=tuple(PRESETS), default=DEFAULT, help='accuracy (default: %(default)s)'
+    add_options(
+        parser, '--preset', '--spacing', '--device', '--low-pass', '--on', '--off', '--fresh',
+        '--json',
     )
-    parser.add_argument('--json', metavar='FILE', help='also write the numbers here')
     parser.add_argument(
         '-o',
         '--output',
         metavar='DIR',
         help='folder for maps, bag and page (default: hindcasts/<case>_<preset>)',
     )
-    parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
-    parser.add_argument(
-        '--material', metavar='NAME', help="lava in place of the case's (lava materials)"
-    )
-    parser.add_argument(
-        '--low-pass',
-        type=float,
-        metavar='M',
-        help='smooth the elevation with a Gaussian of this standard deviation [m]',
-    )
-    parser.add_argument(
-        '--spacing', type=float, metavar='M', help="particles' distance [m], not the preset's"
-    )
+    add_vent_arguments(parser, of='case')
     parser.add_argument(
         '--runs',
         type=int,
@@ -84,36 +72,30 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     parser.add_argument(
         '--maps', type=int, default=24, metavar='N', help='maps of the run (default: %(default)s)'
     )
-    parser.add_argument('--on', action='append', default=[], metavar='EFFECT', help='force it on')
-    parser.add_argument(
-        '--off', action='append', default=[], metavar='EFFECT', help='force it off'
-    )
-    parser.add_argument(
-        '--fresh', action='store_true', help='start anew where an unfinished run could go on'
-    )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the hindcast.
-
-    Raises:
-        LavaError: The case, an argument or the output cannot be used.
-    """
-    from lava_ros.cli.progress import Progress
+    """Run the hindcast."""
+    from lava_ros.cli.output import Progress
     from lava_ros.hindcast.case import load_case
+    from lava_ros.hindcast.replicates import MOST
     from lava_ros.hindcast.run import Run, Settings, UNFINISHED
     from lava_ros.hindcast.score import judge
-    from lava_ros.plot import duration
+    from lava_ros.maps.plot import duration
 
-    case = load_case(args.case, material=args.material, low_pass_width=args.low_pass)
-    forced = {**dict.fromkeys(args.on, True), **dict.fromkeys(args.off, False)}
-    settings = Settings(args.preset, args.spacing, args.device, forced, args.maps)
+    # what the first run does not need had better be known before it
+    runs = validation.whole('--runs', args.runs, at_least=1, at_most=MOST)
+    case = load_case(
+        args.case,
+        material=args.material,
+        low_pass_width=args.low_pass,
+        vents=lambda rows, ground: _vents(args, rows, ground),
+    )
+    settings = Settings(
+        args.preset, args.spacing, args.device, forced_effects(args), args.maps
+    )
     output = Path(args.output or Path('hindcasts') / f'{case.name}_{args.preset}')
     _prepare(output)
-    if args.json:
-        # what cannot be written had better be known before
-        validation.file_to_write('--json', args.json)
     unfinished = output / UNFINISHED
     if args.fresh:
         shutil.rmtree(unfinished, ignore_errors=True)
@@ -125,25 +107,34 @@ def run(args: argparse.Namespace) -> int:
             progress.show(duration(share * case.duration), share)
     result = hindcast.result()
     judged = judge(case, result.snapshot.thickness)
-    several = _several(case, settings, args.runs, unfinished) if args.runs != 1 else None
+    several = _several(case, settings, runs, unfinished) if runs > 1 else None
     files = _write(case, settings, hindcast, result, judged, several, output)
     shutil.rmtree(unfinished, ignore_errors=True)
     data = as_dict(case, settings, result, judged)
     if several is not None:
         data['runs'] = several.as_dict()
-    text = json.dumps(data, indent=1, allow_nan=False) + '\n'
-    for path in [output / RESULT, *([Path(args.json)] if args.json else [])]:
-        try:
-            path.write_text(text, encoding='utf-8')
-        except OSError as error:
-            raise LavaError('--json', str(path), f'a file to write ({error})') from error
+    write_json(data, output / RESULT, args.json)
     _print(case, result, judged, several, [*files, output / RESULT])
     return 0
 
 
+def _vents(
+    args: argparse.Namespace, rows: tuple[VentRow, ...], ground: Terrain
+) -> tuple[VentRow, ...]:
+    """The vents of a case, or those of the arguments in place of them."""
+    given = vents_as_given(args, ground)
+    if not given:
+        return tuple(replace(row, discharge=args.discharge) for row in rows)
+    is_own = [vent.discharge is not None for vent in given]
+    if any(is_own) and not all(is_own):
+        right = 'one for every vent, or for none'
+        raise LavaError(f'discharge of {given[is_own.index(False)].name!r}', None, right)
+    return tuple(given)
+
+
 def _several(case: Case, settings: Settings, runs: int, unfinished: Path) -> Agreement:
-    from lava_ros.cli.progress import Progress
-    from lava_ros.hindcast.several import agreement, run_several
+    from lava_ros.cli.output import Progress
+    from lava_ros.hindcast.replicates import agreement, run_several
 
     with Progress() as progress:
         results = run_several(
@@ -197,11 +188,7 @@ def _prepare(output: Path) -> None:
         if not {RESULT, UNFINISHED} & names:
             right = 'a folder that is new, empty or of a hindcast'
             raise LavaError('--output', str(output), right)
-    try:
-        output.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise LavaError('--output', str(output), f'a folder to write to ({error})') from error
-    validation.file_to_write('--output', output / PICTURE)
+    file_to_write('--output', made_folder(output) / PICTURE)
 
 
 def _write(
@@ -213,23 +200,20 @@ def _write(
     several: Agreement | None,
     output: Path,
 ) -> list[Path]:
-    from lava_ros.hindcast.maps import write_maps, write_share
+    from lava_ros.hindcast.maps import draw_comparison, write_maps
     from lava_ros.hindcast.page import write_page
-    from lava_ros.hindcast.picture import draw_comparison
 
-    files = write_maps(case, result, output)
+    files = write_maps(case, result, output, several)
     picture, page = output / PICTURE, output / PAGE
     draw_comparison(case, result.snapshot.thickness, judged, picture)
     write_page(case, settings, result, judged, picture, page, several)
-    if several is not None:
-        files.append(write_share(case, several, output))
     return [*files, picture, page, *_write_bag(case, hindcast, result, output / BAG)]
 
 
 def _write_bag(case: Case, hindcast: Run, result: Result, bag: Path) -> list[Path]:
     """Write the maps as a bag, where ROS 2 is installed."""
     try:
-        from lava_ros.ros.snapshot_bag import write_snapshots
+        from lava_ros.ros.offline_bags import write_snapshots
     except ImportError:
         print('lava hindcast: no bag: ROS 2 is not installed', file=sys.stderr)
         return []
@@ -255,8 +239,8 @@ def _print(
     print(case.title)
     for term, value in facts(judged, several).items():
         print(f'  {term:26} {value}')
-    budget = result.snapshot.budget
-    print(f'  {"volume unaccounted for":26} {budget.error:.1e}')
+    for term, value in result.snapshot.budget.rows():
+        print(f'  {"volume " + term:26} {value}')
     print(f'  {"wall time":26} {result.wall_time:.1f} s on {result.device}')
     for item in warnings(case, result):
         print(f'lava hindcast: {item}', file=sys.stderr)

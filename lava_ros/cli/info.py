@@ -12,69 +12,75 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava info`: say what a bag holds."""
+"""Say what a bag holds.
+
+Print the scene, the topics and the state of a bag. Bags whose recording was cut off are read up to
+the last whole message.
+"""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
-import json
-from pathlib import Path
 from typing import Any, TYPE_CHECKING
 
+from lava_ros.cli.options import add_options
+from lava_ros.cli.output import write_json
 from lava_ros.errors import LavaError
-from lava_ros.yaml_files import parse_yaml
+from lava_ros.files.yaml import parse_json, parse_yaml
+from lava_ros.simulation.budget import VolumeBudget
 
 if TYPE_CHECKING:
-    from lava_ros.bag.reader import BagFile, BagReader, Topic
-
-# Custom data of this name describes the scene, as scene_to_dict gives it, in YAML or JSON.
-_SCENE = 'scene'
-
-# Which effects were on from when on, a list in JSON; see ros/scene_recording.py.
-_EFFECTS = 'effects'
-
-# Bag, simulated time and ROS time of the checkpoint that the recorded simulation has gone on from,
-# in JSON.
-_RESUMED = 'resumed_from'
+    from lava_ros.bag.mcap_file import McapFile
+    from lava_ros.bag.reader import BagReader, Topic
+    from lava_ros.bag.timeline import Moment
 
 _SHOWN_CHECKPOINTS = 5
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'info',
-        help='say what a bag holds',
-        description='Print the scene, the topics and the state of a bag. Bags whose recording '
-        'was cut off are read up to the last whole message.',
+def _is_origin(value: object) -> bool:
+    return (
+        isinstance(value, Mapping)
+        and isinstance(value.get('bag'), str)
+        and isinstance(value.get('time'), int | float)
     )
-    parser.add_argument('bag', help='bag directory or .mcap file')
-    parser.add_argument('--json', metavar='FILE', help='write it as JSON instead, - for stdout')
-    parser.set_defaults(run=run)
+
+
+def _are_changes(value: object) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(entry, Mapping)
+        and isinstance(entry.get('time'), int | float)
+        and isinstance(entry.get('effects'), Mapping)
+        for entry in value
+    )
+
+
+#: Custom data that the node writes, by name: how it is read, and whether it is what it should be.
+#: ``scene`` is what scene_to_dict gives; ``effects``, which were on from when on
+#: (ros/scene_recording.py); ``resumed_from``, bag and time of the checkpoint that a run has gone
+#: on from.
+_KNOWN: dict[str, tuple[Callable[[str, str], Any], Callable[[object], bool]]] = {
+    'scene': (parse_yaml, lambda value: isinstance(value, dict)),
+    'effects': (parse_json, _are_changes),
+    'resumed_from': (parse_json, _is_origin),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_options(parser, 'bag', '--json')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Describe the bag that the arguments name.
-
-    Raises:
-        LavaError: The bag cannot be read, or the JSON file not written.
-    """
+    """Describe the bag that the arguments name."""
     from lava_ros.bag.reader import BagReader
 
     bag = BagReader(args.bag)
     if args.json is None:
         print('\n'.join(_lines(bag)))
-        return 0
-    text = json.dumps(_as_dict(bag), indent=2, ensure_ascii=False)
-    if args.json == '-':
-        print(text)
-        return 0
-    try:
-        Path(args.json).write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise LavaError('--json', args.json, f'a file that can be written ({error})') from error
+    else:
+        write_json(_as_dict(bag), args.json)
     return 0
 
 
@@ -92,7 +98,7 @@ def _as_dict(bag: BagReader) -> dict[str, Any]:
                 'end_ns': item.end_ns,
                 'message_count': item.message_count,
             }
-            for item in bag.describe_files()
+            for item in bag.contents
         ],
         'size': bag.size,
         'recovered': bag.recovered,
@@ -112,19 +118,30 @@ def _as_dict(bag: BagReader) -> dict[str, Any]:
             for topic in bag.topics.values()
         ],
         'simulation': _simulation(bag),
-        'resumed_from': _resumed(bag.custom_data),
         'checkpoints': [item._asdict() for item in checkpoints_of(bag.path)],
-        'scene': _scene(bag.custom_data),
-        'effects': _effects(bag.custom_data),
+        **_known(bag.custom_data),
         'custom_data': bag.custom_data,
     }
 
 
+def _known(custom_data: Mapping[str, str]) -> dict[str, Any]:
+    """What the node has written as plain data, None where it is missing or something else."""
+    found: dict[str, Any] = {}
+    for name, (parse, is_right) in _KNOWN.items():
+        try:
+            value = parse(name, custom_data.get(name, ''))
+        except LavaError:
+            value = None
+        found[name] = value if is_right(value) else None
+    return found
+
+
 def _lines(bag: BagReader) -> list[str]:
+    known = _known(bag.custom_data)
     lines = [f'bag        {bag.path}']
     lines.append(f'files      {len(bag.files)}, {_size(bag.size)}')
     if len(bag.files) > 1:
-        lines += [_file_line(item, bag.start_ns or 0) for item in bag.describe_files()]
+        lines += [_file_line(item, bag.start_ns or 0) for item in bag.contents]
     state = 'cut off; everything before that is there' if bag.recovered else 'finished'
     if bag.damage:
         state = f'{state.split(";")[0]}; damaged in {len(bag.damage)} places'
@@ -134,62 +151,65 @@ def _lines(bag: BagReader) -> list[str]:
         lines.append(f'duration   {bag.duration_ns / 1e9:.3f} s')
     count = bag.message_count
     lines.append(f'messages   {"unknown" if count is None else count}')
-    resumed = _resumed(bag.custom_data)
+    resumed = known['resumed_from']
     if resumed is not None:
         lines.append(f'resumed    at {resumed["time"]:.3f} s simulated, from {resumed["bag"]}')
     lines += _simulation_lines(bag)
     lines += _topic_lines(list(bag.topics.values()))
     lines += _checkpoint_lines(bag)
-    scene = _scene(bag.custom_data)
-    if scene is not None:
-        lines += ['', 'scene', *_scene_lines(scene)]
-    effects = _effects(bag.custom_data)
-    if effects is not None:
-        lines += ['', 'effects', *_effect_lines(effects)]
-    shown = {_SCENE: scene, _EFFECTS: effects, _RESUMED: resumed}
+    if known['scene'] is not None:
+        lines += ['', 'scene', *_scene_lines(known['scene'])]
+    if known['effects'] is not None:
+        lines += ['', 'effects', *_effect_lines(known['effects'])]
     rest = {
         key: value
         for key, value in sorted(bag.custom_data.items())
-        if shown.get(key) is None
+        if known.get(key) is None
     }
     if rest:
         lines += ['', 'custom data', *(f'  {key}: {_short(item)}' for key, item in rest.items())]
     return lines
 
 
-def _simulation(bag: BagReader) -> dict[str, float] | None:
-    """What the node said last: simulated time [s], volumes [m3] and their error."""
-    from lava_ros.bag.decoding import Decoder
-    from lava_ros.timeline import last_moment
-
-    try:
-        moment = last_moment(bag, Decoder(bag))
-    except LavaError:
-        # Decoding takes a library that the rest does without.
-        return None
+def _simulation(bag: BagReader) -> dict[str, Any] | None:
+    """What the node said last: simulated time [s], volumes [m3], their error, and warnings."""
+    moment = _last_moment(bag)
     if moment is None:
         return None
     names = [name for name in moment.values if name.startswith('volume_')]
-    return {'time': moment.time, **{name: moment.number(name) for name in names}}
+    budget = VolumeBudget.from_texts(moment.values)
+    return {
+        'time': moment.time,
+        **{name: moment.number(name) for name in names},
+        'warnings': budget.warnings() if budget is not None else [],
+    }
+
+
+def _last_moment(bag: BagReader) -> Moment | None:
+    from lava_ros.bag.decoding import Decoder
+    from lava_ros.bag.timeline import last_moment
+
+    try:
+        return last_moment(bag, Decoder(bag))
+    except LavaError:
+        # Decoding takes a library that the rest does without.
+        return None
 
 
 def _simulation_lines(bag: BagReader) -> list[str]:
-    said = _simulation(bag)
-    if said is None:
+    moment = _last_moment(bag)
+    if moment is None:
         return []
-    volumes = [
-        f'{name[len("volume_") : -len("_m3")]} {value:,.1f} m3'
-        for name, value in said.items()
-        if name.endswith('_m3')
-    ]
-    lines = [f'simulated  {said["time"]:.3f} s']
-    lines += [f'volumes    {", ".join(volumes)}'] if volumes else []
-    if 'volume_error' in said:
-        lines.append(f'error      {said["volume_error"]:.1e} of the emitted volume')
+    lines = [f'simulated  {moment.time:.3f} s']
+    budget = VolumeBudget.from_texts(moment.values)
+    if budget is not None:
+        lines.append('volumes')
+        lines += [f'  {name:30} {value}' for name, value in budget.rows()]
+        lines += [f'  warning: {item}' for item in budget.warnings()]
     return lines
 
 
-def _file_line(file: BagFile, start_ns: int) -> str:
+def _file_line(file: McapFile, start_ns: int) -> str:
     words = [f'  {file.path.name}', _size(file.size)]
     if file.start_ns is not None and file.end_ns is not None:
         first, last = ((item - start_ns) / 1e9 for item in (file.start_ns, file.end_ns))
@@ -238,15 +258,6 @@ def _checkpoint_lines(bag: BagReader) -> list[str]:
     return lines
 
 
-def _scene(custom_data: Mapping[str, str]) -> dict[str, Any] | None:
-    """The scene as plain data, None when the bag has none that reads as a mapping."""
-    try:
-        scene = parse_yaml('scene', custom_data.get(_SCENE, ''))
-    except LavaError:
-        return None
-    return scene if isinstance(scene, dict) else None
-
-
 def _scene_lines(scene: Mapping[str, Any]) -> list[str]:
     lines = []
     for name, value in scene.items():
@@ -256,39 +267,6 @@ def _scene_lines(scene: Mapping[str, Any]) -> list[str]:
         else:
             lines.append(f'  {name}: {_inline(value)}')
     return lines
-
-
-def _resumed(custom_data: Mapping[str, str]) -> dict[str, Any] | None:
-    """What the bag has gone on from, None for one that began at time 0 or does not say."""
-    try:
-        origin = json.loads(custom_data.get(_RESUMED, ''))
-    except ValueError:
-        return None
-    is_origin = (
-        isinstance(origin, dict)
-        and isinstance(origin.get('bag'), str)
-        and isinstance(origin.get('time'), int | float)
-    )
-    return origin if is_origin else None
-
-
-def _effects(custom_data: Mapping[str, str]) -> list[dict[str, Any]] | None:
-    """The changes of effects, None when the bag has no list that can be read."""
-    try:
-        entries = json.loads(custom_data.get(_EFFECTS, ''))
-    except ValueError:
-        return None
-    if not isinstance(entries, list) or not all(_is_change(item) for item in entries):
-        return None
-    return entries
-
-
-def _is_change(entry: object) -> bool:
-    return (
-        isinstance(entry, Mapping)
-        and isinstance(entry.get('time'), int | float)
-        and isinstance(entry.get('effects'), Mapping)
-    )
 
 
 def _effect_lines(entries: list[dict[str, Any]]) -> list[str]:

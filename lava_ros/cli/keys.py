@@ -99,7 +99,7 @@ def keys_of(descriptor: int) -> Iterator[Keys]:
 
 
 def is_at_terminal() -> bool:
-    """Whether somebody sits at keys and sees what they do."""
+    """Whether standard input and output are a terminal."""
     return sys.stdin.isatty() and sys.stdout.isatty()
 
 

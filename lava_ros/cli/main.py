@@ -16,10 +16,12 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
+import errno
 import logging
 import os
+import re
 import sys
 
 import lava_ros
@@ -47,9 +49,11 @@ from lava_ros.cli import (
     replay,
     report,
     verify,
+    watch,
 )
 from lava_ros.cli.manual import Manual
-from lava_ros.errors import LavaError
+from lava_ros.cli.output import check_outputs, Printable
+from lava_ros.errors import LavaError, printable
 
 #: Exit status for input that cannot be used, as argparse has it.
 USAGE_ERROR = 2
@@ -57,13 +61,16 @@ USAGE_ERROR = 2
 #: Exit status of a command that did its work, but not with all of a damaged bag.
 DAMAGED = 1
 
+#: What a disk, a quota and a limit of the shell say where nothing more can be written.
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+
 _ROS_ARGS = '--ros-args'
 
 #: The commands under the headings of the manual page.
 GROUPS = (
     ('run', (demo, node, feed, ensemble, forecast_demo)),
     ('record', (replay, info, recover)),
-    ('look', (report, plot, animate, export, effects, materials, barrier)),
+    ('look', (watch, report, plot, animate, export, effects, materials, barrier)),
     ('measure', (hindcast, calibrate, plan, accuracy, verify, bench)),
     ('set up', (doctor, completion)),
 )
@@ -81,6 +88,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     parser = _parser()
+    for word in arguments:
+        try:
+            word.encode()
+        except UnicodeEncodeError:
+            # bytes of a terminal: neither messages, files nor libraries take them
+            parser.error(str(LavaError('an argument', word, 'text in UTF-8')))
+    # argparse takes a place that begins with a minus for an option, unless it has a space in it
+    arguments = [f' {word}' if re.match(r'-[\d.]+,', word) else word for word in arguments]
     # What follows is ROS's to read, options that argparse would take for its own included.
     ros_args: list[str] = []
     if arguments[:1] == ['node'] and _ROS_ARGS in arguments:
@@ -95,10 +110,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     level = log.level
     log.setLevel(logging.INFO)
     try:
-        return int(args.run(args)) or (DAMAGED if said.has_warned else 0)
+        with redirect_stdout(Printable(sys.stdout)), redirect_stderr(Printable(sys.stderr)):
+            check_outputs(args)
+            return int(args.run(args)) or (DAMAGED if said.has_warned else 0)
     except LavaError as error:
-        # Libraries explain themselves over several lines.
-        print(f'lava {args.command}: {" ".join(str(error).split())}', file=sys.stderr)
+        print(f'lava {args.command}: {error}', file=sys.stderr)
+        return USAGE_ERROR
+    except MemoryError as error:
+        print(f'lava {args.command}: no memory is left: {printable(str(error))}', file=sys.stderr)
         return USAGE_ERROR
     except KeyboardInterrupt:
         return 130
@@ -106,13 +125,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader of our output has gone: there is nobody to tell, and Python would try at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
+        print(f'lava {args.command}: no room is left: {printable(str(error))}', file=sys.stderr)
+        return USAGE_ERROR
     finally:
         log.removeHandler(said)
         log.setLevel(level)
 
 
 class _Said(logging.Handler):
-    """Prints what the package logs, once, and remembers whether it was a warning."""
+    """Prints what the package logs, once, and remembers whether a bag was found damaged."""
 
     def __init__(self, command: str) -> None:
         super().__init__()
@@ -121,24 +145,22 @@ class _Said(logging.Handler):
         self._known: set[str] = set()
 
     def emit(self, record: logging.LogRecord) -> None:
-        text = ' '.join(record.getMessage().split())
+        # past a bar that is being drawn there is nothing in between
+        text = printable(' '.join(record.getMessage().split()))
         if text not in self._known:
             print(f'lava {self._command}: {text}', file=sys.stderr)
         self._known.add(text)
-        self.has_warned = self.has_warned or record.levelno >= logging.WARNING
+        is_damage = record.name.startswith('lava_ros.bag') and record.levelno >= logging.WARNING
+        self.has_warned = self.has_warned or is_damage
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser() -> Manual:
     parser = Manual(
         prog='lava',
         description='Lava flow simulation as a ROS 2 node, and its recordings.',
+        groups=GROUPS,
     )
     parser.add_argument('--version', action='version', version=f'lava_ros {lava_ros.__version__}')
-    subparsers = parser.add_subparsers(dest='command', metavar='COMMAND', required=True)
-    for heading, commands in GROUPS:
-        parser.begin_group(heading)
-        for command in commands:
-            command.add_parser(subparsers)
     return parser
 
 

@@ -17,11 +17,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from difflib import get_close_matches
 import re
 import sys
 import textwrap
+from types import ModuleType
 from typing import Any, NoReturn
+
+from lava_ros.errors import LONGEST_EXPECTED, one_line
 
 #: Column at which the summaries of commands begin.
 SUMMARY_COLUMN = 17
@@ -34,6 +38,7 @@ EXAMPLES
     lava demo                                     watch lava flow down a mountain
     lava node --ros-args -p scene:=etna.yaml      simulate a scene, in the ROS graph
     lava feed --terrain etna.tif                  give the node terrain and a vent
+    lava watch                                    see the running node in the browser
     lava replay bags/demo --rate 10               see it again, ten times as fast
     lava doctor                                   find out what is missing here
 
@@ -59,19 +64,34 @@ _PLAIN = (
     (r"invalid int value: (.*)", r'\1 is not a whole number'),
 )
 
+# What argparse says of a word that is none of some; versions quote these differently.
+_CHOICES = re.compile(r"invalid choice: '(.*)' \(choose from (.*)\)", re.DOTALL)
+
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one sentence, with the way out."""
+    """Prints an error as one sentence, with what to do about it.
+
+    Attributes:
+        commands: The parsers of its commands, by name.
+    """
+
+    def __init__(self, **options: Any) -> None:
+        """Take what ``ArgumentParser`` takes."""
+        super().__init__(**options)
+        self.commands: dict[str, Parser] = {}
 
     def error(self, message: str) -> NoReturn:
         """Print what is wrong and where to read more, and exit with status 2."""
         for pattern, plain in _PLAIN:
             message = re.sub(pattern, plain, message)
+        message = _CHOICES.sub(self._plain_choice, message)
+        # it quotes words as they were typed, of any length
+        message = one_line(message, LONGEST_EXPECTED)
         hint = f"'{self.prog} --help' lists what it takes"
         print(f'{self.prog}: {message}; {hint}', file=sys.stderr)
         sys.exit(2)
 
-    def parse_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Parse, and name the options that are closest to those that are unknown."""
         words = sys.argv[1:] if args is None else args
         if words and words[0].startswith('-') and words[0] not in self._option_string_actions:
@@ -79,61 +99,63 @@ class Parser(argparse.ArgumentParser):
             self._refuse(words[0])
         parsed, unknown = self.parse_known_args(args, namespace)
         if unknown:
-            self._commands().get(parsed.command, self)._refuse(unknown[0])
+            self.commands.get(parsed.command, self)._refuse(unknown[0])
         return parsed
+
+    def _plain_choice(self, found: re.Match[str]) -> str:
+        word, known = found[1], re.findall(r"[^\s,']+", found[2])
+        what = 'a command' if known == list(self.commands) else 'known'
+        close = _closest(word, known) or f'; there are {", ".join(known)}'
+        return f"'{word}' is not {what}{close}"
 
     def _refuse(self, word: str) -> NoReturn:
         known = list(self._option_string_actions)
         self.error(f'{word!r} is not known here{_closest(word, known)}')
 
-    def _commands(self) -> dict[str, Parser]:
-        for action in self._actions:
-            if isinstance(action, argparse._SubParsersAction):
-                return action.choices
-        return {}
-
-    def _check_value(self, action: argparse.Action, value: str) -> None:
-        if action.choices is not None and value not in action.choices:
-            words = [str(word) for word in action.choices]
-            what = 'a command' if isinstance(action, argparse._SubParsersAction) else 'known'
-            close = _closest(str(value), words) or f'; there are {", ".join(words)}'
-            raise argparse.ArgumentError(action, f'{value!r} is not {what}{close}')
-
 
 class Manual(Parser):
     """The parser in front of the commands."""
 
-    def __init__(self, *, prog: str, description: str) -> None:
-        """Begin a page without commands."""
+    def __init__(
+        self, *, prog: str, description: str, groups: Sequence[tuple[str, Sequence[ModuleType]]]
+    ) -> None:
+        """Declare the commands.
+
+        Args:
+            prog: What the program is called.
+            description: What it is for, in a line.
+            groups: Headings and the modules of the commands below each. The name of a module is
+                that of its command, the first line of its docstring says what that does, and it
+                has ``add_arguments(parser)`` and ``run(args)``, which returns the exit status and
+                raises LavaError for what cannot be used.
+        """
         super().__init__(prog=prog, description=description)
-        self._headings: list[tuple[str, int]] = []
-
-    def add_subparsers(self, **options: Any) -> Any:
-        """Add the commands: parsers that are no pages of their own."""
-        self._listed = super().add_subparsers(parser_class=Parser, **options)
-        return self._listed
-
-    def begin_group(self, heading: str) -> None:
-        """Put the commands that are added from here on under a heading."""
-        self._headings.append((heading, len(self._listed._choices_actions)))
+        subparsers = self.add_subparsers(
+            dest='command', metavar='COMMAND', required=True, parser_class=Parser
+        )
+        self._lines: list[str] = []
+        for heading, modules in groups:
+            self._lines.append(f'  {heading}')
+            for module in modules:
+                name = module.__name__.rpartition('.')[2].replace('_', '-')
+                first = (module.__doc__ or '.').splitlines()[0].rstrip('.')
+                summary = first[:1].lower() + first[1:]
+                command = subparsers.add_parser(name, description=module.__doc__, help=summary)
+                module.add_arguments(command)
+                command.set_defaults(run=module.run)
+                self.commands[name] = command
+                self._lines += textwrap.wrap(
+                    summary,
+                    WIDTH,
+                    initial_indent=f'    {name} '.ljust(SUMMARY_COLUMN),
+                    subsequent_indent=' ' * SUMMARY_COLUMN,
+                )
 
     def format_help(self) -> str:
         """The page."""
-        summaries = self._listed._choices_actions
         lines = ['NAME', f'    {self.prog} - {self.description}', '']
         lines += ['SYNOPSIS', f'    {self.prog} COMMAND [argument ...]']
-        lines += [f'    {self.prog} --version | --help', '', 'COMMANDS']
-        starts = [start for _, start in self._headings] + [len(summaries)]
-        for index, (heading, start) in enumerate(self._headings):
-            lines.append(f'  {heading}')
-            for action in summaries[start : starts[index + 1]]:
-                first = f'    {action.dest} '.ljust(SUMMARY_COLUMN)
-                lines += textwrap.wrap(
-                    action.help or '',
-                    WIDTH,
-                    initial_indent=first,
-                    subsequent_indent=' ' * SUMMARY_COLUMN,
-                )
+        lines += [f'    {self.prog} --version | --help', '', 'COMMANDS', *self._lines]
         return '\n'.join(lines) + '\n\n' + PAGE_END
 
     def format_usage(self) -> str:

@@ -12,8 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""List the lavas there are by name, with sources.
 
-"""`lava materials`: the lavas there are by name, and where their numbers are from."""
+A scene file (lava: {material: NAME}) and a case (material: NAME) may name them. Each constant is
+listed with its source.
+"""
 
 from __future__ import annotations
 
@@ -21,29 +24,18 @@ import argparse
 from dataclasses import asdict, fields
 import json
 
-from lava_ros.lava import Lava
-from lava_ros.materials import Constant, material_named, materials
+from lava_ros.scene.lava import Lava
+from lava_ros.scene.materials import Constant, material_named, materials
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'materials',
-        help='list the lavas there are by name, with sources',
-        description='List the lavas that a scene file (lava: {material: NAME}) and a case '
-        '(material: NAME) may name, each constant with its source.',
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser.add_argument('name', nargs='?', metavar='NAME', help='only this one')
     parser.add_argument('--json', action='store_true', help='print JSON')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the list.
-
-    Raises:
-        LavaError: There is no lava of that name.
-    """
+    """Print the list."""
     chosen = [material_named(args.name)] if args.name else list(materials().values())
     if args.json:
         print(json.dumps([asdict(item) for item in chosen], indent=1))

@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava node`: run the simulation as a ROS 2 node."""
+"""Run the simulation as a ROS 2 node.
+
+lava_node does the same. Everything from --ros-args on goes to ROS, for example: lava node
+--ros-args -p scene:=scene.yaml -p time_scale:=60.0
+"""
 
 from __future__ import annotations
 
@@ -22,29 +26,18 @@ import json
 from lava_ros.cli.ros import require_ros
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'node',
-        help='run the simulation as a ROS 2 node',
-        description='Run the node, as lava_node does. Everything from --ros-args on goes to ROS, '
-        'for example: lava node --ros-args -p scene:=scene.yaml -p time_scale:=60.0',
-        usage='lava node [--resume BAG] [--ros-args ...]',
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    parser.usage = 'lava node [--resume BAG] [--ros-args ...]'
     parser.add_argument(
         '--resume',
         metavar='BAG',
         help="go on from a bag's newest checkpoint, also when the recording was cut off",
     )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the node until SIGINT or SIGTERM.
-
-    Raises:
-        LavaError: ROS 2 is not installed.
-    """
+    """Run the node until SIGINT or SIGTERM."""
     require_ros()
     from lava_ros.ros.node import main
 

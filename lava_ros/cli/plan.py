@@ -12,64 +12,48 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava plan`: the accuracy one can afford in a time, on this machine."""
+"""Say how accurate a run, or an ensemble, can be in a time.
+
+Run coarse pilots of a scene on this machine, and say with which spacing and preset it takes the
+time there is, how many members an ensemble can have, and how large the errors will be: that of the
+method, as a share of the covered area, and that of a probability for having that many members.
+"""
 
 from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-import json
-from pathlib import Path
 
 from lava_ros import validation
+from lava_ros.cli.options import add_options, seconds_of
+from lava_ros.cli.output import write_json
 from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
 from lava_ros.errors import LavaError
+from lava_ros.forecast.sampling import MOST_MEMBERS
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'plan',
-        help='say how accurate a run, or an ensemble, can be in a time',
-        description='Run coarse pilots of a scene on this machine, and say with which spacing and '
-        'preset it takes the time there is, how many members an ensemble can have, and how large '
-        'the errors will be: that of the method, as a share of the covered area, and that of a '
-        'probability for having that many members.',
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     add_scene_arguments(parser, positional=True)
     parser.add_argument(
         '--within', required=True, metavar='TIME', help='the time there is: 30s, 10min'
     )
     parser.add_argument(
-        '--horizon', default='6h', metavar='TIME', help='how far to run (default: %(default)s)'
-    )
-    parser.add_argument(
         '--members', default='1', metavar='N',
-        help='members of an ensemble, one after the other, or auto: as many as err least '
-        '(default: %(default)s)',
+        help='members of an ensemble, one after the other, or auto: the number with the smallest '
+        'error (default: %(default)s)',
     )
-    parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
-    parser.add_argument('--json', metavar='FILE', help='also write the plan to a file')
-    parser.set_defaults(run=run)
+    add_options(parser, '--horizon', '--device', '--json', horizon='6h')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print the plan.
-
-    Raises:
-        LavaError: An argument or a file cannot be used, or the time is too short.
-    """
-    from lava_ros.cli.durations import seconds_of
-
+    """Print the plan."""
     within = seconds_of('--within', args.within)
     horizon = seconds_of('--horizon', args.horizon)
     members = _members(args.members)
     scene = scene_from_arguments(args)
-    if args.json:
-        # what cannot be written had better be known before
-        validation.file_to_write('--json', args.json)
-    from lava_ros.forecast.affordable import afford
     from lava_ros.forecast.pilots import Pilot, spacing_at
+    from lava_ros.forecast.planning import afford
 
     def tell(pilot: Pilot) -> None:
         spacing = spacing_at(scene, pilot.refinement, horizon)
@@ -93,21 +77,13 @@ def run(args: argparse.Namespace) -> int:
     print(f'error for being coarse: about {100.0 * plan.error:.2g} % of the covered area')
     if plan.members > 1:
         print(f'error of a probability of 50 %: {100.0 * plan.sampling_error:.2g} %')
-    if args.json:
-        _write(args.json, json.dumps(asdict(plan), indent=1))
+    write_json(asdict(plan), args.json)
     return 0
 
 
 def _members(text: str) -> int | None:
     if text == 'auto':
         return None
-    if not text.isdecimal() or int(text) < 1:
+    if not text.isdecimal():
         raise LavaError('--members', text, 'a whole number from 1 on, or auto')
-    return int(text)
-
-
-def _write(path: str, text: str) -> None:
-    try:
-        Path(path).write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise LavaError('--json', path, f'a file to write ({error})') from error
+    return validation.whole('--members', text, at_least=1, at_most=MOST_MEMBERS)

@@ -12,39 +12,96 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava plot`: draw what a bag holds."""
+"""Draw maps of a run, an ensemble, or several of them that can be printed.
+
+Draw maps over shaded relief on a page: coordinates, scale, north, legend, and what they were
+computed from. Several runs are drawn side by side, with the same colours, at the same place.
+"""
 
 from __future__ import annotations
 
 import argparse
 
+from lava_ros.cli.options import add_options, seconds_of
+from lava_ros.cli.output import write_json
+from lava_ros.files import file_to_write, PICTURES
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'plot',
-        help='draw what a bag holds over shaded relief',
-        description='Draw thickness, temperature and hazard of a bag over shaded relief.',
+#: Maps there can be.
+LAYERS = (
+    'thickness', 'temperature', 'hazard', 'arrival', 'probability', 'arrival_p10', 'arrival_p90',
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_runs_argument(parser)
+    parser.add_argument(
+        '--layers',
+        nargs='+',
+        choices=LAYERS,
+        default=(),
+        metavar='MAP',
+        help=f'which of {", ".join(LAYERS)}; of an ensemble arrival is that of half its members '
+        '(default: those there are; of several runs the first)',
     )
-    parser.add_argument('bag', help='bag directory or .mcap file')
+    parser.add_argument(
+        '--time', metavar='TIME', help='simulated time: 2h, 90min (default: the last there is)'
+    )
+    for name, text in (
+        ('title', 'what it is'),
+        ('volcano', 'name of the volcano'),
+        ('date', 'date of the eruption or of the map'),
+        ('source', "where the elevation is from (default: the name of its file)"),
+    ):
+        parser.add_argument(f'--{name}', metavar='TEXT', help=f'to be written: {text}')
+    add_overlay_arguments(parser)
     parser.add_argument(
         '-o', '--output', required=True, metavar='FILE', help='picture to write: .png, .pdf, .svg'
     )
+    add_options(parser, '--json')
+
+
+def add_runs_argument(parser: argparse.ArgumentParser) -> None:
+    """Add the argument that names runs."""
     parser.add_argument(
-        '--time', type=float, metavar='S', help='simulated time [s] (default: the last there is)'
+        'bag', nargs='+', help='bag directory, .mcap file, or folder of an ensemble'
     )
-    parser.set_defaults(run=run)
+
+
+def add_overlay_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments that name what others know."""
+    parser.add_argument(
+        '--overlay',
+        action='append',
+        default=[],
+        metavar='FILE',
+        help='points, lines and areas to draw, stations or roads: .geojson, .gpkg, or .csv with '
+        'x,y or lon,lat and name; may be repeated',
+    )
+    parser.add_argument(
+        '--observed',
+        metavar='FILE',
+        help='where lava was seen: areas (.geojson, .gpkg), or a raster above 0; its outline is '
+        'drawn, and for an ensemble how reliable its probabilities are',
+    )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Draw the bag that the arguments name.
+    """Draw the runs that the arguments name."""
+    from lava_ros.pages.pictures import draw_runs, Words
 
-    Raises:
-        LavaError: The bag cannot be read, or the picture not be written.
-    """
-    from lava_ros.frames import read_frame
-    from lava_ros.plot import plot_frame
-
-    plot_frame(read_frame(args.bag, args.time), args.output)
+    file_to_write('--output', args.output, PICTURES)
+    words = Words(
+        layers=args.layers,
+        time=None if args.time is None else seconds_of('--time', args.time, may_be_zero=True),
+        title=args.title,
+        volcano=args.volcano,
+        date=args.date,
+        source=args.source,
+        overlays=args.overlay,
+        observed=args.observed,
+    )
+    drawn = draw_runs(args.bag, args.output, words)
+    write_json(drawn, args.json)
     print(f'drawn to {args.output}')
     return 0

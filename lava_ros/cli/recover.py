@@ -12,37 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava recover`: turn a bag that was cut off or is damaged into one that every tool reads."""
+"""Rewrite a bag that was cut off or is damaged.
+
+Copy every whole message of a bag into a new, finished bag. What is damaged is left out and said.
+"""
 
 from __future__ import annotations
 
 import argparse
 
+from lava_ros.cli.options import add_options
 from lava_ros.errors import LavaError
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'recover',
-        help='rewrite a bag that was cut off or is damaged',
-        description='Copy every whole message of a bag into a new, finished bag. What is '
-        'damaged is left out and said.',
-    )
-    parser.add_argument('bag', help='bag directory or .mcap file')
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_options(parser, 'bag')
     parser.add_argument('output', help='directory of the new bag; must not exist yet')
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Recover the bag that the arguments name.
-
-    Raises:
-        LavaError: The bag cannot be read, or the output not be written.
-    """
+    """Recover the bag that the arguments name."""
     from lava_ros.bag.reader import BagReader
     from lava_ros.bag.recovery import recover
-    from lava_ros.cli.progress import in_terminal
+    from lava_ros.cli.output import in_terminal
 
     source = BagReader(args.bag)
     try:

@@ -12,7 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava replay`: publish a recorded bag into the ROS graph."""
+"""Publish a recorded bag into the ROS graph.
+
+Topics have the QoS they were recorded with, and /clock has the time of the bag. Bags whose
+recording was cut off are played up to the last whole message. Keys in a terminal: space holds it
+and lets it go on, left and right go back and ahead by 5 s (of bag time times the rate), up and
+down double and halve the speed, q ends it.
+"""
 
 from __future__ import annotations
 
@@ -22,32 +28,25 @@ import sys
 from typing import TYPE_CHECKING
 
 from lava_ros.cli.keys import is_at_terminal, keys_of
+from lava_ros.cli.options import add_options, seconds_of
+from lava_ros.cli.output import terminal
 from lava_ros.cli.ros import require_ros
+from lava_ros.errors import printable
 
 if TYPE_CHECKING:
-    from lava_ros.bag.replay import Step
-    from lava_ros.bag.transport import Transport
+    from lava_ros.bag.replay import Step, Transport
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'replay',
-        help='publish a recorded bag into the ROS graph',
-        description='Publish a recorded bag with the QoS it was recorded with, and its time on '
-        '/clock. Bags whose recording was cut off are played up to the last whole message. '
-        'Keys in a terminal: space holds it and lets it go on, left and right go back and ahead '
-        'by 5 s (of bag time times the rate), up and down double and halve the speed, q ends it.',
-    )
-    parser.add_argument('bag', help='bag directory or .mcap file')
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_options(parser, 'bag')
     parser.add_argument('--rate', type=float, default=1.0, help='speed, 2 is twice as fast')
     parser.add_argument('--loop', action='store_true', help='start over at the end')
     parser.add_argument(
         '--start-offset',
-        type=float,
-        default=0.0,
-        metavar='S',
-        help='skip S seconds; latched maps from before are still published',
+        default='0s',
+        metavar='TIME',
+        help='skip so much: 90s, 2min; latched maps from before are still published',
     )
     parser.add_argument(
         '--clock',
@@ -57,25 +56,21 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     )
     parser.add_argument(
         '--wait-for-subscribers',
-        type=float,
-        default=0.0,
-        metavar='S',
-        help='wait up to S seconds until every topic has a subscriber',
+        default='0s',
+        metavar='TIME',
+        help='wait up to so long until every topic has a subscriber',
     )
-    parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Replay the bag that the arguments name.
-
-    Raises:
-        LavaError: An argument is out of range, or the bag cannot be read.
-    """
+    """Replay the bag that the arguments name."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     from lava_ros.bag.reader import BagReader
-    from lava_ros.bag.transport import Transport
+    from lava_ros.bag.replay import Transport
 
+    offset = seconds_of('--start-offset', args.start_offset, may_be_zero=True)
+    wait = seconds_of('--wait-for-subscribers', args.wait_for_subscribers, may_be_zero=True)
     bag = BagReader(args.bag)
     require_ros()
     from lava_ros.ros.player import play
@@ -86,12 +81,14 @@ def run(args: argparse.Namespace) -> int:
         BarColumn(),
         TextColumn('{task.completed:.1f} of {task.total:.1f} s'),
         TextColumn('{task.fields[state]}'),
-        TextColumn('{task.description}'),
+        TextColumn('{task.description}', markup=False),
         TimeElapsedColumn(),
     )
     with ExitStack() as stack:
         progress = stack.enter_context(
-            Progress(*columns, disable=not sys.stdout.isatty(), transient=True)
+            Progress(
+                *columns, console=terminal(), disable=not sys.stdout.isatty(), transient=True
+            )
         )
         task = progress.add_task('', total=total, state='')
         transport = None
@@ -103,16 +100,16 @@ def run(args: argparse.Namespace) -> int:
 
         def show(step: Step) -> None:
             seconds = (step.clock_ns - (bag.start_ns or 0)) / 1e9
-            topic = step.message.topic if step.message else None
+            topic = printable(step.message.topic) if step.message else None
             progress.update(task, completed=seconds, description=topic)
 
         count = play(
             bag,
             rate=args.rate,
             loop=args.loop,
-            start_offset=args.start_offset,
+            start_offset=offset,
             clock=args.clock,
-            wait_for_subscribers=args.wait_for_subscribers,
+            wait_for_subscribers=wait,
             on_step=show,
             transport=transport,
         )

@@ -12,39 +12,46 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava report`: a run as one page of HTML."""
+"""Make a page of a run, an ensemble, or several of them that any browser opens.
+
+Write one HTML file that needs nothing else: the map with a time slider, curves of volume, area,
+front and temperature, the effects, what was recorded, and what the accuracy cost. An ensemble, or
+several runs: the maps of lava plot.
+"""
 
 from __future__ import annotations
 
 import argparse
 
+from lava_ros.cli.plot import add_overlay_arguments, add_runs_argument
+from lava_ros.errors import LavaError
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'report',
-        help='make a page of a bag that any browser opens',
-        description='Write one HTML file that needs nothing else: the map with a time slider, '
-        'curves of volume, area, front and temperature, the effects, what was recorded, and what '
-        'the accuracy cost.',
-    )
-    parser.add_argument('bag', help='bag directory or .mcap file')
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
+    add_runs_argument(parser)
     parser.add_argument(
         '-o', '--output', required=True, metavar='FILE', help='page to write: .html'
     )
-    parser.set_defaults(run=run)
+    add_overlay_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Report on the bag that the arguments name.
+    """Report on the bag that the arguments name."""
+    from lava_ros.cli.output import in_terminal
+    from lava_ros.pages.pictures import Words
+    from lava_ros.pages.report import write_report
+    from lava_ros.pages.report.still import write_comparison
+    from lava_ros.pages.runs import is_ensemble
 
-    Raises:
-        LavaError: The bag cannot be read, or the page not be written.
-    """
-    from lava_ros.cli.progress import in_terminal
-    from lava_ros.report import write_report
-
-    with in_terminal() as progress:
-        size = write_report(args.bag, args.output, progress=progress)
+    if len(args.bag) > 1 or is_ensemble(args.bag[0]):
+        words = Words(overlays=args.overlay, observed=args.observed)
+        size = write_comparison(args.bag, args.output, words)
+    elif args.overlay or args.observed:
+        right = 'absent: the page of a single bag draws none; lava plot does'
+        raise LavaError('--overlay, --observed', [*args.overlay, args.observed][0], right)
+    else:
+        with in_terminal() as progress:
+            size = write_report(args.bag[0], args.output, progress=progress)
     print(f'report of {size / 1e3:.0f} kB written to {args.output}')
     return 0

@@ -17,32 +17,41 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
+import logging
 import math
+from typing import Any
 
 import numpy as np
 
-from lava_ros.finer import finer
-from lava_ros.presets import DEFAULT, preset_accuracy
-from lava_ros.resolution import resolution_of
-from lava_ros.scene import Lava, Scene, scene_from_yaml, Terrain, Vent
-from lava_ros.terrain_files import demo_terrain, load_terrain
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.hindcast.tables import VentRow
+from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain
+from lava_ros.scene.features import read_features
+from lava_ros.scene.finer import finer
+from lava_ros.scene.materials import DEFAULT as DEFAULT_MATERIAL
+from lava_ros.scene.projection import projected
+from lava_ros.scene.terrain_files import demo_terrain, load_terrain
+from lava_ros.simulation.presets import DEFAULT, preset_accuracy
+from lava_ros.simulation.resolution import resolution_of
 
-#: Vents of the demo, (x, y) [m] and discharge [m3/s]: along the crest above a deep valley.
+_LOG = logging.getLogger(__name__)
+
+#: Vents of the demo, (x, y) [m] and discharge [m3/s]: in the crater, which is open to the north,
+#: and on either side of its opening.
 DEMO_VENTS = (
-    (4080.0, 5330.0, 25.0),
-    (4110.0, 5580.0, 40.0),
-    (4010.0, 6150.0, 40.0),
-    (4000.0, 6450.0, 25.0),
+    (4050.0, 3300.0, 60.0),
+    (3200.0, 4300.0, 20.0),
+    (5300.0, 4200.0, 20.0),
 )
 
-#: Basalt with some crystals in it: it forms tongues of a few metres.
-DEMO_LAVA = Lava(viscosity=5e4)
-
-#: Discharge of the single vent on a terrain that comes without [m3/s].
+#: Discharge of a vent that comes without [m3/s].
 SUMMIT_DISCHARGE = 50.0
 
-#: Largest radius of that vent [m].
+#: Largest radius of such a vent [m].
 SUMMIT_RADIUS = 20.0
 
 #: Side of the cells of maps over the spacing of particles, and most cells after a division.
@@ -60,29 +69,170 @@ def add_scene_arguments(parser: argparse.ArgumentParser, *, positional: bool = F
         '--terrain',
         metavar='FILE',
         help="GeoTIFF, ESRI ASCII grid or npz; with a scene in place of the scene's own "
-        '(default: a real mountain ridge, 9 x 8 km)',
+        '(default: Mount St. Helens, 7.8 x 7.8 km)',
     )
+    parser.add_argument(
+        '--fill-holes',
+        action='store_true',
+        help='fill cells without data inside the terrain, and pits, from what is around',
+    )
+    add_vent_arguments(parser)
+
+
+def add_vent_arguments(parser: argparse.ArgumentParser, of: str = 'scene') -> None:
+    """Add the arguments that replace vents and lava of a scene, or of what else has some."""
+    parser.add_argument(
+        '--vent',
+        action='append',
+        metavar='LON,LAT',
+        help=f"where lava comes out, in place of the {of}'s vents: longitude,latitude or "
+        'easting,northing; may be repeated'
+        + (' (default without a scene: the summit)' if of == 'scene' else ''),
+    )
+    parser.add_argument(
+        '--vents',
+        metavar='FILE',
+        help='points and lines (fissures) where lava comes out: .geojson, .gpkg, or .csv with '
+        'x,y or lon,lat (a fissure also x_end,y_end or lon_end,lat_end); name and discharge '
+        '[m3/s] of each where the file has them',
+    )
+    parser.add_argument(
+        '--discharge', type=float, metavar='Q', help='volume flux of each vent [m3/s]'
+    )
+    parser.add_argument(
+        '--material',
+        metavar='NAME',
+        help=f"lava in place of the {of}'s (lava materials"
+        + (f'; default: {DEFAULT_MATERIAL})' if of == 'scene' else ')'),
+    )
+
+
+def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
+    """Vents that the arguments name; none where they name none.
+
+    Raises:
+        LavaError: An argument or a file cannot be used.
+    """
+    if args.vent and args.vents:
+        raise LavaError('--vent', args.vent[0], 'absent beside --vents')
+    if args.vents:
+        return list(_vents_of(args.vents, args.discharge, terrain))
+    return [
+        VentRow(f'vent {index}', _place(text, terrain), discharge=args.discharge)
+        for index, text in enumerate(args.vent or ())
+    ]
+
+
+def _vents_of(path: str, discharge: float | None, terrain: Terrain) -> Iterator[VentRow]:
+    """The points of a file and the straight parts of its lines."""
+    for index, feature in enumerate(read_features('--vents', path, terrain)):
+        if feature.kind == 'Polygon':
+            raise LavaError(feature.where, 'an area', 'a point or a line')
+        own = feature.properties.get('discharge')
+        if own is not None:
+            if discharge is not None:
+                raise LavaError('--discharge', discharge, f'absent: {path} has its own')
+            # a table has texts
+            own = validation.number(f'{feature.where}, discharge', own, at_least=0.0, unit='m3/s')
+        places = [(float(x), float(y)) for x, y in feature.rings[0]]
+        for place in places:
+            if not terrain.covers(*terrain.to_map(*place)):
+                shown = 'easting {:.10g}, northing {:.10g}'.format(*place)
+                right = f'a place {terrain.bounds(projected=True)}'
+                raise LavaError(f'a vent of {feature.where}', shown, right)
+        lengths = [math.dist(*pair) for pair in pairwise(places)] or [1.0]
+        if not all(lengths):
+            raise LavaError(feature.where, 'a line of no length', 'a point or a longer line')
+        flux = discharge if own is None else own
+        for part, length in enumerate(lengths):
+            share = length / sum(lengths)
+            yield VentRow(
+                feature.name or f'vent {index}',
+                places[part],
+                places[part + 1] if len(places) > 1 else None,
+                share=share,
+                discharge=None if flux is None else flux * share,
+            )
 
 
 def scene_from_arguments(args: argparse.Namespace) -> Scene:
-    """Make the scene that the arguments choose.
+    """Make the scene that the arguments choose, on cells that are fine enough to show the flow.
 
-    A terrain without a scene gets a vent on its highest point away from the borders. Cells that
-    are wider than the flow's particles are apart are divided, for the maps to show the flow.
+    Cells that are wider than the flow's particles are apart are divided.
 
     Raises:
-        LavaError: A file cannot be used.
+        LavaError: A file or an argument cannot be used.
     """
-    terrain = load_terrain(args.terrain) if args.terrain else None
+    return _with_fine_cells(scene_as_given(args))
+
+
+def scene_as_given(args: argparse.Namespace) -> Scene:
+    """Make the scene that the arguments choose, and log where its vents are.
+
+    A terrain without a scene gets a vent on its highest point away from the borders.
+
+    Raises:
+        LavaError: A file or an argument cannot be used.
+    """
+    options = {'fill_holes': args.fill_holes}
+    terrain = load_terrain(args.terrain, **options) if args.terrain else None
+    data: dict[str, Any] = {}
     if args.scene:
-        return _with_fine_cells(scene_from_yaml(args.scene, terrain=terrain))
-    if terrain is not None:
-        return _with_fine_cells(Scene(terrain, (_summit_vent(terrain),), DEMO_LAVA))
-    vents = tuple(
-        Vent((x, y), discharge, radius=20.0, name=f'crest {index}')
-        for index, (x, y, discharge) in enumerate(DEMO_VENTS)
-    )
-    return _with_fine_cells(Scene(demo_terrain(), vents, DEMO_LAVA))
+        data, terrain = read_scene(args.scene, terrain=terrain, **options)
+    elif terrain is None:
+        terrain = demo_terrain()
+        data['vents'] = [
+            {'position': (x, y), 'discharge': discharge, 'radius': 20.0, 'name': f'vent {index}'}
+            for index, (x, y, discharge) in enumerate(DEMO_VENTS)
+        ]
+    else:
+        data['vents'] = [_usual_vent(terrain) | {'position': _summit(terrain), 'name': 'summit'}]
+    vents = vents_as_given(args, terrain)
+    if vents:
+        data['vents'] = [_described(vent, terrain) for vent in vents]
+    if args.material is not None:
+        data['lava'] = {'material': args.material}
+    scene = scene_from_dict(data, terrain)
+    if args.discharge is not None and not vents:
+        if not scene.vents:
+            raise LavaError('--discharge', args.discharge, 'absent without vents, or --vent')
+        changed = (replace(vent, discharge=args.discharge) for vent in scene.vents)
+        scene = replace(scene, vents=tuple(changed))
+    _tell(scene)
+    return scene
+
+
+def _place(text: str, terrain: Terrain) -> tuple[float, float]:
+    """Easting and northing of what is typed for a vent: longitude, latitude where it can be."""
+    try:
+        x, y = (float(part) for part in text.split(','))
+        if not math.isfinite(x + y):
+            raise ValueError
+    except ValueError:
+        right = 'longitude,latitude [degrees] or easting,northing [m]'
+        raise LavaError('--vent', text.strip(), right) from None
+    is_geographic = terrain.epsg is not None and abs(x) <= 180.0 and abs(y) <= 90.0
+    place = projected(terrain, x, y) if is_geographic else (x, y)
+    if not terrain.covers(*terrain.to_map(*place)):
+        right = f'a place {terrain.bounds(projected=True)}'
+        if is_geographic:
+            right += '; this is easting {:.0f}, northing {:.0f}'.format(*place)
+        raise LavaError('--vent', text.strip(), right)
+    return place
+
+
+def _tell(scene: Scene) -> None:
+    """Log where the vents are and what comes out of them."""
+    terrain = scene.terrain
+    for vent in scene.vents:
+        cell = terrain.cell_at(*vent.position)
+        assert cell is not None
+        east, north = np.add(vent.position, terrain.offset)
+        _LOG.info(
+            f'{vent.name or "vent"}: easting {east:.10g}, northing {north:.10g}, '
+            f'{terrain.elevation[cell]:.0f} m high, {vent.peak:g} m3/s at most, '
+            f'{vent.temperature - KELVIN:.0f} Celsius'
+        )
 
 
 def _with_fine_cells(scene: Scene) -> Scene:
@@ -94,7 +244,23 @@ def _with_fine_cells(scene: Scene) -> Scene:
     return replace(scene, terrain=finer(scene.terrain, max(min(factor, most), 1)))
 
 
-def _summit_vent(terrain: Terrain) -> Vent:
+def _usual_vent(terrain: Terrain) -> dict[str, Any]:
+    """Discharge and radius of a vent without its own."""
+    radius = min(2.0 * terrain.resolution, SUMMIT_RADIUS)
+    return {'discharge': SUMMIT_DISCHARGE, 'radius': radius}
+
+
+def _described(vent: VentRow, terrain: Terrain) -> dict[str, Any]:
+    """A vent as a scene file has it."""
+    data = _usual_vent(terrain) | {'name': vent.name, 'projected': vent.place}
+    if vent.other_end is not None:
+        data['projected_end'] = vent.other_end
+    flux = SUMMIT_DISCHARGE * vent.share if vent.discharge is None else vent.discharge
+    return data | {'discharge': flux}
+
+
+def _summit(terrain: Terrain) -> tuple[float, float]:
+    """Map position of the highest cell away from the borders."""
     rows, columns = terrain.shape
     inner = np.full(terrain.shape, -np.inf)
     here = np.s_[rows // 8 : rows - rows // 8, columns // 8 : columns - columns // 8]
@@ -103,6 +269,4 @@ def _summit_vent(terrain: Terrain) -> Vent:
         inner = np.where(terrain.has_data, terrain.elevation, -np.inf)
     row, column = np.unravel_index(int(np.argmax(inner)), terrain.shape)
     x, y = terrain.origin
-    place = (x + (column + 0.5) * terrain.resolution, y + (row + 0.5) * terrain.resolution)
-    radius = min(2.0 * terrain.resolution, SUMMIT_RADIUS)
-    return Vent(place, SUMMIT_DISCHARGE, radius=radius, name='summit')
+    return (x + (column + 0.5) * terrain.resolution, y + (row + 0.5) * terrain.resolution)

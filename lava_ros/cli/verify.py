@@ -12,20 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava verify`: the solver against every exact solution there is."""
+"""Compare the solver with exact solutions.
+
+Run flows whose exact solution is known and compare. Each line shows the quantity that is closest
+to its bound. The exit status is 1 when one is outside.
+"""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
-import json
-from pathlib import Path
 import sys
 from typing import Any, TYPE_CHECKING
 
-from lava_ros import presets, validation
-from lava_ros.errors import LavaError
+from lava_ros import validation
+from lava_ros.cli.options import add_options, device_named
+from lava_ros.cli.output import Progress, write_json
+from lava_ros.simulation import presets
 from lava_ros.verification.bounds import bound, BOUNDED_PRESETS
 
 if TYPE_CHECKING:
@@ -35,14 +39,8 @@ if TYPE_CHECKING:
 OUTSIDE = 1
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the command to the `lava` parser."""
-    parser = subparsers.add_parser(
-        'verify',
-        help='compare the solver with exact solutions',
-        description='Run flows whose exact solution is known and compare. Each line shows the '
-        'quantity that is closest to its bound. The exit status is 1 when one is outside.',
-    )
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the command."""
     parser.add_argument(
         '--preset',
         default=presets.DEFAULT,
@@ -56,11 +54,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         metavar='NAME',
         help='only these cases (default: all)',
     )
-    parser.add_argument(
-        '--json', metavar='FILE', help='also write every measurement to a file, - for stdout'
-    )
-    parser.add_argument('--device', help='cpu, cuda:0, ... (default: the first GPU, else the CPU)')
-    parser.set_defaults(run=run)
+    add_options(parser, '--device', '--json')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -68,12 +62,7 @@ def run(args: argparse.Namespace) -> int:
 
     Returns:
         0 when every error is within its bound, else 1.
-
-    Raises:
-        LavaError: An argument cannot be used.
     """
-    import warp as wp
-
     from lava_ros.verification.cases import CASES
 
     validation.choice('--preset', args.preset, BOUNDED_PRESETS)
@@ -81,28 +70,28 @@ def run(args: argparse.Namespace) -> int:
     names = args.case or list(CASES)
     for name in names:
         validation.choice('--case', name, CASES)
-    device = args.device or str(wp.get_preferred_device())
-    validation.choice('--device', device, [str(known) for known in wp.get_devices()])
-    _check_writable(args.json)
+    device = device_named(args.device)
     to_stdout = args.json == '-'
     results: list[dict[str, Any]] = []
     outside = 0
-    for case in _with_progress([CASES[name] for name in names]):
-        result = case.run(accuracy, device)
-        judged = [
-            (item, bound(args.preset, case.name, item.quantity)) for item in result.measurements
-        ]
-        # a NaN is within no bound
-        outside += sum(not item.error <= limit for item, limit in judged)
-        results.append(_as_dict(result, judged))
-        if not to_stdout:
-            print(_line(case, result, judged), flush=True)
+    with Progress(sys.stderr) as progress:
+        for number, case in enumerate(CASES[name] for name in names):
+            progress.show(f'{number + 1} of {len(names)}: {case.title}', number / len(names))
+            result = case.run(accuracy, device)
+            judged = [
+                (item, bound(args.preset, case.name, item.quantity))
+                for item in result.measurements
+            ]
+            # a NaN is within no bound
+            outside += sum(not item.error <= limit for item, limit in judged)
+            results.append(_as_dict(result, judged))
+            if not to_stdout:
+                print(_line(case, result, judged), flush=True)
     if not to_stdout:
         total = sum(len(result['measurements']) for result in results)
         print(f'{total - outside} of {total} quantities are within their bounds')
-    if args.json:
-        report = {'preset': args.preset, 'accuracy': asdict(accuracy), 'device': device}
-        _write_json(args.json, {**report, 'within_bounds': not outside, 'runs': results})
+    report = {'preset': args.preset, 'accuracy': asdict(accuracy), 'device': device}
+    write_json({**report, 'within_bounds': not outside, 'runs': results}, args.json)
     return OUTSIDE if outside else 0
 
 
@@ -126,50 +115,3 @@ def _as_dict(result: Run, judged: Sequence[tuple[Measurement, float]]) -> dict[s
         for item, limit in judged
     ]
     return data
-
-
-def _with_progress(cases: Sequence[Case]) -> Iterator[Case]:
-    """The cases, one after the other, with a bar on stderr where that is a terminal."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-    )
-
-    console = Console(stderr=True)
-    with Progress(
-        TextColumn('{task.description}'),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-        # prints would follow the bar to stderr
-        redirect_stdout=sys.stdout.isatty(),
-    ) as progress:
-        task = progress.add_task('', total=len(cases))
-        for case in cases:
-            progress.update(task, description=case.title)
-            yield case
-            progress.advance(task)
-
-
-def _check_writable(name: str | None) -> None:
-    """Refuse a file that cannot be written before the time is spent."""
-    if name is not None and name != '-':
-        validation.file_to_write('--json', name)
-
-
-def _write_json(name: str, data: dict[str, Any]) -> None:
-    text = json.dumps(data, indent=2)
-    if name == '-':
-        print(text)
-        return
-    try:
-        Path(name).write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise LavaError('--json', name, f'a file that can be written ({error})') from error

@@ -13,3 +13,31 @@
 # limitations under the License.
 
 """What `lava doctor` looks at: the machine and the ROS graph, each finding with its way out."""
+
+from dataclasses import dataclass
+
+#: Nothing to do.
+OK = 'OK'
+
+#: It works, though less well than it could, or not for everybody.
+WARN = 'WARN'
+
+#: It does not work.
+FAIL = 'FAIL'
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One line of the doctor's report.
+
+    Attributes:
+        check: What was looked at.
+        level: ``OK``, ``WARN`` or ``FAIL``.
+        text: What is there.
+        way_out: What to do about it; empty when there is nothing to do.
+    """
+
+    check: str
+    level: str
+    text: str
+    way_out: str = ''

@@ -23,8 +23,9 @@ from pathlib import Path
 import subprocess
 import sys
 
-from lava_ros.doctor.finding import FAIL, Finding, OK, WARN
-from lava_ros.layers import Layer, OCCUPANCY_GRID, Qos
+from lava_ros.bag.qos import LATCHED, QosProfile
+from lava_ros.doctor import FAIL, Finding, OK, WARN
+from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 
 #: The ROS distribution this package is made for.
 DISTRO = 'jazzy'
@@ -45,8 +46,8 @@ DISCOVERY_RANGES = {
 
 #: Where a robot or a viewer takes layers from, and what it asks for.
 CONSUMERS = (
-    ("RViz's map display (rviz/lava.rviz)", (OCCUPANCY_GRID,), Qos()),
-    ("Nav2's keepout filter, speed filter and static layer", (OCCUPANCY_GRID,), Qos()),
+    ("RViz's map display (rviz/lava.rviz)", (OCCUPANCY_GRID,), LATCHED),
+    ("Nav2's keepout filter, speed filter and static layer", (OCCUPANCY_GRID,), LATCHED),
 )
 
 #: Longest time a round trip may take, discovery included [s].
@@ -180,7 +181,7 @@ def check_qos(layers: Iterable[Layer]) -> Iterator[Finding]:
         yield Finding('qos', OK, f'{names}: RViz and Nav2 get what they ask for')
 
 
-def _short_of(offered: Qos, asked: Qos) -> list[str]:
+def _short_of(offered: QosProfile, asked: QosProfile) -> list[str]:
     """The policies in which an offer does not meet a request."""
     short = []
     if asked.reliability == 'reliable' and offered.reliability != 'reliable':
@@ -207,7 +208,7 @@ def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Iterator[Finding]:
     )
     try:
         probe = subprocess.run(
-            [sys.executable, '-m', 'lava_ros.ros.probe'],
+            [sys.executable, '-m', 'lava_ros.ros.loopback'],
             capture_output=True,
             text=True,
             timeout=timeout,

@@ -23,14 +23,15 @@ import sys
 import tempfile
 from typing import Any
 
-from lava_ros.cores import usable_cores
-from lava_ros.doctor.finding import FAIL, Finding, OK, WARN
+from lava_ros.doctor import FAIL, Finding, OK, WARN
+from lava_ros.simulation.backend.cores import usable_cores
 
 #: Oldest Python that works, and the first that was not tried.
 PYTHONS = ((3, 10), (3, 14))
 
 #: Distribution, lowest version, first version that was not tried, extra that brings it (or none).
 PACKAGES = (
+    ('lz4', '4', '5', ''),
     ('mcap', '1.5', '2', ''),
     ('numpy', '1.26', '3', ''),
     ('pyyaml', '6', '7', ''),

@@ -14,10 +14,10 @@
 
 """Looking ahead: one run, or the many of an ensemble. Never imports rclpy.
 
-``forecast`` is what comes of it, ``gathering`` how looks at a flow become arrival times,
-``lookahead`` the fork, ``process`` a process of its own for it, and ``wire`` the way there.
+``arrival_time`` says how looks at a flow become arrival times; ``lookahead`` is the fork,
+``process`` a process of its own for it, and ``wire`` the way there.
 
 ``sampling`` draws members, ``members`` runs them, ``probability`` makes maps of them, weighed by
-``assimilation``; ``ensemble`` does all of it, with ``store`` and ``cluster``, and ``scores`` says
-how good it was.
+``assimilation``; ``ensemble`` does all of it, with ``store``, ``pool`` and ``cluster``, and
+``scores`` says how good it was.
 """

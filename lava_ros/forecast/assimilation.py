@@ -42,7 +42,7 @@ class Mask:
 
     Attributes:
         lava: Where there was lava, bool, shape [rows, columns]; row 0 has the smallest y.
-        known: Where somebody looked, bool, same shape.
+        known: Where the ground was observed, bool, same shape.
         resolution: Side of a cell [m].
         origin: Map position (x, y) [m] of the lower-left corner of cell [0, 0].
     """
@@ -60,7 +60,7 @@ class Outline:
     Attributes:
         time: When, in simulated time [s].
         lava: Where there was lava, bool, shape [rows, columns].
-        known: Where somebody looked, bool, same shape.
+        known: Where the ground was observed, bool, same shape.
     """
 
     time: float
@@ -89,7 +89,7 @@ def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
 
     Args:
         terrain: The ground.
-        mask: The mask, in the map frame; nobody looked beyond it.
+        mask: The mask, in the map frame; what lies beyond it was not observed.
         time: When, in simulated time [s].
 
     Raises:
@@ -136,7 +136,7 @@ def jaccard(reached: np.ndarray, outline: Outline) -> float:
 
     Args:
         reached: Where a member's lava had arrived at the outline's time, bool.
-        outline: What was seen; cells nobody looked at do not count.
+        outline: What was seen; cells that were not observed do not count.
 
     Raises:
         LavaError: The shapes differ.

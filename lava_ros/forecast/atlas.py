@@ -12,37 +12,39 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The maps of an ensemble as GeoTIFF files."""
+"""The maps of an ensemble as GeoTIFF files, and in the other formats of ``gis.py``."""
 
-from collections.abc import Mapping
-import json
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
 
-from lava_ros.errors import LavaError
 from lava_ros.forecast.members import Plan
-from lava_ros.forecast.probability import HazardMaps
-from lava_ros.geotiff import coordinate_system, NODATA, write_map
+from lava_ros.maps import gis
+from lava_ros.maps.forecast import HazardMaps
 
 
 def write_atlas(
-    folder: Path, maps: HazardMaps, plan: Plan, tags: Mapping[str, str]
+    folder: Path,
+    maps: HazardMaps,
+    plan: Plan,
+    tags: Mapping[str, str],
+    formats: Collection[str] | None = None,
 ) -> list[Path]:
-    """Write probability, arrival times and expected thickness.
+    """Write probability, arrival times, expected thickness and elevation; contours, isochrones.
 
     Args:
         folder: Where the files go; those of the same name are replaced.
         maps: The maps.
         plan: What they are of.
         tags: What else is to be known, by name.
+        formats: What is written beside GeoTIFF, of ``export.FORMATS``; None: GeoJSON, where it is
+            known where in the world the maps are.
 
     Raises:
         LavaError: A file cannot be written.
     """
-    terrain = plan.scene.terrain
-    crs = coordinate_system(terrain.epsg)
-    corner = (terrain.origin[0] + terrain.offset[0], terrain.origin[1] + terrain.offset[1])
+    place = gis.place_of(plan.scene.terrain)
     tags = {
         'members': str(maps.members),
         'effective_members': repr(maps.effective_members),
@@ -51,21 +53,20 @@ def write_atlas(
         **tags,
     }
     written = []
-    for name, (values, unit, meaning) in _layers(maps, plan).items():
+    layers = _layers(maps, plan)
+    for name, (values, unit, meaning) in layers.items():
         path = folder / f'{name}.tif'
-        write_map(
-            path,
-            np.where(np.isfinite(values), values, NODATA).astype(np.float32),
-            corner=corner,
-            resolution=terrain.resolution,
-            crs=crs,
-            name=name,
-            unit=unit,
-            meaning=meaning,
-            tags=tags,
-        )
+        gis.write_map(path, values, place, name=name, unit=unit, meaning=meaning, tags=tags)
         written.append(path)
-    return written
+        gis.write_style(path, name, values)
+    if formats is None:
+        formats = () if place.crs is None else ('geojson',)
+    shapes = {'inundation_probability': gis.probabilities(maps.probability, place)}
+    for name in layers:
+        if name.startswith('arrival'):
+            shapes[name] = gis.isochrones(layers[name][0], place)
+    title = f'lava flow, {maps.members} members'
+    return [*written, *gis.write_formats(folder, formats, shapes, layers, place, title)]
 
 
 def _layers(maps: HazardMaps, plan: Plan) -> dict[str, tuple[np.ndarray, str, str]]:
@@ -78,6 +79,7 @@ def _layers(maps: HazardMaps, plan: Plan) -> dict[str, tuple[np.ndarray, str, st
         'expected_thickness': (
             maps.thickness, 'm', 'mean over the members of the largest thickness of the lava'
         ),
+        'elevation': (plan.scene.terrain.elevation, 'm', 'elevation of the ground without lava'),
     }
     for share, values in maps.arrival.items():
         percent = round(100 * share)
@@ -87,16 +89,3 @@ def _layers(maps: HazardMaps, plan: Plan) -> dict[str, tuple[np.ndarray, str, st
             f'no data: fewer had any within {hours:g} h',
         )
     return layers
-
-
-def write_report(path: str | Path, report: Mapping[str, object]) -> None:
-    """Write what an ensemble was and said as JSON.
-
-    Raises:
-        LavaError: The file cannot be written.
-    """
-    text = json.dumps(report, indent=1, allow_nan=False)
-    try:
-        Path(path).write_text(text + '\n', encoding='utf-8')
-    except OSError as error:
-        raise LavaError('--json', str(path), f'a file to write ({error})') from error

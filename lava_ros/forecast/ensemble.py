@@ -15,7 +15,9 @@
 """An ensemble from its first member to its maps, resumable at any moment."""
 
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -23,15 +25,12 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
 from lava_ros.forecast.members import batch_of, Plan, run_members
-from lava_ros.forecast.probability import (
-    Footprint,
-    footprint_of,
-    HazardMaps,
-    reached_by,
-    Tally,
-)
+from lava_ros.forecast.pool import Pool, process_number
+from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
 from lava_ros.forecast.sampling import Member
 from lava_ros.forecast.store import Store
+from lava_ros.maps.forecast import HazardMaps
+from lava_ros.simulation.backend.cores import usable_cores
 
 #: Is told how many members there are, and how many of those were there before this run.
 Finished = Callable[[int, int], None]
@@ -142,12 +141,7 @@ def _check_complete(done: set[int], members: Sequence[Member]) -> None:
 
 
 def run_here(
-    plan: Plan,
-    members: Sequence[Member],
-    *,
-    device: str | None = None,
-    batch: int | None = None,
-    on_progress: Callable[[float], None] | None = None,
+    plan: Plan, members: Sequence[Member], *, device: str | None = None
 ) -> Iterable[Footprint]:
     """Run members in this process, a batch after the other.
 
@@ -155,11 +149,67 @@ def run_here(
         plan: What they have in common.
         members: The members.
         device: Warp device; the first GPU, else the CPU, when left out.
-        batch: Members that run side by side; by the device when left out.
-        on_progress: Is told the share of a batch that is done.
     """
+    for part in batches(members, device):
+        yield from run_batch(plan, device, part)
+
+
+def run_in_processes(
+    plan: Plan,
+    members: Sequence[Member],
+    *,
+    workers: int,
+    device: str | None = None,
+    batch: int | None = None,
+) -> Iterable[Footprint]:
+    """Run members in processes of this machine, in any order.
+
+    Args:
+        plan: What they have in common.
+        members: The members.
+        workers: Most processes.
+        device: Warp device of all; they share the GPUs out, if there are any, when left out.
+        batch: Members that a process runs side by side; by the device when left out.
+
+    Raises:
+        LavaError: A member fails, or takes processes with it again and again.
+    """
+    parts = batches(members, device, batch)
+    devices = (device,) if device else _gpus() or (None,)
+    work = partial(_run_in_process, plan, devices)
+    with closing(Pool(work, min(workers, len(parts)))) as pool:
+        for _, footprints in pool(parts):
+            yield from footprints
+
+
+def default_workers() -> int:
+    """One for each GPU, or else for each core of this machine that we may use."""
+    return len(_gpus()) or usable_cores()
+
+
+def run_batch(plan: Plan, device: str | None, members: Sequence[Member]) -> list[Footprint]:
+    """Run members side by side in this process."""
+    return [footprint_of(item, plan) for item in run_members(plan, members, device=device)]
+
+
+def _run_in_process(
+    plan: Plan, devices: Sequence[str | None], members: Sequence[Member]
+) -> list[Footprint]:
+    return run_batch(plan, devices[process_number() % len(devices)], members)
+
+
+def batches(
+    members: Sequence[Member], device: str | None, batch: int | None = None
+) -> list[Sequence[Member]]:
+    """Members in parts that run side by side; by the device when their number is left out."""
     batch = batch_of(device) if batch is None else batch
-    for start in range(0, len(members), batch):
-        part = members[start : start + batch]
-        for fields in run_members(plan, part, device=device, progress=on_progress):
-            yield footprint_of(fields, plan)
+    return [members[start : start + batch] for start in range(0, len(members), batch)]
+
+
+def _gpus() -> tuple[str, ...]:
+    # importing the solver keeps Warp from printing what it finds
+    import warp as wp
+
+    import lava_ros.simulation  # noqa: F401
+
+    return tuple(map(str, wp.get_cuda_devices()))

@@ -49,7 +49,7 @@ import numpy as np
 from lava_ros.effects import Effects
 from lava_ros.forecast.pilots import Pilot
 
-#: What a run errs at least as a share of what it covers: twice the error of the edge that the
+#: Smallest error of a run as a share of what it covers: twice the error of the edge that the
 #: finest preset has in docs/accuracy, since an area goes as the square of its radius.
 FLOOR = 0.004
 
@@ -103,7 +103,7 @@ def completed(pilot: Pilot, model: Pilot) -> Pilot:
 
 def _power(effects: Effects) -> float:
     """Power of the particles' number that an evaluation goes as."""
-    return 1.5 if effects.helmholtz else 1.0
+    return 1.5 if 'helmholtz' in effects else 1.0
 
 
 def _increments(pilot: Pilot) -> np.ndarray:

@@ -27,20 +27,14 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.checkpoint import Checkpoint, from_bytes
 from lava_ros.errors import LavaError
 from lava_ros.forecast import wire
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh
 from lava_ros.forecast.members import MemberRun, plan_from
-from lava_ros.forecast.probability import (
-    Footprint,
-    footprint_of,
-    HazardMaps,
-    QUANTILES,
-    reached_by,
-    Tally,
-)
+from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
 from lava_ros.forecast.sampling import draw_members
+from lava_ros.maps.forecast import HazardMaps, QUANTILES
+from lava_ros.simulation.checkpoint import Checkpoint, from_bytes
 
 #: Members of the first maps of a scene; more follow each time that there are twice as many.
 FIRST_MAPS = 4

@@ -17,12 +17,11 @@
 import time as wall_clock
 
 from lava_ros import validation
-from lava_ros.checkpoint import Checkpoint
 from lava_ros.errors import LavaError
-from lava_ros.forecast.forecast import Forecast
-from lava_ros.forecast.gathering import Gathering
+from lava_ros.forecast.arrival_time import Looking
+from lava_ros.maps.forecast import Forecast
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.snapshot import StepReport
+from lava_ros.simulation.checkpoint import Checkpoint
 
 #: Looks at the flow within a horizon; arrivals are known to half of the time between two.
 LOOKS = 240
@@ -34,7 +33,7 @@ FIRST_LOOKS = 60
 EARLY_LOOKS = 4
 
 
-class LookAhead:
+class LookAhead(Looking):
     """A forecast in the making.
 
     The flow is the one that the forked simulation would have, to the bit on the same device when
@@ -71,40 +70,18 @@ class LookAhead:
         if looks < 1:
             raise LavaError('looks', looks, 'at least 1')
         self._start = checkpoint.time
-        self._max_particles = max_particles
-        self._due = [self._start + time for time in moments(horizon, looks)]
-        self._done = 0
-        self._simulation = Simulation.resume(checkpoint, device=device)
-        self._gathering = Gathering(threshold)
-        self._look()
+        super().__init__(
+            Simulation.resume(checkpoint, device=device),
+            [self._start + time for time in moments(horizon, looks)],
+            threshold=threshold,
+            max_particles=max_particles,
+        )
         self._duration = wall_clock.monotonic() - begun
 
-    @property
-    def steps(self) -> StepReport:
-        """How it has been stepping up to the last look, the steps before the fork included."""
-        return self._steps
-
-    @property
-    def progress(self) -> float:
-        """Share of the horizon that has been looked at."""
-        return self._done / len(self._due)
-
-    @property
-    def is_done(self) -> bool:
-        """Whether all of the horizon has been looked at."""
-        return self._done == len(self._due)
-
-    def advance(self, wall_limit: float) -> None:
-        """Run ahead for about a wall time [s], or to the next look.
-
-        Raises:
-            LavaError: There are too many particles, or what the flow has become is no map.
-        """
+    def advance(self, wall_limit: float | None = None) -> None:
+        """As ``Looking.advance``; the time that it takes counts."""
         begun = wall_clock.monotonic()
-        due = self._due[self._done]
-        if self._simulation.advance(due, wall_limit=wall_limit) >= due:
-            self._look()
-            self._done += 1
+        super().advance(wall_limit)
         self._duration += wall_clock.monotonic() - begun
 
     def run(self) -> Forecast:
@@ -119,29 +96,18 @@ class LookAhead:
 
     def forecast(self) -> Forecast:
         """What has been seen, once ``is_done``."""
-        gathered = self._gathering
+        gathered = self.gathered
         return Forecast(
             time=self._start,
             horizon=self._horizon,
             threshold=self._threshold,
-            terrain=self._simulation.scene.terrain,
+            terrain=self.simulation.scene.terrain,
             arrival=(gathered.arrival - self._start).astype('float32'),
             thickness=gathered.thickness,
             temperature=gathered.temperature,
             duration=self._duration,
-            particle_count=self._simulation.particle_count,
+            particle_count=self.simulation.particle_count,
         )
-
-    def _look(self) -> None:
-        count = self._simulation.particle_count
-        if self._max_particles is not None and count > self._max_particles:
-            raise LavaError('particles', count, f'at most {self._max_particles} (max_particles)')
-        snapshot = self._simulation.snapshot()
-        flaw = snapshot.flaw()
-        if flaw:
-            raise LavaError('flow', flaw, 'one that can be shown as a map')
-        self._steps = snapshot.steps
-        self._gathering.look(snapshot.time, snapshot.thickness, snapshot.temperature)
 
 
 def moments(horizon: float, looks: int) -> list[float]:

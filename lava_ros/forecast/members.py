@@ -15,25 +15,24 @@
 """Runs of members: one interface, whether they run one after the other or side by side."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 import math
 from typing import Any, TYPE_CHECKING
 
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.accuracy import Accuracy
-from lava_ros.checkpoint import Checkpoint
-from lava_ros.choice import effects_for
-from lava_ros.effects import Effects
+from lava_ros.effects import EFFECTS, Effects, possible
 from lava_ros.errors import LavaError
-from lava_ros.forecast.gathering import Gathering
-from lava_ros.forecast.roughness import rough_terrain
-from lava_ros.forecast.sampling import Member
-from lava_ros.lava import Lava
-from lava_ros.resolution import resolved_accuracy
+from lava_ros.forecast.arrival_time import Looking
+from lava_ros.forecast.sampling import Member, rough_terrain
 from lava_ros.scene import Scene, Terrain, Vent
-from lava_ros.uncertainty import Distribution
+from lava_ros.scene.lava import Lava
+from lava_ros.scene.uncertainty import Distribution
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.resolution import resolved_accuracy
+from lava_ros.simulation.selection import effects_for
 
 if TYPE_CHECKING:
     from lava_ros.simulation.simulation import Simulation
@@ -136,12 +135,12 @@ def make_plan(
         effects_for(one, effects, accuracy=accuracy, horizon=horizon)
         for one in (scene, *_end_scenes(scene))
     ]
-    called_for = {name for one in chosen for name, is_on in asdict(one).items() if is_on}
+    called_for = {name for one in chosen for name in one}
     # of those that exclude each other the one of the scene itself, if it has one
-    rivals = [name for name in _RIVALS if getattr(chosen[0], name)]
+    rivals = [name for name in _RIVALS if name in chosen[0]]
     rivals = rivals or [name for name in _RIVALS if name in called_for][:1]
     called_for -= set(_RIVALS) - set(rivals)
-    together = Effects(**{item.name: item.name in called_for for item in fields(Effects)})
+    together = Effects(**{name: name in called_for for name in EFFECTS})
     return Plan(scene, horizon, accuracy, together, threshold, looks)
 
 
@@ -216,7 +215,7 @@ def check_members(scene: Scene, members: Sequence[Member]) -> None:
 
 def batch_of(device: str | None) -> int:
     """Members that are run side by side on a Warp device: on a GPU they take turns."""
-    from lava_ros.simulation.automatic import device_of
+    from lava_ros.simulation.defaults import device_of
 
     return _BATCH if device_of(device).is_cuda else 1
 
@@ -243,8 +242,8 @@ def run_members(
         LavaError: A member makes no scene, or its flow is no longer one.
     """
     # the solver loads Warp, which drawing and merging members do not need
-    from lava_ros.simulation.automatic import device_of
-    from lava_ros.simulation.together import interleave
+    from lava_ros.simulation.batch import interleave
+    from lava_ros.simulation.defaults import device_of
 
     shares = np.zeros(len(members))
     results: dict[int, MemberFields] = {}
@@ -265,7 +264,7 @@ def run_members(
     return [results[number] for number in range(len(members))]
 
 
-class MemberRun:
+class MemberRun(Looking):
     """A member on its way from the plan's start to the horizon."""
 
     def __init__(
@@ -282,62 +281,22 @@ class MemberRun:
         Raises:
             LavaError: It makes no scene, or as ``advance``.
         """
-        self._plan = plan
+        simulation = _started(plan, member, device)
+        start = simulation.time
         self._index = member.index
-        self._max_particles = max_particles
-        self._simulation = _started(plan, member, device)
-        self._start = self._simulation.time
-        self._gathering = Gathering(plan.threshold)
-        self._looks = 0
-        self._look()
-
-    @property
-    def progress(self) -> float:
-        """Share of the horizon that has been looked at."""
-        return (self._looks - 1) / self._plan.looks
-
-    @property
-    def is_done(self) -> bool:
-        """Whether all of the horizon has been looked at."""
-        return self._looks > self._plan.looks
-
-    def advance(self, wall_limit: float | None = None) -> None:
-        """Run ahead to the next look, or for about a wall time [s].
-
-        Raises:
-            LavaError: There are too many particles, or the flow is no longer one.
-        """
-        due = self._start + self._looks * self._plan.interval
-        if self._simulation.advance(due, wall_limit=wall_limit) >= due:
-            self._look()
-
-    def advancing(self) -> Iterator[None]:
-        """Run ahead to the next look, in parts: while a GPU is at work others can go on.
-
-        Raises:
-            LavaError: As ``advance``.
-        """
-        due = self._start + self._looks * self._plan.interval
-        yield from self._simulation.advancing(due)
-        self._look()
+        super().__init__(
+            simulation,
+            [start + look * plan.interval for look in range(1, plan.looks + 1)],
+            threshold=plan.threshold,
+            max_particles=max_particles,
+            origin=start,
+            of=f' of member {member.index}',
+        )
 
     def fields(self) -> MemberFields:
         """What it has done to the cells so far."""
-        arrival, peak = self._gathering.arrival, np.nan_to_num(self._gathering.thickness)
+        arrival, peak = self.gathered.arrival, np.nan_to_num(self.gathered.thickness)
         return MemberFields(self._index, arrival.astype(np.float32), peak)
-
-    def _look(self) -> None:
-        count = self._simulation.particle_count
-        if self._max_particles is not None and count > self._max_particles:
-            right = f'at most {self._max_particles} particles (max_particles)'
-            raise LavaError(f'member {self._index}', count, right)
-        snapshot = self._simulation.snapshot()
-        flaw = snapshot.flaw()
-        if flaw:
-            raise LavaError(f'member {self._index}', flaw, 'a flow; its settings break it')
-        time = self._simulation.time - self._start
-        self._gathering.look(time, snapshot.thickness, snapshot.temperature)
-        self._looks += 1
 
 
 def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':
@@ -368,11 +327,13 @@ def _seen(threshold: float, looks: int | None, horizon: float) -> tuple[float, i
     threshold = validation.number('threshold', threshold, above=0.0, unit='m')
     if looks is None:
         looks = min(max(math.ceil(horizon / LOOK), FEWEST_LOOKS), MOST_LOOKS)
-    return threshold, int(validation.number('looks', looks, at_least=1, at_most=10_000))
+    return threshold, validation.whole('looks', looks, at_least=1, at_most=10_000)
 
 
 def _member_lava(lava: Lava, member: Member) -> Lava:
-    lava = replace(lava, yield_strength=lava.yield_strength * member.yield_strength)
+    lava = replace(lava, **dict(member.constants))
+    if 'yielding' in possible(lava):
+        lava = replace(lava, yield_strength=lava.yield_strength * member.yield_strength)
     if lava.is_vft:
         return replace(lava, vft_a=lava.vft_a + math.log10(member.viscosity))
     return replace(lava, viscosity=lava.viscosity * member.viscosity)
@@ -417,23 +378,11 @@ def _displaced(vent: Vent, shift: tuple[float, float], terrain: Terrain) -> Vent
 
 def _end_scenes(scene: Scene) -> list[Scene]:
     """The scene with one uncertain quantity near the one or the other end of its values."""
-    scenes = []
-    for name, distribution in vars(scene.uncertainty).items():
-        if isinstance(distribution, Distribution):
-            for share in _ENDS:
-                drawn: dict[str, Any] = {name: distribution.quantile(share)}
-                member = Member(0, **drawn)
-                scenes.append(member_scene(scene, member, rough=False))
-    return scenes
-
-
-def plan_to_dict(plan: Plan) -> dict[str, object]:
-    """Plain data of what members have in common, the scene left out."""
-    return {
-        'horizon_s': plan.horizon,
-        'accuracy': asdict(plan.accuracy),
-        'effects': asdict(plan.effects),
-        'threshold_m': plan.threshold,
-        'looks': plan.looks,
-        'start_s': None if plan.start is None else plan.start.time,
-    }
+    uncertainty, drawn = scene.uncertainty, list[dict[str, Any]]()
+    for share in _ENDS:
+        for name, distribution in vars(uncertainty).items():
+            if isinstance(distribution, Distribution):
+                drawn.append({name: distribution.quantile(share)})
+        for name, distribution in uncertainty.constants.items():
+            drawn.append({'constants': ((name, distribution.quantile(share)),)})
+    return [member_scene(scene, Member(0, **values), rough=False) for values in drawn]

@@ -22,18 +22,15 @@ import time as wall_clock
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
-from lava_ros.presets import PRESETS
-from lava_ros.resolution import resolution_of
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy, COVERED
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.resolution import resolution_of
 
 #: Times at which pilots are compared.
 MARKS = 10
-
-#: Thickness from which on a cell is covered [m].
-COVERED = 0.1
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,15 +25,10 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.members import MemberFields, Plan
-
-#: Shares of the members whose arrival times are shown.
-QUANTILES = (0.1, 0.5, 0.9)
+from lava_ros.maps.forecast import HazardMaps, QUANTILES
 
 #: In place of a look where there was no lava in any.
 NEVER = np.iinfo(np.uint16).max
-
-#: Smallest share of an occupancy grid's cell with some probability, and largest below certainty.
-_LEAST, _MOST = 1, 99
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,38 +74,6 @@ def reached_by(footprint: Footprint, plan: Plan, time: float) -> np.ndarray:
     arrived = (footprint.look.astype(np.float64) + 0.5) * plan.interval <= time
     reached[row : row + rows, column : column + columns] = arrived & (footprint.look != NEVER)
     return reached
-
-
-@dataclass(frozen=True, eq=False)
-class HazardMaps:
-    """What an ensemble says about each cell of the terrain.
-
-    All arrays are float32 and of the terrain's shape, with NaN where the terrain has no data.
-
-    Attributes:
-        probability: Probability that lava comes up to the horizon, 0 to 100.
-        arrival: Time [s] by which 10, 50 and 90 % of the members had lava here, by the share of
-            ``QUANTILES``; NaN where fewer than that had any up to the horizon.
-        thickness: Mean over all members of the largest thickness [m].
-        members: Members that are in it.
-        effective_members: Members of equal weight that would say as much: (sum w)^2 / sum w^2.
-        arrival_error: Arrival times are known to this [s], half the time between two looks.
-    """
-
-    probability: np.ndarray
-    arrival: dict[float, np.ndarray]
-    thickness: np.ndarray
-    members: int
-    effective_members: float
-    arrival_error: float
-
-    @property
-    def sampling_error(self) -> float:
-        """Largest standard error of the probability that is due to few members, 0 to 100.
-
-        It is the binomial one at even odds; points of a sequence do better, not worse.
-        """
-        return 50.0 / self.effective_members**0.5
 
 
 class Tally:
@@ -213,14 +176,3 @@ class Tally:
         self._row[new] = np.arange(self._rows, last)
         self._rows = last
         return self._arrivals
-
-
-def occupancy(probability: np.ndarray) -> np.ndarray:
-    """Probability [0 to 100, NaN: unknown] as cells of an occupancy grid.
-
-    Returns:
-        int8, same shape: 0 only where no member had lava, 100 only where all had, -1 unknown.
-    """
-    cells = np.clip(np.rint(probability), _LEAST, _MOST)
-    cells = np.where(probability <= 0.0, 0, np.where(probability >= 100.0, 100, cells))
-    return np.where(np.isnan(probability), -1, cells).astype(np.int8)

@@ -24,7 +24,7 @@ Orders (``wire``), of which the newest fork replaces what is at hand:
     {order: fork, number, horizon, threshold, device, max_particles, share, is_first}, a
         checkpoint; with members above 0, changes, deadline, agreement and outlines for an
         ensemble as well
-    {order: outline, number, time, shape}, where lava was seen and where somebody looked
+    {order: outline, number, time, shape}, where lava was seen and what was observed
     {order: share, share}
     {order: cancel}
     {order: prepare}, for ensembles: what takes a while to load is then there
@@ -44,13 +44,13 @@ import threading
 import time
 from typing import Any, IO
 
-from lava_ros.checkpoint import from_bytes
 from lava_ros.errors import LavaError
 from lava_ros.forecast import wire
 from lava_ros.forecast.assimilation import Outline
 from lava_ros.forecast.live_ensemble import LiveEnsembles
 from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
 from lava_ros.forecast.sampling import prepare_sampling
+from lava_ros.simulation.checkpoint import from_bytes
 
 #: How much this process yields to others: a core that it has to share with one of them gives it a
 #: tenth.

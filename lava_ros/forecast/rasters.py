@@ -21,41 +21,33 @@ import warnings
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast.assimilation import Outline
-from lava_ros.forecast.susceptibility import Susceptibility
-from lava_ros.geotiff import require_rasterio
-from lava_ros.raster_files import open_raster
+from lava_ros.files.optional import require
+from lava_ros.files.rasters import open_raster
 from lava_ros.scene import Terrain
+from lava_ros.scene.features import ENDINGS, read_features
 
 
-def susceptibility_from_file(path: str | Path, terrain: Terrain) -> Susceptibility:
-    """Read where vents may open: a raster of relative likelihoods.
-
-    Args:
-        path: A GeoTIFF or an ESRI ASCII grid; without coordinate system it has the terrain's.
-        terrain: The ground.
-
-    Raises:
-        LavaError: The file cannot be read, or its values are no likelihoods.
-    """
-    return Susceptibility(terrain, raster_on(terrain, path, field='--susceptibility'))
-
-
-def outline_from_file(path: str | Path, terrain: Terrain, time: float) -> Outline:
-    """Read where lava was seen: a raster that is above 0 where it was, 0 where it was not.
+def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
+    """Read where lava was seen: areas, or a raster above 0 where it was, 0 where it was not.
 
     Args:
-        path: As of ``susceptibility_from_file``; nobody looked where it has no data.
+        path: What ``features.read_features`` takes, with areas; or what ``raster_on`` takes, and
+            cells without data were not observed.
         terrain: The ground.
-        time: When, in simulated time [s].
+
+    Returns:
+        Where lava was, and which cells were observed: bool, the terrain's shape.
 
     Raises:
-        LavaError: The file cannot be read, or there is no lava in it.
+        LavaError: The file cannot be read, or has no known place.
     """
-    values = raster_on(terrain, path, field='--observed')
+    if Path(path).suffix.lower() in ENDINGS:
+        values = areas_on(terrain, path, field='--observed').astype(np.float64)
+    else:
+        values = raster_on(terrain, path, field='--observed')
     known = np.isfinite(values) & terrain.has_data
     with np.errstate(invalid='ignore'):
-        return Outline(time, (values > 0.0) & known, known)
+        return (values > 0.0) & known, known
 
 
 def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
@@ -63,18 +55,17 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
 
     Args:
         terrain: The terrain.
-        path: The file.
+        path: A GeoTIFF or an ESRI ASCII grid; without coordinate system it has the terrain's.
         field: What it is called in errors.
 
     Returns:
         float64, the terrain's shape; NaN where the raster has no data.
 
     Raises:
-        LavaError: The file cannot be read, or nobody knows where it is.
+        LavaError: The file cannot be read, or has no known place.
     """
-    require_rasterio(path)
+    require('rasterio', 'GeoTIFF', str(path))
     from rasterio.errors import NotGeoreferencedWarning, RasterioError
-    from rasterio.transform import from_origin
     from rasterio.warp import reproject, Resampling
 
     try:
@@ -91,15 +82,13 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
         raise LavaError(field, str(path), 'a georeferenced raster with one band')
     target_crs = _coordinates(terrain, crs, path, field)
     result = np.full(terrain.shape, np.nan)
-    cell = terrain.resolution
-    corner = [start + shift for start, shift in zip(terrain.origin, terrain.offset, strict=True)]
     reproject(
         band,
         result,
         src_transform=place,
         src_crs=crs or target_crs,
         src_nodata=np.nan,
-        dst_transform=from_origin(corner[0], corner[1] + terrain.shape[0] * cell, cell, cell),
+        dst_transform=_grid(terrain),
         dst_crs=target_crs,
         dst_nodata=np.nan,
         # likelihoods and masks are no heights: between two of them there is nothing
@@ -111,6 +100,43 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
     return result
 
 
+def areas_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
+    """Read areas, and mark the cells of a terrain whose middle is in one.
+
+    Args:
+        terrain: The terrain.
+        path: What ``features.read_features`` takes; points and lines in it do not count.
+        field: What the file is called in errors.
+
+    Returns:
+        bool, the terrain's shape.
+
+    Raises:
+        LavaError: The file cannot be read, has no area, or has no known place.
+    """
+    require('rasterio', 'GeoTIFF', str(path))
+    from rasterio.features import rasterize
+
+    areas = [
+        {'type': 'Polygon', 'coordinates': [ring.tolist() for ring in feature.rings]}
+        for feature in read_features(field, path, terrain)
+        if feature.kind == 'Polygon'
+    ]
+    if not areas:
+        raise LavaError(field, str(path), 'a file with at least one area')
+    marked = rasterize(areas, terrain.shape, transform=_grid(terrain), dtype=np.uint8)
+    return np.flipud(marked) > 0
+
+
+def _grid(terrain: Terrain) -> Any:
+    """Where the cells of a terrain are, row 0 in the north."""
+    from rasterio.transform import from_origin
+
+    cell = terrain.resolution
+    west, south = np.add(terrain.origin, terrain.offset)
+    return from_origin(west, south + terrain.shape[0] * cell, cell, cell)
+
+
 def _coordinates(terrain: Terrain, crs: Any, path: str | Path, field: str) -> Any:
     """The terrain's coordinate system; a terrain without one is where its numbers say."""
     from rasterio.crs import CRS
@@ -118,7 +144,7 @@ def _coordinates(terrain: Terrain, crs: Any, path: str | Path, field: str) -> An
     if terrain.epsg is not None:
         return CRS.from_epsg(terrain.epsg)
     if crs:
-        right = 'a raster without coordinate system, as the terrain, or scene.terrain.epsg'
+        right = "a file without coordinate system, as the terrain's, or an epsg for the terrain"
         raise LavaError(field, str(path), right)
     # both are in the same metres, whatever these are called
     return CRS.from_epsg(32631)

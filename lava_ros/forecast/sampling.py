@@ -17,28 +17,38 @@
 Values are points of a Sobol sequence, shifted bit by bit with the seed. They fill the space of the
 quantities more evenly than random ones, member k is the same however many there are, and more can
 be drawn later. The arithmetic depends on no library's random generator, and what is left of
-rounding is rounded away, so that member k is the same on every machine.
+rounding is rounded away, so that member k is the same on every machine. Errors of the ground are
+random fields that have the deviation and the correlation asked for.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+import hashlib
 from typing import Any
 
 import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.forecast.susceptibility import Susceptibility
-from lava_ros.scene import Scene
-from lava_ros.uncertainty import Distribution, Uncertainty
+from lava_ros.files.optional import require
+from lava_ros.scene import Scene, Terrain
+from lava_ros.scene.uncertainty import CONSTANTS, Distribution, Roughness, Uncertainty
 
-#: What the coordinates of a point stand for; a new one goes to the end, so that others stay.
+#: Quantity of each coordinate of a point; a new one goes to the end, so that others stay.
 COORDINATES = (
     'discharge', 'temperature', 'viscosity', 'yield_strength', 'x', 'y', 'place_x', 'place_y',
 )
 
 #: Most members an ensemble can have.
 MOST_MEMBERS = 1 << 20
+
+#: Share of a cell's side that places keep from its border, so that rounding does not cross it.
+_MARGIN = 1e-3
+
+#: Correlations that a field goes on for beyond the terrain, so that opposite borders differ.
+_BEYOND = 3.0
+
+#: Steps of a field [1/m]: what is left of rounding by the Fourier transform is rounded away.
+_STEPS = 1024.0
 
 #: Bits of a coordinate.
 _BITS = 30
@@ -60,6 +70,7 @@ class Member:
         displacement: What is added to the position of all vents (x, y) [m].
         place: Where the vent is instead of where the scene has it (x, y) [m]; None: there.
         seed: Numbers that the errors of its terrain are drawn from.
+        constants: Names and values of other constants of the lava.
     """
 
     index: int
@@ -70,6 +81,62 @@ class Member:
     displacement: tuple[float, float] = (0.0, 0.0)
     place: tuple[float, float] | None = None
     seed: tuple[int, ...] = (0,)
+    constants: tuple[tuple[str, float], ...] = ()
+
+
+class Susceptibility:
+    """Places by their likelihood: two shares between 0 and 1 give a place."""
+
+    def __init__(self, terrain: Terrain, likelihood: np.ndarray) -> None:
+        """Take the likelihoods.
+
+        Args:
+            terrain: The ground; cells without data have no vent.
+            likelihood: Relative likelihood of each cell, at least 0, NaN as 0, float, shape
+                [rows, columns].
+
+        Raises:
+            LavaError: The shapes differ, a value is negative, or nowhere is one above 0.
+        """
+        values = np.asarray(likelihood, dtype=np.float64)
+        if values.shape != terrain.shape:
+            raise LavaError('susceptibility', values.shape, f'a map of {terrain.shape} cells')
+        values = np.where(np.isnan(values) | ~terrain.has_data, 0.0, values)
+        if not np.isfinite(values).all() or (values < 0.0).any():
+            worst = float(values[~(values >= 0.0) | np.isinf(values)][0])
+            raise LavaError('susceptibility', worst, 'finite likelihoods of at least 0')
+        if not values.any():
+            raise LavaError('susceptibility', 0.0, 'a cell of the terrain with a likelihood')
+        self._terrain = terrain
+        self._rows = np.cumsum(values.sum(axis=1))
+        self._values = values
+
+    @property
+    def digest(self) -> str:
+        """What tells one map from another, in hexadecimal digits."""
+        return hashlib.blake2b(self._values.tobytes(), digest_size=16).hexdigest()
+
+    def place(self, first: float, second: float) -> tuple[float, float]:
+        """The place (x, y) [m] that two shares between 0 and 1 give.
+
+        ``second`` chooses the row and the place within it, ``first`` the same along the row.
+        """
+        row, up = _cell(self._rows, second)
+        column, along = _cell(np.cumsum(self._values[row]), first)
+        x, y = self._terrain.origin
+        cell = self._terrain.resolution
+        return (x + (column + along) * cell, y + (row + up) * cell)
+
+
+def _cell(sums: np.ndarray, share: float) -> tuple[int, float]:
+    """The interval of cumulative sums that a share falls into, and where in it."""
+    target = share * sums[-1]
+    index = int(np.searchsorted(sums, target, side='right'))
+    # the last of them with a likelihood
+    index = min(index, int(np.searchsorted(sums, sums[-1])))
+    before = float(sums[index - 1]) if index else 0.0
+    inside = (target - before) / (float(sums[index]) - before)
+    return index, min(max(inside, _MARGIN), 1.0 - _MARGIN)
 
 
 def draw_members(
@@ -79,7 +146,7 @@ def draw_members(
     seed: int = 0,
     susceptibility: Susceptibility | None = None,
 ) -> tuple[Member, ...]:
-    """Draw the first members of the ensemble that a scene and a seed stand for.
+    """Draw the first members of the ensemble of a scene and a seed.
 
     Args:
         scene: The scene; its ``uncertainty`` says what is drawn.
@@ -90,16 +157,18 @@ def draw_members(
     Raises:
         LavaError: An argument is not usable, or nothing is uncertain.
     """
-    count = _whole('members', count, 1, MOST_MEMBERS)
-    seed = _whole('seed', seed, 0, 2**32 - 1)
+    count = validation.whole('members', count, at_least=1, at_most=MOST_MEMBERS)
+    seed = validation.whole('seed', seed, at_least=0, at_most=2**32 - 1)
     uncertainty = scene.uncertainty
     if count > 1 and uncertainty == Uncertainty() and susceptibility is None:
         raise LavaError(
             'scene.uncertainty', {}, 'a quantity that is uncertain: all members would be the same'
         )
-    points = _points(count, seed)
+    # in the order of Lava, whatever that of a file is
+    names = (*COORDINATES, *(name for name in CONSTANTS if name in uncertainty.constants))
+    points = _points(count, seed, len(names))
     return tuple(
-        _member(index, dict(zip(COORDINATES, point, strict=True)), uncertainty, seed,
+        _member(index, dict(zip(names, point, strict=True)), uncertainty, seed,
                 susceptibility)
         for index, point in enumerate(points.tolist())
     )
@@ -121,9 +190,12 @@ def _member(
     seed: int,
     susceptibility: Susceptibility | None,
 ) -> Member:
+    def drawn(name: str, distribution: Distribution) -> float:
+        return _rounded(distribution.quantile(point[name]))
+
     def value(name: str, certain: float) -> float:
         distribution: Distribution | None = getattr(uncertainty, name)
-        return certain if distribution is None else _rounded(distribution.quantile(point[name]))
+        return certain if distribution is None else drawn(name, distribution)
 
     shift = (0.0, 0.0)
     if uncertainty.position is not None:
@@ -142,25 +214,26 @@ def _member(
         displacement=shift,
         place=place,
         seed=(seed, index),
+        constants=tuple((name, drawn(name, uncertainty.constants[name]))
+                        for name in CONSTANTS if name in uncertainty.constants),
     )
 
 
-def _points(count: int, seed: int) -> np.ndarray:
+def _points(count: int, seed: int, coordinates: int) -> np.ndarray:
     """Shifted points of the sequence in the open unit cube, shape [count, coordinates]."""
     qmc = _qmc(count)
-    sequence = qmc.Sobol(len(COORDINATES), scramble=False, bits=_BITS)
+    sequence = qmc.Sobol(coordinates, scramble=False, bits=_BITS)
     # whole powers of two are what the sequence is even in
     points = sequence.random_base2((count - 1).bit_length())[:count]
     cells = np.round(points * 2**_BITS).astype(np.int64)
-    shift = np.random.SeedSequence(seed).generate_state(len(COORDINATES)) >> (32 - _BITS)
+    shift = np.random.SeedSequence(seed).generate_state(coordinates) >> (32 - _BITS)
     return ((cells ^ shift.astype(np.int64)) + 0.5) / 2**_BITS
 
 
 def _qmc(count: int) -> Any:
-    try:
-        from scipy.stats import qmc
-    except ImportError as error:
-        raise LavaError('members', count, "scipy: pip install 'lava_ros[ensemble]'") from error
+    require('scipy.stats', 'members', count)
+    from scipy.stats import qmc
+
     return qmc
 
 
@@ -168,21 +241,53 @@ def _rounded(value: float) -> float:
     return float(f'{value:.{_DIGITS}g}')
 
 
-def _whole(name: str, value: object, least: int, most: int) -> int:
-    number = validation.number(name, value, at_least=least, at_most=most)
-    if number != int(number):
-        raise LavaError(name, value, 'a whole number')
-    return int(number)
+def rough_terrain(terrain: Terrain, roughness: Roughness, seed: tuple[int, ...]) -> Terrain:
+    """Add a random field to a terrain; cells without data stay so.
+
+    Args:
+        terrain: The ground.
+        roughness: Deviation and correlation of its errors.
+        seed: Numbers that the field is drawn from.
+    """
+    field = random_field(terrain.shape, terrain.resolution, roughness, seed)
+    return replace(terrain, elevation=terrain.elevation + field)
 
 
-def table_of(members: Sequence[Member]) -> dict[str, list[float]]:
-    """The values of the members, by name: for reports."""
-    names = ('discharge', 'temperature', 'viscosity', 'yield_strength')
-    table = {name: [getattr(member, name) for member in members] for name in names}
-    for axis, name in enumerate(('x', 'y')):
-        table[f'displacement_{name}'] = [member.displacement[axis] for member in members]
-        if members and members[0].place is not None:
-            table[f'place_{name}'] = [
-                member.place[axis] for member in members if member.place is not None
-            ]
-    return table
+def random_field(
+    shape: tuple[int, int], resolution: float, roughness: Roughness, seed: tuple[int, ...]
+) -> np.ndarray:
+    """Draw a Gaussian field with covariance s^2 exp(-(r / L)^2).
+
+    White noise is convolved with a Gaussian of deviation L / 2, whose own convolution is the
+    correlation.
+
+    Args:
+        shape: Rows and columns.
+        resolution: Side of a cell [m].
+        roughness: s, the deviation, and L, the correlation [m].
+        seed: Numbers that the field is drawn from.
+
+    Returns:
+        The field [m], float32, shape [rows, columns].
+
+    Raises:
+        LavaError: scipy is not installed.
+    """
+    require('scipy.special', 'uncertainty.terrain', roughness)
+    from scipy.special import ndtri
+
+    beyond = int(np.ceil(_BEYOND * roughness.correlation / resolution))
+    # a field that hardly changes over the terrain need not go on for longer than it
+    rows, columns = (side + min(beyond, 4 * max(shape)) for side in shape)
+    # the generator's raw bits stay the same from version to version, its normal numbers may not
+    bits = np.random.PCG64(np.random.SeedSequence(seed)).random_raw(rows * columns)
+    noise = ndtri(((bits >> np.uint64(11)) + 0.5) * 2.0**-53).reshape(rows, columns)
+    waves_y = np.fft.fftfreq(rows, resolution)[:, None]
+    waves_x = np.fft.rfftfreq(columns, resolution)
+    width = 0.5 * roughness.correlation
+    gain = np.exp(-2.0 * (np.pi * width) ** 2 * (waves_y**2 + waves_x**2))
+    kernel = np.fft.irfft2(gain, (rows, columns))
+    scale = roughness.deviation / np.sqrt((kernel**2).sum())
+    field = scale * np.fft.irfft2(gain * np.fft.rfft2(noise), (rows, columns))
+    field = np.rint(field[: shape[0], : shape[1]] * _STEPS) / _STEPS
+    return field.astype(np.float32)

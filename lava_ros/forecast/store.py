@@ -15,21 +15,21 @@
 """Finished members on disk: whatever ends a run, the next one goes on from there."""
 
 from collections.abc import Iterator
+from dataclasses import asdict
 import hashlib
 import json
-import os
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
-import zlib
 
 import numpy as np
 
 import lava_ros
 from lava_ros.errors import LavaError
-from lava_ros.forecast.members import Plan, plan_to_dict
+from lava_ros.files import replacing, write_output
+from lava_ros.files.npz import read_arrays
+from lava_ros.forecast.members import Plan
 from lava_ros.forecast.probability import Footprint
-from lava_ros.forecast.susceptibility import Susceptibility
+from lava_ros.forecast.sampling import Susceptibility
 from lava_ros.scene import scene_to_dict
 
 #: Version of the format of a folder.
@@ -76,7 +76,7 @@ class Store:
                 right = 'a folder that is new, empty, or of this ensemble'
                 raise LavaError('--output', str(folder), right)
             (self.folder / _MEMBERS).mkdir(parents=True, exist_ok=True)
-            _replace(path, (json.dumps(manifest, indent=1) + '\n').encode())
+            write_output('--output', path, json.dumps(manifest, indent=1) + '\n')
         except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
             raise LavaError(
                 '--output', str(folder), f'a folder to write to ({error})'
@@ -89,27 +89,25 @@ class Store:
             LavaError: It cannot be written.
         """
         path = self._path(footprint.index)
-        partial = path.with_suffix(f'.{os.getpid()}.partial')
         try:
-            with partial.open('wb') as file:
+            with replacing(path) as partial, partial.open('wb') as file:
                 np.savez_compressed(
                     file,
                     look=footprint.look,
                     millimetres=footprint.millimetres,
                     corner=np.array(footprint.corner, dtype=np.int32),
                 )
-            os.replace(partial, path)
         except OSError as error:
             raise LavaError('--output', str(path), f'a file to write ({error})') from error
 
     def read(self, index: int) -> Footprint | None:
         """Read a member; None where it is missing or its file damaged."""
         try:
-            with np.load(self._path(index), allow_pickle=False) as stored:
-                look, millimetres, corner = (stored[key] for key in _KEYS)
-        except (OSError, ValueError, KeyError, EOFError, BadZipFile, zlib.error):
+            stored = read_arrays('member', self._path(index))
+            look, millimetres, corner = (stored[key] for key in _KEYS)
+        except (LavaError, KeyError):
             return None
-        is_whole = (look.dtype, millimetres.dtype) == (np.uint16, np.uint32)
+        is_whole = look.dtype == np.uint16 and millimetres.dtype == np.uint32
         if not is_whole or look.shape != millimetres.shape or corner.shape != (2,):
             return None
         return Footprint(index, (int(corner[0]), int(corner[1])), look, millimetres)
@@ -132,7 +130,14 @@ def _manifest(plan: Plan, seed: int, susceptibility: Susceptibility | None) -> d
         'lava_ros': lava_ros.__version__,
         'scene': scene_to_dict(plan.scene),
         'elevation': hashlib.blake2b(elevation.tobytes(), digest_size=16).hexdigest(),
-        'plan': plan_to_dict(plan),
+        'plan': {
+            'horizon_s': plan.horizon,
+            'accuracy': asdict(plan.accuracy),
+            'effects': asdict(plan.effects),
+            'threshold_m': plan.threshold,
+            'looks': plan.looks,
+            'start_s': None if plan.start is None else plan.start.time,
+        },
         'seed': seed,
         'susceptibility': None if susceptibility is None else susceptibility.digest,
     }
@@ -154,9 +159,3 @@ def _differences(old: Any, new: Any, name: str) -> Iterator[tuple[str, Any, Any]
             yield from _differences(old.get(key), new.get(key), inner)
     elif old != new:
         yield name, old, new
-
-
-def _replace(path: Path, data: bytes) -> None:
-    partial = path.with_suffix(f'.{os.getpid()}.partial')
-    partial.write_bytes(data)
-    os.replace(partial, path)

@@ -13,31 +13,35 @@
 # limitations under the License.
 
 
-"""A search for the constants that make a hindcast cover what was mapped, and what it tells.
+"""A search for constants with which hindcasts cover what was mapped, and what it tells.
+
+The constants are the same for every case, and the score is the mean of the cases'. What the set
+that is best for the other cases scores on a case that it has not seen is the leave-one-out score.
 
 A footprint does not fix many constants, and a flow that turns at a bump another way makes the
 score jump. So what is reported is the set of all runs that are nearly as good as the best, how
 far each unknown spreads in it, and which unknowns the score does not depend on.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterable, Mapping, Sequence
 import csv
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-import multiprocessing
+from io import StringIO, TextIOWrapper
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from lava_ros.errors import LavaError
+from lava_ros.files import open_input, write_output
+from lava_ros.files.optional import require
+from lava_ros.forecast.pool import Pool
 from lava_ros.hindcast.case import Case, load_case
-from lava_ros.hindcast.run import Settings
+from lava_ros.hindcast.replicates import agreed, directions, run_together
+from lava_ros.hindcast.run import Result, Settings
 from lava_ros.hindcast.score import judge
-from lava_ros.hindcast.several import agreed, directions, run_together
 from lava_ros.hindcast.unknowns import changed, Unknown
-from lava_ros.simulation.threads import use_threads
 
 #: Difference to the best score up to which a run is as good: what a change of the ground by its
 #: own error does to it (docs/VALIDATION.md).
@@ -49,31 +53,39 @@ WIDE = 0.6
 #: Rank correlation with the score, in standard errors, below which nothing depends on an unknown.
 WEAK = 2.0
 
+#: Rank correlation that has to show before its absence means anything.
+CLEAR = 0.5
+
 #: Sets that are run before their numbers are told: with four directions a set they fill a GPU.
-BATCH = 8
+BATCH = 4
 
 #: Columns of the table of runs beside the unknowns.
 COLUMNS = (
-    'jaccard', 'recall', 'precision', 'length_error', 'area_error', 'directions', 'wall_time_s',
+    *('jaccard', 'single', 'recall', 'precision', 'length_error', 'area_error'),
+    *('directions', 'wall_time_s'),
 )
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A run.
+    """A set of values, and what it gives.
 
     Attributes:
         values: The unknowns, by name.
-        numbers: What came of it, by the names of ``COLUMNS``.
+        numbers: By the name of each case, its results by the names of ``COLUMNS``.
     """
 
     values: Mapping[str, float]
-    numbers: Mapping[str, float]
+    numbers: Mapping[str, Mapping[str, float]]
 
     @property
     def jaccard(self) -> float:
-        """Its score."""
-        return self.numbers['jaccard']
+        """Its score: the mean Jaccard index over the cases."""
+        return self.mean(self.numbers)
+
+    def mean(self, cases: Iterable[str]) -> float:
+        """Mean Jaccard index over some of the cases."""
+        return float(np.mean([self.numbers[case]['jaccard'] for case in cases]))
 
 
 @dataclass(frozen=True)
@@ -99,7 +111,9 @@ class Finding:
     is_sensitive: bool
 
 
-Evaluate = Callable[[Sequence[Mapping[str, float]]], list[Mapping[str, float]]]
+Numbers = Mapping[str, Mapping[str, float]]
+
+Evaluate = Callable[[Sequence[Mapping[str, float]]], list[Numbers]]
 
 
 def search(
@@ -129,10 +143,9 @@ def search(
     Raises:
         LavaError: scipy is not installed.
     """
-    try:
-        from scipy.stats import qmc
-    except ImportError as error:
-        raise LavaError('calibrate', None, "scipy: pip install 'lava_ros[hindcast]'") from error
+    require('scipy.stats', 'calibrate')
+    from scipy.stats import qmc
+
     memory = {_key(trial.values): trial for trial in known}
     trials: list[Trial] = []
 
@@ -153,18 +166,14 @@ def search(
 
     usual = np.clip([[item.share_of(item.usual) for item in unknowns]], 0.0, 1.0)
     tried(usual)
-    even = qmc.Sobol(len(unknowns), seed=seed).random(_power(runs // 2))
+    # whole powers of two are what the sequence is even in
+    even = qmc.Sobol(len(unknowns), seed=seed).random_base2(max(runs // 2 - 1, 0).bit_length())
     tried(even[: max(runs // 2, 1)])
     rng = np.random.default_rng(seed)
     generation = max(4, 2 * len(unknowns))
     while len(trials) < runs:
         tried(_offspring(unknowns, trials, min(generation, runs - len(trials)), rng))
     return trials[:runs]
-
-
-def _power(count: int) -> int:
-    """The power of two that is at least as large, for Sobol's points."""
-    return 1 << max(count - 1, 0).bit_length()
 
 
 def _offspring(
@@ -217,12 +226,46 @@ def near_best(trials: Sequence[Trial]) -> list[Trial]:
     return [trial for trial in ranked if trial.jaccard >= ranked[0].jaccard - NEARLY]
 
 
+def can_tell(trials: Sequence[Trial]) -> bool:
+    """Whether so many runs would show a rank correlation of ``CLEAR``; fewer show nothing."""
+    return bool(CLEAR * np.sqrt(max(len(trials) - 1, 0)) > WEAK)
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """How well constants foretell a case that they have not been fitted to.
+
+    Attributes:
+        case: The case.
+        values: The set that is best for the others, by name of the unknown.
+        jaccard: What that set scores on the case.
+        best: The best score on the case of any set.
+    """
+
+    case: str
+    values: Mapping[str, float]
+    jaccard: float
+    best: float
+
+
+def leave_one_out(trials: Sequence[Trial]) -> list[LeftOut]:
+    """Judge each case by the set that is best for the others; empty for one case."""
+    cases = list(trials[0].numbers)
+    result = []
+    for case in cases if len(cases) > 1 else []:
+        others = [other for other in cases if other != case]
+        chosen = max(trials, key=lambda trial: trial.mean(others))
+        best = max(trial.mean([case]) for trial in trials)
+        result.append(LeftOut(case, chosen.values, chosen.mean([case]), best))
+    return result
+
+
 class Evaluator:
     """Runs sets of values: on a GPU in turns, on the CPU in processes of their own."""
 
     def __init__(
         self,
-        directory: Path,
+        directories: Sequence[Path],
         settings: Settings,
         *,
         workers: int = 1,
@@ -232,63 +275,66 @@ class Evaluator:
         """Start no process yet.
 
         Args:
-            directory: The case.
+            directories: The cases.
             settings: How it is run.
             workers: Processes; more than one share a GPU, too.
             runs: Runs of each set, turned and mirrored; what half of them cover is compared.
             options: What ``load_case`` takes beside the folder.
         """
-        self._job = (str(directory), tuple(sorted(options.items())), settings, runs)
-        self._pool: ProcessPoolExecutor | None = None
-        if workers > 1:
-            context = multiprocessing.get_context('spawn')
-            # a process is as much as a core does
-            self._pool = ProcessPoolExecutor(
-                workers, mp_context=context, initializer=use_threads, initargs=(1,)
-            )
+        job = (tuple(map(str, directories)), tuple(sorted(options.items())), settings, runs)
+        self._evaluate = partial(_evaluate, job)
+        self._pool = Pool(self._evaluate, workers) if workers > 1 else None
 
-    def __call__(self, sets: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:
+    def __call__(self, sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
         """Run sets of values."""
         if self._pool is None:
-            return _evaluate(self._job, sets)
-        parts = self._pool.map(partial(_evaluate, self._job), [[values] for values in sets])
-        return [numbers for part in parts for numbers in part]
+            return self._evaluate(sets)
+        parts = dict(self._pool([[values] for values in sets]))
+        return [numbers for index in range(len(sets)) for numbers in parts[index]]
 
     def close(self) -> None:
         """End the processes."""
         if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+            self._pool.close()
 
 
-@lru_cache(maxsize=1)
+@lru_cache
 def _case(directory: str, options: tuple[tuple[str, Any], ...]) -> Case:
     return load_case(directory, **dict(options))
 
 
-_Job = tuple[str, tuple[tuple[str, Any], ...], Settings, int]
+_Job = tuple[tuple[str, ...], tuple[tuple[str, Any], ...], Settings, int]
 
 
-def _evaluate(job: _Job, sets: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:
+def _evaluate(job: _Job, sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
     """Run sets of values; what cannot flow covers nothing."""
-    directory, options, settings, runs = job
+    directories, options, settings, runs = job
     settings = replace(settings, maps=1)
-    case = _case(directory, options)
+    cases = [_case(directory, options) for directory in directories]
     ways = directions(runs)
     try:
-        jobs = [(changed(case, values), way) for values in sets for way in ways]
+        # all of them at once: few runs do not keep a GPU busy
+        jobs = [
+            (changed(case, values), way) for values in sets for case in cases for way in ways
+        ]
         results = run_together(jobs, settings)
     except LavaError as error:
         said = '; '.join(map(str, sets))
         raise LavaError('calibrate', said, f'values that can be run ({error})') from error
-    found: list[Mapping[str, float]] = []
-    for first in range(0, len(results), runs):
-        own = results[first : first + runs]
-        maps = [result.snapshot.thickness for result in own]
-        judged = judge(case, maps[0] if runs == 1 else agreed(maps)[1]).as_dict()
-        numbers = {name: float(judged[name]) for name in COLUMNS if name in judged}
-        wall_time = sum(result.wall_time for result in own)
-        found.append({**numbers, 'directions': float(runs), 'wall_time_s': wall_time})
-    return found
+    parts = iter([results[first : first + runs] for first in range(0, len(results), runs)])
+    return [{case.name: _numbers(case, next(parts)) for case in cases} for _ in sets]
+
+
+def _numbers(case: Case, results: Sequence[Result]) -> Mapping[str, float]:
+    """Results of the runs of a set, by the names of ``COLUMNS``."""
+    maps = [result.snapshot.thickness for result in results]
+    judged = judge(case, maps[0] if len(maps) == 1 else agreed(maps)[1]).as_dict()
+    return {
+        **{name: float(judged[name]) for name in COLUMNS if name in judged},
+        'single': float(np.mean([judge(case, thickness).jaccard for thickness in maps])),
+        'directions': float(len(results)),
+        'wall_time_s': sum(result.wall_time for result in results),
+    }
 
 
 def write_trials(path: Path, unknowns: Sequence[Unknown], trials: Sequence[Trial]) -> None:
@@ -298,37 +344,41 @@ def write_trials(path: Path, unknowns: Sequence[Unknown], trials: Sequence[Trial
         LavaError: It cannot be written.
     """
     names = [item.name for item in unknowns]
-    try:
-        with path.open('w', newline='', encoding='utf-8') as file:
-            writer = csv.writer(file, lineterminator='\n')
-            writer.writerow([*names, *COLUMNS])
-            for trial in trials:
-                numbers = [trial.numbers.get(name, float('nan')) for name in COLUMNS]
-                writer.writerow([*(repr(trial.values[n]) for n in names), *map(repr, numbers)])
-    except OSError as error:
-        raise LavaError('output', str(path), f'a file to write ({error})') from error
+    text = StringIO()
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow([*names, 'case', *COLUMNS])
+    for trial in trials:
+        values = [repr(trial.values[name]) for name in names]
+        for case, numbers in trial.numbers.items():
+            writer.writerow([*values, case, *(repr(numbers[name]) for name in COLUMNS)])
+    write_output('output', path, text.getvalue())
 
 
-def read_trials(path: Path, unknowns: Sequence[Unknown]) -> list[Trial]:
+def read_trials(path: Path, unknowns: Sequence[Unknown], cases: Sequence[str]) -> list[Trial]:
     """Read a table of runs; none where there is none.
 
     Raises:
-        LavaError: It is not one of these unknowns.
+        LavaError: It is not one of these unknowns and cases.
     """
     if not path.is_file():
         return []
     names = [item.name for item in unknowns]
     try:
-        with path.open(newline='', encoding='utf-8') as file:
-            return [
-                Trial(
-                    {name: float(row[name]) for name in names},
-                    {name: float(row[name]) for name in COLUMNS},
-                )
-                for row in csv.DictReader(file)
-            ]
+        with TextIOWrapper(open_input(path), newline='', encoding='utf-8') as file:
+            rows = list(csv.DictReader(file))
+        trials = []
+        for first in range(0, len(rows), len(cases)):
+            part = rows[first : first + len(cases)]
+            numbers = {
+                row['case']: {name: float(row[name]) for name in COLUMNS} for row in part
+            }
+            if list(numbers) != list(cases):
+                raise ValueError(f'cases {", ".join(numbers)}')
+            trials.append(Trial({name: float(part[0][name]) for name in names}, numbers))
+        return trials
     except (OSError, KeyError, TypeError, ValueError) as error:
-        right = f'a table of runs with {", ".join(names)}, or --fresh ({error!r})'
+        right = f'a table of runs with {", ".join(names)} of {", ".join(cases)}, or --fresh'
+        right += f' ({error!r})'
         raise LavaError('output', str(path), right) from error
 
 

@@ -19,7 +19,7 @@ docs/VALIDATION.md says what each file holds. Coordinates are those of the eleva
 seconds, 0 is that of ``effusion_rate.csv``.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,21 +28,29 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.forecast.rasters import areas_on, raster_on
 from lava_ros.hindcast.checks import check_discharge, check_elevation, check_rows, check_vent_rows
-from lava_ros.hindcast.tables import Interval, read_rates, read_vents, series_of, volume_of
-from lava_ros.lava import Lava
-from lava_ros.low_pass import low_pass
-from lava_ros.materials import lava_from_dict, Material
-from lava_ros.scene import Scene, Terrain, Vent
-
-#: What a lava is that nobody names.
-MATERIAL = 'etna_basalt'
+from lava_ros.hindcast.tables import (
+    Interval,
+    read_rates,
+    read_vents,
+    series_of,
+    VentRow,
+    volume_of,
+)
+from lava_ros.scene import ENVIRONMENT, Scene, Terrain, Vent, warn_of_celsius
+from lava_ros.scene.lava import Lava
+from lava_ros.scene.low_pass import low_pass
+from lava_ros.scene.materials import DEFAULT, lava_from_dict, Material
+from lava_ros.scene.projection import projected
+from lava_ros.scene.terrain_files import load_terrain
+from lava_ros.scene.uncertainty import uncertainty_from_dict
 
 #: Names that the grids may have, the first that is there is taken.
 ELEVATION = ('elevation.asc', 'elevation.tif')
-FOOTPRINT = ('footprint.asc', 'footprint.tif')
+FOOTPRINT = ('footprint.asc', 'footprint.tif', 'footprint.geojson')
 
-#: Radius of a vent that nobody gives, in cells.
+#: Radius of a vent without its own, in cells.
 VENT_RADIUS = 1.5
 
 #: Keys of ``case.yaml``.
@@ -53,12 +61,14 @@ KEYS = (
     'lava',
     'vent_temperature',
     'vent_radius',
-    'ambient_temperature',
+    *ENVIRONMENT,
     'start',
     'end',
     'epsg',
+    'fill_holes',
     'low_pass',
     'events',
+    'uncertainty',
 )
 
 
@@ -144,7 +154,11 @@ class Case:
 
 
 def load_case(
-    directory: str | Path, *, material: str | None = None, low_pass_width: float | None = None
+    directory: str | Path,
+    *,
+    material: str | None = None,
+    low_pass_width: float | None = None,
+    vents: Callable[[tuple[VentRow, ...], Terrain], tuple[VentRow, ...]] | None = None,
 ) -> Case:
     """Read a case.
 
@@ -152,6 +166,7 @@ def load_case(
         directory: Its folder.
         material: Name of a lava in place of the case's.
         low_pass_width: Width of a filter of the ground in place of the case's [m].
+        vents: Is given the case's vents and its ground, and returns those to take.
 
     Raises:
         LavaError: A file is missing or cannot be used, or the files do not go together; the
@@ -172,14 +187,18 @@ def load_case(
         options['material'] = material
     if low_pass_width is not None:
         options['low_pass'] = low_pass_width
-    epsg = options.get('epsg')
-    ground = _grid(folder, ELEVATION, epsg)
+    read = {'epsg': options.get('epsg'), 'fill_holes': options.get('fill_holes', False)}
+    path = next(folder / name for name in ELEVATION if (folder / name).is_file())
+    ground = load_terrain(path, **read)
     check_elevation(ground)
-    footprint = _footprint(_grid(folder, FOOTPRINT, epsg), ground)
-    rates, rows = read_rates(folder / 'effusion_rate.csv'), read_vents(folder / 'vent.csv')
+    footprint = _footprint(folder, ground)
+    rates = read_rates(folder / 'effusion_rate.csv')
+    rows = _placed(read_vents(folder / 'vent.csv'), ground)
+    if vents is not None:
+        rows = vents(rows, ground)
     check_vent_rows(rows, ground)
     check_rows(rows, ground, footprint)
-    check_discharge(volume_of(rates), footprint, ground.resolution)
+    check_discharge(volume_of(series_of(rows, rates)), footprint, ground.resolution)
     lava, used = _lava(options)
     width = validation.number('case.low_pass', options.get('low_pass', 0.0), at_least=0.0)
     start, end = _span(options, rates)
@@ -187,8 +206,10 @@ def load_case(
         low_pass(ground, width),
         _vents(options, rows, rates, ground, lava, used, start),
         lava,
-        **{key: options[key] for key in ('ambient_temperature',) if key in options},
+        uncertainty=uncertainty_from_dict(options.get('uncertainty', {})),
+        **{key: options[key] for key in ENVIRONMENT if key in options},
     )
+    warn_of_celsius(scene)
     return Case(
         name=folder.resolve().name,
         title=str(options.get('title', folder.resolve().name)),
@@ -199,14 +220,14 @@ def load_case(
         start=start,
         end=end,
         volume=sum(vent.volume_between(0.0, end - start) for vent in scene.vents),
-        events=_events(folder, options, ground, width, epsg),
+        events=_events(folder, options, ground, width, read),
         low_pass=width,
     )
 
 
 def _options(folder: Path) -> dict[str, Any]:
     """What ``case.yaml`` says, nothing where there is none."""
-    from lava_ros.yaml_files import read_yaml
+    from lava_ros.files.yaml import read_yaml
 
     path = folder / 'case.yaml'
     if not path.exists():
@@ -215,40 +236,38 @@ def _options(folder: Path) -> dict[str, Any]:
     return validation.keys('case', {} if data is None else data, allowed=KEYS)
 
 
-def _grid(folder: Path, names: tuple[str, ...], epsg: Any) -> Terrain:
-    from lava_ros.terrain_files import load_terrain
-
-    path = next(folder / name for name in names if (folder / name).is_file())
-    return load_terrain(path, epsg=epsg)
-
-
-def _footprint(grid: Terrain, ground: Terrain) -> np.ndarray:
-    """Where a grid of 0 and 1 says 1; it has to lie on the cells of the elevation."""
-    if grid.epsg != ground.epsg:
-        systems = [f'EPSG:{item.epsg}' if item.epsg else 'none' for item in (grid, ground)]
-        right = f'{systems[1]}, that of the elevation'
-        raise LavaError("the footprint's coordinate system", systems[0], right)
-    if abs(grid.resolution - ground.resolution) > 1e-6 * ground.resolution:
-        right = f'cells of {ground.resolution:g} m, as the elevation has'
-        raise LavaError('the footprint', f'a grid of cells of {grid.resolution:g} m', right)
-    if grid.shape != ground.shape:
-        shown = 'a grid of {} x {} cells (rows x columns)'
-        right = f'the grid of the elevation, {ground.shape[0]} x {ground.shape[1]} cells'
-        raise LavaError('the footprint', shown.format(*grid.shape), right)
-    if np.abs(np.subtract(grid.offset, ground.offset)).max() > 1e-3 * ground.resolution:
-        shown = 'a grid with its lower-left corner at {:.10g}, {:.10g}'
-        right = 'the corner of the elevation, {:.10g}, {:.10g}'.format(*ground.offset)
-        raise LavaError('the footprint', shown.format(*grid.offset), right)
-    values = np.nan_to_num(grid.elevation)
+def _footprint(folder: Path, ground: Terrain) -> np.ndarray:
+    """Where the ground was covered: a grid of 0 and 1, or areas, of any system, cells and part."""
+    path = next(folder / name for name in FOOTPRINT if (folder / name).is_file())
+    if path.suffix == '.geojson':
+        values = areas_on(ground, path, field='the footprint').astype(float)
+    else:
+        values = np.nan_to_num(raster_on(ground, path, field='the footprint'))
     other = values[(values != 0.0) & (values != 1.0)]
     if other.size:
         right = '0 (not covered) and 1 (covered) only, and no data'
         raise LavaError('a cell of the footprint', float(other[0]), right)
     covered = values == 1.0
     if not covered.any():
-        right = 'at least one cell that was covered'
-        raise LavaError('the footprint', 'a grid without a 1', right)
+        right = 'at least one cell of the elevation that was covered'
+        raise LavaError('the footprint', f'{path.name} without one', right)
     return covered
+
+
+def _placed(rows: tuple[VentRow, ...], ground: Terrain) -> tuple[VentRow, ...]:
+    """Vents in the elevation's metres, those given as longitude and latitude too."""
+
+    def place(point: tuple[float, float]) -> tuple[float, float]:
+        is_degrees = abs(point[0]) <= 180.0 and abs(point[1]) <= 90.0
+        if ground.epsg is None or not is_degrees or ground.covers(*ground.to_map(*point)):
+            return point
+        there = projected(ground, *point)
+        return point if ground.cell_at(*ground.to_map(*there)) is None else there
+
+    return tuple(
+        replace(row, place=place(row.place), other_end=row.other_end and place(row.other_end))
+        for row in rows
+    )
 
 
 def _lava(options: Mapping[str, Any]) -> tuple[Lava, Material | None]:
@@ -258,7 +277,7 @@ def _lava(options: Mapping[str, Any]) -> tuple[Lava, Material | None]:
         raise LavaError('case.lava', overrides, 'a mapping of constants')
     if 'material' in overrides:
         raise LavaError('case.lava.material', overrides['material'], 'absent: case.material is it')
-    name = options.get('material', MATERIAL)
+    name = options.get('material', DEFAULT)
     return lava_from_dict('case.lava', {**overrides, 'material': name})
 
 
@@ -300,11 +319,10 @@ def _vents(
 
 
 def _events(
-    folder: Path, options: Mapping[str, Any], ground: Terrain, width: float, epsg: Any
+    folder: Path, options: Mapping[str, Any], ground: Terrain, width: float, read: Any
 ) -> tuple[Event, ...]:
     """Read the changes of the ground; each builds on the one before."""
-    from lava_ros.barrier import Barrier, with_barrier
-    from lava_ros.terrain_files import load_terrain
+    from lava_ros.scene.barrier import Barrier, with_barrier
 
     items = options.get('events', [])
     if not isinstance(items, list):
@@ -321,7 +339,7 @@ def _events(
         if ('terrain' in data) == ('barrier' in data):
             raise LavaError(where, sorted(data), 'either terrain, a file, or barrier')
         if 'terrain' in data:
-            changed = load_terrain(folder / str(data['terrain']), epsg=epsg)
+            changed = load_terrain(folder / str(data['terrain']), **read)
             if changed.shape != ground.shape or changed.offset != ground.offset:
                 right = f'the grid of the elevation, {ground.shape[0]} x {ground.shape[1]} cells'
                 shape = f'{changed.shape[0]} x {changed.shape[1]} cells'

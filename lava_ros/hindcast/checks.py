@@ -164,7 +164,8 @@ def _other_system(place: tuple[float, float], ground: Terrain) -> str:
     x0, y0, x1, y1 = ground.extent
     east, north = ground.offset
     if abs(x) <= 180.0 and abs(y) <= 90.0 and abs(east) + abs(north) > 1e3:
-        return ': these are degrees, not the coordinates of the elevation'
+        right = ': these are degrees of another place (longitude comes first), or the elevation '
+        return right + 'has no coordinate system (epsg in case.yaml)'
     size = max(x1 - x0, y1 - y0)
     away = math.hypot(x - east - 0.5 * (x0 + x1), y - north - 0.5 * (y0 + y1))
     if away > 10.0 * size:

@@ -13,17 +13,23 @@
 # limitations under the License.
 
 
-"""The maps of a hindcast as GeoTIFF."""
+"""The maps of a hindcast as GeoTIFF, and a picture of how it compares with what was mapped."""
 
 from pathlib import Path
 
 import numpy as np
 
-from lava_ros.geotiff import NODATA_BYTE, write_grid
+import lava_ros
+from lava_ros.forecast.picture import frame_of
 from lava_ros.hindcast.case import Case
+from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result
-from lava_ros.hindcast.score import THRESHOLD
-from lava_ros.hindcast.several import Agreement
+from lava_ros.hindcast.score import Score
+from lava_ros.maps.gis import NODATA_BYTE, write_grid
+from lava_ros.maps.plot import area_words, duration
+from lava_ros.maps.sheet import draw_sheet, Panel
+from lava_ros.pages.runs import system_words
+from lava_ros.simulation.accuracy import COVERED
 
 #: What a cell of the comparison says.
 NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, NODATA_BYTE
@@ -31,7 +37,7 @@ NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, NODATA_BYTE
 
 def comparison(thickness: np.ndarray, footprint: np.ndarray) -> np.ndarray:
     """Hits, misses and false alarms, uint8, shape [rows, columns]."""
-    covered = np.nan_to_num(thickness) >= THRESHOLD
+    covered = np.nan_to_num(thickness) >= COVERED
     codes = np.full(footprint.shape, NEITHER, np.uint8)
     codes[covered & footprint] = HIT
     codes[~covered & footprint] = MISS
@@ -40,13 +46,16 @@ def comparison(thickness: np.ndarray, footprint: np.ndarray) -> np.ndarray:
     return codes
 
 
-def write_maps(case: Case, result: Result, folder: Path) -> list[Path]:
+def write_maps(
+    case: Case, result: Result, folder: Path, several: Agreement | None = None
+) -> list[Path]:
     """Write the maps, north up, on the grid of the elevation.
 
     Args:
         case: The case.
         result: Its run.
-        folder: Where the files go; there are ones of these names no longer.
+        folder: Where the files go; those of the same names are replaced.
+        several: What more runs agree on, of which the share that covers each cell is a map too.
 
     Returns:
         The files.
@@ -63,6 +72,9 @@ def write_maps(case: Case, result: Result, folder: Path) -> list[Path]:
         'arrival': (result.arrival, 's', 'time of the first map with lava; no data: none came'),
         'temperature': (snapshot.temperature - 273.15, 'degC', 'temperature; no data: no lava'),
     }
+    if several is not None:
+        meaning = f'share of {len(several.scores)} runs with lava at the end'
+        maps['runs'] = (several.share + dry, '1', meaning)
     files = [
         write_grid(folder / f'{name}.tif', values, terrain, unit=unit, meaning=meaning)
         for name, (values, unit, meaning) in maps.items()
@@ -73,13 +85,41 @@ def write_maps(case: Case, result: Result, folder: Path) -> list[Path]:
     return [*files, write_grid(path, codes, terrain, unit='1', meaning=meaning)]
 
 
-def write_share(case: Case, several: Agreement, folder: Path) -> Path:
-    """Write the share of several runs that cover each cell, north up.
+def draw_comparison(case: Case, thickness: np.ndarray, judged: Score, output: Path) -> None:
+    """Draw hits, misses and false alarms.
+
+    Args:
+        case: The case.
+        thickness: Thickness of the simulated lava [m], shape [rows, columns].
+        judged: The comparison in numbers.
+        output: The picture; its suffix chooses the format.
 
     Raises:
-        LavaError: rasterio is not installed, or the file cannot be written.
+        LavaError: matplotlib is not installed, or the picture cannot be written.
     """
-    terrain = case.scene.terrain
-    values = np.where(terrain.has_data, several.share, np.nan)
-    meaning = f'share of {len(several.scores)} runs with lava at the end'
-    return write_grid(folder / 'runs.tif', values, terrain, unit='1', meaning=meaning)
+    codes = comparison(thickness, case.footprint).astype(np.float64)
+    codes[(codes < HIT) | (codes > FALSE_ALARM)] = np.nan
+    cell = case.scene.terrain.resolution**2
+    areas = {'hit': judged.hits, 'miss': judged.misses, 'false alarm': judged.false_alarms}
+    vents = case.scene.vents
+    fissures = [(vent.position, vent.end) for vent in vents if vent.end is not None]
+    facts = {
+        'mapped': f'{area_words(case.area)}, {case.volume / 1e6:.3g} million m³ in '
+        f'{duration(case.duration)}',
+        'model': f'lava_ros {lava_ros.__version__}, depth-averaged lava as particles',
+        'coordinates': system_words(case.scene.terrain.epsg),
+    }
+    if case.source:
+        facts['source'] = case.source
+    draw_sheet(
+        [Panel(frame_of(case.scene), 'comparison', codes, fissures=fissures)],
+        output,
+        title=case.title,
+        subtitle='  ·  '.join(
+            [
+                f'Jaccard {judged.jaccard:.3f}',
+                *(f'{name} {area_words(count * cell)}' for name, count in areas.items()),
+            ]
+        ),
+        notes=facts,
+    )

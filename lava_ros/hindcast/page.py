@@ -15,56 +15,21 @@
 
 """One page about a hindcast: numbers, map, constants and where they are from."""
 
-import base64
 from collections.abc import Mapping
 from dataclasses import asdict
 from html import escape
-from importlib import resources
-import os
 from pathlib import Path
 from typing import Any
 
-import lava_ros
-from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case
+from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result, Settings
-from lava_ros.hindcast.score import Score, THRESHOLD
-from lava_ros.hindcast.several import Agreement
-from lava_ros.lava import Lava
+from lava_ros.hindcast.score import Score
+from lava_ros.pages.report.still import write_still
+from lava_ros.scene.lava import Lava
+from lava_ros.simulation.accuracy import COVERED
 
 _DAY = 86400.0
-
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy"
- content="default-src 'none'; img-src data:; style-src 'unsafe-inline'">
-<link rel="icon" href="data:,">
-<title>{title}</title>
-<style>{style}
-img {{ display: block; max-width: 100%; max-height: 90vh; margin: 1rem auto; }}</style>
-</head>
-<body>
-<header><h1>{title}</h1><p class="subtitle">{subtitle}</p></header>
-<main>
-{warnings}
-<dl class="facts">{facts}</dl>
-<img src="data:image/png;base64,{picture}" alt="Map of hits, misses and false alarms">
-<h2>Lava</h2>
-<p class="note">{material}</p>
-<table>
-<thead><tr><th>constant</th><th>value</th><th>published</th><th>source</th></tr></thead>
-<tbody>{constants}</tbody></table>
-<h2>Run</h2>
-<table><tbody>{settings}</tbody></table>
-</main>
-<footer><p>lava_ros {version}</p></footer>
-</body>
-</html>
-"""
-
 
 def write_page(
     case: Case,
@@ -84,39 +49,31 @@ def write_page(
         judged: The comparison with the map.
         picture: The map of hits, misses and false alarms, a PNG.
         output: The page.
-        several: What more runs have come to.
+        several: The results of more runs.
 
     Raises:
         LavaError: The page cannot be written, or the picture not be read.
     """
-    try:
-        image = base64.b64encode(picture.read_bytes()).decode()
-        text = _PAGE.format(
-            title=escape(f'Hindcast: {case.title}'),
-            subtitle=escape(case.source or case.name),
-            style=resources.files('lava_ros.report').joinpath('report.css').read_text('utf-8'),
-            warnings=''.join(
-                f'<p class="warning" role="alert">{escape(item)}</p>'
-                for item in warnings(case, result)
-            ),
-            facts=''.join(
-                f'<div><dt>{escape(term)}</dt><dd>{escape(value)}</dd></div>'
-                for term, value in facts(judged, several).items()
-            ),
-            picture=image,
-            material=escape(_material(case)),
-            constants=_constants(case),
-            settings=''.join(
-                f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>'
-                for name, value in _run(case, settings, result).items()
-            ),
-            version=escape(lava_ros.__version__),
+    sections = (
+        f'<h2>Lava</h2>\n<p class="note">{escape(_material(case))}</p>\n<table>\n'
+        '<thead><tr><th>constant</th><th>value</th><th>published</th><th>source</th></tr></thead>\n'
+        f'<tbody>{_constants(case)}</tbody></table>\n<h2>Run</h2>\n<table><tbody>'
+        + ''.join(
+            f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>'
+            for name, value in _run(case, settings, result).items()
         )
-        partial = output.with_name(f'.{output.name}.partial')
-        partial.write_text(text, encoding='utf-8')
-        os.replace(partial, output)
-    except OSError as error:
-        raise LavaError('output', str(output), f'a file to write ({error})') from error
+        + '</tbody></table>'
+    )
+    write_still(
+        output,
+        title=f'Hindcast: {case.title}',
+        subtitle=case.source or case.name,
+        warnings=warnings(case, result),
+        facts=facts(judged, several),
+        picture=picture,
+        shows='Map of hits, misses and false alarms',
+        sections=sections,
+    )
 
 
 def facts(judged: Score, several: Agreement | None = None) -> dict[str, str]:
@@ -126,11 +83,11 @@ def facts(judged: Score, several: Agreement | None = None) -> dict[str, str]:
         'fit, its root': f'{judged.fit:.3f}',
         'recall': f'{judged.recall:.3f}',
         'precision': f'{judged.precision:.3f}',
-        'area': f'{judged.area / 1e6:.2f} of {judged.mapped_area / 1e6:.2f} km² '
+        'area': f'{judged.area / 1e6:.3g} of {judged.mapped_area / 1e6:.3g} km² '
         f'({100 * judged.area_error:+.0f} %)',
-        'length': f'{judged.length / 1e3:.2f} of {judged.mapped_length / 1e3:.2f} km '
+        'length': f'{judged.length / 1e3:.3g} of {judged.mapped_length / 1e3:.3g} km '
         f'({100 * judged.length_error:+.0f} %)',
-        'volume': f'{judged.volume / 1e6:.2f} million m³',
+        'volume': f'{judged.volume / 1e6:.3g} million m³',
         'mean thickness': f'{judged.mean_thickness:.1f} m '
         f'(mapped area: {judged.mapped_thickness:.1f} m)',
         'median, largest thickness': f'{judged.median_thickness:.1f} m, {judged.thickest:.1f} m',
@@ -149,12 +106,7 @@ def facts(judged: Score, several: Agreement | None = None) -> dict[str, str]:
 
 def warnings(case: Case, result: Result) -> list[str]:
     """What a reader has to know about the result."""
-    budget, said = result.snapshot.budget, []
-    if budget.left > 1e-3 * budget.emitted:
-        share = 100.0 * budget.left / budget.emitted
-        said.append(f'{share:.1f} % of the lava left the elevation: the flow is cut off there.')
-    if budget.error > 1e-5:
-        said.append(f'The volume budget is off by {budget.error:.1e}.')
+    said = [f'{text[0].upper()}{text[1:]}.' for text in result.snapshot.budget.warnings()]
     if result.resolution.is_coarse:
         said.append(f'{result.resolution.text()}.')
     if case.low_pass:
@@ -198,7 +150,7 @@ def _row(name: str, shown: str, known: Any, values: list[Any]) -> str:
 
 def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
     snapshot, terrain = result.snapshot, case.scene.terrain
-    accuracy, budget = result.accuracy, result.snapshot.budget
+    accuracy = result.accuracy
     cell = terrain.resolution * settings.coarseness(case)
     events = '; '.join(f'{item.time / _DAY:.2f} d: {item.text}' for item in case.events)
     return {
@@ -206,7 +158,7 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
         'elevation': f'{terrain.shape[0]} x {terrain.shape[1]} cells of {terrain.resolution:g} m'
         + (f', smoothed over {case.low_pass:g} m' if case.low_pass else '')
         + (f', simulated on cells of {cell:g} m' if cell != terrain.resolution else ''),
-        'covered means': f'at least {THRESHOLD:g} m of lava at the end',
+        'covered means': f'at least {COVERED:g} m of lava at the end',
         'events': events or 'none',
         'preset': f'{settings.preset}: particles {accuracy.spacing:g} m apart where the flow is '
         f'{accuracy.thickness:.2g} m thick, kernel radius {accuracy.ratio:g} times that',
@@ -214,7 +166,6 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
         'effects': ', '.join(result.effects),
         'steps': f'{snapshot.steps.count} steps, {snapshot.steps.evaluations} evaluations, at '
         f'most {result.most_particles} particles at once',
-        'volume': f'emitted {budget.emitted:.6g} m³, still fluid {budget.held:.6g} m³, frozen '
-        f'{budget.frozen:.6g} m³, left {budget.left:.6g} m³, unaccounted {budget.error:.1e}',
+        'volume': snapshot.budget.text(),
         'wall time': f'{result.wall_time:.1f} s on {result.device}',
     }

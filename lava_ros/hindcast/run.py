@@ -19,7 +19,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 import hashlib
 import json
-import os
 from pathlib import Path
 import time as wall_clock
 from typing import Any
@@ -27,17 +26,19 @@ from typing import Any
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.accuracy import Accuracy
-from lava_ros.checkpoint import from_bytes
 from lava_ros.errors import LavaError
+from lava_ros.files import replacing, write_output
+from lava_ros.files.npz import read_arrays
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened, refined
-from lava_ros.hindcast.score import THRESHOLD
-from lava_ros.presets import DEFAULT, preset_accuracy
-from lava_ros.resolution import Resolution, resolved_accuracy
 from lava_ros.scene import scene_to_dict
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+from lava_ros.simulation.accuracy import Accuracy, COVERED
+from lava_ros.simulation.budget import VolumeBudget
+from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.presets import DEFAULT, preset_accuracy
+from lava_ros.simulation.resolution import Resolution, resolved_accuracy
+from lava_ros.simulation.snapshot import Snapshot, StepReport
 
 #: Maps of a run.
 MAPS = 24
@@ -97,12 +98,12 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What a run has come to.
+    """The result of a run.
 
     Attributes:
         snapshot: The flow at its end.
         peak: Largest thickness that any map has had [m], float32, shape [rows, columns].
-        arrival: Time of the first map with lava that thick (``score.THRESHOLD``) after the start
+        arrival: Time of the first map with lava that thick (``COVERED``) after the start
             of the simulation [s], NaN where there was none, float32, same shape.
         wall_time: Time that it took [s], without reading and writing files, and without that of
             others between its parts.
@@ -136,7 +137,7 @@ class _History:
 
     def add(self, snapshot: Snapshot) -> None:
         thickness = np.nan_to_num(snapshot.thickness)
-        first = np.isnan(self.arrival) & (thickness >= THRESHOLD)
+        first = np.isnan(self.arrival) & (thickness >= COVERED)
         self.arrival[first] = snapshot.time
         np.maximum(self.peak, thickness, out=self.peak)
         self.maps += 1
@@ -220,7 +221,7 @@ class Run:
             yield snapshot
 
     def result(self) -> Result:
-        """What it has come to."""
+        """The result so far."""
         simulation = self._prepared()
         on = tuple(name for name, value in asdict(simulation.effects).items() if value)
         history = self._history
@@ -239,9 +240,11 @@ class Run:
     def kept(self) -> list[Snapshot]:
         """The snapshots that were kept in the folder, by time."""
         assert self._folder is not None
-        terrain = self.case.scene.terrain
-        paths = [self._folder / f'map_{index:04d}.npz' for index in range(self._history.maps)]
-        return [_read(path, terrain) for path in paths]
+        return list(self._read_maps(self._folder, self._history.maps))
+
+    def _read_maps(self, folder: Path, count: int) -> Iterator[Snapshot]:
+        for index in range(count):
+            yield _read(folder / f'map_{index:04d}.npz', self.case.scene.terrain)
 
     def _snapshot(self, simulation: Simulation) -> Snapshot:
         return refined(simulation.snapshot(), self.case.scene.terrain, self._coarseness)
@@ -296,12 +299,7 @@ class Run:
             folder.mkdir(parents=True, exist_ok=True)
             _write(folder / f'map_{history.maps - 1:04d}.npz', snapshot)
             name = f'checkpoint_{history.maps:04d}'
-            _replace(folder / name, simulation.checkpoint().to_bytes())
-            np.savez_compressed(
-                folder / f'history_{history.maps:04d}.npz',
-                peak=history.peak,
-                arrival=history.arrival,
-            )
+            write_output('output', folder / name, simulation.checkpoint().to_bytes())
             plain = {
                 'identity': self._identity(),
                 'maps': history.maps,
@@ -309,9 +307,8 @@ class Run:
                 'wall_time': history.wall_time,
                 'most_particles': history.most_particles,
             }
-            _replace(folder / 'run.json', json.dumps(plain).encode())
-            for kind, end in (('checkpoint', ''), ('history', '.npz')):
-                (folder / f'{kind}_{history.maps - 1:04d}{end}').unlink(missing_ok=True)
+            write_output('output', folder / 'run.json', json.dumps(plain))
+            (folder / f'checkpoint_{history.maps - 1:04d}').unlink(missing_ok=True)
         except OSError as error:
             raise LavaError('output', str(folder), f'a folder to write to ({error})') from error
 
@@ -324,16 +321,15 @@ class Run:
                 raise LavaError('output', str(folder.parent), right)
             maps = int(plain['maps'])
             checkpoint = from_bytes((folder / f'checkpoint_{maps:04d}').read_bytes())
-            with np.load(folder / f'history_{maps:04d}.npz') as arrays:
-                peak, arrival = arrays['peak'], arrays['arrival']
         except (OSError, KeyError, ValueError) as error:
             if isinstance(error, LavaError):
                 raise
             right = f'what an unfinished run has left, or --fresh ({error})'
             raise LavaError('output', str(folder), right) from error
-        self._history = _History(
-            peak, arrival, float(plain['wall_time']), int(plain['most_particles']), maps
-        )
+        self._history.wall_time = float(plain['wall_time'])
+        self._history.most_particles = int(plain['most_particles'])
+        for snapshot in self._read_maps(folder, maps):
+            self._history.add(snapshot)
         self._done_events = int(plain['events'])
         self._simulation = Simulation.resume(checkpoint, device=self.settings.device)
 
@@ -354,34 +350,29 @@ def _write(path: Path, snapshot: Snapshot) -> None:
         'steps': asdict(snapshot.steps),
         'particle_count': snapshot.particle_count,
     }
-    np.savez_compressed(
-        path,
-        thickness=snapshot.thickness,
-        temperature=snapshot.temperature,
-        plain=np.frombuffer(json.dumps(plain).encode(), np.uint8),
-        **frozen,  # type: ignore[arg-type]
-    )
+    with replacing(path) as partial:
+        np.savez_compressed(
+            partial,
+            thickness=snapshot.thickness,
+            temperature=snapshot.temperature,
+            plain=np.frombuffer(json.dumps(plain).encode(), np.uint8),
+            **frozen,  # type: ignore[arg-type]
+        )
 
 
 def _read(path: Path, terrain: Any) -> Snapshot:
     try:
-        with np.load(path) as arrays:
-            plain = json.loads(arrays['plain'].tobytes())
-            return Snapshot(
-                time=plain['time'],
-                terrain=terrain,
-                thickness=arrays['thickness'],
-                temperature=arrays['temperature'],
-                budget=VolumeBudget(**plain['budget']),
-                particle_count=plain['particle_count'],
-                steps=StepReport(**plain['steps']),
-                frozen=arrays['frozen'] if 'frozen' in arrays.files else None,
-            )
+        arrays = read_arrays('output', path)
+        plain = json.loads(arrays['plain'].tobytes())
+        return Snapshot(
+            time=plain['time'],
+            terrain=terrain,
+            thickness=arrays['thickness'],
+            temperature=arrays['temperature'],
+            budget=VolumeBudget(**plain['budget']),
+            particle_count=plain['particle_count'],
+            steps=StepReport(**plain['steps']),
+            frozen=arrays.get('frozen'),
+        )
     except (OSError, KeyError, ValueError) as error:
         raise LavaError('output', str(path), f'what a run has written ({error})') from error
-
-
-def _replace(path: Path, data: bytes) -> None:
-    partial = path.with_name(path.name + '.partial')
-    partial.write_bytes(data)
-    os.replace(partial, path)

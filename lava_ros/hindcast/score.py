@@ -25,11 +25,9 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.errors import LavaError
+from lava_ros.files.optional import require
 from lava_ros.hindcast.case import Case
-
-#: Thickness from which on a cell counts as covered [m].
-THRESHOLD = 0.1
+from lava_ros.simulation.accuracy import COVERED
 
 #: Steps to the 16 neighbours that a path may take: its length is then right to 2.7 %.
 _STEPS = tuple(
@@ -112,7 +110,7 @@ def score(
         emitted: Volume that came out [m3].
     """
     thickness = np.nan_to_num(thickness)
-    covered = thickness >= THRESHOLD
+    covered = thickness >= COVERED
     hits = int((covered & footprint).sum())
     mapped, simulated = int(footprint.sum()), int(covered.sum())
     cell = resolution**2
@@ -177,12 +175,10 @@ def distances(mask: np.ndarray, sources: Sequence[tuple[int, int]]) -> np.ndarra
     Returns:
         Distances, float64, same shape; infinite off the mask.
     """
-    try:
-        from scipy.sparse import coo_matrix
-        from scipy.sparse.csgraph import dijkstra
-    except ImportError as error:
-        right = "scipy: pip install 'lava_ros[hindcast]'"
-        raise LavaError('the length of the flow', None, right) from error
+    require('scipy.sparse', 'the length of the flow')
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import dijkstra
+
     result = np.full(mask.shape, np.inf)
     cells = np.argwhere(mask)
     if not len(cells) or not len(sources):

@@ -15,13 +15,15 @@
 
 """The tables of a case: where the vents are, and what came out of them when."""
 
-import csv
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 import math
 from pathlib import Path
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files.csv import read_table
 from lava_ros.scene import MAX_DISCHARGE
 
 #: Columns of ``effusion_rate.csv``.
@@ -61,6 +63,7 @@ class VentRow:
         start: When it opens [s].
         end: When it closes [s].
         share: Its part of the discharge, over the shares of all that are open.
+        discharge: Its own [m3/s] as long as it is open, in place of a share; None: the share.
     """
 
     name: str
@@ -69,6 +72,7 @@ class VentRow:
     start: float = -math.inf
     end: float = math.inf
     share: float = 1.0
+    discharge: float | None = None
 
 
 def read_rates(path: Path) -> tuple[Interval, ...]:
@@ -78,7 +82,7 @@ def read_rates(path: Path) -> tuple[Interval, ...]:
         LavaError: It is missing or empty, a number is not usable, or times are not in order.
     """
     intervals: list[Interval] = []
-    for where, row in _rows(path, RATE_COLUMNS, ()):
+    for where, row in read_table('case', path, RATE_COLUMNS, ()):
         start, end, discharge = (_number(where, row, name) for name in RATE_COLUMNS)
         if end <= start:
             raise LavaError(f'{where}, end_s', end, f'a time after its start, {start:g} s')
@@ -101,7 +105,8 @@ def read_vents(path: Path) -> tuple[VentRow, ...]:
         LavaError: It is missing or empty, or a value is not usable.
     """
     vents = []
-    for index, (where, row) in enumerate(_rows(path, VENT_COLUMNS, MORE_VENT_COLUMNS)):
+    rows = read_table('case', path, VENT_COLUMNS, MORE_VENT_COLUMNS)
+    for index, (where, row) in enumerate(rows):
         end_x, end_y = row.get('x_end', ''), row.get('y_end', '')
         if bool(end_x) != bool(end_y):
             raise LavaError(f'{where}, x_end and y_end', (end_x, end_y), 'both or neither')
@@ -139,56 +144,38 @@ def series_of(
     times |= {time for vent in vents for time in (vent.start, vent.end) if math.isfinite(time)}
     result: list[list[tuple[float, float]]] = [[] for _ in vents]
     row = 0
+    has_shares = any(vent.discharge is None for vent in vents)
     for time in sorted(times):
         # rows end one after the other
         while row < len(rates) and rates[row].end <= time:
             row += 1
         is_on = row < len(rates) and rates[row].start <= time
         discharge = rates[row].discharge if is_on else 0.0
-        shares = [vent.share if vent.start <= time < vent.end else 0.0 for vent in vents]
-        if discharge > 0.0 and not any(shares):
+        is_open = [
+            vent.start <= time < vent.end and rates[0].start <= time < rates[-1].end
+            for vent in vents
+        ]
+        shares = [
+            vent.share if vent.discharge is None and now else 0.0
+            for vent, now in zip(vents, is_open, strict=True)
+        ]
+        if discharge > 0.0 and has_shares and not any(shares):
             right = 'at least one row of vent.csv with start_s <= t < end_s: lava comes out then'
             raise LavaError(f'vents open at {time:g} s', 0, right)
-        for series, share in zip(result, shares, strict=True):
+        for series, share, vent, now in zip(result, shares, vents, is_open, strict=True):
             flux = discharge * share / sum(shares) if share else 0.0
+            if vent.discharge is not None:
+                flux = vent.discharge if now else 0.0
             if not series or flux != series[-1][1]:
                 series.append((time, flux))
     return [tuple(series) for series in result]
 
 
-def volume_of(rates: tuple[Interval, ...]) -> float:
-    """Volume that the table gives [m3]."""
-    return sum(item.discharge * (item.end - item.start) for item in rates)
-
-
-def _rows(
-    path: Path, required: tuple[str, ...], optional: tuple[str, ...]
-) -> list[tuple[str, dict[str, str]]]:
-    """The rows of a table, each with what messages call it."""
-    try:
-        with path.open(newline='', encoding='utf-8-sig') as file:
-            reader = csv.reader(file, skipinitialspace=True)
-            lines = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
-    except FileNotFoundError:
-        raise LavaError('case', str(path), 'a file that exists') from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise LavaError('case', str(path), f'a readable table of text ({error})') from error
-    columns = ','.join(required)
-    if len(lines) < 2:
-        raise LavaError(str(path), f'{len(lines)} lines', f'a line {columns} and at least one row')
-    header = [cell.strip() for cell in lines[0][1]]
-    unknown = [name for name in header if name not in (*required, *optional)]
-    if any(name not in header for name in required) or unknown:
-        more = f', and maybe {", ".join(optional)}' if optional else ''
-        raise LavaError(f'{path}, first line', ','.join(header), f'the columns {columns}{more}')
-    result = []
-    for number, row in lines[1:]:
-        if len(row) != len(header):
-            right = f'{len(header)} values'
-            raise LavaError(f'{path}, line {number}', ','.join(row), right)
-        cells = (cell.strip() for cell in row)
-        result.append((f'{path}, line {number}', dict(zip(header, cells, strict=True))))
-    return result
+def volume_of(vents: Sequence[Sequence[tuple[float, float]]]) -> float:
+    """Volume [m3] of all that ``series_of`` gives; each series ends with 0."""
+    return sum(
+        flux * (end - start) for series in vents for (start, flux), (end, _) in pairwise(series)
+    )
 
 
 def _number(where: str, row: dict[str, str], name: str) -> float:

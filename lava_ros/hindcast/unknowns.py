@@ -16,15 +16,21 @@
 """What a calibration may change, and how far: the ranges are those that have been published."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 import math
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case
+from lava_ros.scene.lava import Lava
+from lava_ros.scene.uncertainty import Distribution, FACTORS, Uncertainty
 
-#: Factor on the discharge either way where the case does not say how well it is known.
-DISCHARGE = 1.25
+#: Factor on the discharge where the case does not say how well it is known, and its source.
+DISCHARGE = (0.5, 1.5)
+DISCHARGE_SOURCE = (
+    'Harris, A. J. L., Dehn, J. and Calvari, S. (2007). Lava effusion rate definition and '
+    'measurement: a review. Bulletin of Volcanology 70, 1-22: errors of up to 50 %'
+)
 
 
 @dataclass(frozen=True)
@@ -62,10 +68,6 @@ class Unknown:
         return (value - self.low) / (self.high - self.low)
 
 
-def _temperature(case: Case, value: float) -> Case:
-    return case.with_lava({}, temperature=value)
-
-
 def _viscosity(case: Case, value: float) -> Case:
     """Shift the law so that lava has this viscosity at the temperature of its constants."""
     lava = case.scene.lava
@@ -79,31 +81,20 @@ def _constant(name: str) -> Callable[[Case, float], Case]:
     return lambda case, value: case.with_lava({name: value})
 
 
-def _discharge(case: Case, value: float) -> Case:
-    return case.with_lava({}, discharge=value)
-
+#: The numbers of ``Lava`` and their units.
+_CONSTANTS = {
+    item.name: item.metadata['unit'] for item in fields(Lava) if 'limits' in item.metadata
+}
 
 #: How each unknown is put into a case, in this order.
 CHANGES: Mapping[str, Callable[[Case, float], Case]] = {
+    **{name: _constant(name) for name in _CONSTANTS},
     'viscosity': _viscosity,
-    'yield_strength': _constant('yield_strength'),
-    'emissivity': _constant('emissivity'),
-    'solidus': _constant('solidus'),
-    'discharge': _discharge,
-    'vent_temperature': _temperature,
+    'discharge': lambda case, value: case.with_lava({}, discharge=value),
+    'vent_temperature': lambda case, value: case.with_lava({}, temperature=value),
 }
 
-#: What is searched when nothing is said, where its range has been published.
-USUAL = ('viscosity', 'yield_strength', 'emissivity', 'vent_temperature')
-
-_UNITS = {
-    'viscosity': 'Pa s',
-    'yield_strength': 'Pa',
-    'emissivity': '',
-    'solidus': 'K',
-    'discharge': '',
-    'vent_temperature': 'K',
-}
+_UNITS = {**_CONSTANTS, 'discharge': '', 'vent_temperature': 'K'}
 
 _LOGARITHMIC = ('viscosity', 'yield_strength')
 
@@ -117,7 +108,7 @@ def unknowns_of(
 
     Args:
         case: The case.
-        names: Which; those of ``USUAL`` with a published range when there are none.
+        names: Which; those with a published range when there are none.
         ranges: Ranges in place of the published ones, by name.
 
     Raises:
@@ -128,8 +119,7 @@ def unknowns_of(
     for name in chosen:
         validation.choice('--unknown', name, CHANGES)
     if not names:
-        known = [name for name in USUAL if name in ranges or _published(case, name)]
-        chosen = tuple(dict.fromkeys((*known, *chosen)))
+        chosen = tuple(dict.fromkeys((*_known(case), *chosen)))
     if not chosen:
         raise LavaError('--unknown', [], 'at least one: the material has no published ranges')
     return tuple(_unknown(case, name, ranges) for name in chosen)
@@ -141,6 +131,37 @@ def changed(case: Case, values: Mapping[str, float]) -> Case:
         if name in values:
             case = change(case, values[name])
     return case
+
+
+def published_uncertainty(case: Case) -> Uncertainty:
+    """What is uncertain about a case that does not say so itself: all that has published ranges.
+
+    Each value in a range is as likely, or its logarithm where it is searched by that.
+
+    Raises:
+        LavaError: A constant of the case is beyond what can be a factor.
+    """
+    found: dict[str, Distribution] = {}
+    constants: dict[str, Distribution] = {}
+    for item in unknowns_of(case, ('discharge', *_known(case))):
+        low, high = item.low, item.high
+        if item.name in FACTORS and not item.usual:
+            continue  # what the case has none of stays none
+        if item.name == 'vent_temperature':
+            low, high = low - item.usual, high - item.usual
+        elif item.name in FACTORS:
+            low, high = low / item.usual, high / item.usual
+        spread = Distribution('loguniform' if item.is_log else 'uniform', (low, high))
+        if item.name in (*FACTORS, 'vent_temperature'):
+            found[item.name.removeprefix('vent_')] = spread
+        else:
+            constants[item.name] = spread
+    return Uncertainty(**found, constants=constants)  # type: ignore[arg-type]
+
+
+def _known(case: Case) -> tuple[str, ...]:
+    """The constants of the case's material with a published range."""
+    return tuple(name for name in CHANGES if name != 'discharge' and _published(case, name))
 
 
 def _unknown(
@@ -164,7 +185,7 @@ def _unknown(
 
 def _published(case: Case, name: str) -> tuple[tuple[float, float], str] | None:
     if name == 'discharge':
-        return (1.0 / DISCHARGE, DISCHARGE), 'a quarter either way'
+        return DISCHARGE, DISCHARGE_SOURCE
     material = case.material
     assert material is not None
     known = material.constants.get(name)

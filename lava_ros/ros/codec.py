@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Arrays to message fields and back, fast, and messages to bytes."""
+"""Arrays to message fields, fast, and messages to bytes; back: lava_ros/maps/message_arrays.py."""
 
 import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+import struct
 import sys
 from typing import Any
 
@@ -23,27 +24,12 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Pose
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 import numpy as np
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
-
-#: numpy type of each sensor_msgs/PointField datatype.
-POINT_TYPES = {
-    PointField.INT8: 'i1',
-    PointField.UINT8: 'u1',
-    PointField.INT16: 'i2',
-    PointField.UINT16: 'u2',
-    PointField.INT32: 'i4',
-    PointField.UINT32: 'u4',
-    PointField.FLOAT32: 'f4',
-    PointField.FLOAT64: 'f8',
-}
-
-#: numpy type of each image encoding a terrain may have.
-IMAGE_TYPES = {'32FC1': 'f4', '16UC1': 'u2'}
 
 _BIG_ENDIAN_HOST = sys.byteorder == 'big'
 
@@ -51,6 +37,11 @@ _BIG_ENDIAN_HOST = sys.byteorder == 'big'
 def time_message(stamp_ns: int) -> Time:
     """Turn nanoseconds into a message."""
     return Time(sec=stamp_ns // 1_000_000_000, nanosec=stamp_ns % 1_000_000_000)
+
+
+def nanoseconds(stamp: Time) -> int:
+    """Turn a message into nanoseconds."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def header(frame_id: str, stamp_ns: int) -> Header:
@@ -103,116 +94,6 @@ def float_image(values: np.ndarray, message_header: Header) -> Image:
     return image
 
 
-def image_array(image: Image, name: str) -> np.ndarray:
-    """Read the pixels of an image.
-
-    Args:
-        image: The message.
-        name: What the message is called in errors.
-
-    Returns:
-        A view of the message's data, shape [height, width], of the encoding's own type.
-
-    Raises:
-        LavaError: The encoding is not one of ``IMAGE_TYPES``, or size, step and data disagree.
-    """
-    if image.encoding not in IMAGE_TYPES:
-        raise LavaError(f'{name}.encoding', image.encoding, f'one of {", ".join(IMAGE_TYPES)}')
-    dtype = np.dtype(('>' if image.is_bigendian else '<') + IMAGE_TYPES[image.encoding])
-    rows, columns = image.height, image.width
-    if rows == 0 or columns == 0:
-        raise LavaError(f'{name}.size', f'{columns} x {rows}', 'at least one pixel')
-    if image.step < columns * dtype.itemsize:
-        raise LavaError(
-            f'{name}.step',
-            image.step,
-            f'at least {columns * dtype.itemsize} bytes for {columns} pixels of {image.encoding}',
-        )
-    if len(image.data) != image.step * rows:
-        raise LavaError(
-            f'{name}.data',
-            f'{len(image.data)} bytes',
-            f'step x height = {image.step * rows} bytes',
-        )
-    strides = (image.step, dtype.itemsize)
-    pixels: np.ndarray = np.ndarray((rows, columns), dtype, image.data, strides=strides)
-    return pixels
-
-
-def cloud_columns(
-    cloud: PointCloud2, name: str, required: Sequence[str], optional: Sequence[str] = ()
-) -> dict[str, np.ndarray]:
-    """Read fields of a point cloud, whatever their order, type and padding.
-
-    Args:
-        cloud: The message, organised or not.
-        name: What the message is called in errors.
-        required: Fields that have to be there.
-        optional: Fields that are read when they are there.
-
-    Returns:
-        Values by field name, float64, shape [height x width]. All are empty for a cloud without
-        points, whose fields are not looked at.
-
-    Raises:
-        LavaError: A field is missing or malformed, or size, steps and data disagree.
-    """
-    rows, columns = cloud.height, cloud.width
-    if rows == 0 or columns == 0:
-        if len(cloud.data):
-            raise LavaError(
-                f'{name}.data', f'{len(cloud.data)} bytes', f'none for {columns} x {rows} points'
-            )
-        return {key: np.empty(0) for key in required}
-    by_name = {item.name: item for item in cloud.fields}
-    missing = [key for key in required if key not in by_name]
-    if missing:
-        raise LavaError(
-            f'{name}.fields',
-            list(by_name),
-            f'{", ".join(required)}; missing: {", ".join(missing)}',
-        )
-    if cloud.row_step < columns * cloud.point_step:
-        raise LavaError(
-            f'{name}.row_step',
-            cloud.row_step,
-            f'at least width x point_step = {columns * cloud.point_step} bytes',
-        )
-    if len(cloud.data) != cloud.row_step * rows:
-        raise LavaError(
-            f'{name}.data',
-            f'{len(cloud.data)} bytes',
-            f'row_step x height = {cloud.row_step * rows} bytes',
-        )
-    result = {}
-    for key in [*required, *(key for key in optional if key in by_name)]:
-        item = by_name[key]
-        if item.datatype not in POINT_TYPES or item.count != 1:
-            raise LavaError(
-                f'{name}.fields.{key}',
-                f'datatype {item.datatype}, count {item.count}',
-                'a datatype from 1 (INT8) to 8 (FLOAT64), count 1',
-            )
-        dtype = np.dtype(('>' if cloud.is_bigendian else '<') + POINT_TYPES[item.datatype])
-        if item.offset + dtype.itemsize > cloud.point_step:
-            raise LavaError(
-                f'{name}.fields.{key}.offset',
-                item.offset,
-                f'inside a point of {cloud.point_step} bytes (point_step)',
-            )
-        view = np.ndarray(
-            (rows, columns),
-            dtype,
-            cloud.data,
-            offset=item.offset,
-            strides=(cloud.row_step, cloud.point_step),
-        )
-        # Any bit pattern may come, signalling NaN too.
-        with np.errstate(invalid='ignore'):
-            result[key] = view.astype(np.float64).ravel()
-    return result
-
-
 def point_cloud(columns: Mapping[str, Any], message_header: Header) -> PointCloud2:
     """Make an unorganised cloud of FLOAT32 fields from columns of equal length.
 
@@ -237,3 +118,110 @@ def serialise(message: Any) -> bytes:
     """Turn a message into the bytes that go over the wire, and into a bag."""
     data: bytes = serialize_message(message)
     return data
+
+
+#: Bytes a message may have beside its data: header, names, sizes.
+OVERHEAD = 65_536
+
+#: Most fields of a point cloud.
+MAX_CLOUD_FIELDS = 1024
+
+#: Most layers of a grid map.
+MAX_GRID_LAYERS = 256
+
+#: Dimensions of a layer of a grid map.
+GRID_DIMENSIONS = 2
+
+_ENCAPSULATION = 4
+
+
+def decode(data: bytes, message_class: Any, topic: str, *, max_bytes: int) -> Any:
+    """Read a message.
+
+    Args:
+        data: The message as it came, serialised to CDR.
+        message_class: Its class.
+        topic: What it is called in errors.
+        max_bytes: Most bytes of data it may have.
+
+    Raises:
+        LavaError: It is too large, or cannot be read as a message of this class.
+    """
+    if len(data) > max_bytes + OVERHEAD:
+        raise LavaError(topic, f'{len(data)} bytes', f'at most {max_bytes} (max_input_bytes)')
+    if message_class is PointCloud2:
+        _check_fields(data, topic)
+    elif message_class.__name__ == 'GridMap':
+        _check_layers(data, topic)
+    try:
+        return deserialize_message(data, message_class)
+    # What rclpy raises for undecodable bytes is a RuntimeError without a public name.
+    except (RuntimeError, ValueError, MemoryError, SystemError) as error:
+        name = '/'.join([*message_class.__module__.split('.')[:2], message_class.__name__])
+        raise LavaError(topic, f'{len(data)} bytes', f'a serialised {name}') from error
+
+
+class _Parts:
+    """Walks over the parts of a serialised message: numbers, texts and lists are aligned."""
+
+    def __init__(self, data: bytes) -> None:
+        order = '<' if len(data) > 1 and data[1] & 1 else '>'
+        self._number = struct.Struct(f'{order}I')
+        self._body = memoryview(data)[_ENCAPSULATION:]
+        self._place = 0
+
+    def skip(self, size: int, *, alignment: int = 4) -> None:
+        """Pass over bytes that begin at a multiple of an alignment."""
+        self._place = -(-self._place // alignment) * alignment + size
+
+    def number(self) -> int:
+        """The next number: a length, or how many parts follow."""
+        self.skip(4)
+        (value,) = self._number.unpack_from(self._body, self._place - 4)
+        return int(value)
+
+    def skip_text(self) -> None:
+        """Pass over a text."""
+        self.skip(self.number(), alignment=1)
+
+
+def _check_fields(data: bytes, topic: str) -> None:
+    """Check how many fields a point cloud announces, before memory is taken for them."""
+    parts = _Parts(data)
+    try:
+        parts.skip(8)
+        parts.skip_text()
+        parts.skip(8)
+        count = parts.number()
+    except struct.error:
+        return
+    if count > MAX_CLOUD_FIELDS:
+        raise LavaError(f'{topic}.fields', f'{count} fields', f'at most {MAX_CLOUD_FIELDS}')
+
+
+def _check_layers(data: bytes, topic: str) -> None:
+    """Check how many layers and dimensions a grid map announces, as for a cloud's fields."""
+    parts = _Parts(data)
+    try:
+        parts.skip(8)
+        parts.skip_text()
+        # resolution and two lengths, then the pose: all of them 8 bytes long
+        parts.skip(10 * 8, alignment=8)
+        for name in ('layers', 'basic_layers'):
+            for _ in range(_count(parts, f'{topic}.{name}', MAX_GRID_LAYERS)):
+                parts.skip_text()
+        for _ in range(_count(parts, f'{topic}.data', MAX_GRID_LAYERS)):
+            for _ in range(_count(parts, f'{topic}.data.layout.dim', GRID_DIMENSIONS)):
+                parts.skip_text()
+                parts.skip(8)
+            parts.skip(4)
+            parts.skip(4 * parts.number())
+    except struct.error:
+        return
+
+
+def _count(parts: _Parts, field: str, most: int) -> int:
+    count = parts.number()
+    if count > most:
+        raise LavaError(field, count, f'at most {most}')
+    return count

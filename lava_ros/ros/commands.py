@@ -15,7 +15,7 @@
 """What waits for the simulation's thread: commands in order, of some kinds the newest alone."""
 
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 import queue
 import threading
 from typing import Any, NamedTuple
@@ -53,32 +53,41 @@ class CommandQueue:
         self._waiting: dict[int, Command] = {}
         self._by_kind: dict[str, int] = {}
         self._next_key = 0
+        self._closed: LavaError | None = None
         self._changed = threading.Condition()
 
     def __len__(self) -> int:
         """Commands that wait."""
         return len(self._waiting)
 
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of the commands that wait, oldest first, each once."""
+        with self._changed:
+            return tuple(dict.fromkeys(item.kind or 'command' for item in self._waiting.values()))
+
     def put(self, command: Command) -> None:
-        """Add a command, in place of a waiting one of its kind; refused when too many wait."""
-        refused = False
+        """Add a command, in place of a waiting one of its kind.
+
+        It is refused when too many wait, and once the queue is closed.
+        """
         with self._changed:
             former = self._waiting.pop(self._by_kind.pop(command.kind, -1), None)
-            if command.kind or len(self._waiting) < self._limit:
+            refusal = self._closed
+            if refusal is None and not command.kind and len(self._waiting) >= self._limit:
+                waiting = f'{self._limit} waiting'
+                refusal = LavaError('commands', waiting, 'fewer at a time; try again later')
+            if refusal is None:
                 self._waiting[self._next_key] = command
                 if command.kind:
                     self._by_kind[command.kind] = self._next_key
                 self._next_key += 1
                 self._changed.notify()
-            else:
-                refused = True
         # Futures call back, and what they call may put another command.
         if former is not None:
             former.future.cancel()
-        if refused and command.future.set_running_or_notify_cancel():
-            command.future.set_exception(
-                LavaError('commands', f'{self._limit} waiting', 'fewer at a time; try again later')
-            )
+        if refusal is not None:
+            finish(command.future, refusal)
 
     def get(self, timeout: float | None = None) -> Command:
         """Take the oldest command, after waiting for one.
@@ -87,10 +96,11 @@ class CommandQueue:
             timeout: How long to wait [s], None for as long as it takes.
 
         Raises:
-            queue.Empty: There was none in time.
+            queue.Empty: There was none in time, or the queue is closed.
         """
         with self._changed:
-            if not self._changed.wait_for(lambda: self._waiting, timeout):
+            self._changed.wait_for(lambda: self._waiting or self._closed, timeout)
+            if not self._waiting:
                 raise queue.Empty
             key = next(iter(self._waiting))
             command = self._waiting.pop(key)
@@ -98,14 +108,16 @@ class CommandQueue:
                 del self._by_kind[command.kind]
             return command
 
-    def cancel_all(self) -> None:
-        """Cancel what waits."""
+    def close(self, reason: LavaError) -> None:
+        """Refuse what waits, and whatever comes from now on, for a reason."""
         with self._changed:
+            self._closed = reason
             commands = list(self._waiting.values())
             self._waiting.clear()
             self._by_kind.clear()
+            self._changed.notify()
         for command in commands:
-            command.future.cancel()
+            finish(command.future, reason)
 
 
 def finish(
@@ -118,3 +130,61 @@ def finish(
         future.set_result(result)
     else:
         future.set_exception(error)
+
+
+class Finisher:
+    """Does one thing at a time in a thread of its own; for the use of one thread."""
+
+    def __init__(self) -> None:
+        """Begin at rest."""
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix='lava snapshots')
+        self._latest: Future[None] | None = None
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether something is under way."""
+        return self._latest is not None and not self._latest.done()
+
+    def begin(
+        self,
+        action: Callable[[], None],
+        *,
+        then: Callable[[], None],
+        on_error: Callable[[Exception], object],
+    ) -> None:
+        """Begin something.
+
+        Args:
+            action: What to do in the thread.
+            then: Called there when that is done.
+            on_error: Called there with what the action has raised, in place of ``then``.
+        """
+
+        def act() -> None:
+            try:
+                action()
+            except Exception as error:
+                on_error(error)
+            else:
+                then()
+
+        self._latest = self._pool.submit(act)
+
+    def afterwards(self, action: Callable[[], object]) -> None:
+        """Call something in any thread when nothing is under way any more."""
+        if self._latest is None:
+            action()
+        else:
+            self._latest.add_done_callback(lambda _: action())
+
+    def wait(self) -> bool:
+        """Wait for what is under way, and say whether there was anything since the last wait."""
+        latest, self._latest = self._latest, None
+        if latest is not None:
+            wait([latest])
+        return latest is not None
+
+    def close(self) -> None:
+        """Wait for what is under way and end the thread."""
+        self.wait()
+        self._pool.shutdown()

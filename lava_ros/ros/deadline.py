@@ -18,11 +18,11 @@ from dataclasses import dataclass
 from functools import partial
 import time
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.errors import LavaError
-from lava_ros.presets import preset_accuracy
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import preset_accuracy
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class DeadlineChooser:
 
     def _afford(self, scene: Scene, settings: Settings) -> Accuracy:
         # the solver loads Warp; the worker's thread does that, not the importer
-        from lava_ros.forecast.affordable import afford, sampling_error
+        from lava_ros.forecast.planning import afford, sampling_error
 
         begun = time.monotonic()
         asked = settings.ensemble_members

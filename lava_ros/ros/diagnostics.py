@@ -16,6 +16,7 @@
 
 from collections import Counter
 from collections.abc import Mapping
+from socket import gethostname
 import threading
 import time
 
@@ -23,18 +24,16 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.resolution import Resolution
-from lava_ros.ros.checkpoint_recording import LastCheckpoint
+from lava_ros.maps.forecast import Forecast, Outlook
 from lava_ros.ros.deadline import DeadlineChoice
-from lava_ros.ros.effect_table import is_on
-from lava_ros.ros.forecaster import ForecasterStatus, LiveForecast
-from lava_ros.ros.outlooks import EnsembleStatus, LiveOutlook
+from lava_ros.ros.ensemble_forecasts import Ahead, EnsembleStatus, Live
+from lava_ros.ros.forecaster import ForecasterStatus
 from lava_ros.ros.recorder import RecorderStatus
+from lava_ros.ros.recording import LastCheckpoint
+from lava_ros.ros.session import is_on
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
+from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.snapshot import Snapshot
-
-#: Share of the emitted volume that may be unaccounted for: the promise of the simulation.
-VOLUME_TOLERANCE = 1e-5
 
 #: Time after which an unchanged error of a topic is logged again [s].
 LOG_INTERVAL = 60.0
@@ -145,6 +144,7 @@ def simulation_status(
     wet_cells: int,
     frame_stamp_ns: int,
     resolution: Resolution | None = None,
+    clock: str = '',
 ) -> DiagnosticStatus:
     """Say how the simulation is doing.
 
@@ -155,16 +155,22 @@ def simulation_status(
         wet_cells: Its wet cells.
         frame_stamp_ns: The stamp it was published with [ns].
         resolution: How many particles lie across the flow, None before there is a simulation.
+        clock: What is wrong with the clock that it follows, empty when nothing is.
     """
     level, message = _LEVELS[worker.state], worker.state.value
+    is_running = worker.state is WorkerState.RUNNING
+    warnings = snapshot.budget.warnings() if snapshot is not None else []
+    # what starts says so itself
+    warnings += [clock, worker.hold_up if worker.state is not WorkerState.STARTING else '']
+    warnings.append('running slower than the clock asks for' if worker.is_behind else '')
+    if is_running and resolution is not None and resolution.is_coarse:
+        warnings.append(resolution.text())
     if worker.error:
         message = f'{message}: {worker.error}'
-    elif worker.is_behind:
-        level, message = DiagnosticStatus.WARN, 'running slower than the clock asks for'
-    elif (
-        worker.state is WorkerState.RUNNING and resolution is not None and resolution.is_coarse
-    ):
-        level, message = DiagnosticStatus.WARN, resolution.text()
+    elif any(warnings):
+        is_lost = snapshot is not None and not snapshot.budget.is_conserved
+        level = DiagnosticStatus.ERROR if is_lost else DiagnosticStatus.WARN
+        message = '; '.join(filter(None, warnings))
     values: dict[str, object] = {
         'state': worker.state.value,
         'lifecycle': 'active' if is_active else 'inactive',
@@ -180,25 +186,13 @@ def simulation_status(
             'footprint_error': f'{resolution.error:.2g}',
         }
     if snapshot is not None:
-        budget, steps = snapshot.budget, snapshot.steps
-        # The negation also catches NaN.
-        if not budget.error <= VOLUME_TOLERANCE and level != DiagnosticStatus.ERROR:
-            level, message = DiagnosticStatus.ERROR, 'volume is not conserved'
-        elif budget.late > 0.0 and level != DiagnosticStatus.ERROR:
-            level = DiagnosticStatus.WARN
-            message = f'behind: {budget.late:.3g} m3 of lava wait in the vents'
+        steps = snapshot.steps
         values |= {
             'simulated_time_s': repr(snapshot.time),
             'frame_stamp_ns': frame_stamp_ns,
             'particles': snapshot.particle_count,
             'wet_cells': wet_cells,
-            'volume_emitted_m3': repr(budget.emitted),
-            'volume_held_m3': repr(budget.held),
-            'volume_pending_m3': repr(budget.pending),
-            'volume_late_m3': repr(budget.late),
-            'volume_left_m3': repr(budget.left),
-            'volume_frozen_m3': repr(budget.frozen),
-            'volume_error': f'{budget.error:.3e}',
+            **snapshot.budget.texts(),
             'steps': steps.count,
             'step_s': f'{steps.length:.6g}',
             'step_limit': steps.limit,
@@ -221,7 +215,7 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
 
 
 def forecast_status(
-    forecaster: ForecasterStatus, latest: LiveForecast | None, *, age: float, staleness: str
+    forecaster: ForecasterStatus, latest: Live[Forecast] | None, *, age: float, staleness: str
 ) -> DiagnosticStatus:
     """Say how the forecasts are doing.
 
@@ -237,29 +231,15 @@ def forecast_status(
         'progress': '' if forecaster.progress is None else f'{forecaster.progress:.2f}',
     }
     if latest is not None:
-        forecast = latest.forecast
-        values |= {
-            'start_time_s': repr(forecast.time),
-            'horizon_s': repr(forecast.horizon),
-            'duration_s': f'{forecast.duration:.3g}',
-            'age_s': f'{age:.6g}',
-            'is_stale': str(bool(staleness)).lower(),
-            'frame_stamp_ns': latest.stamp_ns,
-            'particles': forecast.particle_count,
-            'cells_reached': int(np.isfinite(forecast.arrival).sum()),
+        values |= _ahead_values(latest, age, staleness) | {
+            'particles': latest.shown.particle_count,
+            'cells_reached': int(np.isfinite(latest.shown.arrival).sum()),
         }
-    if forecaster.error:
-        return _status('forecast', DiagnosticStatus.ERROR, forecaster.error, values)
-    if latest is None:
-        return _status('forecast', DiagnosticStatus.OK, staleness, values)
-    if staleness:
-        message = f'stale, withdrawn: {staleness}'
-        return _status('forecast', DiagnosticStatus.WARN, message, values)
-    return _status('forecast', DiagnosticStatus.OK, 'up to date', values)
+    return _ahead_status('forecast', forecaster.error, latest, staleness, 'up to date', values)
 
 
 def ensemble_status(
-    ensembles: EnsembleStatus, latest: LiveOutlook | None, *, age: float, staleness: str
+    ensembles: EnsembleStatus, latest: Live[Outlook] | None, *, age: float, staleness: str
 ) -> DiagnosticStatus:
     """Say how the ensembles are doing.
 
@@ -276,34 +256,51 @@ def ensemble_status(
     }
     if ensembles.jaccard_mean is not None:
         values['jaccard_mean'] = f'{ensembles.jaccard_mean:.3f}'
+    message = ''
     if latest is not None:
-        outlook, maps = latest.outlook, latest.outlook.maps
-        values |= {
-            'start_time_s': repr(outlook.time),
-            'horizon_s': repr(outlook.horizon),
-            'duration_s': f'{outlook.duration:.3g}',
-            'age_s': f'{age:.6g}',
-            'is_stale': str(bool(staleness)).lower(),
-            'frame_stamp_ns': latest.stamp_ns,
+        outlook, maps = latest.shown, latest.shown.maps
+        values |= _ahead_values(latest, age, staleness) | {
             'members': maps.members,
             'members_asked': outlook.asked,
             'members_effective': f'{maps.effective_members:.1f}',
             'sampling_error_percent': f'{maps.sampling_error:.1f}',
             'arrival_error_s': f'{maps.arrival_error:.6g}',
         }
-    if ensembles.error:
-        return _status('ensemble', DiagnosticStatus.ERROR, ensembles.error, values)
+        message = f'{maps.members} of {outlook.asked} members'
+        if not outlook.is_done:
+            message += ' so far'
+        elif maps.members < outlook.asked:
+            message += ': the others would have been late'
+    return _ahead_status('ensemble', ensembles.error, latest, staleness, message, values)
+
+
+def _ahead_values(latest: Live[Ahead], age: float, staleness: str) -> dict[str, object]:
+    return {
+        'start_time_s': repr(latest.shown.time),
+        'horizon_s': repr(latest.shown.horizon),
+        'duration_s': f'{latest.shown.duration:.3g}',
+        'age_s': f'{age:.6g}',
+        'is_stale': str(bool(staleness)).lower(),
+        'frame_stamp_ns': latest.stamp_ns,
+    }
+
+
+def _ahead_status(
+    task: str,
+    error: str,
+    latest: object,
+    staleness: str,
+    message: str,
+    values: Mapping[str, object],
+) -> DiagnosticStatus:
+    if error:
+        return _status(task, DiagnosticStatus.ERROR, error, values)
     if latest is None:
-        return _status('ensemble', DiagnosticStatus.OK, staleness, values)
+        return _status(task, DiagnosticStatus.OK, staleness, values)
     if staleness:
-        message = f'stale, withdrawn: {staleness}'
-        return _status('ensemble', DiagnosticStatus.WARN, message, values)
-    message = f'{latest.outlook.maps.members} of {latest.outlook.asked} members'
-    if not latest.outlook.is_done:
-        message += ' so far'
-    elif latest.outlook.maps.members < latest.outlook.asked:
-        message += ': the others would have been late'
-    return _status('ensemble', DiagnosticStatus.OK, message, values)
+        withdrawn = f'stale, withdrawn: {staleness}'
+        return _status(task, DiagnosticStatus.WARN, withdrawn, values)
+    return _status(task, DiagnosticStatus.OK, message, values)
 
 
 def deadline_status(
@@ -355,17 +352,20 @@ def recorder_status(
     return _status('recorder', DiagnosticStatus.OK, recorder.state, values)
 
 
-def sign(message: DiagnosticArray, node: str) -> None:
-    """Put the node's name before the tasks: what gathers diagnostics knows statuses by names.
+def sign(message: DiagnosticArray, node: str, device: str) -> None:
+    """Put the node's name before the tasks, and say on which hardware they are.
+
+    What gathers diagnostics knows statuses by names.
 
     Args:
         message: Statuses that have the names of their tasks.
         node: Name of the node, with its namespace.
+        device: Name of the simulation's device, empty before there is one.
     """
     source = node.strip('/')
     for status in message.status:
         status.name = f'{source}: {status.name}'
-        status.hardware_id = source
+        status.hardware_id = f'{gethostname()} {device}'.strip()
 
 
 def _status(
@@ -377,3 +377,32 @@ def _status(
         message=message,
         values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
     )
+
+
+#: Wall time in which a simulated clock has to move [s]; a replay may take a while to begin.
+PATIENCE = 5.0
+
+
+class ClockWatch:
+    """Looks at a simulated clock from time to time."""
+
+    def __init__(self) -> None:
+        """Begin without a look."""
+        self._seen: tuple[int, float] | None = None
+
+    def look(self, stamp_ns: int, now: float) -> str:
+        """Say why simulated time stands still, and what to do; empty while the clock moves.
+
+        Args:
+            stamp_ns: Time on the clock [ns], 0 before it was heard.
+            now: Wall time [s].
+        """
+        if self._seen is None or self._seen[0] != stamp_ns:
+            self._seen = stamp_ns, now
+        if now - self._seen[1] < PATIENCE:
+            return ''
+        what = 'stands still' if stamp_ns else 'does not arrive'
+        return (
+            f'/clock {what}, so simulated time stands still: publish it, as `lava replay` and '
+            '`ros2 bag play --clock` do, or set use_sim_time to false'
+        )

@@ -30,40 +30,43 @@ class Entities:
             node: The node that has them.
         """
         self.node = node
-        self._made: list[tuple[Callable[[Any], object], Any]] = []
+        self._made: list[tuple[str, Any]] = []
 
     def publisher(self, *args: Any, **options: Any) -> Any:
         """Do as ``Node.create_publisher``."""
-        return self._keep(
-            self.node.create_publisher(*args, **options), self.node.destroy_publisher
-        )
+        return self._create('publisher', *args, **options)
 
     def subscription(self, *args: Any, **options: Any) -> Any:
         """Do as ``Node.create_subscription``."""
-        return self._keep(
-            self.node.create_subscription(*args, **options), self.node.destroy_subscription
-        )
+        return self._create('subscription', *args, **options)
 
     def timer(self, *args: Any, **options: Any) -> Any:
         """Do as ``Node.create_timer``."""
-        return self._keep(self.node.create_timer(*args, **options), self.node.destroy_timer)
+        return self._create('timer', *args, **options)
 
     def service(self, *args: Any, **options: Any) -> Any:
         """Do as ``Node.create_service``."""
-        return self._keep(self.node.create_service(*args, **options), self.node.destroy_service)
+        return self._create('service', *args, **options)
 
     def guard_condition(self, callback: Callable[[], None]) -> Any:
         """Do as ``Node.create_guard_condition``."""
-        return self._keep(
-            self.node.create_guard_condition(callback), self.node.destroy_guard_condition
-        )
+        return self._create('guard_condition', callback)
+
+    def drop(self, made: Any) -> None:
+        """Take one of them out of the graph."""
+        (entry,) = (item for item in self._made if item[1] is made)
+        self._made.remove(entry)
+        self._destroy(*entry)
 
     def destroy(self) -> None:
         """Take all of them out of the graph, the newest first."""
         while self._made:
-            destroy, made = self._made.pop()
-            destroy(made)
+            self._destroy(*self._made.pop())
 
-    def _keep(self, made: Any, destroy: Callable[[Any], object]) -> Any:
-        self._made.append((destroy, made))
+    def _create(self, kind: str, *args: Any, **options: Any) -> Any:
+        made = getattr(self.node, f'create_{kind}')(*args, **options)
+        self._made.append((kind, made))
         return made
+
+    def _destroy(self, kind: str, made: Any) -> None:
+        getattr(self.node, f'destroy_{kind}')(made)

@@ -14,23 +14,20 @@
 
 """A node that stands for the sensors: publishes a scene's terrain and vents as topics."""
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import MapMetaData
 from rclpy.node import Node
 from sensor_msgs.msg import Image, PointCloud2
 
-from lava_ros.layers import Qos
 from lava_ros.ros import outputs, qos
 from lava_ros.scene import Scene
-
-#: Vents reach those who come late only when published again: the node does not ask for old ones.
-VENTS = Qos(durability='volatile', depth=10)
 
 
 class SceneFeed(Node):
     """Publishes terrain once, latched, and the vents whenever they change or somebody joins.
 
-    A discharge that changes with time follows the simulated time on ``/diagnostics``.
+    A discharge that changes with time follows the simulated time on ``/diagnostics``, which also
+    say what the node has refused: whoever runs the feed does not see the node's log.
     """
 
     def __init__(self, scene: Scene, *, frame_id: str = 'map') -> None:
@@ -46,10 +43,12 @@ class SceneFeed(Node):
         self._time = 0.0
         self._sent: list[tuple[float, ...]] | None = None
         self._readers = 0
+        self._refusal = ''
         latched = qos.ros_profile(qos.LATCHED)
         self._terrain = self.create_publisher(Image, 'terrain', latched)
         self._info = self.create_publisher(MapMetaData, 'terrain_info', latched)
-        self._vents = self.create_publisher(PointCloud2, 'vents', qos.ros_profile(VENTS))
+        # who comes late gets them when published again: the node does not ask for old ones
+        self._vents = self.create_publisher(PointCloud2, 'vents', qos.ros_profile(qos.COMMANDS))
         self.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
         )
@@ -66,9 +65,17 @@ class SceneFeed(Node):
             node, _, _ = status.name.rpartition(': ')
             if node.rpartition('/')[0] != self.get_namespace().strip('/'):
                 continue
+            if status.name.endswith(': inputs'):
+                self._tell_refusal(status)
             for item in status.values:
                 if item.key == 'simulated_time_s':
                     self._time = float(item.value)
+
+    def _tell_refusal(self, status: DiagnosticStatus) -> None:
+        refusal = status.message if status.level == DiagnosticStatus.ERROR else ''
+        if refusal and refusal != self._refusal:
+            self.get_logger().error(f'{status.name}: {refusal}')
+        self._refusal = refusal
 
     def _publish_vents(self) -> None:
         rows = outputs.vent_rows(self._scene.vents, self._time)

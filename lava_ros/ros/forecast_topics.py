@@ -16,19 +16,19 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic
 
 from diagnostic_msgs.msg import DiagnosticStatus
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
-from lava_ros.forecast.forecast import Forecast
-from lava_ros.forecast.outlook import Outlook
-from lava_ros.layers import ARRIVAL, Layer, plain_source, PROBABILITY
+from lava_ros.maps.forecast import Forecast, Outlook
+from lava_ros.maps.layers import ARRIVAL, Layer, plain_source, PROBABILITY
 from lava_ros.ros import diagnostics
 from lava_ros.ros.deadline import DeadlineChoice
+from lava_ros.ros.ensemble_forecasts import Ahead, ForecastRules, Live
 from lava_ros.ros.entities import Entities
-from lava_ros.ros.forecaster import Forecaster, ForecastRules
+from lava_ros.ros.forecaster import Forecaster
 from lava_ros.ros.layer_publishers import LayerPublishers
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.recorder import Recorder
@@ -39,8 +39,6 @@ STOP_TIMEOUT = 4.0
 
 #: Thickness from which on lava has arrived [m], where no layer shows the arrival.
 _THRESHOLD = 0.1
-
-_Ahead = TypeVar('_Ahead', Forecast, Outlook)
 
 
 class ForecastTopics:
@@ -81,7 +79,7 @@ class ForecastTopics:
         self._choice = choice
         self._threshold = _threshold(layers)
         self._is_active = False
-        frame_id = settings().rules.frame_id
+        frame_id = settings().frame_id
         forecasts = LayerPublishers[Forecast](
             entities,
             [layer for layer in layers if not layer.is_ensemble],
@@ -131,17 +129,8 @@ class ForecastTopics:
         if forecaster is None or not self._is_active:
             return
         latest, ensemble = forecaster.latest, forecaster.outlooks.latest
-        if latest is not None:
-            self._forecasts.publish(
-                latest.forecast, latest.stamp_ns, forecaster.staleness(), repeat=repeat
-            )
-        if ensemble is not None:
-            self._outlooks.publish(
-                ensemble.outlook,
-                ensemble.stamp_ns,
-                forecaster.staleness_of_outlook(),
-                repeat=repeat,
-            )
+        self._forecasts.publish(latest, forecaster.staleness(latest), repeat=repeat)
+        self._outlooks.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
         """Weigh the members of ensembles by where lava was seen.
@@ -167,25 +156,22 @@ class ForecastTopics:
             diagnostics.forecast_status(
                 forecaster.status,
                 latest,
-                age=forecaster.age,
-                staleness=forecaster.staleness(),
+                age=forecaster.age(latest),
+                staleness=forecaster.staleness(latest),
             )
         ]
         if settings.ensemble_members:
             status = diagnostics.ensemble_status(
                 forecaster.outlooks.status,
                 ensemble,
-                age=0.0 if ensemble is None else forecaster.age_of(ensemble.outlook.time),
-                staleness=forecaster.staleness_of_outlook(),
+                age=forecaster.age(ensemble),
+                staleness=forecaster.staleness(ensemble),
             )
             found.append(status)
         if settings.deadline:
             # an ensemble includes the forecast that comes before it
-            took = [latest.forecast.duration] if latest is not None else []
-            took += [ensemble.outlook.duration] if ensemble is not None else []
-            status = diagnostics.deadline_status(
-                settings.deadline, self._choice(), took=max(took, default=0.0)
-            )
+            took = max(0.0 if item is None else item.shown.duration for item in (latest, ensemble))
+            status = diagnostics.deadline_status(settings.deadline, self._choice(), took=took)
             found.append(status)
         return found
 
@@ -197,7 +183,7 @@ class ForecastTopics:
         return ForecastRules(
             horizon=settings.forecast_horizon,
             threshold=self._threshold,
-            max_age=settings.forecast_max_age,
+            max_age=settings.forecast_max_age or 0.5 * settings.forecast_horizon,
             share=settings.forecast_share,
             max_particles=settings.max_particles,
             members=members,
@@ -206,18 +192,21 @@ class ForecastTopics:
         )
 
 
-class _Withdrawable(Generic[_Ahead]):
+class _Withdrawable(Generic[Ahead]):
     """Publishes something of what comes as long as it says anything, and else takes it back."""
 
-    def __init__(self, layers: LayerPublishers[_Ahead], name: str, node: Any) -> None:
-        self._layers: LayerPublishers[_Ahead] = layers
+    def __init__(self, layers: LayerPublishers[Ahead], name: str, node: Any) -> None:
+        self._layers: LayerPublishers[Ahead] = layers
         self._name = name
         self._node = node
-        self._withdrawn: tuple[_Ahead, _Ahead, int] | None = None
+        self._withdrawn: tuple[Ahead, Ahead, int] | None = None
         self._is_known = False
 
-    def publish(self, shown: _Ahead, stamp_ns: int, staleness: str, *, repeat: bool) -> None:
+    def publish(self, live: Live[Ahead] | None, staleness: str, *, repeat: bool) -> None:
         """Publish it where it has not been, or that nothing is known any more."""
+        if live is None:
+            return
+        shown, stamp_ns = live.shown, live.stamp_ns
         now_ns = int(self._node.get_clock().now().nanoseconds)
         if staleness:
             if self._withdrawn is None or self._withdrawn[0] is not shown:

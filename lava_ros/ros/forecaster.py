@@ -24,13 +24,12 @@ from typing import Any
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast import wire
-from lava_ros.forecast.forecast import Forecast
-from lava_ros.ros.eruption import Fork
+from lava_ros.maps.forecast import Forecast
+from lava_ros.ros.ensemble_forecasts import Ahead, ForecastRules, Live, Outlooks
 from lava_ros.ros.forecast_process import ForecastProcess
-from lava_ros.ros.outlooks import Outlooks
-from lava_ros.ros.speed import Pace
+from lava_ros.ros.session import Fork
 from lava_ros.ros.worker import SimulationWorker
-from lava_ros.ros.worker_status import WorkerState
+from lava_ros.ros.worker_status import Pace, WorkerState
 
 #: Least wall time from one forecast to the next [s].
 LEAST_PERIOD = 1.0
@@ -48,46 +47,6 @@ _WATCH_TIME = 0.1
 
 #: Wall time after a failure before the next try [s], doubled with each up to the last.
 _RETRY_TIMES = (2.0, 60.0)
-
-
-@dataclass(frozen=True)
-class ForecastRules:
-    """What is asked of forecasts.
-
-    Attributes:
-        horizon: How far ahead to look [s].
-        threshold: Thickness from which on lava has arrived [m].
-        max_age: Simulated time after which a forecast is stale [s].
-        share: Largest share of the time that the device computes forecasts.
-        max_particles: Most particles of a forecast.
-        members: Members of an ensemble beside it, 0 for none.
-        deadline: Wall time for a forecast and its ensemble [s], 0 for any.
-        time_scale: Simulated time per time of the clock [s/s].
-    """
-
-    horizon: float
-    threshold: float
-    max_age: float
-    share: float
-    max_particles: int
-    members: int = 0
-    deadline: float = 0.0
-    time_scale: float = 1.0
-
-
-@dataclass(frozen=True, eq=False)
-class LiveForecast:
-    """A forecast and what it is of.
-
-    Attributes:
-        forecast: The forecast.
-        stamp_ns: ROS time of its start [ns].
-        changes: Changes of scene or effects before its start.
-    """
-
-    forecast: Forecast
-    stamp_ns: int
-    changes: int
 
 
 @dataclass(frozen=True)
@@ -119,8 +78,8 @@ class _AtHand:
 class Forecaster:
     """Forks the newest state, has it run ahead in a process of its own, and so on.
 
-    What is at hand is dropped when scene or effects change, and begun anew. A state that stands
-    still is forked once. The process is given a smaller share of the time as long as the live
+    A forecast under way is dropped when scene or effects change, and begun anew. A state at rest
+    is forked once. The process is given a smaller share of the time as long as the live
     simulation falls behind its clock. Where there are to be members, an ensemble goes on from a
     fork as soon as the one before is complete.
 
@@ -150,7 +109,7 @@ class Forecaster:
         self._make_process = make_process
         self.outlooks = Outlooks()
         self._process: ForecastProcess | None = None
-        self._latest: LiveForecast | None = None
+        self._latest: Live[Forecast] | None = None
         self._status = ForecasterStatus()
         self._pace = Pace()
         self._is_wanted = False
@@ -165,7 +124,7 @@ class Forecaster:
         self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
 
     @property
-    def latest(self) -> LiveForecast | None:
+    def latest(self) -> Live[Forecast] | None:
         """The newest forecast, None before the first."""
         return self._latest
 
@@ -174,36 +133,22 @@ class Forecaster:
         """How the forecaster is doing."""
         return self._status
 
-    @property
-    def age(self) -> float:
-        """Simulated time since the newest forecast's start [s], 0 before the first."""
-        return 0.0 if self._latest is None else self.age_of(self._latest.forecast.time)
-
-    def age_of(self, time: float) -> float:
-        """How far the simulation is past a simulated time [s]."""
+    def age(self, live: Live[Ahead] | None) -> float:
+        """How far the simulation is past a forecast's or an ensemble's start [s], 0 for None."""
         snapshot = self._worker.latest
-        return 0.0 if snapshot is None else max(0.0, snapshot.time - time)
+        if live is None or snapshot is None:
+            return 0.0
+        return max(0.0, snapshot.time - live.shown.time)
 
-    def staleness(self) -> str:
-        """Why the newest forecast says nothing about what comes, empty when it does."""
-        latest = self._latest
-        if latest is None:
+    def staleness(self, live: Live[Ahead] | None) -> str:
+        """Why a forecast or ensemble says nothing about what comes, empty when it does."""
+        if live is None:
             return 'there is none yet'
-        return self._staleness(latest.changes, latest.forecast.time)
-
-    def staleness_of_outlook(self) -> str:
-        """Why the newest ensemble says nothing about what comes, empty when it does."""
-        latest = self.outlooks.latest
-        if latest is None:
-            return 'there is none yet'
-        return self._staleness(latest.changes, latest.outlook.time)
-
-    def _staleness(self, changes: int, time: float) -> str:
-        if self._worker.changes != changes:
+        if self._worker.changes != live.changes:
             return 'the scene or the effects have changed'
         if self._worker.status.state is WorkerState.FAILED:
             return 'the simulation has failed'
-        age, most = self.age_of(time), self._rules().max_age
+        age, most = self.age(live), self._rules().max_age
         return f'it is {age:.0f} s old, at most {most:.0f} s are good' if age > most else ''
 
     def start(self) -> None:
@@ -230,7 +175,7 @@ class Forecaster:
 
     def _run(self) -> None:
         while not self._stopping.is_set():
-            self._tell_changes()
+            self._report_changes()
             try:
                 self._turn()
             except (LavaError, OSError, ValueError) as error:
@@ -238,8 +183,8 @@ class Forecaster:
         self._end_process()
 
     def _turn(self) -> None:
-        """Begin what is due, pass on what has been seen, and hear what the process has to say."""
-        self._drop_what_is_overtaken()
+        """Begin a forecast that is due, pass on outlines, and take an answer of the process."""
+        self._drop_outdated()
         is_another = self._worker.changes != self._changes
         due = self._due_after_change if is_another else self._due
         is_due = self._is_wanted and time.monotonic() >= due
@@ -263,7 +208,7 @@ class Forecaster:
         if answer is not None:
             self._hear(*answer)
 
-    def _tell_changes(self) -> None:
+    def _report_changes(self) -> None:
         if self._worker.changes != self._told:
             self._told = self._worker.changes
             self._on_change()
@@ -276,21 +221,21 @@ class Forecaster:
         is_new = state != self._forked
         return is_new or (self._rules().members > 0 and self.outlooks.is_wanted(*state))
 
-    def _drop_what_is_overtaken(self) -> None:
+    def _drop_outdated(self) -> None:
         changes = self._worker.changes
-        is_overtaken = not self._is_wanted or changes != self._changes
-        if not is_overtaken or not self._is_busy():
+        is_outdated = not self._is_wanted or changes != self._changes
+        if not is_outdated or not self._is_busy():
             return
         if self._process is not None:
             self._process.order({'order': 'cancel'})
-        self._tell_changes()
+        self._report_changes()
         self._drop('the scene has changed' if self._is_wanted else 'the node is not active')
 
     def _is_busy(self) -> bool:
         return self._at_hand is not None or self.outlooks.is_busy
 
     def _drop(self, reason: str) -> None:
-        # what has been dropped is as new as it was
+        # a state that has been dropped may be forked again
         self._at_hand = self._forked = None
         self.outlooks.drop(reason)
         self._put_status(progress=None)
@@ -327,14 +272,7 @@ class Forecaster:
             'max_particles': rules.max_particles,
             'share': self._status.share,
             'is_first': self._latest is None or self._latest.changes != fork.changes,
-        } | self.outlooks.order(
-            fork,
-            self._number,
-            members=rules.members,
-            horizon=rules.horizon,
-            threshold=rules.threshold,
-            deadline=rules.deadline,
-        )
+        } | self.outlooks.order(fork, self._number, rules)
         self._at_hand = _AtHand(self._number, fork, rules)
         # of another scene nothing is known, which is worse than a forecast that is a second old
         self._due_after_change = begun + FORK_REST * fork.wall_time
@@ -395,7 +333,7 @@ class Forecaster:
             particle_count=header['particle_count'],
         )
         self._failures = 0
-        self._latest = LiveForecast(forecast, round(fork.clock * 1e9), fork.changes)
+        self._latest = Live(forecast, round(fork.clock * 1e9), fork.changes)
         self._put_status(count=self._status.count + 1, error='')
         self._on_change()
 

@@ -19,6 +19,7 @@ from concurrent.futures import Future
 import time
 import traceback
 from typing import Any
+from weakref import WeakValueDictionary
 
 from geometry_msgs.msg import PointStamped
 from nav_msgs.msg import MapMetaData, OccupancyGrid
@@ -28,15 +29,15 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
-from lava_ros.layers import OCCUPANCY_GRID
+from lava_ros.maps.layers import OCCUPANCY_GRID
 from lava_ros.ros import codec, grid_map, inputs, qos
+from lava_ros.ros.codec import decode
 from lava_ros.ros.diagnostics import InputLog
 from lava_ros.ros.entities import Entities
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.probability import mask_from_grid
-from lava_ros.ros.raw_input import decode
 from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.worker import SimulationWorker
+from lava_ros.scene import Terrain
 
 #: How often an image that waits for its description is looked at [s].
 PAIRING_PERIOD = 0.1
@@ -52,6 +53,7 @@ class InputTopics:
 
     Attributes:
         log: What has been taken and refused.
+        wanted: What is said while there is no terrain.
     """
 
     def __init__(
@@ -64,6 +66,7 @@ class InputTopics:
         grid_maps: grid_map.Classes | None = None,
         observe: Callable[[Mask, float], 'Future[None]'] | None = None,
         recorder: Recorder | None = None,
+        is_own: Callable[[str, bytes], bool] = lambda topic, data: False,
     ) -> None:
         """Subscribe.
 
@@ -76,12 +79,15 @@ class InputTopics:
             observe: Takes where lava was seen, and the ROS time at which it was [s]; None: nothing
                 does.
             recorder: Where that goes as well.
+            is_own: Says whether a message on a topic comes from this node.
         """
         self.log = InputLog()
         self._node = entities.node
         self._logger = entities.node.get_logger()
         self._observe = observe
         self._recorder = recorder
+        self._is_own = is_own
+        self._heard: WeakValueDictionary[int, Terrain] = WeakValueDictionary()
         self._worker = worker
         self._settings = settings
         self._pairing = inputs.TerrainPairing()
@@ -102,6 +108,8 @@ class InputTopics:
         grid_maps = grid_maps or grid_map.installed_classes()
         if grid_maps is not None:
             topics.append((grid_maps.map, 'terrain_grid', self._on_terrain_grid, terrain_qos))
+        by = ', '.join(topic for _, topic, _, profile in topics if profile is terrain_qos)
+        self.wanted = f'waiting for terrain on {by}'
         for message_class, topic, callback, profile in topics:
             take = self._guarded(topic, message_class, callback)
             entities.subscription(message_class, topic, take, profile, raw=True)
@@ -122,6 +130,10 @@ class InputTopics:
 
         future.add_done_callback(report)
 
+    def has_heard(self, terrain: Terrain) -> bool:
+        """Whether a terrain came by ``terrain`` and ``terrain_info``."""
+        return id(terrain) in self._heard
+
     def reject(self, topic: str, error: LavaError, number: int | None = None) -> None:
         """Report an input that is refused; the newest of its topic, or that of a number."""
         if self.log.reject(topic, error, number):
@@ -137,8 +149,10 @@ class InputTopics:
         self, topic: str, message_class: Any, callback: Callable[[Any], None]
     ) -> Callable[[bytes], None]:
         def take(data: bytes) -> None:
+            if self._is_own(topic, data):
+                return
             try:
-                most = self._settings().rules.max_input_bytes
+                most = self._settings().max_input_bytes
                 callback(decode(data, message_class, topic, max_bytes=most))
             except LavaError as error:
                 self.reject(topic, error)
@@ -150,12 +164,12 @@ class InputTopics:
         return take
 
     def _on_terrain(self, image: Image) -> None:
-        inputs.check_image(image, self._settings().rules)
+        inputs.check_image(image, self._settings())
         self._pairing.add_image(image, time.monotonic())
         self._poll_pairing()
 
     def _on_terrain_info(self, info: MapMetaData) -> None:
-        inputs.check_info(info, self._settings().rules)
+        inputs.check_info(info, self._settings())
         self.log.accept('terrain_info')
         self._pairing.add_info(info, time.monotonic())
         self._poll_pairing()
@@ -166,45 +180,37 @@ class InputTopics:
         try:
             pair = self._pairing.poll(time.monotonic())
             if pair is not None:
-                terrain = inputs.terrain_from_image(*pair, self._settings().rules)
+                terrain = inputs.terrain_from_image(*pair, self._settings())
+                self._heard[id(terrain)] = terrain
                 self.command('terrain', self._worker.set_terrain(terrain))
         except LavaError as error:
             self.reject('terrain', error)
 
     def _on_terrain_cloud(self, cloud: PointCloud2) -> None:
-        terrain = inputs.terrain_from_cloud(cloud, self._settings().rules)
+        terrain = inputs.terrain_from_cloud(cloud, self._settings())
         self.command('terrain_cloud', self._worker.set_terrain(terrain))
 
     def _on_terrain_grid(self, message: Any) -> None:
-        terrain = inputs.terrain_from_grid(message, self._settings().rules)
+        terrain = inputs.terrain_from_grid(message, self._settings())
         self.command('terrain_grid', self._worker.set_terrain(terrain))
 
     def _on_vents(self, cloud: PointCloud2) -> None:
-        vents = inputs.vents_from_cloud(cloud, self._settings().rules)
+        vents = inputs.vents_from_cloud(cloud, self._settings())
         self.command('vents', self._worker.set_vents(vents))
 
     def _on_clicked_point(self, point: PointStamped) -> None:
         settings, scene = self._settings(), self._worker.scene
-        if scene is not None and len(scene.vents) >= settings.rules.max_vents:
+        if scene is not None and len(scene.vents) >= settings.max_vents:
             raise LavaError(
-                'clicked_point', 'one more vent', f'at most {settings.rules.max_vents} (max_vents)'
+                'clicked_point', 'one more vent', f'at most {settings.max_vents} (max_vents)'
             )
         self._clicks += 1
-        vent = inputs.vent_from_point(
-            point,
-            settings.rules,
-            discharge=settings.default_discharge,
-            temperature=settings.default_temperature,
-            radius=settings.default_radius,
-            name=f'click {self._clicks}',
-        )
+        vent = inputs.vent_from_point(point, settings, name=f'click {self._clicks}')
         self.command('clicked_point', self._worker.add_vent(vent))
 
     def _on_outline(self, grid: OccupancyGrid) -> None:
-        rules = self._settings().rules
-        mask = mask_from_grid(grid, rules, name=_OUTLINE)
-        stamp = grid.header.stamp
-        stamp_ns = stamp.sec * 10**9 + stamp.nanosec
+        mask = inputs.mask_from_grid(grid, self._settings(), name=_OUTLINE)
+        stamp_ns = codec.nanoseconds(grid.header.stamp)
         now_ns = int(self._node.get_clock().now().nanoseconds)
         if not 0 < stamp_ns <= now_ns + CLOCK_TOLERANCE * 1e9:
             right = f'the time at which it was seen, not after now, {1e-9 * now_ns:.3f} s'
@@ -217,5 +223,5 @@ class InputTopics:
                 OCCUPANCY_GRID,
                 codec.serialise(grid),
                 now_ns,
-                qos=qos.bag_profile(qos.COMMANDS),
+                qos=qos.COMMANDS,
             )

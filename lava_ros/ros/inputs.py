@@ -14,99 +14,99 @@
 
 """Messages that come in -> Terrain and Vent, or a LavaError that says what is wrong with them."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 import math
 from typing import Any
 
 from geometry_msgs.msg import PointStamped, Pose
-from nav_msgs.msg import MapMetaData
+from nav_msgs.msg import MapMetaData, OccupancyGrid
 import numpy as np
 from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.layers import ZERO_CELSIUS
-from lava_ros.ros import codec, grid_map
-from lava_ros.scene import MAX_SIDE_CELLS, Terrain, Vent
+from lava_ros.forecast.assimilation import Mask
+from lava_ros.maps.layers import ZERO_CELSIUS
+from lava_ros.maps.message_arrays import cloud_columns, image_array
+from lava_ros.ros import grid_map
+from lava_ros.ros.parameters import Settings
+from lava_ros.scene import (
+    MAX_COORDINATE,
+    MAX_ELEVATION,
+    MAX_SIDE_CELLS,
+    RESOLUTION_RANGE,
+    Terrain,
+    Vent,
+)
 
 #: Fields a cloud of vents has to have; ``z`` is there for viewers.
 VENT_FIELDS = ('x', 'y', 'z', 'discharge', 'temperature', 'radius')
 
+#: Time that the partner of a single new half of a terrain has to come [s].
+SETTLE = 0.5
 
-@dataclass(frozen=True)
-class InputRules:
-    """What is asked of messages.
+#: Time after which a half of another size than its partner, and one without any, is reported [s].
+PATIENCE, ABSENCE = 2.0, 10.0
 
-    Attributes:
-        frame_id: Frame every message has to be in.
-        terrain_scale: Metres per unit of a terrain image.
-        terrain_offset: Metres added after the scale.
-        terrain_allow_holes: Whether cells without data (NaN) are taken.
-        terrain_cloud_resolution: Side of the cells a terrain cloud is rasterised to [m].
-        max_terrain_cells: Most cells of a terrain.
-        max_vents: Most vents in a message.
-        max_input_bytes: Most bytes of data in a message.
-        epsg: EPSG code of the projected system the map frame is an offset of.
-        offset: Easting and northing [m] of the map frame's origin in that system.
-    """
+#: Value of a mask's cell from which on there is lava; negative ones are unknown.
+LEAST_LAVA = 50
 
-    frame_id: str = 'map'
-    terrain_scale: float = 1.0
-    terrain_offset: float = 0.0
-    terrain_allow_holes: bool = False
-    terrain_cloud_resolution: float = 10.0
-    max_terrain_cells: int = 25_000_000
-    max_vents: int = 1000
-    max_input_bytes: int = 512 * 1024 * 1024
-    epsg: int | None = None
-    offset: tuple[float, float] = (0.0, 0.0)
+#: Largest value of a cell of an occupancy grid.
+MOST_CELL = 100
 
 
-def check_image(image: Image, rules: InputRules) -> None:
+def check_image(image: Image, settings: Settings) -> None:
     """Check all that can be said about a terrain image before its terrain_info is there.
 
     Raises:
         LavaError: Frame, size, encoding, steps or elevations are not usable.
     """
-    _check_frame('terrain', image.header.frame_id, rules)
-    _check_bytes('terrain', image.data, rules)
-    _check_cells('terrain.size', image.width, image.height, rules)
-    _check_elevation('terrain', codec.image_array(image, 'terrain'), rules)
+    _check_frame('terrain', image.header.frame_id, settings)
+    _check_bytes('terrain', image.data, settings)
+    _check_cells('terrain.size', image.width, image.height, settings)
+    _check_elevation('terrain', image_array(image, 'terrain'), settings)
 
 
-def check_info(info: MapMetaData, rules: InputRules, *, name: str = 'terrain_info') -> None:
+def check_info(info: MapMetaData, settings: Settings, *, name: str = 'terrain_info') -> float:
     """Check the description of a grid by itself.
+
+    Returns:
+        Side of a cell [m], the shortest decimal number the float32 stands for: 0.1, not
+        0.10000000149.
 
     Raises:
         LavaError: Size, resolution or origin is not usable.
     """
-    _check_cells(f'{name}.size', info.width, info.height, rules)
-    validation.number(f'{name}.resolution', info.resolution, above=0.0, unit='m')
+    _check_cells(f'{name}.size', info.width, info.height, settings)
     _check_pose(f'{name}.origin', info.origin)
+    least, most = RESOLUTION_RANGE
+    resolution = float(str(np.float32(info.resolution)))
+    return validation.number(
+        f'{name}.resolution', resolution, at_least=least, at_most=most, unit='m'
+    )
 
 
-def terrain_from_image(image: Image, info: MapMetaData, rules: InputRules) -> Terrain:
+def terrain_from_image(image: Image, info: MapMetaData, settings: Settings) -> Terrain:
     """Make a terrain from an image of elevations and the description of its cells.
 
     Raises:
         LavaError: One of them is not usable, or their sizes differ.
     """
-    check_image(image, rules)
-    check_info(info, rules)
+    check_image(image, settings)
+    resolution = check_info(info, settings)
     if (image.width, image.height) != (info.width, info.height):
         raise _size_mismatch(image, info)
-    pixels = codec.image_array(image, 'terrain').astype(np.float64)
+    pixels = image_array(image, 'terrain').astype(np.float64)
     return Terrain(
-        elevation=pixels * rules.terrain_scale + rules.terrain_offset,
-        # The shortest decimal number the float32 stands for: 0.1, not 0.10000000149.
-        resolution=float(str(np.float32(info.resolution))),
+        elevation=pixels * settings.terrain_scale + settings.terrain_offset,
+        resolution=resolution,
         origin=(info.origin.position.x, info.origin.position.y),
-        epsg=rules.epsg,
-        offset=rules.offset,
+        epsg=settings.epsg,
+        offset=settings.offset,
     )
 
 
-def terrain_from_cloud(cloud: PointCloud2, rules: InputRules) -> Terrain:
+def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
     """Make a terrain from points on the ground: each cell gets the mean of its points.
 
     The cells start half a cell before the outermost points, so that points on a regular grid of
@@ -116,21 +116,25 @@ def terrain_from_cloud(cloud: PointCloud2, rules: InputRules) -> Terrain:
         LavaError: The cloud is not usable, or leaves cells without points.
     """
     name = 'terrain_cloud'
-    _check_frame(name, cloud.header.frame_id, rules)
-    _check_bytes(name, cloud.data, rules)
-    columns = codec.cloud_columns(cloud, name, ('x', 'y', 'z'))
+    _check_frame(name, cloud.header.frame_id, settings)
+    _check_bytes(name, cloud.data, settings)
+    columns = cloud_columns(cloud, name, ('x', 'y', 'z'))
+    for axis, most in (('x', MAX_COORDINATE), ('y', MAX_COORDINATE), ('z', MAX_ELEVATION)):
+        # NaN compares as False
+        beyond = columns[axis][np.abs(columns[axis]) > most]
+        if len(beyond):
+            right = f'at most {most:g} m above or below zero, NaN for points without data'
+            raise LavaError(f'{name}.{axis}', float(beyond[0]), right)
     points = np.stack([columns['x'], columns['y'], columns['z']], axis=-1)
-    if np.isinf(points).any():
-        raise LavaError(f'{name}.data', math.inf, 'finite metres, NaN for points without data')
     points = points[~np.isnan(points).any(axis=1)]
     if len(points) == 0:
         raise LavaError(f'{name}.size', f'{cloud.width} x {cloud.height}', 'at least one point')
-    resolution = rules.terrain_cloud_resolution
+    resolution = settings.terrain_cloud_resolution
     low = points[:, :2].min(axis=0) - 0.5 * resolution
     width, height = (
         int(cells) for cells in np.floor((points[:, :2].max(axis=0) - low) / resolution) + 1
     )
-    _check_cells(f'{name}.size', width, height, rules)
+    _check_cells(f'{name}.size', width, height, settings)
     column, row = np.floor((points[:, :2] - low) / resolution).astype(np.int64).T
     cell = row * width + column
     count = np.bincount(cell, minlength=width * height)
@@ -138,115 +142,151 @@ def terrain_from_cloud(cloud: PointCloud2, rules: InputRules) -> Terrain:
     mean = np.full(width * height, np.nan)
     np.divide(total, count, out=mean, where=count > 0)
     elevation = mean.reshape(height, width)
-    _check_elevation(name, elevation, rules)
+    _check_elevation(name, elevation, settings)
     return Terrain(
         elevation=elevation,
         resolution=resolution,
         origin=(float(low[0]), float(low[1])),
-        epsg=rules.epsg,
-        offset=rules.offset,
+        epsg=settings.epsg,
+        offset=settings.offset,
     )
 
 
-def terrain_from_grid(message: Any, rules: InputRules) -> Terrain:
+def terrain_from_grid(message: Any, settings: Settings) -> Terrain:
     """Make a terrain from the layer ``elevation`` of a grid_map_msgs/GridMap.
 
     Raises:
         LavaError: The map is not usable, or lacks the layer.
     """
     name = 'terrain_grid'
-    _check_frame(name, message.header.frame_id, rules)
+    _check_frame(name, message.header.frame_id, settings)
     _check_pose(f'{name}.info.pose', message.info.pose)
     for array in message.data:
         cells = len(array.data) - array.layout.data_offset
-        if cells > rules.max_terrain_cells:
-            right = f'at most {rules.max_terrain_cells} (max_terrain_cells)'
+        if cells > settings.max_terrain_cells:
+            right = f'at most {settings.max_terrain_cells} (max_terrain_cells)'
             raise LavaError(f'{name}.data', f'{cells} cells', right)
     elevation = grid_map.layer_values(message, grid_map.ELEVATION, name)
-    _check_cells(f'{name}.size', elevation.shape[1], elevation.shape[0], rules)
-    _check_elevation(name, elevation, rules)
+    _check_cells(f'{name}.size', elevation.shape[1], elevation.shape[0], settings)
+    _check_elevation(name, elevation, settings)
     info, centre = message.info, message.info.pose.position
     return Terrain(
         elevation=elevation,
         resolution=info.resolution,
         origin=(centre.x - 0.5 * info.length_x, centre.y - 0.5 * info.length_y),
-        epsg=rules.epsg,
-        offset=rules.offset,
+        epsg=settings.epsg,
+        offset=settings.offset,
     )
 
 
-def vents_from_cloud(cloud: PointCloud2, rules: InputRules) -> tuple[Vent, ...]:
+def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]:
     """Make the vents of a message, which stand for all there are: no points, no vents.
+
+    With a field ``time`` the points of one id at one place are one vent, whose discharge is that
+    of each point from its simulated time [s] on.
 
     Raises:
         LavaError: The cloud is not usable, or a vent in it is not.
     """
-    _check_frame('vents', cloud.header.frame_id, rules)
-    _check_bytes('vents', cloud.data, rules)
+    _check_frame('vents', cloud.header.frame_id, settings)
+    _check_bytes('vents', cloud.data, settings)
     count = cloud.width * cloud.height
-    if count > rules.max_vents:
-        raise LavaError('vents.size', count, f'at most {rules.max_vents} vents (max_vents)')
-    columns = codec.cloud_columns(cloud, 'vents', VENT_FIELDS, optional=('id',))
+    if count > settings.max_vents:
+        raise LavaError('vents.size', count, f'at most {settings.max_vents} vents (max_vents)')
+    is_timed = any(item.name == 'time' for item in cloud.fields)
+    required = (*VENT_FIELDS, 'id', 'time') if is_timed else VENT_FIELDS
+    columns = cloud_columns(cloud, 'vents', required, optional=('id',))
     ids = columns.get('id', np.arange(count, dtype=np.float64))
-    vents = []
+    points: dict[object, list[int]] = {}
     for index in range(count):
-        x, y, discharge, temperature, radius = (
-            float(columns[key][index]) for key in ('x', 'y', 'discharge', 'temperature', 'radius')
-        )
-        vents.append(_vent(f'vent {ids[index]:g}', x, y, discharge, temperature, radius))
-    return tuple(vents)
+        place = (ids[index], columns['x'][index], columns['y'][index]) if is_timed else index
+        points.setdefault(place, []).append(index)
+    return tuple(
+        _vent_of_points(f'vent {ids[rows[0]]:g}', columns, rows) for rows in points.values()
+    )
 
 
-def vent_from_point(
-    point: PointStamped,
-    rules: InputRules,
-    *,
-    discharge: float,
-    temperature: float,
-    radius: float,
-    name: str,
-) -> Vent:
+def _vent_of_points(name: str, columns: Mapping[str, np.ndarray], rows: Sequence[int]) -> Vent:
+    for key in ('temperature', 'radius'):
+        for row in rows:
+            value, first = float(columns[key][row]), float(columns[key][rows[0]])
+            # none is equal to NaN, which is refused below
+            if row != rows[0] and value != first:
+                raise LavaError(f"vent '{name}'.{key}", value, f'{first:g} as at its first time')
+    x, y, temperature, radius = (
+        float(columns[key][rows[0]]) for key in ('x', 'y', 'temperature', 'radius')
+    )
+    fluxes = [float(columns['discharge'][row]) for row in rows]
+    if 'time' not in columns:
+        return _vent(name, x, y, fluxes[0], temperature, radius)
+    times = [float(columns['time'][row]) for row in rows]
+    series = list(zip(times, fluxes, strict=True))
+    return _vent(name, x, y, series, temperature, radius)
+
+
+def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Vent:
     """Make the vent that a click in a viewer opens; the stamp is the viewer's and plays no part.
 
     Args:
         point: The click.
-        rules: What is asked of messages.
-        discharge: Its discharge [m3/s].
-        temperature: Its temperature [Celsius].
-        radius: Its radius [m].
+        settings: The node's settings, which say what else the vent is.
         name: Its name.
 
     Raises:
         LavaError: The frame or the position is not usable.
     """
-    _check_frame('clicked_point', point.header.frame_id, rules)
-    return _vent(name, point.point.x, point.point.y, discharge, temperature, radius)
+    _check_frame('clicked_point', point.header.frame_id, settings)
+    return _vent(
+        name,
+        point.point.x,
+        point.point.y,
+        settings.default_discharge,
+        settings.default_temperature,
+        settings.default_radius,
+    )
+
+
+def mask_from_grid(grid: OccupancyGrid, settings: Settings, *, name: str = 'observed') -> Mask:
+    """Read where lava was seen: 50 to 100 lava, 0 to 49 none, negative where nobody looked.
+
+    Args:
+        grid: The message.
+        settings: The node's settings.
+        name: What it is called in errors.
+
+    Raises:
+        LavaError: Frame, size, resolution, origin or data are not usable.
+    """
+    _check_frame(name, grid.header.frame_id, settings)
+    info = grid.info
+    resolution = check_info(info, settings, name=f'{name}.info')
+    if len(grid.data) != info.width * info.height:
+        right = f'width x height = {info.width * info.height} cells'
+        raise LavaError(f'{name}.data', f'{len(grid.data)} cells', right)
+    cells = np.asarray(grid.data, dtype=np.int8).reshape(info.height, info.width)
+    if cells.max() > MOST_CELL:
+        raise LavaError(f'{name}.data', int(cells.max()), f'cells from -1 to {MOST_CELL}')
+    return Mask(
+        lava=cells >= LEAST_LAVA,
+        known=cells >= 0,
+        resolution=resolution,
+        origin=(info.origin.position.x, info.origin.position.y),
+    )
 
 
 class TerrainPairing:
     """Finds the image and the description that belong together on two topics.
 
     Either may come first. Two that are both new make a terrain at once when their sizes agree. A
-    single new one of the old size gives its partner ``settle`` seconds to come and then pairs with
+    single new one of the old size gives its partner ``SETTLE`` seconds to come and then pairs with
     the old partner, so that a publisher that sends both never shows the new elevations at the old
-    place. Halves of different sizes are an error after ``patience`` seconds, one without any
-    partner after ``absence`` seconds: a machine with too much to do may hear of one publisher
+    place. Halves of different sizes are an error after ``PATIENCE`` seconds, one without any
+    partner after ``ABSENCE`` seconds: a machine with too much to do may hear of one publisher
     seconds after the other, which is no mistake of theirs. Each is reported once.
     """
 
-    def __init__(
-        self, *, settle: float = 0.5, patience: float = 2.0, absence: float = 10.0
-    ) -> None:
-        """Start with nothing.
-
-        Args:
-            settle: Time the partner of a single new half has to come [s].
-            patience: Time after which a half of another size than its partner is reported [s].
-            absence: Time after which a half without any partner is reported [s].
-        """
-        self._settle = settle
-        self._patience = patience
-        self._absence = absence
+    def __init__(self) -> None:
+        """Start with nothing."""
         self._image: Image | None = None
         self._info: MapMetaData | None = None
         self._image_is_new = False
@@ -281,11 +321,11 @@ class TerrainPairing:
         if image is not None and info is not None:
             fits = (image.width, image.height) == (info.width, info.height)
             both_new = self._image_is_new and self._info_is_new
-            if fits and (both_new or now - self._changed >= self._settle):
+            if fits and (both_new or now - self._changed >= SETTLE):
                 self._image_is_new = self._info_is_new = False
                 return image, info
         is_alone = image is None or info is None
-        if now - self._changed < (self._absence if is_alone else self._patience):
+        if now - self._changed < (ABSENCE if is_alone else PATIENCE):
             return None
         self._reported = True
         if image is None:
@@ -304,7 +344,12 @@ def _size_mismatch(image: Image, info: MapMetaData) -> LavaError:
 
 
 def _vent(
-    name: str, x: float, y: float, discharge: float, temperature: float, radius: float
+    name: str,
+    x: float,
+    y: float,
+    discharge: float | Sequence[tuple[float, float]],
+    temperature: float,
+    radius: float,
 ) -> Vent:
     validation.number(f"vent '{name}'.temperature", temperature, unit='Celsius')
     return Vent(
@@ -316,17 +361,22 @@ def _vent(
     )
 
 
-def _check_frame(name: str, frame_id: str, rules: InputRules) -> None:
-    if frame_id != rules.frame_id:
-        raise LavaError(
-            f'{name}.header.frame_id', frame_id, f'{rules.frame_id!r}: nothing is transformed here'
-        )
+def _check_frame(name: str, frame_id: str, settings: Settings) -> None:
+    if frame_id != settings.frame_id:
+        right = f'{settings.frame_id!r}: nothing is transformed here'
+        raise LavaError(f'{name}.header.frame_id', frame_id, right)
 
 
 def _check_pose(name: str, pose: Pose) -> None:
     place, turn = pose.position, pose.orientation
     for axis in ('x', 'y'):
-        validation.number(f'{name}.position.{axis}', getattr(place, axis), unit='m')
+        validation.number(
+            f'{name}.position.{axis}',
+            getattr(place, axis),
+            at_least=-MAX_COORDINATE,
+            at_most=MAX_COORDINATE,
+            unit='m',
+        )
     if place.z != 0.0:
         raise LavaError(f'{name}.position.z', place.z, '0: the elevations carry the height')
     # The negation also catches NaN.
@@ -338,32 +388,31 @@ def _check_pose(name: str, pose: Pose) -> None:
         )
 
 
-def _check_bytes(name: str, data: object, rules: InputRules) -> None:
+def _check_bytes(name: str, data: object, settings: Settings) -> None:
     size = memoryview(data).nbytes  # type: ignore[arg-type]
-    if size > rules.max_input_bytes:
-        raise LavaError(
-            f'{name}.data', f'{size} bytes', f'at most {rules.max_input_bytes} (max_input_bytes)'
-        )
+    if size > settings.max_input_bytes:
+        right = f'at most {settings.max_input_bytes} (max_input_bytes)'
+        raise LavaError(f'{name}.data', f'{size} bytes', right)
 
 
-def _check_cells(field: str, width: int, height: int, rules: InputRules) -> None:
+def _check_cells(field: str, width: int, height: int, settings: Settings) -> None:
     if min(width, height) < 2 or max(width, height) > MAX_SIDE_CELLS:
         raise LavaError(field, f'{width} x {height}', f'2 to {MAX_SIDE_CELLS} cells a side')
-    if width * height > rules.max_terrain_cells:
+    if width * height > settings.max_terrain_cells:
         raise LavaError(
             field,
             f'{width} x {height}',
-            f'at most {rules.max_terrain_cells} cells (max_terrain_cells)',
+            f'at most {settings.max_terrain_cells} cells (max_terrain_cells)',
         )
 
 
-def _check_elevation(name: str, elevation: np.ndarray, rules: InputRules) -> None:
+def _check_elevation(name: str, elevation: np.ndarray, settings: Settings) -> None:
     if np.isinf(elevation).any():
         raise LavaError(f'{name}.data', math.inf, 'finite metres, NaN where unknown')
     holes = int(np.isnan(elevation).sum())
     if holes == elevation.size:
         raise LavaError(f'{name}.data', math.nan, 'at least one cell with data')
-    if holes and not rules.terrain_allow_holes:
+    if holes and not settings.terrain_allow_holes:
         raise LavaError(
             f'{name}.data',
             f'{holes} of {elevation.size} cells without data (NaN)',

@@ -23,10 +23,9 @@ from nav_msgs.msg import OccupancyGrid
 from rclpy.publisher import Publisher
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast.forecast import Forecast
-from lava_ros.forecast.outlook import Outlook
-from lava_ros.layer_files import load_layers, switched
-from lava_ros.layers import Layer, OCCUPANCY_GRID
+from lava_ros.maps.forecast import Forecast, Outlook
+from lava_ros.maps.layer_files import load_layers, switched
+from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.entities import Entities
 from lava_ros.ros.parameters import Settings
@@ -84,6 +83,7 @@ class _Output(Generic[Shown]):
     publisher: Publisher
     is_due: bool = True
     published: Shown | None = None
+    cells: object = None
 
 
 class LayerPublishers(Generic[Shown]):
@@ -162,12 +162,17 @@ class LayerPublishers(Generic[Shown]):
         for output in self._outputs:
             is_new = snapshot is not output.published and (output.is_due or also_not_due)
             if is_new or repeat:
-                self._publish(output, snapshot, stamp_ns, recorded_ns or stamp_ns)
+                self._publish(output, snapshot, stamp_ns, recorded_ns or stamp_ns, repeat)
 
     def _publish(
-        self, output: _Output[Shown], snapshot: Shown, stamp_ns: int, recorded_ns: int
+        self,
+        output: _Output[Shown],
+        snapshot: Shown,
+        stamp_ns: int,
+        recorded_ns: int,
+        repeat: bool,
     ) -> None:
-        layer = output.layer
+        layer, before = output.layer, output.published
         output.is_due = False
         output.published = snapshot
         self.shown, self.shown_stamp_ns = snapshot, stamp_ns
@@ -179,6 +184,12 @@ class LayerPublishers(Generic[Shown]):
         message = outputs.layer_message(
             layer, snapshot, frame_id=self._frame_id, stamp_ns=stamp_ns
         )
+        if layer.is_mask and is_latched:
+            # Nav2 works its costmaps out anew, and warns, for each mask it gets.
+            known, output.cells = output.cells, message.data
+            is_same_ground = before is not None and before.terrain is snapshot.terrain
+            if is_same_ground and known == output.cells and not repeat:
+                return
         data = codec.serialise(message)
         output.publisher.publish(data)
         if is_recorded:
@@ -187,5 +198,5 @@ class LayerPublishers(Generic[Shown]):
                 layer.message,
                 data,
                 recorded_ns,
-                qos=qos.bag_profile(layer.qos),
+                qos=layer.qos,
             )

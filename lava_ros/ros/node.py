@@ -14,8 +14,11 @@
 
 """The node `lava`: a managed node, from its parameters to an operation that does the work."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
 import gc
+import logging
 import os
 import signal
 import sys
@@ -31,15 +34,16 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 
 from lava_ros.errors import LavaError
-from lava_ros.lava import Lava
 from lava_ros.ros import parameters, qos
+from lava_ros.ros.active_node import Operation
 from lava_ros.ros.entities import Entities
-from lava_ros.ros.eruption import SimulationLike
-from lava_ros.ros.operation import Operation
-from lava_ros.ros.resume import adopt
-from lava_ros.ros.sources import load_sources, Sources
+from lava_ros.ros.session import SimulationLike
+from lava_ros.ros.sources import adopted, load_sources, Sources
 from lava_ros.ros.spinning import spin
 from lava_ros.scene import Scene
+
+# The parameters that are there before the node is configured; those of lava follow a scene.
+_DECLARED = parameters.SOURCES + parameters.PARAMETERS
 
 
 class LavaNode(LifecycleNode):
@@ -77,12 +81,18 @@ class LavaNode(LifecycleNode):
         self._make_simulation = make_simulation
         self._operation: Operation | None = None
         self._values: dict[str, Any] = {}
-        self._material: Lava | None = None
+        self._constants: Mapping[str, Any] | None = None
         self._ending: Operation | None = None
         self.refusal = ''
         self._answer_all_requests()
         declared = parameters.declare(self, parameters.LIFECYCLE)
         self._is_autostarting = bool(declared['autostart'])
+        parameters.fix(self, parameters.LIFECYCLE, fixed=True)
+        for spec in _DECLARED:
+            # a value of the wrong type is refused when the node is configured
+            with suppress(ParameterException):
+                parameters.declare(self, (spec,))
+        self.add_pre_set_parameters_callback(partial(parameters.with_numbers, self))
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
 
@@ -109,6 +119,7 @@ class LavaNode(LifecycleNode):
             Whether its thread has ended.
         """
         operation, self._operation = self._operation, None
+        parameters.fix(self, _DECLARED, fixed=False)
         if operation is not None:
             self._ending = operation
             operation.close()
@@ -127,29 +138,33 @@ class LavaNode(LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read parameters and files, and join the graph."""
-        return self._transition('configure', self._configure)
+        return self._transition('configure', 'configured', self._configure)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let time pass, and publish."""
-        return self._transition('activate', lambda: self._configured().activate())
+        return self._transition('activate', 'active', lambda: self._configured().activate())
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Hold time, and publish no more layers."""
-        return self._transition('deactivate', lambda: self._configured().deactivate())
+        return self._transition(
+            'deactivate', 'inactive', lambda: self._configured().deactivate()
+        )
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Finish the bag, end the simulation and leave the graph."""
-        return self._transition('clean up', self._close)
+        return self._transition('clean up', 'cleaned up', self._close)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Finish the bag and end the simulation, from any state."""
-        return self._transition('shut down', self._close)
+        return self._transition('shut down', 'shut down', self._close)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin anew, unconfigured, after an error nobody expected."""
-        return self._transition('clean up after an error', self._close)
+        return self._transition('clean up after an error', 'cleaned up', self._close)
 
-    def _transition(self, name: str, action: Callable[[], None]) -> TransitionCallbackReturn:
+    def _transition(
+        self, name: str, done: str, action: Callable[[], None]
+    ) -> TransitionCallbackReturn:
         # rclpy drops what a transition raises without a word.
         try:
             action()
@@ -162,6 +177,7 @@ class LavaNode(LifecycleNode):
             self.refusal = f'{type(error).__name__}: {error}'
             self.get_logger().error(f'cannot {name}: {traceback.format_exc()}')
             return TransitionCallbackReturn.ERROR
+        self.get_logger().info(done)
         return TransitionCallbackReturn.SUCCESS
 
     def _configure(self) -> None:
@@ -183,6 +199,7 @@ class LavaNode(LifecycleNode):
         except Exception:
             entities.destroy()
             raise
+        parameters.fix(self, _DECLARED, fixed=True)
 
     def _configured(self) -> Operation:
         assert self._operation is not None
@@ -214,25 +231,32 @@ class LavaNode(LifecycleNode):
     # parameters
 
     def _declare_parameters(self, sources: Sources) -> parameters.Settings:
-        specs = parameters.PARAMETERS + parameters.lava_parameters(sources.lava)
-        former, self._material = self._material, sources.lava
+        constants = sources.constants
+        specs = parameters.PARAMETERS + parameters.constant_parameters(constants)
+        former, self._constants = self._constants, constants
         self._values = parameters.declare(self, specs)
+        for text in parameters.without_effect(self):
+            self.get_logger().warning(text)
         if sources.checkpoint is not None:
-            self._values |= adopt(self, sources.checkpoint, self._values, specs)
+            defaults = {spec.name: spec.default for spec in specs}
+            self._change(adopted(sources.checkpoint, self._values, defaults))
         elif former is not None:
-            self._renew_material(former, sources.lava)
+            self._renew_constants(former, constants)
         return parameters.settings_from(self._values)
 
-    def _renew_material(self, former: Lava, lava: Lava) -> None:
+    def _renew_constants(self, former: Mapping[str, Any], constants: Mapping[str, Any]) -> None:
         """Take constants from a scene file that has changed, but for those set by hand."""
-        old = parameters.lava_values(former)
+        old = parameters.constant_values(former)
         changed = {
             name: value
-            for name, value in parameters.lava_values(lava).items()
+            for name, value in parameters.constant_values(constants).items()
             if self._values[name] == old[name] != value
         }
-        parameters.put(self, changed)
-        self._values |= changed
+        self._change(changed)
+
+    def _change(self, values: Mapping[str, Any]) -> None:
+        parameters.put(self, values)
+        self._values |= values
 
     def _check_parameters(self, changed: list[Parameter]) -> SetParametersResult:
         # Unconfigured, one wrong value after the other can be put right; configuring checks all.
@@ -258,6 +282,20 @@ class LavaNode(LifecycleNode):
         return {**self._values, **known}
 
 
+class _PackageLog(logging.Handler):
+    """Passes what the package logs, Warp among it, on to the log of a node."""
+
+    def __init__(self, node: LavaNode) -> None:
+        super().__init__()
+        self._logger = node.get_logger()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.levelno >= logging.WARNING:
+            self._logger.warning(record.getMessage())
+        else:
+            self._logger.info(record.getMessage())
+
+
 def main(args: list[str] | None = None) -> int:
     """Run the node until SIGINT or SIGTERM.
 
@@ -275,6 +313,10 @@ def main(args: list[str] | None = None) -> int:
         print(f'lava_node cannot start: {error}', file=sys.stderr)
         rclpy.shutdown()
         return 1
+    package = logging.getLogger('lava_ros')
+    # in place of what prints it for the other commands
+    package.handlers[:] = [_PackageLog(node)]
+    package.setLevel(logging.INFO)
     if not node.autostart():
         print(f'lava_node cannot start: {node.refusal}', file=sys.stderr)
         ended, status = node.close(), 1

@@ -15,15 +15,16 @@
 """What the simulation shows -> messages."""
 
 from collections.abc import Sequence
+import math
 from typing import Any
 
 from nav_msgs.msg import MapMetaData, OccupancyGrid
+import numpy as np
 from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast.forecast import Forecast
-from lava_ros.forecast.outlook import Outlook
-from lava_ros.layers import GRID_MAP, IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
+from lava_ros.maps.forecast import Forecast, Outlook
+from lava_ros.maps.layers import GRID_MAP, IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
 from lava_ros.ros import codec, grid_map
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.snapshot import Snapshot
@@ -79,6 +80,19 @@ def terrain_messages(
     """Make the image and its description that stand for a terrain."""
     image = codec.float_image(terrain.elevation, codec.header(frame_id, stamp_ns))
     return image, codec.map_metadata(terrain, stamp_ns)
+
+
+def relief_message(terrain: Terrain, *, frame_id: str, stamp_ns: int) -> OccupancyGrid:
+    """Make the grid that shows a terrain: 0 in the light to 100 in the shade, -1 without data.
+
+    The light is from the north-west, 45 degrees high, as on printed maps.
+    """
+    north, east = np.gradient(terrain.elevation, terrain.resolution)
+    facing = 0.5 * (east - north) + math.sqrt(0.5)
+    shade = 100.0 * (1.0 - np.clip(facing / np.sqrt(1.0 + east**2 + north**2), 0.0, 1.0))
+    cells = np.rint(np.where(np.isfinite(shade), shade, -1.0)).astype(np.int8)
+    info = codec.map_metadata(terrain, stamp_ns)
+    return codec.occupancy_grid(cells, info, codec.header(frame_id, stamp_ns))
 
 
 def vent_rows(vents: Sequence[Vent], time: float) -> list[tuple[float, ...]]:

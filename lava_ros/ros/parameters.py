@@ -14,8 +14,10 @@
 
 """The node's parameters: descriptions, ranges, and the settings they make."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, fields
+from difflib import get_close_matches
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
@@ -23,26 +25,23 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from lava_ros import validation
-from lava_ros.choice import CRITERIA, HORIZON
-from lava_ros.effects import Effects
+from lava_ros.effects import EFFECTS, Effects, possible, without_replaced
 from lava_ros.errors import LavaError
-from lava_ros.layers import ZERO_CELSIUS
-from lava_ros.presets import DEFAULT as DEFAULT_PRESET
-from lava_ros.presets import PRESETS
-from lava_ros.ros.inputs import InputRules
+from lava_ros.maps.layers import ZERO_CELSIUS
 from lava_ros.ros.worker import MAX_PARTICLES
-from lava_ros.scene import Lava, VENT_TEMPERATURE_RANGE
+from lava_ros.scene import constants_of, ENVIRONMENT, Lava, Scene, Vent, VENT_TEMPERATURE_RANGE
+from lava_ros.simulation.presets import DEFAULT as DEFAULT_PRESET
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.selection import HORIZON
 
 #: Prefix of the parameters that are fields of ``Lava``.
 LAVA = 'lava.'
 
-#: Names of the effects.
-EFFECTS = tuple(item.name for item in fields(Effects))
+#: What is said of a parameter that is read when the node is configured.
+WHEN = 'read-only while the node is configured'
 
 #: Wall time from one checkpoint to the next unless the user says otherwise [s].
 CHECKPOINT_PERIOD = 60.0
-
-_RULES = InputRules()
 
 
 @dataclass(frozen=True)
@@ -51,11 +50,12 @@ class ParameterSpec:
 
     Attributes:
         name: Its name.
-        default: Its default, which gives it its type.
+        default: Its default, which gives it its type; a list is one of texts.
         description: What it means and in which unit.
         limits: Smallest and largest value, for numbers.
-        read_only: Whether it is fixed once the node runs.
-        is_list: Whether it is a list of texts.
+        read_only: Whether it is fixed while the node is configured.
+        choices: The texts it may be, or have in its list; empty: any.
+        read: Makes the setting of a value that is no list.
     """
 
     name: str
@@ -63,11 +63,33 @@ class ParameterSpec:
     description: str
     limits: tuple[float, float] | None = None
     read_only: bool = False
-    is_list: bool = False
+    choices: tuple[str, ...] = ()
+    read: Callable[[Any], Any] = lambda value: value
+
+    @property
+    def is_list(self) -> bool:
+        """Whether it is a list of texts."""
+        return isinstance(self.default, list)
+
+    def setting(self, value: Any) -> Any:
+        """What a value stands for in ``Settings``; a list becomes a tuple without empty texts.
+
+        Raises:
+            LavaError: It is no list where it has to be one, or none of the choices.
+        """
+        texts = _texts(self.name, value) if self.is_list else (value,)
+        for text in texts if self.choices else ():
+            validation.choice(self.name, text, self.choices)
+        return texts if self.is_list else self.read(value)
 
     def descriptor(self) -> ParameterDescriptor:
         """The descriptor that tools show and rclpy checks."""
-        result = ParameterDescriptor(description=self.description, read_only=self.read_only)
+        constraints = [WHEN] * self.read_only
+        if self.choices:
+            constraints.append(f'{"each " * self.is_list}one of {", ".join(self.choices)}')
+        result = ParameterDescriptor(
+            description=self.description, additional_constraints='; '.join(constraints)
+        )
         # An empty list has no type of its own: tools send it as one of anything.
         result.dynamic_typing = self.is_list
         if self.limits is not None and isinstance(self.default, float):
@@ -107,212 +129,248 @@ SOURCES = (
     ),
 )
 
-PARAMETERS = (
-    ParameterSpec(
-        'device', '', 'cpu, cuda:0, ...; empty: the first GPU, else the CPU', read_only=True
-    ),
-    ParameterSpec(
-        'msg_config',
+
+def _parameter(
+    default: Any,
+    description: str,
+    limits: tuple[float, float] | None = None,
+    *,
+    read: Callable[[Any], Any] = lambda value: value,
+    **options: Any,
+) -> Any:
+    """Declare a field of ``Settings`` and its parameter; ``read`` makes the one of the other."""
+    metadata = {'default': default, 'description': description, 'limits': limits, 'read': read}
+    setting = () if isinstance(default, list) else read(default)
+    return field(default=setting, metadata={**metadata, **options})
+
+
+def _or_none(value: Any) -> Any:
+    return value or None
+
+
+def _seconds(hours: float) -> float:
+    return 3600.0 * hours
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the parameters say, checked: a field for each, of its name and meaning, in SI units.
+
+    What is automatic or absent is None, where the parameter is 0 or empty. A list of texts is a
+    tuple.
+
+    Attributes:
+        constants: Lava and surroundings (``scene.constants_of``).
+    """
+
+    device: str | None = _parameter(
+        '', 'cpu, cuda:0, ...; empty: the first GPU, else the CPU', read_only=True, read=_or_none
+    )
+    msg_config: str = _parameter(
         'default.yaml',
         'How layers become messages: a path, or the name of a file in msg_configs/',
         read_only=True,
-    ),
-    ParameterSpec(
-        'layers_on',
+    )
+    layers_on: tuple[str, ...] = _parameter(
         [''],
         'Layers of msg_config that are published whatever it says, such as lava_points',
         read_only=True,
-        is_list=True,
-    ),
-    ParameterSpec(
-        'layers_off',
-        [''],
-        'Layers of msg_config that are not published whatever it says',
-        read_only=True,
-        is_list=True,
-    ),
-    ParameterSpec('frame_id', 'map', 'Frame of every message in and out (ENU)', read_only=True),
-    ParameterSpec('time_scale', 1.0, 'Simulated time per time of the clock [s/s]', (1e-3, 1e6)),
-    ParameterSpec('end_time', 0.0, 'Simulated time [s] at which to stop; 0: never', (0.0, 1e10)),
-    ParameterSpec(
-        'preset',
+    )
+    layers_off: tuple[str, ...] = _parameter(
+        [''], 'Layers of msg_config that are not published whatever it says', read_only=True
+    )
+    frame_id: str = _parameter('map', 'Frame of every message in and out (ENU)', read_only=True)
+    time_scale: float = _parameter(1.0, 'Simulated time per time of the clock [s/s]', (1e-3, 1e6))
+    end_time: float | None = _parameter(
+        0.0, 'Simulated time [s] at which to stop; 0: never', (0.0, 1e10), read=_or_none
+    )
+    preset: str = _parameter(
         DEFAULT_PRESET,
         f'Accuracy: one of {", ".join(PRESETS)}; from the next start or reset on',
-    ),
-    ParameterSpec(
-        'spacing',
+        choices=tuple(PRESETS),
+    )
+    spacing: float | None = _parameter(
         0.0,
         'Distance between particles [m], from the next start or reset on; 0: as the preset has it',
         (0.0, 1e4),
-    ),
-    ParameterSpec(
-        'effects_on',
+        read=_or_none,
+    )
+    effects_on: tuple[str, ...] = _parameter(
         [''],
         f'Effects that are on whatever the scene says; known: {", ".join(EFFECTS)}',
-        is_list=True,
-    ),
-    ParameterSpec(
-        'effects_off', [''], 'Effects that are off whatever the scene says', is_list=True
-    ),
-    ParameterSpec(
-        'horizon',
+        choices=tuple(EFFECTS),
+    )
+    effects_off: tuple[str, ...] = _parameter(
+        [''], 'Effects that are off whatever the scene says', choices=tuple(EFFECTS)
+    )
+    horizon: float = _parameter(
         HORIZON / 3600.0,
         'How far ahead the choice of effects looks [h]',
         (1e-3, 1e5),
-    ),
-    ParameterSpec(
-        'forecast_horizon',
+        read=_seconds,
+    )
+    forecast_horizon: float = _parameter(
         0.0,
         'How far ahead forecasts look, made again and again beside the simulation [h]; 0: none',
         (0.0, 1e5),
         read_only=True,
-    ),
-    ParameterSpec(
-        'forecast_config',
+        read=_seconds,
+    )
+    forecast_config: str = _parameter(
         'forecast.yaml',
         'How forecasts become messages: a path, or the name of a file in msg_configs/',
         read_only=True,
-    ),
-    ParameterSpec(
-        'forecast_max_age',
+    )
+    forecast_max_age: float = _parameter(
         0.0,
         'Simulated time after which a forecast is withdrawn unless there is a newer one [s]; '
         '0: half of forecast_horizon',
         (0.0, 1e10),
-    ),
-    ParameterSpec(
-        'forecast_share',
+    )
+    forecast_share: float = _parameter(
         1.0,
         'Largest share of the time that the device computes forecasts; less while the simulation '
         'falls behind the clock [s/s]',
         (0.01, 1.0),
-    ),
-    ParameterSpec(
-        'ensemble_members',
+    )
+    ensemble_members: int = _parameter(
         0,
         'Members of the ensembles that are made beside forecasts; they differ in what the scene '
         'says is uncertain; 0: no ensembles',
         (0, 100_000),
         read_only=True,
-    ),
-    ParameterSpec(
-        'deadline',
+    )
+    deadline: float = _parameter(
         0.0,
         'Wall time in which a forecast and its ensemble are to be there [s]: members that would '
         'be late are left out, and each start and reset takes the spacing that goes with it; '
         '0: any',
         (0.0, 1e6),
-    ),
-    ParameterSpec(
-        'default_discharge', 10.0, 'Discharge of a vent opened by a click [m3/s]', (0.0, 1e6)
-    ),
-    ParameterSpec(
-        'default_temperature',
-        1150.0,
+    )
+    default_discharge: float = _parameter(
+        10.0, 'Discharge of a vent opened by a click [m3/s]', (0.0, 1e6)
+    )
+    default_temperature: float = _parameter(
+        round(constants_of(None)['lava'].reference_temperature - ZERO_CELSIUS, 2),
         'Temperature of a vent opened by a click [Celsius]',
         (VENT_TEMPERATURE_RANGE[0] - ZERO_CELSIUS, VENT_TEMPERATURE_RANGE[1] - ZERO_CELSIUS),
-    ),
-    ParameterSpec('default_radius', 10.0, 'Radius of a vent opened by a click [m]', (0.01, 1e4)),
-    ParameterSpec(
-        'terrain_subscribe_transient_local',
+    )
+    default_radius: float = _parameter(10.0, 'Radius of a vent opened by a click [m]', (0.01, 1e4))
+    terrain_subscribe_transient_local: bool = _parameter(
         True,
         'Subscribe to terrain as a latched topic; false to receive from a volatile publisher',
         read_only=True,
-    ),
-    ParameterSpec(
-        'terrain_scale',
-        _RULES.terrain_scale,
-        'Height of a unit of a terrain image [m]',
-        (1e-6, 1e6),
-    ),
-    ParameterSpec(
-        'terrain_offset', _RULES.terrain_offset, 'Height added to terrain images [m]', (-1e6, 1e6)
-    ),
-    ParameterSpec(
-        'terrain_allow_holes',
-        _RULES.terrain_allow_holes,
+    )
+    terrain_scale: float = _parameter(1.0, 'Height of a unit of a terrain image [m]', (1e-6, 1e6))
+    terrain_offset: float = _parameter(0.0, 'Height added to terrain images [m]', (-1e6, 1e6))
+    terrain_allow_holes: bool = _parameter(
+        False,
         'Take terrain with cells without data (NaN): lava that reaches them leaves the domain',
-    ),
-    ParameterSpec(
-        'terrain_cloud_resolution',
-        _RULES.terrain_cloud_resolution,
-        'Side of the cells a terrain cloud is rasterised to [m]',
-        (1e-3, 1e4),
-    ),
-    ParameterSpec(
-        'max_terrain_cells', _RULES.max_terrain_cells, 'Most cells of a terrain', (4, 2**30)
-    ),
-    ParameterSpec('max_vents', _RULES.max_vents, 'Most vents there may be', (0, 100_000)),
-    ParameterSpec(
-        'max_particles',
+    )
+    terrain_cloud_resolution: float = _parameter(
+        10.0, 'Side of the cells a terrain cloud is rasterised to [m]', (1e-3, 1e4)
+    )
+    max_terrain_cells: int = _parameter(25_000_000, 'Most cells of a terrain', (4, 2**30))
+    max_vents: int = _parameter(1000, 'Most vents there may be', (0, 100_000))
+    max_particles: int = _parameter(
         MAX_PARTICLES,
         'Most particles of the simulation, each with up to 0.8 kB of memory; beyond it stops',
         (1, 2**30),
-    ),
-    ParameterSpec(
-        'max_input_bytes', _RULES.max_input_bytes, 'Most data in a message [bytes]', (64, 2**32)
-    ),
-    ParameterSpec(
-        'epsg',
+    )
+    max_input_bytes: int = _parameter(
+        512 * 1024 * 1024, 'Most data in a message [bytes]', (64, 2**32)
+    )
+    epsg: int | None = _parameter(
         0,
         'EPSG code of the system that map is an offset of, for terrain from topics; 0: none',
         (0, 2**31),
-    ),
-    ParameterSpec('offset_easting', 0.0, 'Easting of the map origin [m], with epsg', (-1e9, 1e9)),
-    ParameterSpec(
-        'offset_northing', 0.0, 'Northing of the map origin [m], with epsg', (-1e9, 1e9)
-    ),
-    ParameterSpec('record', False, 'Record from the first terrain on', read_only=True),
-    ParameterSpec(
-        'bag_directory',
+        read=_or_none,
+    )
+    offset_easting: float = _parameter(
+        0.0, 'Easting of the map origin [m], with epsg', (-1e9, 1e9)
+    )
+    offset_northing: float = _parameter(
+        0.0, 'Northing of the map origin [m], with epsg', (-1e9, 1e9)
+    )
+    record: bool = _parameter(False, 'Record from the first terrain on', read_only=True)
+    bag_directory: str = _parameter(
         '',
         'Bag to record to, a new folder; empty: <bag_root>/<date and time>; while the node runs '
         'only one inside bag_root is taken',
-    ),
-    ParameterSpec(
-        'checkpoint_period',
+    )
+    checkpoint_period: float = _parameter(
         CHECKPOINT_PERIOD,
         'Wall time from one checkpoint in the bag to the next [s], the most that resuming loses; '
         'longer while checkpoints take more than half of the bag; 0: none',
         (0.0, 1e6),
-    ),
-    ParameterSpec(
-        'bag_root',
+    )
+    max_saved_bytes: int = _parameter(
+        10 * 2**30,
+        'Most data that ~/save writes between configuring and cleaning up [bytes]',
+        (0, 2**50),
+    )
+    bag_root: str = _parameter(
         '',
         'Folder of the bags; empty: the one that holds bag_directory, else bags/',
         read_only=True,
-    ),
-    ParameterSpec(
-        'bag_max_size',
+    )
+    bag_max_size: int = _parameter(
         0,
         'Size [bytes] from which on the next recording goes on in a new file; 0: no limit',
         (0, 2**50),
-    ),
-    ParameterSpec(
-        'bag_max_duration',
+    )
+    bag_max_duration: float = _parameter(
         0.0,
         'Time [s] after which the next recording goes on in a new file; 0: no limit',
         (0.0, 1e9),
-    ),
+    )
+    constants: Mapping[str, Any] = field(default_factory=lambda: constants_of(None))
+
+    @property
+    def forced(self) -> dict[str, bool]:
+        """The effects forced on or off, by name."""
+        return {**dict.fromkeys(self.effects_on, True), **dict.fromkeys(self.effects_off, False)}
+
+    @property
+    def offset(self) -> tuple[float, float]:
+        """Easting and northing of the map frame's origin [m] in the system of ``epsg``."""
+        return self.offset_easting, self.offset_northing
+
+
+#: The parameters that ``Settings`` declares.
+PARAMETERS = tuple(
+    ParameterSpec(item.name, **item.metadata) for item in fields(Settings) if item.metadata
 )
 
 
-def lava_parameters(lava: Lava) -> tuple[ParameterSpec, ...]:
-    """The parameters ``lava.*``, with a material's values as defaults."""
+def constant_parameters(constants: Mapping[str, Any]) -> tuple[ParameterSpec, ...]:
+    """The parameters of surroundings and lava, ``lava.*``.
+
+    Args:
+        constants: What a scene says of them (``scene.constants_of``): the defaults.
+    """
+    lava = constants['lava']
+    declared = [
+        (item, item.name, constants[item.name])
+        for item in fields(Scene)
+        if item.name in ENVIRONMENT
+    ]
+    declared += [(item, LAVA + item.name, getattr(lava, item.name)) for item in fields(Lava)]
     return tuple(
         ParameterSpec(
-            LAVA + item.name,
-            getattr(lava, item.name),
+            name,
+            value,
             f'{_labelled(item.metadata)}; from the next start or reset on',
             item.metadata.get('limits'),
+            choices=tuple(item.metadata.get('choices', ())),
         )
-        for item in fields(Lava)
+        for item, name, value in declared
     )
 
 
-def lava_values(lava: Lava) -> dict[str, Any]:
-    """The values of the parameters ``lava.*`` that a material has, by name."""
-    return {LAVA + item.name: getattr(lava, item.name) for item in fields(Lava)}
+def constant_values(constants: Mapping[str, Any]) -> dict[str, Any]:
+    """The values of the parameters of lava and surroundings, by name."""
+    return {spec.name: spec.default for spec in constant_parameters(constants)}
 
 
 def _labelled(metadata: Mapping[str, Any]) -> str:
@@ -328,12 +386,58 @@ def declare(node: Node, specs: tuple[ParameterSpec, ...]) -> dict[str, Any]:
     return {spec.name: plain(node.get_parameter(spec.name).value) for spec in specs}
 
 
+def with_numbers(node: Node, given: Iterable[Parameter]) -> list[Parameter]:
+    """Parameters that are set, with a number for a text that is one.
+
+    ``ros2 param load`` sends 7e-07 of its own dump as text: YAML's numbers have a point.
+    """
+    result = []
+    for item in given:
+        is_text = item.type_ == Parameter.Type.STRING and node.has_parameter(item.name)
+        value = item.value
+        if is_text and node.get_parameter(item.name).type_ == Parameter.Type.DOUBLE:
+            with suppress(ValueError):
+                value = float(value)
+        result.append(Parameter(item.name, item.type_ if value is item.value else None, value))
+    return result
+
+
+def without_effect(node: Node) -> list[str]:
+    """What to say of each parameter given at the start that the node does not have.
+
+    Files of parameters may speak to many nodes, so that one more is no error.
+    """
+    known = list(node._parameters)
+    result = []
+    for name in sorted(set(node._parameter_overrides) - set(known)):
+        if name.startswith('qos_overrides.'):
+            continue
+        close = get_close_matches(name, known, 3)
+        text = f'this node has no parameter {name!r}: its value has no effect'
+        text += f'; similar names: {", ".join(close)}' if close else ''
+        if name.split('.')[0] in ('vent', 'vents', *(item.name for item in fields(Vent))):
+            text += '; vents come by the scene file (scene), the topic vents or clicks'
+        result.append(text)
+    return result
+
+
+def fix(node: Node, specs: Iterable[ParameterSpec], *, fixed: bool) -> None:
+    """Let parameters that are read when a node is configured be set, or not, as tools are told."""
+    for spec in specs:
+        if spec.read_only and node.has_parameter(spec.name):
+            # the descriptor in use; rclpy lets nobody put another in the place of a fixed one
+            node.describe_parameter(spec.name).read_only = fixed
+
+
 def put(node: Node, values: Mapping[str, Any]) -> None:
     """Set parameters of a node, all or none.
 
     Raises:
         LavaError: One cannot have its value.
     """
+    if not values:
+        # rclpy refuses to set nothing
+        return
     new = [Parameter(name, value=value) for name, value in values.items()]
     result = node.set_parameters_atomically(new)
     if not result.successful:
@@ -345,73 +449,6 @@ def plain(value: Any) -> Any:
     return value if value is None or isinstance(value, str | bool | int | float) else list(value)
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What the parameters say, checked.
-
-    Attributes:
-        device: Name of the Warp device, None for automatic.
-        msg_config: File of the layers.
-        layers_on: Names of layers that are published whatever the file says.
-        layers_off: Names of layers that are not.
-        time_scale: Simulated seconds per second of the clock.
-        end_time: Simulated time at which to stop [s], None for never.
-        preset: Name of the accuracy's preset.
-        spacing: Distance between particles [m] in place of the preset's, None for that.
-        forced: Effects forced on or off by name.
-        horizon: How far ahead the choice of effects looks [s].
-        forecast_horizon: How far ahead forecasts look [s], 0 for none.
-        forecast_config: File of their layers.
-        forecast_max_age: Simulated time after which a forecast is withdrawn [s].
-        forecast_share: Largest share of the time that the device computes forecasts.
-        ensemble_members: Members of the ensembles beside them, 0 for none.
-        deadline: Wall time in which a forecast and its ensemble are to be there [s], 0 for any.
-        default_discharge: Discharge of a vent opened by a click [m3/s].
-        default_temperature: Its temperature [Celsius].
-        default_radius: Its radius [m].
-        terrain_subscribe_transient_local: Whether terrain is subscribed to as a latched topic.
-        record: Whether to record from the start.
-        bag_directory: Bag to record to, empty for automatic.
-        checkpoint_period: Wall time from one checkpoint in the bag to the next [s], 0 for none.
-        bag_root: Folder of the bags, empty for automatic.
-        bag_max_size: Size from which on a file of a bag is not continued [bytes], 0 for none.
-        bag_max_duration: Time after which a file of a bag is not continued [s], 0 for none.
-        max_particles: Most particles of the simulation.
-        rules: What is asked of messages.
-        lava: The material.
-    """
-
-    device: str | None = None
-    msg_config: str = 'default.yaml'
-    layers_on: tuple[str, ...] = ()
-    layers_off: tuple[str, ...] = ()
-    time_scale: float = 1.0
-    end_time: float | None = None
-    preset: str = DEFAULT_PRESET
-    spacing: float | None = None
-    forced: Mapping[str, bool] = field(default_factory=dict)
-    horizon: float = HORIZON
-    forecast_horizon: float = 0.0
-    forecast_config: str = 'forecast.yaml'
-    forecast_max_age: float = 0.0
-    forecast_share: float = 1.0
-    ensemble_members: int = 0
-    deadline: float = 0.0
-    default_discharge: float = 10.0
-    default_temperature: float = 1150.0
-    default_radius: float = 10.0
-    terrain_subscribe_transient_local: bool = True
-    record: bool = False
-    bag_directory: str = ''
-    checkpoint_period: float = CHECKPOINT_PERIOD
-    bag_root: str = ''
-    bag_max_size: int = 0
-    bag_max_duration: float = 0.0
-    max_particles: int = MAX_PARTICLES
-    rules: InputRules = field(default_factory=InputRules)
-    lava: Lava = field(default_factory=Lava)
-
-
 def settings_from(values: Mapping[str, Any]) -> Settings:
     """Make settings of parameter values by name.
 
@@ -420,69 +457,42 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     """
     if not values['frame_id']:
         raise LavaError('frame_id', '', 'the name of a frame, such as map')
-    validation.choice('preset', values['preset'], PRESETS)
-    rules = {item.name for item in fields(InputRules)} - {'epsg', 'offset'}
     lava = Lava(**{item.name: values[LAVA + item.name] for item in fields(Lava)})
-    made = {'device', 'end_time', 'spacing', 'forced', 'horizon', 'rules', 'lava'}
-    made |= {'layers_on', 'layers_off', 'forecast_horizon', 'forecast_max_age'}
-    ahead = 3600.0 * values['forecast_horizon']
     for name in ('ensemble_members', 'deadline'):
-        if values[name] and not ahead:
+        if values[name] and not values['forecast_horizon']:
             raise LavaError(name, values[name], '0 without a forecast_horizon')
-    return Settings(
-        **{item.name: values[item.name] for item in fields(Settings) if item.name not in made},
-        device=values['device'] or None,
-        layers_on=tuple(_texts('layers_on', values['layers_on'], 'layers', 'lava_points')),
-        layers_off=tuple(_texts('layers_off', values['layers_off'], 'layers', 'temperature')),
-        end_time=values['end_time'] or None,
-        spacing=values['spacing'] or None,
-        forced=_forced(values['effects_on'], values['effects_off'], lava),
-        horizon=3600.0 * values['horizon'],
-        forecast_horizon=ahead,
-        forecast_max_age=values['forecast_max_age'] or 0.5 * ahead,
-        rules=InputRules(
-            **{name: values[name] for name in rules},
-            epsg=values['epsg'] or None,
-            offset=(values['offset_easting'], values['offset_northing']),
-        ),
-        lava=lava,
+    settings = Settings(
+        **{spec.name: spec.setting(values[spec.name]) for spec in PARAMETERS},
+        constants={'lava': lava, **{name: values[name] for name in ENVIRONMENT}},
     )
+    _check_effects(settings, lava)
+    return settings
 
 
-def _forced(on: object, off: object, lava: Lava) -> dict[str, bool]:
-    """The effects forced on or off, by name.
-
-    Raises:
-        LavaError: One is unknown, on and off, beside one that excludes it, or of no such material.
-    """
-    names_on, names_off = _names('effects_on', on), _names('effects_off', off)
-    for name in names_off:
+def _check_effects(settings: Settings, lava: Lava) -> None:
+    """Refuse effects that are on and off, exclude each other or are of another material."""
+    names_on = list(settings.effects_on)
+    for name in settings.effects_off:
         if name in names_on:
             raise LavaError('effects_off', name, 'an effect that is not in effects_on as well')
-    missing = {item.effect for item in CRITERIA if not item.exists(lava)}
     for name in names_on:
-        if name in missing:
-            raise LavaError(
-                'effects_on', name, 'an effect that the material has by its constants, lava.*'
-            )
+        if name not in without_replaced(possible(lava)):
+            right = 'an effect that the material has by its constants, lava.*'
+            raise LavaError('effects_on', name, right)
     try:
         Effects(**{name: name in names_on for name in EFFECTS})
     except LavaError as error:
         expected = f'{error.field.removeprefix("effects.")} {error.expected}'
         raise LavaError('effects_on', names_on, expected) from None
-    return {**dict.fromkeys(names_on, True), **dict.fromkeys(names_off, False)}
 
 
-def _names(field: str, value: object) -> list[str]:
-    names = _texts(field, value, 'effects', 'inertia')
-    return [validation.choice(field, name, EFFECTS) for name in names]
-
-
-def _texts(field: str, value: object, kind: str, example: str) -> list[str]:
+def _texts(field: str, value: object) -> tuple[Any, ...]:
     # ROS leaves a parameter unset that is an empty list at the start.
     if value is None:
-        return []
+        return ()
     if not isinstance(value, list):
+        kind = field.partition('_')[0]
+        example = 'inertia' if kind == 'effects' else 'lava_points'
         raise LavaError(field, value, f"a list of {kind}, such as ['{example}']")
     # A list with one empty text is how ROS writes an empty list of texts.
-    return [name for name in value if name != '']
+    return tuple(name for name in value if name != '')

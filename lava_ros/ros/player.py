@@ -43,7 +43,7 @@ from lava_ros import validation
 from lava_ros.bag import replay
 from lava_ros.bag.qos import INFINITE_NS, QosProfile
 from lava_ros.bag.reader import BagReader
-from lava_ros.bag.transport import Transport
+from lava_ros.bag.replay import Transport
 from lava_ros.errors import LavaError
 from lava_ros.ros.codec import time_message
 

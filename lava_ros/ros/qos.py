@@ -18,19 +18,16 @@ import os
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from lava_ros.bag import qos as bag_qos
-from lava_ros.layers import Qos
+from lava_ros.bag.qos import LATCHED as LATCHED
+from lava_ros.bag.qos import QosProfile
 
 #: Messages from people and viewers: none may be lost, none waits for latecomers.
-COMMANDS = Qos(durability='volatile', depth=10)
+COMMANDS = QosProfile()
 
-#: Maps: whoever comes late gets the newest one.
-LATCHED = Qos()
-
-DIAGNOSTICS = Qos(durability='volatile', depth=10)
+DIAGNOSTICS = QosProfile()
 
 
-def ros_profile(qos: Qos) -> QoSProfile:
+def ros_profile(qos: QosProfile) -> QoSProfile:
     """Return the profile for publishers and subscriptions."""
     return QoSProfile(
         depth=qos.depth,
@@ -39,16 +36,9 @@ def ros_profile(qos: Qos) -> QoSProfile:
     )
 
 
-def bag_profile(qos: Qos) -> bag_qos.QosProfile:
-    """Return the profile as bags keep it."""
-    return bag_qos.QosProfile(
-        depth=qos.depth, reliability=qos.reliability, durability=qos.durability
-    )
-
-
 def terrain_profile(*, transient_local: bool) -> QoSProfile:
     """Return the profile for terrain: latched, or not to hear a volatile publisher."""
-    return ros_profile(LATCHED if transient_local else Qos(durability='volatile'))
+    return ros_profile(LATCHED if transient_local else QosProfile(depth=1))
 
 
 def publish_without_waiting() -> None:

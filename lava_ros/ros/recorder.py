@@ -14,10 +14,12 @@
 
 """Writes what the node sends into a bag: the bytes on the wire are the bytes in the bag."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import chain, count
 import os
 from pathlib import Path
+import time
 
 from lava_ros.bag import BagWriter, QosProfile
 from lava_ros.errors import LavaError
@@ -52,6 +54,7 @@ class Recorder:
     def __init__(self) -> None:
         """Start without a bag."""
         self._directory: Path | None = None
+        self._place = Path()
         self._is_armed = False
         self._writer: BagWriter | None = None
         self._files = self._messages = 0
@@ -96,7 +99,7 @@ class Recorder:
         """
         if self._is_armed or self.is_recording:
             raise LavaError('record', str(self._directory), 'one recording at a time')
-        _check_new(directory)
+        self._place = _new_place(directory)
         self._directory, self._is_armed = directory, True
         self._max_size, self._max_duration = max_size, max_duration
         self._files, self._messages, self._error = 0, 0, ''
@@ -110,8 +113,10 @@ class Recorder:
         assert self._directory is not None
         self._is_armed = False
         try:
+            if self._directory.resolve() != self._place:
+                raise OSError('a link has come into its path')
             self._writer = BagWriter(
-                self._directory,
+                self._place,
                 custom_data=custom_data,
                 max_size=self._max_size,
                 max_duration=self._max_duration,
@@ -129,32 +134,28 @@ class Recorder:
         self, topic: str, message_type: str, data: bytes, stamp_ns: int, *, qos: QosProfile
     ) -> None:
         """Write a message, when a bag is open."""
-        if self._writer is None:
-            return
-        try:
-            self._writer.write(topic, message_type, data, stamp_ns, qos=qos)
-            self._files, self._messages = self._writer.file_count, self._writer.message_count
-        except (OSError, LavaError) as error:
-            self._give_up(error)
+        self._attempt(lambda bag: bag.write(topic, message_type, data, stamp_ns, qos=qos))
 
     def attach(self, name: str, media_type: str, data: bytes, stamp_ns: int) -> None:
         """Put data beside the messages, when a bag is open, and make it survive."""
-        if self._writer is None:
-            return
-        try:
-            self._writer.attach(name, media_type, data, stamp_ns)
-            self._writer.flush()
-        except (OSError, LavaError) as error:
-            self._give_up(error)
+        self._attempt(lambda bag: bag.attach(name, media_type, data, stamp_ns))
+        self.flush()
 
     def flush(self) -> None:
         """Make what was written survive the end of the process."""
+        self._attempt(lambda bag: bag.flush())
+
+    def _attempt(self, action: Callable[[BagWriter], None]) -> None:
+        """Do something with the bag, when one is open; an error ends the recording."""
         if self._writer is None:
             return
         try:
-            self._writer.flush()
-        except OSError as error:
-            self._give_up(error)
+            action(self._writer)
+            self._files, self._messages = self._writer.file_count, self._writer.message_count
+        except (OSError, LavaError) as error:
+            reason = f'recording to {self._directory} stopped: {error}'
+            self.stop()
+            self._error = reason
 
     def stop(self) -> None:
         """Finish the bag; does nothing without one."""
@@ -167,21 +168,117 @@ class Recorder:
         except OSError as error:
             self._error = f'cannot finish {self._directory}: {error}'
 
-    def _give_up(self, error: Exception) -> None:
-        reason = f'recording to {self._directory} stopped: {error}'
-        self.stop()
-        self._error = reason
 
-
-def _check_new(directory: Path) -> None:
-    """Refuse a bag that cannot be made, as far as that is known before it is opened."""
+def _new_place(directory: Path) -> Path:
+    """Where a bag will be, links followed; refused as far as is known before it is opened."""
     name = str(directory)
     try:
-        if directory.exists():
+        place = directory.resolve()
+        if directory.exists() or directory.is_symlink():
             raise LavaError('bag_directory', name, 'a folder that does not exist yet')
         parent = next(path for path in directory.absolute().parents if path.exists())
         is_usable = parent.is_dir() and os.access(parent, os.W_OK | os.X_OK)
-    except OSError as error:
+    except (OSError, RuntimeError) as error:
         raise LavaError('bag_directory', name, f'a path ({error})') from error
     if not is_usable:
         raise LavaError('bag_directory', name, f'a new folder: {parent} cannot be written to')
+    return place
+
+
+#: The node's name unless it is run under another.
+DEFAULT_NODE = '/lava'
+
+
+class BagFolder:
+    """Turns names of bags into paths.
+
+    The bag that the user names at the start may be anywhere. A name that is set while the node
+    runs comes from whoever is in the graph: the bag has to lie inside the root, also after
+    symbolic links and ``..`` are followed.
+    """
+
+    def __init__(self, root: str, given: str, *, node: str = DEFAULT_NODE) -> None:
+        """Take what the user said at the start.
+
+        Args:
+            root: Folder of all bags; empty: the one that holds ``given``, else ``bags``.
+            given: The bag named at the start, empty for none.
+            node: Name of the node, with its namespace. Any but the usual one is part of a bag's
+                name: several nodes may share a folder.
+        """
+        self._given = given
+        self._suffix = '' if node == DEFAULT_NODE else node.replace('/', '_')
+        self._root = Path(root) if root else Path(given).parent if given else Path('bags')
+
+    def path(self, name: str) -> Path:
+        """The bag of a name; one named by the time for an empty name.
+
+        Raises:
+            LavaError: It lies outside the root.
+        """
+        if not name:
+            return self._unused(time.strftime('%Y-%m-%dT%H-%M-%S') + self._suffix)
+        if name == self._given:
+            return Path(name)
+        try:
+            root, path = self._root.resolve(), Path(name).resolve()
+        except (OSError, RuntimeError, ValueError) as error:
+            raise LavaError('bag_directory', name, f'a path ({error})') from error
+        if root not in path.parents:
+            raise LavaError('bag_directory', name, f'a new folder inside {root} (bag_root)')
+        return Path(name)
+
+    def _unused(self, name: str) -> Path:
+        names = chain([name], (f'{name}_{number}' for number in count(2)))
+        paths = map(self._root.joinpath, names)
+        # Where nobody may look, there is nothing to be seen: opening the bag says why.
+        return next(path for path in paths if not os.path.exists(path))
+
+
+#: Saves that may come at once.
+SAVES = 5
+
+#: Wall time in which one more may come [s].
+SAVE_PERIOD = 10.0
+
+#: Most data that saves may write unless the user says otherwise [bytes].
+MAX_SAVED_BYTES = 10 * 2**30
+
+
+class SaveAllowance:
+    """Counts saves and what they have written, and refuses those that are too many."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """Start with all of it.
+
+        Args:
+            clock: Wall time [s].
+        """
+        self._clock = clock
+        self._left, self._counted = float(SAVES), clock()
+        self._written = 0
+
+    def take(self, most: int) -> None:
+        """Count a save that is about to be made.
+
+        Args:
+            most: Most data that all of them may write [bytes].
+
+        Raises:
+            LavaError: They have written that much, or it comes too soon.
+        """
+        now = self._clock()
+        self._left = min(float(SAVES), self._left + (now - self._counted) / SAVE_PERIOD)
+        self._counted = now
+        if self._written >= most:
+            right = f'less than {most} (max_saved_bytes); ~/record has limits of its own'
+            raise LavaError('save', f'{self._written} bytes saved so far', right)
+        if self._left < 1.0:
+            wait = (1.0 - self._left) * SAVE_PERIOD
+            right = f'{SAVES} at once and one more each {SAVE_PERIOD:g} s; again in {wait:.1f} s'
+            raise LavaError('save', 'one too many', right)
+        self._left -= 1.0
+
+    def note(self, size: int) -> None:
+        """Note what a save has written [bytes]."""
+        self._written += size

@@ -17,6 +17,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 import traceback
 from typing import Any, TYPE_CHECKING
 
@@ -31,7 +32,7 @@ from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
 
 if TYPE_CHECKING:
-    from lava_ros.ros.operation import Operation
+    from lava_ros.ros.active_node import Operation
 
 
 class Services:
@@ -58,7 +59,7 @@ class Services:
         self._operation = operation
         self._logger = entities.node.get_logger()
         self._worker = worker
-        self._command = inputs.command
+        self._inputs = inputs
         for service, name, action in (
             (Trigger, 'reset', lambda _: self._reset()),
             (Trigger, 'step', lambda _: self._step()),
@@ -74,8 +75,8 @@ class Services:
     def _reset(self) -> str:
         if self._worker.scene is None:
             raise LavaError('reset', WorkerState.WAITING.value, 'a simulation that has started')
-        self._command('reset', self._worker.reset())
-        return 'starting again at time 0'
+        self._logger.info('reset: starting again at time 0')
+        return self._commanded('reset', self._worker.reset(), 'starting again at time 0')
 
     def _step(self) -> str:
         self._check_active('step')
@@ -83,16 +84,21 @@ class Services:
         if state is not WorkerState.PAUSED:
             raise LavaError('step', state.value, 'a paused simulation')
         duration = self._operation.step_length
-        self._command('step', self._worker.step(duration))
-        return f'advancing {duration:g} s'
+        return self._commanded('step', self._worker.step(duration), f'advancing {duration:g} s')
 
     def _save(self) -> str:
         self._check_active('save')
         return f'saved in {self._operation.save()}'
 
     def _pause(self, paused: bool) -> str:
-        self._command('pause', self._operation.pause(paused))
-        return 'pausing' if paused else 'going on'
+        text = 'pausing' if paused else 'going on'
+        return self._commanded('pause', self._operation.pause(paused), text)
+
+    def _commanded(self, name: str, future: Future[None], text: str) -> str:
+        """What is said of a command, with what it has to wait for."""
+        self._inputs.command(name, future)
+        hold_up = self._worker.status.hold_up
+        return f'{text}, but later: {hold_up}' if hold_up else text
 
     def _record(self, is_wanted: bool) -> str:
         if not is_wanted:

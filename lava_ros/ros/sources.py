@@ -12,21 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the node's first scene comes from: a file, a bag, or the topics."""
+"""What a node starts with: a scene, a terrain or a bag to resume; and the simulation of it."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+import math
 from pathlib import Path
+from typing import Any
 
 from rclpy.node import Node
 
+from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
-from lava_ros.checkpoint import Checkpoint
 from lava_ros.errors import LavaError
-from lava_ros.lava import Lava
+from lava_ros.files.yaml import parse_yaml
 from lava_ros.ros import parameters
-from lava_ros.ros.eruption import Origin
-from lava_ros.scene import Scene, scene_from_yaml, Terrain
-from lava_ros.terrain_files import load_terrain
+from lava_ros.ros.deadline import DeadlineChooser
+from lava_ros.ros.parameters import constant_values, Settings
+from lava_ros.ros.session import Origin, SimulationLike
+from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
+from lava_ros.scene.terrain_files import load_terrain
+from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.resolution import resolved_accuracy
 
 
 @dataclass(frozen=True)
@@ -38,17 +46,19 @@ class Sources:
         terrain: Terrain without a scene.
         checkpoint: What to go on from.
         origin: Where that has been found.
+        before: The vents up to then, with all they have emitted, as far as its bag says.
     """
 
     scene: Scene | None = None
     terrain: Terrain | None = None
     checkpoint: Checkpoint | None = None
     origin: Origin | None = None
+    before: tuple[Vent, ...] = ()
 
     @property
-    def lava(self) -> Lava:
-        """The material, and the default of the parameters ``lava.*``."""
-        return self.scene.lava if self.scene is not None else Lava()
+    def constants(self) -> dict[str, Any]:
+        """Lava and surroundings, and the defaults of their parameters."""
+        return constants_of(self.scene)
 
 
 def load_sources(node: Node) -> Sources:
@@ -80,4 +90,103 @@ def _resumed(node: Node, bag: str) -> Sources:
         f'particles, from a checkpoint of lava_ros {checkpoint.written_by} in {bag}'
     )
     origin = Origin(str(Path(bag).absolute()), checkpoint.time, found.log_time_ns)
-    return Sources(scene=checkpoint.scene, checkpoint=checkpoint, origin=origin)
+    before = _vents_of(bag, checkpoint.scene.terrain)
+    return Sources(scene=checkpoint.scene, checkpoint=checkpoint, origin=origin, before=before)
+
+
+def _vents_of(bag: str, terrain: Terrain) -> tuple[Vent, ...]:
+    """What a bag says of its vents, nothing where that cannot be used."""
+    try:
+        scene = parse_yaml('scene', BagReader(bag).custom_data.get('scene', ''))
+        listed = scene['vents'] if isinstance(scene, Mapping) else []
+        return vents_from_list(listed, terrain)
+    except (LavaError, KeyError):
+        return ()
+
+
+def adopted(
+    checkpoint: Checkpoint, values: Mapping[str, Any], defaults: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The parameters that the checkpoint decides in place of a default.
+
+    Args:
+        checkpoint: What is resumed.
+        values: The node's parameters by name.
+        defaults: Their defaults by name.
+
+    Raises:
+        LavaError: One was given and says otherwise than the checkpoint.
+    """
+    result = {}
+    for name, decided in _decided(checkpoint).items():
+        if _is_same(values[name], decided):
+            continue
+        if not _is_same(values[name], defaults[name]):
+            right = f'{decided!r} as in the checkpoint, or left out beside resume'
+            raise LavaError(name, values[name], right)
+        result[name] = decided
+    return result
+
+
+def _decided(checkpoint: Checkpoint) -> dict[str, Any]:
+    """The parameters that what is resumed has been made with, by name."""
+    forced = checkpoint.forced or {}
+    # ROS writes an empty list of texts as one empty text
+    result: dict[str, Any] = {
+        'effects_on': [name for name in forced if forced[name]] or [''],
+        'effects_off': [name for name in forced if not forced[name]] or [''],
+        'horizon': checkpoint.horizon / 3600.0,
+        **constant_values(constants_of(checkpoint.scene)),
+    }
+    accuracy, scene = checkpoint.accuracy, checkpoint.scene
+    for name, preset in PRESETS.items():
+        own = replace(preset.accuracy, spacing=accuracy.spacing, thickness=accuracy.thickness)
+        if own == accuracy:
+            automatic = resolved_accuracy(preset.accuracy, scene, horizon=checkpoint.horizon)
+            result['preset'] = name
+            result['spacing'] = 0.0 if automatic.spacing == accuracy.spacing else accuracy.spacing
+    return result
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    if isinstance(one, float) and isinstance(other, float):
+        return math.isclose(one, other, rel_tol=1e-12)
+    if isinstance(one, list | tuple) or isinstance(other, list | tuple):
+        return {*(one or ()), ''} == {*(other or ()), ''}
+    return bool(one == other)
+
+
+def new_simulation(
+    scene: Scene, settings: Settings, chooser: DeadlineChooser
+) -> SimulationLike:
+    """A simulation of a scene at time 0.
+
+    Args:
+        scene: The scene.
+        settings: The node's settings.
+        chooser: Chooses the accuracy.
+
+    Raises:
+        LavaError: The settings do not go with the scene.
+    """
+    from lava_ros.simulation import Simulation
+
+    return Simulation(
+        scene,
+        accuracy=chooser.accuracy(scene, settings),
+        device=settings.device,
+        effects=settings.forced,
+        horizon=settings.horizon,
+        notes_arrival=True,
+    )
+
+
+def resumed_simulation(checkpoint: Checkpoint, settings: Settings) -> SimulationLike:
+    """A simulation that goes on from a checkpoint.
+
+    Raises:
+        LavaError: The checkpoint does not fit together, or there is no such device.
+    """
+    from lava_ros.simulation import Simulation
+
+    return Simulation.resume(checkpoint, device=settings.device)

@@ -20,7 +20,9 @@ import signal
 import threading
 import time
 
-from rclpy.executors import Executor
+import rclpy
+from rclpy.executors import Executor, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
 
 #: Wait after a callback that failed: one that always does must not take the processor [s].
 PAUSE = 0.01
@@ -66,3 +68,30 @@ def interrupts_wait() -> Iterator[None]:
         signal.signal(signal.SIGINT, handler)
         if came:
             signal.raise_signal(signal.SIGINT)
+
+
+class Watcher:
+    """A node in a ROS context of its own; what it hears is up to those derived from it."""
+
+    def __init__(self, name: str, domain_id: int | None, namespace: str = '') -> None:
+        """Join the graph of a domain, None for that of the environment, under a name."""
+        self._context = rclpy.Context()
+        rclpy.init(
+            context=self._context,
+            domain_id=domain_id,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        self._node = rclpy.create_node(name, namespace=namespace, context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+
+    def listen(self, timeout: float) -> None:
+        """Listen for at most a while [s]."""
+        with interrupts_wait():
+            self._executor.spin_once(timeout_sec=timeout)
+
+    def close(self) -> None:
+        """Leave the graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.shutdown(context=self._context)

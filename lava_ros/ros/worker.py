@@ -24,14 +24,10 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
-from lava_ros.resolution import Resolution
-from lava_ros.ros.commands import Command, CommandQueue, finish
-from lava_ros.ros.eruption import Eruption, Fork, Origin, SimulationLike
-from lava_ros.ros.failure import failure_text
-from lava_ros.ros.finisher import Finisher
-from lava_ros.ros.speed import SpeedMeter
-from lava_ros.ros.worker_status import WorkerState, WorkerStatus
-from lava_ros.scene import check_vents, Lava, Scene, Terrain, Vent
+from lava_ros.ros.commands import Command, CommandQueue, finish, Finisher
+from lava_ros.ros.session import Eruption, failure_text, Fork, Origin, SimulationLike
+from lava_ros.ros.worker_status import SpeedMeter, WorkerState, WorkerStatus
+from lava_ros.scene import check_vents, Scene, Terrain, Vent
 
 if TYPE_CHECKING:
     # The solver's package loads Warp; the thread does that, not the importer.
@@ -52,6 +48,9 @@ TURN_WALL_TIME = 0.02
 #: Clock time the simulation may be behind before it gives the rest up [s].
 MAX_LAG = 1.0
 
+#: Why a command is refused once the thread was told to end.
+_STOPPED = LavaError('simulation', 'stopped', 'one that runs')
+
 
 class SimulationWorker:
     """Runs a simulation in a thread of its own, after a clock.
@@ -63,6 +62,9 @@ class SimulationWorker:
     simulation then goes on with what it had. A command that stands for everything of its kind
     (vents, terrain, a parameter) cancels the future of one that still waits. Any other exception
     stops the simulation: the state is FAILED, the last snapshot stays, and ``reset`` starts again.
+
+    Attributes:
+        eruption: The scene and what is known of its simulation; others than the thread only read.
     """
 
     def __init__(
@@ -70,7 +72,7 @@ class SimulationWorker:
         make_simulation: Callable[[Scene], SimulationLike],
         *,
         clock: Callable[[], float],
-        lava: Lava | None = None,
+        constants: Mapping[str, Any] | None = None,
         time_scale: float = 1.0,
         end_time: float | None = None,
         paused: bool = False,
@@ -82,7 +84,7 @@ class SimulationWorker:
         Args:
             make_simulation: Makes the simulation of a scene at time 0; called in the thread.
             clock: Time that simulated time follows [s].
-            lava: Material until a scene brings its own.
+            constants: Lava and surroundings until a scene brings its own.
             time_scale: Simulated seconds per second of the clock.
             end_time: Simulated time at which to stop [s], None for never.
             paused: Whether to hold simulated time at the start.
@@ -90,7 +92,7 @@ class SimulationWorker:
             on_snapshot: Called when ``latest`` has changed, in the thread or in another.
         """
         self._make_simulation = make_simulation
-        self._eruption = Eruption(self._make, lava=lava, max_particles=max_particles)
+        self.eruption = Eruption(self._make, constants=constants, max_particles=max_particles)
         self._clock = clock
         self._time_scale = time_scale
         self._end_time = end_time
@@ -108,49 +110,38 @@ class SimulationWorker:
         self._is_stopping = False
         self._commands = CommandQueue()
         self._last_turn = 0.0
+        self._turn, self._slice = ('', 0.0), 0.0
         self._thread = threading.Thread(target=self._run, name='lava simulation', daemon=True)
 
     @property
     def latest(self) -> 'Snapshot | None':
         """The newest snapshot, None before the first."""
-        return self._eruption.latest
+        return self.eruption.latest
 
     @property
     def status(self) -> WorkerStatus:
         """How the worker is doing."""
-        return self._status
+        doing, begun = self._turn
+        so_far = time.monotonic() - begun if doing else 0.0
+        turn = max(so_far, self._status.turn)
+        return replace(self._status, doing=doing, turn=turn, waiting=self._commands.kinds)
 
     @property
     def scene(self) -> Scene | None:
         """The scene in use, None before there is a terrain."""
-        return self._eruption.scene
-
-    @property
-    def origin(self) -> Origin | None:
-        """The checkpoint that the simulation has gone on from, None when it began at time 0."""
-        return self._eruption.origin
-
-    @property
-    def effects(self) -> Mapping[str, str]:
-        """The table of effects (``effect_table``), empty before there is a simulation."""
-        return self._eruption.effects
-
-    @property
-    def resolution(self) -> Resolution | None:
-        """How many particles lie across the flow, None before there is a simulation."""
-        return self._eruption.resolution
+        return self.eruption.scene
 
     @property
     def changes(self) -> int:
         """How often what comes has become another: by a start, vents, terrain, effects."""
-        return self._eruption.changes
+        return self.eruption.changes
 
     def start(self) -> None:
         """Start the thread."""
         self._thread.start()
 
     def stop(self, timeout: float | None = None) -> bool:
-        """End the thread after the slice it is in; commands still queued are cancelled.
+        """End the thread after the slice it is in; commands that wait or come later are refused.
 
         Args:
             timeout: How long to wait for it [s].
@@ -159,20 +150,21 @@ class SimulationWorker:
             Whether it has ended.
         """
         self._is_stopping = True
-        self._put(lambda: None, kind='stop')
+        self._commands.close(_STOPPED)
         if self._thread.ident is not None:
             self._thread.join(timeout)
         return not self._thread.is_alive()
 
     def set_scene(self, scene: Scene) -> 'Future[None]':
         """Start a simulation of the scene at time 0, in place of what there was."""
-        return self._put(lambda: self._start(lambda: self._eruption.start(scene)))
+        return self._put(lambda: self._start(lambda: self.eruption.start(scene)))
 
     def go_on_with(
         self,
         make_simulation: Callable[[], SimulationLike],
         scene: Scene,
         origin: Origin | None = None,
+        before: tuple[Vent, ...] = (),
     ) -> 'Future[None]':
         """Take a simulation of a scene, at any time, in place of what there was.
 
@@ -180,15 +172,21 @@ class SimulationWorker:
             make_simulation: Makes it; called in the thread.
             scene: Its scene.
             origin: The checkpoint it goes on from.
+            before: The vents up to then, with all they have emitted, where that is known.
         """
-        return self._put(lambda: self._go_on_with(make_simulation, scene, origin))
+
+        def start() -> None:
+            self._status = replace(self._status, state=WorkerState.STARTING)
+            self.eruption.go_on_with(make_simulation(), scene, origin, before)
+
+        return self._put(lambda: self._start(start))
 
     def checkpoint(self) -> 'Future[bytes]':
-        """Serialise all that is needed to go on from here (``lava_ros.checkpoint``).
+        """Serialise all that is needed to go on from here (``lava_ros.simulation.checkpoint``).
 
         The future holds a LavaError when there is no simulation.
         """
-        return self._put(self._eruption.checkpoint, kind='checkpoint')
+        return self._put(self.eruption.checkpoint, kind='checkpoint')
 
     def fork(self) -> 'Future[Fork]':
         """Copy all that another simulation needs to go on from here.
@@ -216,9 +214,9 @@ class SimulationWorker:
         """Open one more vent; refused before there is a terrain."""
         return self._put(lambda: self._add_vent(vent))
 
-    def set_lava(self, lava: Lava) -> 'Future[None]':
+    def set_constants(self, constants: Mapping[str, Any]) -> 'Future[None]':
         """Replace the material from the next start or reset on."""
-        return self._put(lambda: self._eruption.set_lava(lava), kind='lava')
+        return self._put(lambda: self.eruption.set_constants(constants), kind='constants')
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> 'Future[None]':
         """Choose the effects anew, with some forced on or off, looking ahead by a time [s].
@@ -238,7 +236,7 @@ class SimulationWorker:
     def set_max_particles(self, count: int) -> 'Future[None]':
         """Change how many particles there may be."""
         return self._put(
-            lambda: setattr(self._eruption, 'max_particles', count), kind='max_particles'
+            lambda: setattr(self.eruption, 'max_particles', count), kind='max_particles'
         )
 
     def pause(self, paused: bool) -> 'Future[None]':
@@ -247,7 +245,7 @@ class SimulationWorker:
 
     def reset(self) -> 'Future[None]':
         """Start the scene again at time 0, also after a failure; a pause stays."""
-        return self._put(lambda: self._start(self._eruption.reset), kind='reset')
+        return self._put(lambda: self._start(self.eruption.reset), kind='reset')
 
     def step(self, duration: float) -> 'Future[None]':
         """Advance a paused simulation by a duration [s]."""
@@ -277,17 +275,18 @@ class SimulationWorker:
                 self._guard(self._advance)
                 self._guard(self._update_status)
         self._status = replace(self._status, state=WorkerState.STOPPED, speed=0.0)
-        self._cancel_commands()
+        if self._waiting_vents is not None:
+            finish(self._waiting_vents[1], _STOPPED)
         self._finisher.close()
         # The device's memory is given back, whoever still holds the worker.
-        self._eruption.fail()
+        self.eruption.fail()
 
     def _run_commands(self) -> None:
         """Run what is queued; wait for it as long as there is nothing else to do."""
         time.sleep(max(0.0, self._last_turn + TURN_WALL_TIME - time.monotonic()))
         wait: float | None = None
         if self._is_moving():
-            wait = 0.0 if self._target > self._eruption.time else IDLE_WALL_TIME
+            wait = 0.0 if self._target > self.eruption.time else IDLE_WALL_TIME
         try:
             command = self._commands.get(wait)
             self._last_turn = time.monotonic()
@@ -302,6 +301,7 @@ class SimulationWorker:
 
     def _execute(self, command: Command) -> None:
         future = command.future
+        self._turn = command.kind or 'a command', time.monotonic()
         try:
             result = command.action()
         except LavaError as error:
@@ -313,6 +313,7 @@ class SimulationWorker:
             waits = self._waiting_vents is not None and self._waiting_vents[1] is future
             if not waits:
                 finish(future, result=result)
+        self._turn = '', 0.0
         self._guard(self._update_status)
 
     def _guard(self, action: Callable[[], None]) -> None:
@@ -322,15 +323,10 @@ class SimulationWorker:
             self._fail(error)
 
     def _fail(self, error: Exception) -> None:
-        self._error = failure_text(error, self._eruption.latest)
-        self._eruption.fail()
+        self._error = failure_text(error, self.eruption.latest)
+        self.eruption.fail()
         self._step_target = None
         self._status = replace(self._status, state=WorkerState.FAILED, error=self._error)
-
-    def _cancel_commands(self) -> None:
-        if self._waiting_vents is not None:
-            self._waiting_vents[1].cancel()
-        self._commands.cancel_all()
 
     def _advance(self) -> None:
         """Move simulated time one slice towards the clock."""
@@ -340,7 +336,7 @@ class SimulationWorker:
         self._last_clock = now
         if not self._is_moving():
             return
-        before = self._eruption.time
+        before = self.eruption.time
         if self._step_target is not None:
             self._target = self._step_target
         else:
@@ -348,24 +344,31 @@ class SimulationWorker:
             self._target = min(self._target + elapsed * self._time_scale, before + lag)
         if self._end_time is not None:
             self._target = min(self._target, self._end_time)
+        self._slice = 0.0
         if self._target > before:
-            self._speed.note(self._eruption.advance(self._target, wall_limit=SLICE_WALL_TIME))
-        if self._step_target is not None and self._eruption.time >= self._target:
+            begun = time.monotonic()
+            self._turn = 'a step', begun
+            try:
+                reached = self.eruption.advance(self._target, wall_limit=SLICE_WALL_TIME)
+            finally:
+                self._turn, self._slice = ('', 0.0), time.monotonic() - begun
+            self._speed.note(reached)
+        if self._step_target is not None and self.eruption.time >= self._target:
             self._step_target = None
 
     def _is_moving(self) -> bool:
-        if self._eruption.simulation is None or self._is_finished():
+        if self.eruption.simulation is None or self._is_finished():
             return False
         return not self._paused or self._step_target is not None
 
     def _is_finished(self) -> bool:
-        return self._end_time is not None and self._eruption.time >= self._end_time
+        return self._end_time is not None and self.eruption.time >= self._end_time
 
     def _update_status(self) -> None:
         old = self._status.state
         if self._error:
             state = WorkerState.FAILED
-        elif self._eruption.simulation is None:
+        elif self.eruption.simulation is None:
             state = WorkerState.WAITING
         elif self._is_finished():
             state = WorkerState.FINISHED
@@ -384,53 +387,47 @@ class SimulationWorker:
             error=self._error,
             speed=self._speed.value,
             mean_speed=self._speed.mean,
-            is_behind=state is WorkerState.RUNNING and self._target > self._eruption.time,
-            device=self._eruption.device,
-            lag=max(0.0, self._target - self._eruption.time) / self._time_scale,
+            is_behind=state is WorkerState.RUNNING and self._target > self.eruption.time,
+            device=self.eruption.device,
+            lag=max(0.0, self._target - self.eruption.time) / self._time_scale,
+            turn=self._slice if self._is_moving() else 0.0,
         )
         if is_new:
             self._on_snapshot()
 
     def _follow_from_here(self) -> None:
         self._last_clock = self._clock()
-        self._target = self._eruption.time
+        self._target = self.eruption.time
         self._speed.clear()
         self._speed.note(self._target)
 
-    def _renew_snapshot(self) -> None:
+    def _show(self) -> None:
         if self._is_snapshot_new():
             self._on_snapshot()
 
     def _is_snapshot_new(self) -> bool:
         """Bring ``latest`` up to date now, and say whether it may not have been."""
         was_under_way = self._finisher.wait()
-        return self._eruption.renew_snapshot() or was_under_way
+        return self.eruption.renew_snapshot() or was_under_way
 
     def _begin_snapshot(self) -> None:
         if self._finisher.is_busy:
             self._finisher.afterwards(partial(self._put, self._begin_snapshot, kind='snapshot'))
             return
         self._snapshot_asked = False
-        rest = self._eruption.begin_snapshot()
+        rest = self.eruption.begin_snapshot()
         if rest is not None:
-            fail = partial(self._fail_later, self._eruption.simulation)
+            fail = partial(self._fail_later, self.eruption.simulation)
             self._finisher.begin(rest, then=self._on_snapshot, on_error=fail)
 
     def _fail_later(self, simulation: SimulationLike | None, error: Exception) -> None:
         """Fail for a simulation, unless there is another one by then."""
 
         def fail() -> None:
-            if self._eruption.simulation is simulation:
+            if self.eruption.simulation is simulation:
                 self._fail(error)
 
         self._put(fail, kind='failure')
-
-    def _go_on_with(
-        self, make_simulation: Callable[[], SimulationLike], scene: Scene, origin: Origin | None
-    ) -> None:
-        self._status = replace(self._status, state=WorkerState.STARTING)
-        self._eruption.go_on_with(make_simulation(), scene, origin)
-        self._note_start()
 
     def _make(self, scene: Scene) -> SimulationLike:
         self._status = replace(self._status, state=WorkerState.STARTING)
@@ -445,20 +442,20 @@ class SimulationWorker:
         self._step_target = None
         self._speed = SpeedMeter()
         self._follow_from_here()
-        self._renew_snapshot()
+        self._show()
 
     def _fork(self) -> Fork:
         begun = time.monotonic()
-        checkpoint = self._eruption.copy()
+        checkpoint = self.eruption.copy()
         return Fork(
-            checkpoint, self._eruption.changes, self._clock(), time.monotonic() - begun
+            checkpoint, self.eruption.changes, self._clock(), time.monotonic() - begun
         )
 
     def _set_terrain(self, terrain: Terrain) -> None:
-        if self._eruption.scene is None:
+        if self.eruption.scene is None:
             self._start_with_waiting_vents(terrain)
-        elif self._eruption.set_terrain(terrain):
-            self._renew_snapshot()
+        elif self.eruption.set_terrain(terrain):
+            self._show()
 
     def _start_with_waiting_vents(self, terrain: Terrain) -> None:
         vents: tuple[Vent, ...] = ()
@@ -468,36 +465,36 @@ class SimulationWorker:
                 vents = check_vents(self._waiting_vents[0], terrain)
             except LavaError as refused:
                 error = refused
-        self._start(lambda: self._eruption.begin(terrain, vents))
+        self._start(lambda: self.eruption.begin(terrain, vents))
         if self._waiting_vents is not None:
             future = self._waiting_vents[1]
             self._waiting_vents = None
             finish(future, error)
 
     def _set_vents(self, vents: tuple[Vent, ...], future: 'Future[None]') -> None:
-        if self._eruption.scene is None:
+        if self.eruption.scene is None:
             if self._waiting_vents is not None:
                 self._waiting_vents[1].cancel()
             self._waiting_vents = (vents, future)
-        elif self._eruption.set_vents(vents):
+        elif self.eruption.set_vents(vents):
             self._note_start()
 
     def _add_vent(self, vent: Vent) -> None:
-        scene = self._eruption.scene
+        scene = self.eruption.scene
         if scene is None:
             raise LavaError('vent', vent.position, 'a terrain before the first single vent')
-        if self._eruption.set_vents((*scene.vents, vent)):
+        if self.eruption.set_vents((*scene.vents, vent)):
             self._note_start()
 
     def _set_effects(self, forced: Mapping[str, bool], horizon: float) -> None:
-        self._eruption.set_effects(forced, horizon=horizon)
-        self._renew_snapshot()
+        self.eruption.set_effects(forced, horizon=horizon)
+        self._show()
 
     def _pause(self, paused: bool) -> None:
         self._paused = paused
         self._step_target = None
 
     def _begin_step(self, duration: float) -> None:
-        if self._eruption.simulation is None or not self._paused:
+        if self.eruption.simulation is None or not self._paused:
             raise LavaError('step', self._status.state.value, 'a paused simulation')
-        self._step_target = self._eruption.time + duration
+        self._step_target = self.eruption.time + duration

@@ -14,13 +14,30 @@
 
 """The solver: shallow-layer SPH of lava on Warp devices. No ROS in here."""
 
-import warp as wp
+from importlib import import_module
+from typing import Any, TYPE_CHECKING
 
-from lava_ros.simulation.particles import Particles
-from lava_ros.simulation.simulation import Simulation
-from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+if TYPE_CHECKING:
+    from lava_ros.simulation.budget import VolumeBudget
+    from lava_ros.simulation.particles import Particles
+    from lava_ros.simulation.simulation import Simulation
+    from lava_ros.simulation.snapshot import Snapshot, StepReport
 
-# Warp reports every kernel it loads on stdout, where commands print their results.
-wp.config.log_level = wp.LOG_WARNING
+#: Public names and where they are. Warp is loaded by the first that needs it: accuracy, presets
+#: and checkpoints do not.
+_MODULES = {
+    'Particles': 'particles',
+    'Simulation': 'simulation',
+    'Snapshot': 'snapshot',
+    'StepReport': 'snapshot',
+    'VolumeBudget': 'budget',
+}
 
 __all__ = ['Particles', 'Simulation', 'Snapshot', 'StepReport', 'VolumeBudget']
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name when it is first asked for (PEP 562)."""
+    if name not in _MODULES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    return getattr(import_module(f'{__name__}.{_MODULES[name]}'), name)

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.simulation.compiled import load_int
+from lava_ros.simulation.backend.compiled import load_int
 
 #: Rows and columns of cells to a kernel radius, by the least radius over the spacing. Fewer cells
 #: hold more that is out of reach, more rows cost more look-ups. With a particle to each cell rows

@@ -12,91 +12,288 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Checkpoints of a simulation: what it takes to go on as if it had never stopped."""
+"""A simulation at rest between two steps, as plain data and as bytes that survive the process.
 
-from __future__ import annotations
+The bytes are a prefix, a header in JSON and a body: the arrays, compressed by zstd. The prefix has
+the format's version, the length of what follows and a checksum over all of it, so that what is
+damaged, cut off or of a later version is refused before any of it is used. Nothing in it is
+executed when it is read, and no path is in it.
+"""
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+import hashlib
+import json
+import math
+import struct
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from lava_ros.checkpoint import Checkpoint
+import lava_ros
+from lava_ros import validation
+from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.simulation.state import FAR
+from lava_ros.files.yaml import parse_json
+from lava_ros.scene import ENVIRONMENT, Lava, Scene, scene_to_dict, Terrain, Vent
+from lava_ros.scene.uncertainty import uncertainty_from_dict
+from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
 
-if TYPE_CHECKING:
-    from lava_ros.simulation.simulation import Simulation
+#: Version of the format; a reader takes its own and those before.
+VERSION = 1
+
+#: What a bag says about the attachments that hold checkpoints.
+MEDIA_TYPE = 'application/vnd.lava-ros.checkpoint'
+
+#: Bytes from which ``summary_of`` tells what a checkpoint is.
+PREFIX_SIZE = 64
+
+#: Largest uncompressed size that is read [bytes].
+MAX_SIZE = 1 << 31
+
+_MAGIC = b'\x89LAVA\r\n\x1a'
+
+#: Magic, version, header's length, body's length, particles, time [s], reserved; then a digest.
+_PREFIX = struct.Struct('<8sIIQQd8s')
+
+_DIGEST_SIZE = PREFIX_SIZE - _PREFIX.size
+
+_LEVEL = 1
+
+_DTYPES = ('float32', 'float64', 'int32', 'int64')
+
+_ELEVATION = 'terrain.elevation'
 
 
-def take(simulation: Simulation) -> Checkpoint:
-    """Copy all that a simulation needs to go on; it stands between two steps.
+@dataclass(frozen=True, eq=False)
+class Checkpoint:
+    """Everything that a simulation needs to go on.
 
-    The next stages are captured anew on a GPU, as those of a resumed simulation are: both then
-    idle alike past the next target.
+    Attributes:
+        time: Simulated time [s].
+        scene: The scene as it is now.
+        effects: The physics that is switched on.
+        forced: Effects forced on or off by name; None where none are chosen from the scene.
+        horizon: How far ahead the choice of effects looks [s].
+        accuracy: The resolution, with every automatic value filled in.
+        emitted: Volume that came in before the present vents did [m3].
+        since: Simulated time from which the present vents emit [s].
+        capacity: Particles there is room for.
+        arrays: The solver's arrays by name; ``state.particle`` has a row for each particle.
+        written_by: Version of the package that made it.
     """
-    simulation._forget_launches()
-    arrays = {f'state.{name}': array for name, array in simulation._state.save().items()}
-    arrays |= {f'vents.{name}': array for name, array in simulation._vents.save().items()}
-    for effect, step in simulation._after_step.items():
-        if hasattr(step, 'save'):
-            arrays |= {f'{effect}.{name}': array for name, array in step.save().items()}
-    return Checkpoint(
-        time=simulation.time,
-        scene=simulation.scene,
-        effects=simulation.effects,
-        forced=simulation._forced,
-        horizon=simulation._horizon,
-        accuracy=simulation.accuracy,
-        emitted=simulation._emitted_before,
-        since=simulation._vents.since,
-        capacity=simulation._state.capacity,
-        arrays=arrays,
-    )
+
+    time: float
+    scene: Scene
+    effects: Effects
+    forced: Mapping[str, bool] | None
+    horizon: float
+    accuracy: Accuracy
+    emitted: float
+    since: float
+    capacity: int
+    arrays: Mapping[str, np.ndarray]
+    written_by: str = lava_ros.__version__
+
+    def __post_init__(self) -> None:
+        """Refuse what nothing can go on from.
+
+        Raises:
+            LavaError: A number is not finite, or a particle has a negative volume.
+        """
+        for name in ('time', 'emitted', 'since'):
+            validation.number(f'checkpoint.{name}', getattr(self, name))
+        for name, array in self.arrays.items():
+            if array.dtype.kind == 'f' and not np.isfinite(array).all():
+                raise LavaError(f'checkpoint.{name}', 'not finite', 'finite numbers only')
+        particles = self.arrays.get('state.particle')
+        if particles is None or particles.ndim != 2 or particles.shape[1] != 4:
+            raise LavaError('checkpoint.arrays', sorted(self.arrays), 'state.particle, [count, 4]')
+        if (particles[:, 2] < 0.0).any():
+            raise LavaError('checkpoint.state.particle', 'a negative volume', 'volumes')
+        if not len(particles) <= self.capacity < 2**31:
+            right = f'room for {len(particles)} particles'
+            raise LavaError('checkpoint.capacity', self.capacity, right)
+
+    @property
+    def particle_count(self) -> int:
+        """Particles there are."""
+        return len(self.arrays['state.particle'])
+
+    def to_bytes(self) -> bytes:
+        """Serialise; ``from_bytes`` gives the same back to the last bit."""
+        arrays = {_ELEVATION: self.scene.terrain.elevation, **self.arrays}
+        header = json.dumps(
+            {
+                'written_by': self.written_by,
+                'scene': scene_to_dict(self.scene),
+                'effects': asdict(self.effects),
+                'forced': None if self.forced is None else dict(self.forced),
+                'horizon': self.horizon,
+                'accuracy': asdict(self.accuracy),
+                'emitted': self.emitted,
+                'since': self.since,
+                'capacity': self.capacity,
+                'arrays': [
+                    {'name': name, 'dtype': array.dtype.name, 'shape': array.shape}
+                    for name, array in arrays.items()
+                ],
+            },
+            allow_nan=False,
+        ).encode()
+        import zstandard
+
+        body = zstandard.compress(b''.join(_planes(item) for item in arrays.values()), _LEVEL)
+        prefix = _PREFIX.pack(
+            _MAGIC, VERSION, len(header), len(body), self.particle_count, self.time, bytes(8)
+        )
+        return b''.join((prefix, _digest(prefix, header, body), header, body))
 
 
-def put_back(simulation: Simulation, checkpoint: Checkpoint) -> Simulation:
-    """Make a new simulation of a checkpoint's scene, effects and accuracy go on from there.
+class Summary(NamedTuple):
+    """What a checkpoint says of itself in its first bytes.
+
+    Attributes:
+        time: Simulated time [s].
+        particle_count: Particles there are.
+        size: Size of all of it [bytes].
+    """
+
+    time: float
+    particle_count: int
+    size: int
+
+
+def summary_of(data: bytes) -> Summary:
+    """Read the first ``PREFIX_SIZE`` bytes of a checkpoint; the rest may be missing.
 
     Raises:
-        LavaError: An array is missing, or is not of the scene and the effects.
+        LavaError: They are not those of a checkpoint, or of a later version.
     """
-    parts: dict[str, dict[str, np.ndarray]] = {}
-    for name, array in checkpoint.arrays.items():
-        owner, _, own_name = name.partition('.')
-        parts.setdefault(owner, {})[own_name] = array
-    state = parts.pop('state', {})
-    # what was written before there was a bound goes on without one
-    state.setdefault('top', np.full_like(simulation._state.top.numpy(), FAR))
-    simulation._state.load(state, checkpoint.capacity)
-    carried, released = _conduits(checkpoint, parts.pop('vents', {}))
-    simulation._vents = simulation._vent_set(
-        checkpoint.scene.vents, since=checkpoint.since, carried=carried
+    if len(data) < PREFIX_SIZE or data[: len(_MAGIC)] != _MAGIC:
+        start = f'{len(data)} bytes that start with {data[: len(_MAGIC)]!r}'
+        raise LavaError('checkpoint', start, 'a checkpoint of lava_ros')
+    _, version, header, body, count, time, _ = _PREFIX.unpack_from(data)
+    if not 1 <= version <= VERSION:
+        raise LavaError(
+            'checkpoint.version', version, f'at most {VERSION}: a later lava_ros has written this'
+        )
+    return Summary(time, count, PREFIX_SIZE + header + body)
+
+
+def from_bytes(data: bytes) -> Checkpoint:
+    """Read a checkpoint.
+
+    Args:
+        data: All of its bytes.
+
+    Raises:
+        LavaError: They are damaged, cut off, foreign, of a later version, or of no use.
+    """
+    summary = summary_of(data)
+    if len(data) != summary.size:
+        raise LavaError('checkpoint', f'{len(data)} bytes', f'all of its {summary.size} bytes')
+    header_size = _PREFIX.unpack_from(data)[2]
+    header = data[PREFIX_SIZE : PREFIX_SIZE + header_size]
+    body = memoryview(data)[PREFIX_SIZE + header_size :]
+    stored = data[_PREFIX.size : PREFIX_SIZE]
+    found = _digest(data[: _PREFIX.size], header, body)
+    if found != stored:
+        right = f'{stored.hex()}: the checkpoint is damaged'
+        raise LavaError('checkpoint.checksum', found.hex(), right)
+    try:
+        return _checkpoint(parse_json('checkpoint.header', header), body, summary.time)
+    except (KeyError, TypeError, AttributeError, UnicodeDecodeError, ValueError) as error:
+        if isinstance(error, LavaError):
+            raise
+        reason = f'{type(error).__name__}: {error}'
+        raise LavaError('checkpoint.header', reason, 'what lava_ros writes') from error
+
+
+def _checkpoint(header: dict[str, Any], body: memoryview, time: float) -> Checkpoint:
+    arrays = _arrays(header['arrays'], body)
+    data = header['scene']
+    terrain = {**data['terrain']}
+    shape = tuple(terrain.pop('shape'))
+    elevation = arrays.pop(_ELEVATION)
+    if elevation.shape != shape:
+        raise LavaError('checkpoint.terrain', elevation.shape, f'elevations of shape {shape}')
+    scene = Scene(
+        Terrain(elevation, **terrain),
+        vents=tuple(Vent(**vent) for vent in data['vents']),
+        lava=Lava(**data['lava']),
+        **{name: data[name] for name in ENVIRONMENT if name in data},
+        uncertainty=uncertainty_from_dict(data.get('uncertainty', {})),
     )
-    simulation._vents.load(released)
-    for effect, step in simulation._after_step.items():
-        if hasattr(step, 'load'):
-            step.load(parts.pop(effect, {}))
-    if parts:
-        raise LavaError('checkpoint.arrays', sorted(parts), 'those of the effects that are on')
-    if simulation.time != checkpoint.time:
-        right = f'that of the clock, {simulation.time:g} s'
-        raise LavaError('checkpoint.time', checkpoint.time, right)
-    simulation._forced = None if checkpoint.forced is None else dict(checkpoint.forced)
-    simulation._emitted_before = checkpoint.emitted
-    # it was made without the particles, and knows where vents are only
-    simulation._cover()
-    return simulation
+    forced = header['forced']
+    return Checkpoint(
+        time=time,
+        scene=scene,
+        effects=Effects(**header['effects']),
+        forced=None if forced is None else {str(key): bool(forced[key]) for key in forced},
+        horizon=validation.number('checkpoint.horizon', header['horizon'], above=0.0, unit='s'),
+        accuracy=accuracy_from_dict(header['accuracy']),
+        emitted=header['emitted'],
+        since=header['since'],
+        capacity=header['capacity'],
+        arrays=arrays,
+        written_by=str(header['written_by']),
+    )
 
 
-def _conduits(
-    checkpoint: Checkpoint, arrays: dict[str, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Volume carried over and particles released of each vent."""
-    shape = (len(checkpoint.scene.vents),)
-    kinds = {'carried': np.float64, 'released': np.int32}
-    for name, dtype in kinds.items():
-        values = arrays.get(name)
-        if values is None or (values.shape, values.dtype) != (shape, dtype):
-            found = 'missing' if values is None else f'{values.dtype} of shape {values.shape}'
-            raise LavaError(f'checkpoint.vents.{name}', found, f'one for each of {shape[0]} vents')
-    return arrays['carried'], arrays['released']
+def _arrays(entries: list[dict[str, Any]], body: memoryview) -> dict[str, np.ndarray]:
+    layout = []
+    for entry in entries:
+        dtype = np.dtype(validation.choice('checkpoint.dtype', entry['dtype'], _DTYPES))
+        shape = tuple(int(side) for side in entry['shape'])
+        if min(shape, default=0) < 0:
+            raise LavaError(f'checkpoint.{entry["name"]}', shape, 'a shape')
+        layout.append((str(entry['name']), dtype, shape, math.prod(shape) * dtype.itemsize))
+    import zstandard
+
+    size = sum(item[-1] for item in layout)
+    if size > MAX_SIZE:
+        raise LavaError('checkpoint', f'{size} bytes of arrays', f'at most {MAX_SIZE}')
+    try:
+        # the decompressor trusts the frame, which may claim another size
+        claimed = zstandard.frame_content_size(body)
+        if claimed != size:
+            raise LavaError('checkpoint.body', f'{claimed} bytes', f'{size} bytes')
+        content = memoryview(zstandard.decompress(body))
+    except zstandard.ZstdError as error:
+        raise LavaError('checkpoint.body', str(error), f'{size} bytes, compressed') from error
+    arrays, position = {}, 0
+    for name, dtype, shape, length in layout:
+        arrays[name] = _from_planes(content[position : position + length], dtype, shape)
+        position += length
+    return arrays
+
+
+def _planes(array: np.ndarray) -> bytes:
+    """An array byte plane by byte plane: first bytes of all rows, second bytes, and so on.
+
+    What varies little from row to row, as exponents do and volumes do, compresses well then.
+    """
+    rows = np.ascontiguousarray(array.reshape(_rows(array.shape)))
+    return rows.view(np.uint8).T.tobytes() if array.size else b''
+
+
+def _from_planes(data: memoryview, dtype: np.dtype[Any], shape: tuple[int, ...]) -> np.ndarray:
+    if not data:
+        return np.zeros(shape, dtype)
+    planes = np.frombuffer(data, np.uint8).reshape(-1, _rows(shape)[0])
+    return np.ascontiguousarray(planes.T).view(dtype).reshape(shape)
+
+
+def _rows(shape: tuple[int, ...]) -> tuple[int, int]:
+    """Rows of a few numbers: of a particle's, or of one for any other shape."""
+    if len(shape) == 2 and shape[1] <= 4:
+        return shape[0], shape[1]
+    return math.prod(shape), 1
+
+
+def _digest(*parts: bytes | memoryview) -> bytes:
+    digest = hashlib.blake2b(digest_size=_DIGEST_SIZE)
+    for part in parts:
+        digest.update(part)
+    return digest.digest()

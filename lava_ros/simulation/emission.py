@@ -19,8 +19,8 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.compiled import after_the_former, cos_pi, quick_kernel, sin_pi
-from lava_ros.simulation.journey import journey_type
+from lava_ros.simulation.backend.compiled import after_the_former, cos_pi, quick_kernel, sin_pi
+from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.neighbors import bin_function
 from lava_ros.simulation.state import (
     FULL,
@@ -43,7 +43,7 @@ def emission_function(
     """Return the device function that releases what is due of every so many-th vent.
 
     Its arguments: the first vent, how many it is to the next, the vents, and the journey of the
-    particles that there are (journey.py).
+    particles that there are (motion_arguments.py).
     """
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
@@ -184,7 +184,7 @@ def emit(state: State, vents: VentSet, way: Any) -> None:
     Args:
         state: The particles.
         vents: Their vents.
-        way: The particles' journey (journey.py).
+        way: The particles' journey (motion_arguments.py).
     """
     if vents.vents:
         threads = emitters(state, len(vents.vents))

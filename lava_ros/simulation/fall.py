@@ -18,7 +18,7 @@ The local balance of weight and drag has no inertia, so nothing bounds its speed
 where lava is thin as water, it is that of lava which has fallen for ever. A particle on ground of
 height H has fallen from the highest ground that lava came from, ``State.top``, and lies h deep:
 u^2 <= 2 g (max(top - H, 0) + h). Lava with u^2 <= 2 g h never sees the bound. As u^2 / (g h) is
-the number that calls for inertia above 0.1 (``choice.py``), that is all lava whose balance holds.
+the number that calls for inertia above 0.1 (``selection.py``): all lava whose balance holds.
 """
 
 from functools import lru_cache

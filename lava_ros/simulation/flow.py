@@ -34,11 +34,12 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
+from lava_ros.effects import load as load_effect
+from lava_ros.effects.laws import law_type, speed_function, viscosity_function
 from lava_ros.scene import Scene
-from lava_ros.simulation.cells import cell_frame, cell_functions
-from lava_ros.simulation.compiled import (
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.compiled import (
     after_the_former,
     counted_from,
     FEW_THREADS,
@@ -49,15 +50,14 @@ from lava_ros.simulation.compiled import (
     store4,
     sum_over,
 )
-from lava_ros.simulation.effects import load as load_effect
+from lava_ros.simulation.backend.threads import launch_over
+from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
 from lava_ros.simulation.neighbors import NeighborGrid
-from lava_ros.simulation.rheology import rheology_type, speed_function, viscosity_function
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
 from lava_ros.simulation.sums import sums_function, wide_sums_function
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
-from lava_ros.simulation.threads import launch_over
 
 #: Thickness over the expected one up to which the Helmholtz solve converges in full.
 THICKEST = 2.0
@@ -117,12 +117,12 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     store = store4(real)
-    viscosity = viscosity_function(real, effects)
+    viscosity = viscosity_function(wp, real, law_type(real), effects)
     x_k1 = bessel(real).x_k1
-    green, helmholtz = effects.green, effects.helmholtz
-    steep = load_effect('steep').factor(real) if effects.steep else None
-    along = load_effect('steep').along(real) if effects.steep else None
-    speed = speed_function(real, effects)
+    green, helmholtz = 'green' in effects, 'helmholtz' in effects
+    steep = load_effect('steep').factor(real) if 'steep' in effects else None
+    along = load_effect('steep').along(real) if 'steep' in effects else None
+    speed = speed_function(wp, real, law_type(real), effects)
     raised = raise_to(real)
     fallen = fall_function(real)
 
@@ -136,7 +136,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         surface: vec2,
         ground: vec2,
         bend: real,
-        law: rheology_type(real),
+        law: law_type(real),
         constants: flow_constants_of(real),
         top: wp.array(dtype=real),
         elevation: wp.array2d(dtype=real),
@@ -152,13 +152,13 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             mobility = real(constants.weight) * height * height / (
                 real(3.0) * viscosity(law, temperature)
             )
-            if wp.static(effects.steep):
+            if wp.static('steep' in effects):
                 mobility *= steep(ground)
             largest = mobility
         else:
             depth = height
             fall = wp.length(surface)
-            if wp.static(effects.steep):
+            if wp.static('steep' in effects):
                 layer = along(height, surface, ground)
                 depth = layer[0]
                 fall = layer[1]
@@ -167,7 +167,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             largest = response[1]
         velocity = -mobility * surface
         bounded = velocity
-        if wp.static(not effects.inertia):
+        if wp.static('inertia' not in effects):
             bounded = fallen(
                 velocity, height, place.x, place.y, real(constants.gravity), top, elevation,
                 terrain,
@@ -177,7 +177,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             velocity = bounded
         if flow:
             flow[i] = vec3(height, velocity[0], velocity[1])
-        if wp.static(effects.viscous_heating):
+        if wp.static('viscous_heating' in effects):
             slope_of[i] = surface
         rate = largest * height * real(constants.stiffness)
         if wp.static(green or helmholtz):
@@ -201,7 +201,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             rate = reduced
         # in a hollow lava is drawn to the bottom, and overshoots it as it does level ground
         rate += largest * bend * real(constants.share)
-        if wp.static(effects.inertia):
+        if wp.static('inertia' in effects):
             # the balance of momentum (effects/inertia.py) wants the slope, and has its own limits
             flow[i] = vec3(height, surface.x, surface.y)
         else:
@@ -226,7 +226,7 @@ def flow_kernels(
 
     ``lanes`` is the number of threads that share a particle's neighbours, ``is_short`` whether
     there are so few that waiting takes the time, ``is_wide`` whether a CPU takes several
-    neighbours at a time (wide.py).
+    neighbours at a time (simd.py).
     """
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
@@ -238,7 +238,7 @@ def flow_kernels(
     sums_around = sums_function(real, kernel, lanes, is_short)
     if is_wide and kernel.wide_terms:
         sums_around = wide_sums_function(kernel.wide_terms)
-    gradient_at, bend_at, height_at, _ = terrain_functions(real)
+    gradient_at, bend_at, height_at, *_ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
     load, load_pair = load4(real), load2(real)
     balance = _balance_function(real, kernel.stiffness, effects)
@@ -252,7 +252,7 @@ def flow_kernels(
         cells: cell_frame(real),
         elevation: wp.array2d(dtype=real),
         terrain: terrain_frame(real),
-        law: rheology_type(real),
+        law: law_type(real),
         constants: flow_constants_of(real),
         top: wp.array(dtype=real),
         flow: wp.array(dtype=vec3),
@@ -336,7 +336,7 @@ def flow_kernels(
         cells: cell_frame(real),
         elevation: wp.array2d(dtype=real),
         terrain: terrain_frame(real),
-        law: rheology_type(real),
+        law: law_type(real),
         constants: flow_constants_of(real),
         top: wp.array(dtype=real),
         surface: wp.array(dtype=vec2),

@@ -30,39 +30,9 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.effects import Effects
-from lava_ros.lava import STEFAN_BOLTZMANN
+from lava_ros.effects import Effects, without_replaced
+from lava_ros.effects.laws import heat_loss, heat_type
 from lava_ros.scene import Scene
-from lava_ros.simulation.effects import load
-
-#: Effects that are part of the balance; a crust loses what ``cooling`` would, from its surface.
-HEAT_EFFECTS = ('cooling', 'crust', 'ground', 'viscous_heating')
-
-
-@lru_cache
-def heat_constants_of(real: Any) -> Any:
-    """Constants of the heat balance.
-
-    ``radiation`` is eps sigma / (rho c), ``convection`` lambda / (rho c), ``ambient`` Ta [K],
-    ``diffusivity`` that of lava [m2/s], ``contact`` kg / (rho c sqrt(a)) with the ground's
-    diffusivity a [m/s^0.5], ``fall`` g / c [K/m], ``latent`` L / c [K], ``solidus`` and
-    ``liquidus`` [K].
-    """
-
-    @wp.struct
-    class HeatConstants:
-        radiation: real
-        convection: real
-        ambient: real
-        diffusivity: real
-        contact: real
-        fall: real
-        latent: real
-        solidus: real
-        liquidus: real
-
-    return HeatConstants
-
 
 #: Steps in which lava freezes at the soonest: a column freezes at the end of a step, on average
 #: half a step late, and goes as much too far.
@@ -74,34 +44,15 @@ _LEAST_ABOVE = 10.0
 
 def freezing_step(scene: Scene, thickness: float) -> float:
     """Longest step that resolves how lava of a thickness [m] freezes after it has come out [s]."""
-    constants = heat_constants(scene)
-    soonest = math.inf
-    for vent in scene.vents:
-        hot, air = vent.temperature, constants.ambient
-        rate = constants.radiation * (hot**4 - air**4) + constants.convection * (hot - air)
-        if rate > 0.0 and hot > constants.solidus:
-            above = max(hot - constants.solidus, _LEAST_ABOVE)
-            soonest = min(soonest, thickness * above / rate)
-    return soonest / _FREEZING_STEPS
-
-
-def heat_constants(scene: Scene, real: Any = wp.float64) -> Any:
-    """Collect the constants from a scene."""
     lava = scene.lava
-    capacity = lava.density * lava.specific_heat
-    constants = heat_constants_of(real)()
-    constants.radiation = lava.emissivity * STEFAN_BOLTZMANN / capacity
-    constants.convection = lava.convection / capacity
-    constants.ambient = scene.ambient_temperature
-    constants.diffusivity = lava.conductivity / capacity
-    constants.contact = lava.ground_conductivity / (
-        capacity * math.sqrt(lava.ground_diffusivity)
-    )
-    constants.fall = scene.gravity / lava.specific_heat
-    constants.latent = lava.latent_heat / lava.specific_heat
-    constants.solidus = lava.solidus
-    constants.liquidus = lava.liquidus
-    return constants
+    soonest, loss_at = math.inf, heat_loss(scene)
+    for vent in scene.vents:
+        loss = loss_at(vent.temperature)
+        if loss > 0.0 and vent.temperature > lava.solidus:
+            above = max(vent.temperature - lava.solidus, _LEAST_ABOVE)
+            capacity = lava.density * lava.specific_heat * thickness
+            soonest = min(soonest, capacity * above / loss)
+    return soonest / _FREEZING_STEPS
 
 
 @lru_cache
@@ -109,19 +60,21 @@ def temperature_function(real: Any, effects: Effects) -> Any:
     """Return the device function that gives the temperature after a step.
 
     Its arguments: the constants, thickness [m], temperature [K], age at the start of the step [s],
-    height that the surface under the column has fallen by along its way [m], and the step [s].
+    height that the surface under the column has fallen by along its way [m], its speed [m/s], and
+    the step [s].
 
     None when no effect moves heat: temperatures then stay.
     """
-    names = [name for name in HEAT_EFFECTS if getattr(effects, name)]
-    if effects.crust and effects.cooling:
-        names.remove('cooling')
+    constants_type, modules = heat_type(real), effects.having('terms')
+    names = without_replaced(modules)
     if not names:
         return None
-    balance = load(names[0]).terms(real)
-    for name in names[1:]:
-        balance = _sum(real, balance, load(name).terms(real))
-    relaxed = load('latent_heat').relaxed(real) if effects.latent_heat else _relaxed(real)
+    balance, *others = (modules[name].terms(wp, real, constants_type) for name in names)
+    for other in others:
+        balance = _sum(real, balance, other)
+    relaxed = _relaxed(real)
+    for module in effects.having('relaxed').values():
+        relaxed = module.relaxed(wp, real, constants_type, relaxation_function(real))
 
     @wp.func
     def mean_age(age: real, span: real) -> real:
@@ -131,20 +84,21 @@ def temperature_function(real: Any, effects: Effects) -> Any:
 
     @wp.func
     def temperature_after(
-        constants: heat_constants_of(real),
+        constants: heat_type(real),
         thickness: real,
         temperature: real,
         age: real,
         drop: real,
+        speed: real,
         step: real,
     ) -> real:
         if step <= real(0.0):
             return temperature
         rate = drop / step
         half = real(0.5) * step
-        start = balance(constants, thickness, temperature, mean_age(age, half), rate)
+        start = balance(constants, thickness, temperature, mean_age(age, half), rate, speed)
         middle = relaxed(constants, temperature, start[0], start[1], half)
-        half_way = balance(constants, thickness, middle, mean_age(age, step), rate)
+        half_way = balance(constants, thickness, middle, mean_age(age, step), rate, speed)
         return relaxed(constants, temperature, half_way[0], half_way[1], step)
 
     return temperature_after
@@ -155,14 +109,15 @@ def _sum(real: Any, first: Any, second: Any) -> Any:
 
     @wp.func
     def both(
-        constants: heat_constants_of(real),
+        constants: heat_type(real),
         thickness: real,
         temperature: real,
         age: real,
         drop: real,
+        speed: real,
     ) -> vec2:
-        return first(constants, thickness, temperature, age, drop) + second(
-            constants, thickness, temperature, age, drop
+        return first(constants, thickness, temperature, age, drop, speed) + second(
+            constants, thickness, temperature, age, drop, speed
         )
 
     return both
@@ -174,7 +129,7 @@ def _relaxed(real: Any) -> Any:
 
     @wp.func
     def relaxed(
-        constants: heat_constants_of(real), temperature: real, rate: real, source: real, step: real
+        constants: heat_type(real), temperature: real, rate: real, source: real, step: real
     ) -> real:
         return relaxation(temperature, rate, source, step)
 

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.simulation.compiled import exp2, one_less
+from lava_ros.simulation.backend.compiled import exp2, one_less
 
 _WIDE_WENDLAND = """
     wide left = 1.0f - distance * inverse;
@@ -100,7 +100,7 @@ def _wide_polynomial(name: str, x: str, powers: Sequence[float]) -> str:
 
 
 #: C++ that makes wide ``weights`` of wide ``squares`` that are no denormals, and of ``powers``:
-#: what ``K0Within.at`` gives, of float32 (wide.py).
+#: what ``K0Within.at`` gives, of float32 (simd.py).
 WIDE_K0 = f"""
     whole bits;
     __builtin_memcpy(&bits, &squares, 32);
@@ -135,7 +135,7 @@ class SmoothingKernel(NamedTuple):
             ``slope``, each over its own of the ``factors``. The two have factors in common.
         factors: What ``terms`` leaves out of ``shape`` and ``slope``.
         wide_terms: C++ that makes wide ``shapes`` and ``slopes``, what ``terms`` gives, of a wide
-            ``volume`` and ``distance`` and of ``inverse`` (wide.py); None where there is none.
+            ``volume`` and ``distance`` and of ``inverse`` (simd.py); None where there is none.
         stiffness: Largest value of (q l)^2 W^(q), W^ the kernel's Fourier transform: a thickness
             wave with diffusivity D decays at most at the rate D stiffness / l^2, so explicit steps
             are stable up to 2 l^2 / (D stiffness) whatever the particle spacing.

@@ -25,7 +25,8 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.simulation.compiled import (
+from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.backend.compiled import (
     after_the_former,
     counted_from,
     load2,
@@ -36,9 +37,10 @@ from lava_ros.simulation.compiled import (
     store4,
     wait_for,
 )
-from lava_ros.simulation.direction import Direction, DIRECTORS
+from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
+from lava_ros.simulation.fused_stage import Direction, DIRECTORS
 from lava_ros.simulation.heat import temperature_function
-from lava_ros.simulation.journey import journey_type
+from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.neighbors import bin_function, NeighborGrid
 from lava_ros.simulation.state import (
     BEFORE_FORMER,
@@ -50,10 +52,10 @@ from lava_ros.simulation.state import (
     STAGES,
     State,
     STEP,
+    TIME,
     VELOCITY,
 )
 from lava_ros.simulation.terrain import terrain_frame, terrain_functions
-from lava_ros.simulation.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.timestep import pace_type
 from lava_ros.simulation.vents import Outlets
 
@@ -114,6 +116,39 @@ def _guard_function(real: Any, is_pushed: bool) -> Any:
 
 
 @lru_cache
+def _note_function(real: Any) -> Any:
+    """Return the device function that notes a time in cells where lava has not been before.
+
+    They are the particle's own and those whose middle is in the square of ground that it stands
+    for. Threads that meet in a cell write the same time.
+    """
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func
+    def note(
+        arrived: wp.array2d(dtype=wp.float32),
+        terrain: terrain_frame(real),
+        p: vec4,
+        thickness: real,
+        time: wp.float32,
+    ):
+        inverse = real(1.0) / terrain.resolution
+        x, y = (p[0] - terrain.x0) * inverse, (p[1] - terrain.y0) * inverse
+        # a square that is a cell less reaches into the cells whose middle the whole one has
+        half = wp.max(real(0.5) * (wp.sqrt(p[2] / thickness) * inverse - real(1.0)), real(0.0))
+        south = wp.max(int(wp.floor(y - half)), 0)
+        north = wp.min(int(wp.floor(y + half)) + 1, terrain.rows)
+        west = wp.max(int(wp.floor(x - half)), 0)
+        east = wp.min(int(wp.floor(x + half)) + 1, terrain.columns)
+        for row in range(south, north):
+            for column in range(west, east):
+                if arrived[row, column] < wp.float32(0.0):
+                    arrived[row, column] = time
+
+    return note
+
+
+@lru_cache
 def motion_function(
     real: Any,
     effects: Effects,
@@ -121,6 +156,7 @@ def motion_function(
     is_guarded: bool,
     bins: bool,
     has_surface: bool,
+    notes_arrival: bool,
 ) -> Any:
     """Return the device function that moves the i-th of the ordered particles.
 
@@ -129,17 +165,18 @@ def motion_function(
     """
     vec2 = wp.types.vector(2, real)
     # differences and lateral stress push lava up slopes that its own surface does not
-    guarded = _guard_function(real, has_surface or effects.green or effects.helmholtz)
+    guarded = _guard_function(real, has_surface or 'green' in effects or 'helmholtz' in effects)
     place = bin_function(real, False)
     load, store = load4(real), store4(real)
     load_pair, store_pair = load2(real), store2(real)
-    gradient_at, _, height_at, _ = terrain_functions(real)
+    gradient_at, _, height_at, *_ = terrain_functions(real)
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     temperature_after = temperature_function(real, effects)
     heats = temperature_after is not None
-    has_age = effects.crust or effects.ground
-    falls = effects.viscous_heating
+    note = _note_function(real)
+    has_age = effects.any('needs_age')
+    falls = 'viscous_heating' in effects
 
     @wp.func
     def move_on(i: int, p: vec4, f: vec3, m: journey_type(real)):
@@ -180,7 +217,7 @@ def motion_function(
                         dy += short * start.y
         if wp.static(is_guarded):
             head = real(0.0)
-            if wp.static(effects.inertia):
+            if wp.static('inertia' in effects):
                 head = (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * real(m.constants.gravity))
             way = guarded(
                 m.elevation, m.terrain, real(m.constants.reach), x, y, vec2(dx, dy),
@@ -202,16 +239,21 @@ def motion_function(
                 drop = real(0.0)
                 if wp.static(falls):
                     drop = -wp.dot(m.slope[i], vec2(dx, dy))
-                    if wp.static(not effects.inertia):
+                    if wp.static('inertia' not in effects):
                         # what the ground falls by, however steep it is where the step begins
                         ground = gradient_at(m.elevation, m.terrain, p[0], p[1])
                         drop += wp.dot(ground, vec2(dx, dy))
                         drop += height_at(m.elevation, m.terrain, x, y)
                         drop -= height_at(m.elevation, m.terrain, x + dx, y + dy)
-                temperature = temperature_after(m.heat, f[0], temperature, time_out, drop, step)
+                speed = real(0.0)
+                if wp.static(effects.any('needs_speed')):
+                    speed = wp.sqrt(dx * dx + dy * dy) / step
+                temperature = temperature_after(
+                    m.heat, f[0], temperature, time_out, drop, speed, step
+                )
                 if wp.static(has_age):
                     m.age[i] = time_out + step
-        if wp.static(effects.solidification):  # noqa: SIM102, the static test decides
+        if wp.static('solidification' in effects):  # noqa: SIM102, the static test decides
             if m.counts[IS_LAST] == 1 and temperature < m.heat.solidus:
                 m.cold[0] = 1
         if wp.static(real is wp.float32):
@@ -225,6 +267,9 @@ def motion_function(
             p = vec4(new[0], new[1], p[2], temperature)
         else:
             p = vec4(x + dx, y + dy, p[2], temperature)
+        if wp.static(notes_arrival):  # noqa: SIM102, the static test decides
+            if m.counts[IS_LAST] == 1 and f[0] >= real(wp.static(COVERED)):
+                note(m.arrived, m.terrain, p, f[0], wp.float32(m.clock[TIME]))
         store(m.particle, i, p)
         if wp.static(bins):
             place(i, p, m.counts, m.known, m.terrain, m.cells, m.cell, m.rank, m.sizes, m.left)
@@ -236,7 +281,7 @@ def motion_of(state: State) -> Any:
     """The device function ``motion_function`` for the particles of a state."""
     return motion_function(
         state.real, state.effects, state.is_staged, state.is_guarded, state.bins_in_motion,
-        state.has_surface,
+        state.has_surface, hasattr(state, 'arrived'),
     )
 
 

@@ -32,8 +32,7 @@ import numpy as np
 import warp as wp
 
 from lava_ros.errors import LavaError
-from lava_ros.simulation.cells import cell_frame, cell_functions, cells_to_radius
-from lava_ros.simulation.compiled import (
+from lava_ros.simulation.backend.compiled import (
     after_the_former,
     can_count,
     counted_from,
@@ -44,7 +43,10 @@ from lava_ros.simulation.compiled import (
     store2,
     store4,
 )
-from lava_ros.simulation.scan import Scan
+from lava_ros.simulation.backend.scan import Scan
+from lava_ros.simulation.backend.streams import read
+from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
+from lava_ros.simulation.cells import cell_frame, cell_functions, cells_to_radius
 from lava_ros.simulation.state import (
     ADVECTION,
     BEYOND,
@@ -55,9 +57,7 @@ from lava_ros.simulation.state import (
     STAGE,
     State,
 )
-from lava_ros.simulation.streams import read
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
-from lava_ros.simulation.threads import launch_over, LEAST_MOVES
 
 #: Cells up to which the whole terrain is covered.
 WHOLE = 2**14
@@ -74,7 +74,8 @@ MOST_IN_CELL = 2**15
 def bin_function(real: Any, has_empty: bool) -> Any:
     """Return the device function that puts a particle into its cell."""
     vec4 = wp.types.vector(4, real)
-    is_known = terrain_functions(real).is_known
+    functions = terrain_functions(real)
+    is_known, side_of = functions.is_known, functions.side_of
     column_of, row_of, _, _ = cell_functions(real)
     volume_lost = _loss_function(real)
 
@@ -115,7 +116,7 @@ def bin_function(real: Any, has_empty: bool) -> Any:
                 if is_beyond(cells, p[0], p[1]):
                     counts[BEYOND] = 1
             elif can_count():
-                wp.atomic_add(left, 0, volume_lost(p))
+                wp.atomic_add(left, side_of(terrain, p[0], p[1]), volume_lost(p))
         cell[i] = c
         if can_count():
             rank[i] = wp.atomic_add(sizes, c, 1)
@@ -151,6 +152,7 @@ def _kernels(
     load_pair, store_pair = load2(real), store2(real)
 
     place, volume_lost = bin_function(real, has_empty), _loss_function(real)
+    side_of = terrain_functions(real).side_of
 
     @quick_kernel
     def bin_particles(
@@ -175,6 +177,7 @@ def _kernels(
     def rank_particles(
         particle: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
+        terrain: terrain_frame(real),
         last: int,
         cell: wp.array(dtype=wp.int32),
         rank: wp.array(dtype=wp.int32),
@@ -190,7 +193,7 @@ def _kernels(
         if c == last:
             p = particle[i]
             if not (wp.static(has_empty) and p[2] == real(0.0)):
-                left[0] += volume_lost(p)
+                left[side_of(terrain, p[0], p[1])] += volume_lost(p)
         rank[i] = sizes[c]
         sizes[c] += 1
 
@@ -388,7 +391,13 @@ class NeighborGrid:
             state.launches(
                 _kernels_of(state)[2],
                 dim=state.extent,
-                inputs=[state.particle, state.counts, self._cell_count, state.cell],
+                inputs=[
+                    state.particle,
+                    state.counts,
+                    self._terrain.frame,
+                    self._cell_count,
+                    state.cell,
+                ],
                 outputs=[state.rank, self._sizes, state.left],
             )
         self._scan(state.launches, self._sizes, self.starts)

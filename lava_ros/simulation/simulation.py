@@ -23,23 +23,26 @@ import time as wall_clock
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from lava_ros import validation
-from lava_ros.accuracy import Accuracy
-from lava_ros.checkpoint import Checkpoint
-from lava_ros.choice import decide, Decision, effects_for, HORIZON
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.resolution import Resolution, resolution_of, resolved_accuracy
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
-from lava_ros.simulation.automatic import device_of, formulated
-from lava_ros.simulation.census import budget_of, Census, moment_of, snapshot_of
-from lava_ros.simulation.checkpoint import put_back, take
-from lava_ros.simulation.effects import after_step
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.streams import read, Reader
+from lava_ros.simulation.backend.threads import is_alone
+from lava_ros.simulation.budget import VolumeBudget
+from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.defaults import device_of, formulated
+from lava_ros.simulation.diagnostics import budget_of, Census, moment_of, snapshot_of
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.particles import Particles, ParticleSample, rows_of
-from lava_ros.simulation.raster import Raster
-from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot, VolumeBudget
+from lava_ros.simulation.rasterization import Raster
+from lava_ros.simulation.resolution import Resolution, resolution_of, resolved_accuracy
+from lava_ros.simulation.restoring import put_back, take
+from lava_ros.simulation.selection import decide, Decision, effects_for, HORIZON
+from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot
 from lava_ros.simulation.stage import Stage
 from lava_ros.simulation.state import (
     BEYOND,
@@ -54,9 +57,7 @@ from lava_ros.simulation.state import (
     TARGET,
     TIME,
 )
-from lava_ros.simulation.streams import read, Reader
 from lava_ros.simulation.terrain import StaggeredTerrain
-from lava_ros.simulation.threads import is_alone
 from lava_ros.simulation.vents import check_rates, parting, vent_set, VentSet
 
 #: Particles there is room for at the start.
@@ -93,6 +94,7 @@ class Simulation:
         device: str | None = None,
         horizon: float = HORIZON,
         particles: Particles | None = None,
+        notes_arrival: bool = False,
     ) -> None:
         """Prepare a simulation at time 0.
 
@@ -104,6 +106,7 @@ class Simulation:
             device: ``cpu`` or ``cuda:0``; the first CUDA device when there is one, else the CPU.
             horizon: How far ahead the choice of effects and of the spacing looks [s].
             particles: Lava that is on the terrain at the start.
+            notes_arrival: Whether snapshots say when lava came where.
 
         Raises:
             LavaError: The device does not exist, a particle is not on the terrain, or an effect is
@@ -126,6 +129,8 @@ class Simulation:
         self._emitted_before = 0.0
         self._most_particles = 0
         self._after_step: dict[str, Any] = {}
+        self._notes_arrival = notes_arrival
+        self._arrived: tuple[tuple[Any, ...], Any] | None = None
         self._place(scene.terrain)
         self._start_with(particles)
         check_rates(scene.vents, self.particle_volume)
@@ -268,13 +273,14 @@ class Simulation:
         """Replace the vents from now on.
 
         A vent that keeps its place keeps what is in its conduit; what is in the conduit of a vent
-        that closes comes out at once, in whole particles and a last, smaller one.
+        that closes comes out at once, in whole particles and a last, smaller one; what waits in
+        any vent as one.
 
         Raises:
             LavaError: A vent is not on the terrain, its lava solid or its discharge more than the
                 particles can be; the old vents stay.
         """
-        vents = check_vents(vents, self.scene.terrain)
+        vents = check_vents(vents, self.scene.terrain, self.scene.lava)
         if vents == self._vents.vents:
             return
         check_rates(vents, self.particle_volume)
@@ -360,7 +366,12 @@ class Simulation:
         """
         scene, effects, accuracy = checkpoint.scene, checkpoint.effects, checkpoint.accuracy
         simulation = cls(
-            scene, effects=effects, accuracy=accuracy, device=device, horizon=checkpoint.horizon
+            scene,
+            effects=effects,
+            accuracy=accuracy,
+            device=device,
+            horizon=checkpoint.horizon,
+            notes_arrival='arrived.times' in checkpoint.arrays,
         )
         return put_back(simulation, checkpoint)
 
@@ -383,7 +394,7 @@ class Simulation:
         if self._forced is None:
             return
         effects = formulated(self._chosen(self.scene), self.accuracy)
-        if self.effects.solidification:
+        if 'solidification' in self.effects:
             # what has frozen stays ground
             effects = replace(effects, solidification=True)
         if effects == self.effects:
@@ -407,12 +418,13 @@ class Simulation:
             accuracy.kernel,
             accuracy.ratio,
             self._device,
-            has_frozen=self.effects.solidification,
+            more=('solidification' in self.effects) + self._notes_arrival,
         )
+        self._note_arrival(terrain)
         former = self._after_step
         self._after_step = {
             name: module.AfterStep(self.scene, accuracy, self._terrain, self._state)
-            for name, module in after_step(self.effects).items()
+            for name, module in self.effects.having('AfterStep').items()
         }
         if 'solidification' in former:
             self._after_step['solidification'].take_over(former['solidification'], self._state)
@@ -426,13 +438,23 @@ class Simulation:
         )
         self._cover()
 
+    def _note_arrival(self, terrain: Terrain) -> None:
+        """Let the motion note when lava comes, on from what is known of these cells."""
+        if not self._notes_arrival:
+            return
+        cells = terrain.shape, terrain.resolution, terrain.origin
+        if self._arrived is None or self._arrived[0] != cells:
+            never = wp.full(terrain.shape, -1.0, dtype=wp.float32, device=self._device)
+            self._arrived = cells, never
+        self._state.arrived = self._arrived[1]
+
     def _start_with(self, particles: Particles | None) -> None:
         if particles is None:
             return
         assert self.accuracy.spacing is not None
         rows = rows_of(particles, self.scene.terrain, self.accuracy.spacing)
         self._append(rows)
-        if self.effects.inertia:
+        if 'inertia' in self.effects:
             self._state.velocity[: len(rows)].assign(particles.velocity)
         self._cover()
         self._emitted_before = float(self._state.read_particles()[:, 2].sum())
@@ -521,8 +543,10 @@ class Simulation:
         self._stage.compute_flow()
         self._reader.before_writing()
         raster.fill(state, self._neighbors)
-        if self.effects.solidification:
+        if 'solidification' in self.effects:
             self._after_step['solidification'].show(raster.grids)
+        if self._notes_arrival:
+            wp.copy(raster.grids[-1], state.arrived)
         numbers = self._census.take(state, self._vents)
         copies = self._reader.begin([raster.grids, numbers], beside=beside)
         terrain, vents, before = self.scene.terrain, self._vents, self._emitted_before

@@ -21,35 +21,7 @@ import math
 import numpy as np
 
 from lava_ros.scene import Terrain
-
-
-@dataclass(frozen=True)
-class VolumeBudget:
-    """Where the lava is [m3]: what came in equals what is held and what has left.
-
-    Attributes:
-        emitted: What the vents have given, the exact integral of their discharge, and what the
-            simulation was started with.
-        held: What the simulation holds: the sum of the particles' volumes, and ``pending``.
-        pending: The part of ``held`` that waits in the vents' conduits, less than a particle each
-            (less than eight where they emit symmetrically).
-        left: What has flowed over the terrain's border or onto cells without data.
-        frozen: What has solidified and become ground.
-        late: The part of ``pending`` that should have come out: the vents are behind.
-    """
-
-    emitted: float
-    held: float
-    pending: float
-    left: float
-    frozen: float = 0.0
-    late: float = 0.0
-
-    @property
-    def error(self) -> float:
-        """Share of the emitted volume that is unaccounted for."""
-        missing = abs(self.emitted - self.held - self.left - self.frozen)
-        return missing / self.emitted if self.emitted > 0.0 else missing
+from lava_ros.simulation.budget import VolumeBudget
 
 
 @dataclass(frozen=True)
@@ -87,6 +59,8 @@ class Snapshot:
         steps: The time stepping so far.
         frozen: The frozen part of ``thickness`` [m], float32, same shape; None without
             solidification.
+        arrived: Time at which lava from ``COVERED`` on came to a cell, to a step [s], float32,
+            same shape, NaN where it has not come; None where that is not noted.
     """
 
     time: float
@@ -97,6 +71,7 @@ class Snapshot:
     particle_count: int
     steps: StepReport
     frozen: np.ndarray | None = None
+    arrived: np.ndarray | None = None
 
     def flaw(self) -> str:
         """Say what makes this snapshot unfit to be shown as a map; empty when nothing does."""

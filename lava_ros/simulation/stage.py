@@ -19,19 +19,18 @@ from functools import partial
 from operator import is_not
 from typing import Any
 
-from lava_ros.accuracy import Accuracy
+from lava_ros.effects import load
+from lava_ros.effects.laws import heat_of, law_of
 from lava_ros.scene import Scene
 from lava_ros.simulation import emission, motion, timestep
-from lava_ros.simulation.direction import Direction, direction_within, is_within_the_motion
-from lava_ros.simulation.effects import load
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.as_published import publish_velocity
+from lava_ros.simulation.backend.streams import Beside
 from lava_ros.simulation.flow import compute_flow, flow_constants, flow_kernels, THICKEST
-from lava_ros.simulation.heat import heat_constants
-from lava_ros.simulation.journey import journey
+from lava_ros.simulation.fused_stage import Direction, direction_within, is_within_the_motion
+from lava_ros.simulation.motion_arguments import journey
 from lava_ros.simulation.neighbors import NeighborGrid
-from lava_ros.simulation.published import publish_velocity
-from lava_ros.simulation.rheology import rheology_of
 from lava_ros.simulation.state import State
-from lava_ros.simulation.streams import Beside
 from lava_ros.simulation.terrain import StaggeredTerrain
 from lava_ros.simulation.vents import VentSet
 
@@ -71,8 +70,8 @@ class Stage:
         self._beside = Beside(state.device)
         self._way: tuple[Any, Any] | None = None
         self._pace: tuple[Scene, VentSet, Any] | None = None
-        self._law = rheology_of(scene.lava, state.real)
-        self._heat = heat_constants(scene, state.real)
+        self._law = law_of(scene.lava, state.real)
+        self._heat = heat_of(scene, state.effects, state.real)
         self.constants = flow_constants(scene, accuracy, self._radius, state.real)
         gradient = accuracy.gradient if state.has_surface else 'energy'
         self._flow_kernels = partial(
@@ -85,9 +84,9 @@ class Stage:
         )
         # the pass that ends with the velocity moves the particles too
         self._moves_at_once = (
-            state.effects.green and accuracy.formulation != 'as-published'
+            'green' in state.effects and accuracy.formulation != 'as-published'
         )
-        if state.effects.inertia:
+        if 'inertia' in state.effects:
             self._momentum = load('inertia').Momentum(
                 terrain,
                 self._law,
@@ -109,7 +108,7 @@ class Stage:
         state, neighbors = self._state, self._neighbors
         neighbors.rebuild(state)
         self.compute_flow(fills_flow=not self._moves_at_once or bool(self._after_step))
-        if self._effects.inertia:
+        if 'inertia' in self._effects:
             self._momentum.synchronize(state)
         pace, way = self._pace_of(scene, vents), self._journey()
         emit = partial(emission.emit, state, vents, way)
@@ -152,7 +151,7 @@ class Stage:
     def compute_velocity(self) -> None:
         """Compute thickness and velocity of the ordered particles."""
         self.compute_flow()
-        if self._effects.inertia:
+        if 'inertia' in self._effects:
             self._momentum.synchronize(self._state)
         self._spread_velocity()
 
@@ -160,11 +159,11 @@ class Stage:
         """Lateral stress: from the local velocities to the velocities."""
         if self._accuracy.formulation == 'as-published':
             publish_velocity(self._state, self._neighbors, self._radius, self._viscosity)
-        elif self._effects.green:
+        elif 'green' in self._effects:
             load('green').spread_velocity(
                 self._state, self._neighbors, self._terrain, self.constants
             )
-        elif self._effects.helmholtz:
+        elif 'helmholtz' in self._effects:
             assert self._accuracy.thickness is not None
             load('helmholtz').solve_velocity(
                 self._state,
@@ -184,7 +183,7 @@ class Stage:
             load('green').move_particles(state, neighbors, self._radius, way, direction)
         else:
             self._spread_velocity()
-            if self._effects.inertia:
+            if 'inertia' in self._effects:
                 self._momentum.accelerate(state, neighbors)
             motion.move_particles(state, neighbors, way, direction)
         for effect in self._after_step.values():

@@ -21,13 +21,13 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
-from lava_ros.simulation.launches import Launches
-from lava_ros.simulation.memory import forget_failure
-from lava_ros.simulation.streams import Look, read
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.graph import Launches
+from lava_ros.simulation.backend.memory import forget_failure
+from lava_ros.simulation.backend.streams import Look, read
 
 # Places in State.clock.
 TIME = wp.constant(0)
@@ -58,6 +58,10 @@ NEWCOMERS = wp.constant(10)
 # Places in State.rates: reciprocals of the longest step each limit allows [1/s].
 DIFFUSION = wp.constant(0)
 ADVECTION = wp.constant(1)
+
+#: Indices into ``left``: over the terrain's border, and onto cells without data.
+BORDER = wp.constant(0)
+HOLES = wp.constant(1)
 
 #: Threads on a GPU of a kernel that rarely has anything to do: it costs little when it has not.
 RARE_THREADS = 65536
@@ -97,12 +101,8 @@ class State:
         ordered: The same as ``particle`` in the order of the neighbour grid's cells.
         remainder: Only in float32: what rounding cut off each particle's position [m], shape
             [capacity]. Without it slow lava far from the centre would never move.
-        velocity: Only with inertia: velocity of each particle in the middle of the latest step
-            [m/s], shape [capacity].
-        kick: Only with inertia: acceleration x and y [m/s2] of each ordered particle, shape
+        age: Only where an effect depends on it: time since each particle came out [s], shape
             [capacity].
-        age: Only with a crust or conduction into the ground: time since each particle came out
-            [s], shape [capacity].
         base: Position at the start of the step [m] and displacement since then two stages ago [m],
             of each particle, shape [capacity]; none with the Euler integrator.
         drift: Displacement a stage ago [m] and velocity at the start of the step [m/s], likewise.
@@ -113,23 +113,6 @@ class State:
             share it, shape [capacity].
         surface: Only where the gradient takes differences: elevation of the surface [m] and the
             area V/h [m2] of each ordered particle, shape [capacity].
-        source: Only with the Green's function: x, y [m], and volume times local velocity, x and y
-            [m4/s], of each ordered particle, shape [capacity].
-        area: Only with the Green's function: V/h [m2] of each ordered particle, shape [capacity].
-        slope: Only with viscous heating: gradient of the surface at each ordered particle, shape
-            [capacity].
-        exchange, warmth: Only with lateral conduction: rate at which each ordered particle
-            exchanges heat [1/s], and its temperature before an exchange [K], shape [capacity].
-        waited: Only with lateral conduction: time since the last exchange, and that of the one at
-            hand, 0 for none [s], float64.
-        layer: Only with the Helmholtz solve: x, y from the centre [m], area V/h [m2] and thickness
-            [m], of each ordered particle, shape [capacity].
-        solution, next_solution, correction: Only with the Helmholtz solve: velocities of two
-            sweeps and their difference [m/s], of each ordered particle, shape [capacity].
-        partner, births, slots: Only with merging: who each particle merges with, whether it
-            splits, and how many before it do, shape [capacity].
-        moved: Only with merging: displacement since the last pass, and whether one is due,
-            float64.
         clock: Simulated time, step, target time, latest full step and, with inertia, the step
             before [s], float64.
         counts: Particles, steps, what limited the step, whether the capacity was reached; then the
@@ -137,14 +120,22 @@ class State:
             one, the velocity evaluations so far, the stage at hand, the last one included,
             whether a particle is beyond the neighbour grid, and the particles after those counted
             first that have come out since the cells were built.
-        chosen: 1 from when a stage is chosen within its motion (direction.py) until its end.
+        chosen: 1 from when a stage is chosen within its motion (fused_stage.py) until its end.
         stage: Weights of the stage at hand.
         rates: Reciprocal of the step each limit allows [1/s].
         top: Elevation of the highest ground that lava came from, above the terrain's mean [m].
         left: Volume that has left the terrain [m3], float64.
-        cold: Only with solidification: 1 when a particle got colder than the solidus in this step.
-        frozen: Only with solidification: volume that has frozen [m3], float64.
+        arrived: Only where arrivals are noted (``Simulation``): time at which lava came to each
+            cell of the terrain [s], -1 before, float32, shape [rows, columns].
+
+    What effects keep besides is declared in their files (``Effect.arrays``).
     """
+
+    arrived: Any
+    #: Arrays of effects that others read: inertia, green.
+    velocity: Any
+    source: Any
+    area: Any
 
     def __init__(
         self,
@@ -161,19 +152,19 @@ class State:
         self.vec4 = wp.types.vector(4, self.real)
         self.effects = effects
         # with inertia a step has one stage: effects/inertia.py
-        self.is_staged = accuracy.integrator == 'rkl2' and not effects.inertia
+        self.is_staged = accuracy.integrator == 'rkl2' and 'inertia' not in effects
         self.has_remainder = accuracy.precision == 'float32'
         self.is_deterministic = accuracy.deterministic
         # a step of a fixed length takes what comes
         self.is_guarded = accuracy.fixed_step is None
-        self.has_velocity = effects.inertia
-        self.has_age = effects.crust or effects.ground
+        self.has_velocity = 'inertia' in effects
+        self.has_age = effects.any('needs_age')
         # what froze or was merged into another has no volume and is dropped
-        self.has_empty = effects.solidification or effects.merging
+        self.has_empty = effects.any('leaves_empty')
         # no pass comes after the motion: it puts the particles into their cells at once
         self.bins_in_motion = not self.has_empty
         # with inertia the pairs of the energy's gradient keep the momentum: a bore needs that
-        self.has_surface = accuracy.gradient != 'energy' and not effects.inertia
+        self.has_surface = accuracy.gradient != 'energy' and 'inertia' not in effects
         self.device = device
         self.clock = wp.zeros(5, dtype=wp.float64, device=device)
         self.counts = wp.zeros(11, dtype=wp.int32, device=device)
@@ -184,15 +175,8 @@ class State:
         self.chosen = wp.zeros(1, dtype=wp.int32, device=device)
         self.rates = wp.zeros(2, dtype=self.real, device=device)
         self.stage = wp.zeros(4, dtype=self.real, device=device)
-        if effects.merging:
-            self.moved = wp.zeros(2, dtype=wp.float64, device=device)
-        if effects.conduction:
-            self.waited = wp.zeros(2, dtype=wp.float64, device=device)
         self.top = wp.full(1, -FAR, dtype=self.real, device=device)
-        self.left = wp.zeros(1, dtype=wp.float64, device=device)
-        if effects.solidification:
-            self.cold = wp.zeros(1, dtype=wp.int32, device=device)
-            self.frozen = wp.zeros(1, dtype=wp.float64, device=device)
+        self.left = wp.zeros(2, dtype=wp.float64, device=device)
         self.launches = Launches(device)
         self.capacity = 0
         self._allocate(capacity)
@@ -212,10 +196,6 @@ class State:
         if self.has_remainder:
             self.remainder = wp.zeros(capacity, dtype=self.vec2, device=self.device)
             self.ordered_remainder = wp.zeros(capacity, dtype=self.vec2, device=self.device)
-        if self.has_velocity:
-            self.velocity = wp.zeros(capacity, dtype=self.vec2, device=self.device)
-            self.ordered_velocity = wp.zeros(capacity, dtype=self.vec2, device=self.device)
-            self.kick = wp.zeros(capacity, dtype=self.vec2, device=self.device)
         if self.has_age:
             self.age = wp.zeros(capacity, dtype=self.real, device=self.device)
             self.ordered_age = wp.zeros(capacity, dtype=self.real, device=self.device)
@@ -224,25 +204,24 @@ class State:
             self.drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
             self.ordered_base = wp.zeros(capacity, dtype=self.vec4, device=self.device)
             self.ordered_drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
-        if self.effects.viscous_heating:
-            self.slope = wp.zeros(capacity, dtype=self.vec2, device=self.device)
-        if self.effects.conduction:
-            self.exchange = wp.zeros(capacity, dtype=self.real, device=self.device)
-            self.warmth = wp.zeros(capacity, dtype=self.real, device=self.device)
-        if self.effects.merging:
-            self.partner = wp.zeros(capacity, dtype=wp.int32, device=self.device)
-            self.births = wp.zeros(capacity, dtype=wp.int32, device=self.device)
-            self.slots = wp.zeros(capacity, dtype=wp.int32, device=self.device)
-        if self.effects.helmholtz:
-            self.layer = wp.zeros(capacity, dtype=self.vec4, device=self.device)
-            self.solution = wp.zeros(capacity, dtype=self.vec2, device=self.device)
-            self.next_solution = wp.zeros(capacity, dtype=self.vec2, device=self.device)
-            self.correction = wp.zeros(capacity, dtype=self.vec2, device=self.device)
         if self.has_surface:
             self.surface = wp.zeros(capacity, dtype=self.vec2, device=self.device)
-        if self.effects.green:
-            self.source = self._with_spare(self.vec4)
-            self.area = self._with_spare(self.real)
+        self._allocate_for_effects()
+
+    def _allocate_for_effects(self) -> None:
+        """Make what the effects declare; what does not depend on the particles is kept."""
+        kinds = {'real': self.real, 'int32': wp.int32, 'float64': wp.float64}
+        for name, array in self.effects.arrays.items():
+            dtype = kinds.get(array.dtype) or getattr(self, array.dtype)
+            if array.has_spare:
+                setattr(self, name, self._with_spare(dtype))
+            elif array.count is None:
+                setattr(self, name, wp.zeros(self.capacity, dtype=dtype, device=self.device))
+            elif not hasattr(self, name):
+                setattr(self, name, wp.zeros(array.count, dtype=dtype, device=self.device))
+            if array.is_carried:
+                twin = wp.zeros(self.capacity, dtype=dtype, device=self.device)
+                setattr(self, f'ordered_{name}', twin)
 
     def _with_spare(self, dtype: Any) -> Any:
         """An array of an item for each particle, behind which more can be read."""
@@ -274,7 +253,7 @@ class State:
 
     @property
     def is_wide(self) -> bool:
-        """Whether sums over neighbours take several of them at a time (wide.py)."""
+        """Whether sums over neighbours take several of them at a time (simd.py)."""
         return not self.device.is_cuda and self.real is wp.float32
 
     @property
@@ -341,7 +320,7 @@ class State:
     def _carried(self) -> list[str]:
         """Names of the arrays that particles take along from step to step, each with a twin."""
         names = ['remainder'] if self.has_remainder else []
-        names += ['velocity'] if self.has_velocity else []
+        names += [name for name, array in self.effects.arrays.items() if array.is_carried]
         return names + (['age'] if self.has_age else [])
 
     def optional(self, *names: str) -> list[Any]:
@@ -399,9 +378,10 @@ class State:
         for name in set(self._carried) & set(former._carried):
             if count:
                 wp.copy(getattr(self, name), getattr(former, name), count=count)
-        for name in ('clock', 'counts', 'top', 'left', 'frozen'):
-            if hasattr(self, name) and hasattr(former, name):
-                wp.copy(getattr(self, name), getattr(former, name))
+        arrays = self.effects.arrays
+        totals = [name for name in arrays if arrays[name].is_total and hasattr(former, name)]
+        for name in ('clock', 'counts', 'top', 'left', *totals):
+            wp.copy(getattr(self, name), getattr(former, name))
 
     def save(self) -> dict[str, np.ndarray]:
         """Copy everything that the next step starts from, between two steps, by name."""
@@ -440,8 +420,9 @@ class State:
     @property
     def _sums(self) -> list[str]:
         """Names of the arrays that do not depend on the number of particles."""
-        names = ('clock', 'counts', 'rates', 'stage', 'top', 'left', 'frozen', 'moved', 'waited')
-        return [name for name in names if hasattr(self, name)]
+        items = self.effects.arrays.items()
+        kept = [name for name, array in items if array.is_total or array.is_saved]
+        return ['clock', 'counts', 'rates', 'stage', 'top', 'left', *kept]
 
     def take_order(self) -> None:
         """Let the ordered particles be the particles."""

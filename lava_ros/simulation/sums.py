@@ -15,7 +15,7 @@
 """Sums over a particle's neighbours of thickness and its gradient.
 
 For each set of hardware there is one function with the same arguments: a GPU's thread takes one
-neighbour after the other, a core of a CPU eight at a time (wide.py).
+neighbour after the other, a core of a CPU eight at a time (simd.py).
 """
 
 from functools import lru_cache
@@ -23,10 +23,10 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.simulation.backend.compiled import load4, unseen_one
+from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.cells import cell_frame, cell_functions, NEIGHBORS_AT_ONCE
-from lava_ros.simulation.compiled import load4, unseen_one
 from lava_ros.simulation.kernels import SmoothingKernel
-from lava_ros.simulation.wide import over_neighbors
 
 
 @lru_cache

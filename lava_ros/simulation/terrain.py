@@ -28,9 +28,9 @@ import numpy as np
 import warp as wp
 
 from lava_ros.scene import Terrain
-from lava_ros.simulation.compiled import load9
-from lava_ros.simulation.state import centre_of, REAL
-from lava_ros.simulation.streams import read
+from lava_ros.simulation.backend.compiled import load9
+from lava_ros.simulation.backend.streams import read
+from lava_ros.simulation.state import BORDER, centre_of, HOLES, REAL
 
 
 @lru_cache
@@ -144,6 +144,7 @@ class TerrainFunctions(NamedTuple):
     bend_at: Any
     height_at: Any
     is_known: Any
+    side_of: Any
 
 
 @lru_cache
@@ -243,4 +244,11 @@ def terrain_functions(real: Any) -> TerrainFunctions:
             return False
         return known[i, j] != wp.uint8(0)
 
-    return TerrainFunctions(gradient_at, bend_at, height_at, is_known)
+    @wp.func
+    def side_of(frame: terrain_frame(real), x: real, y: real) -> int:
+        # places are relative to the middle of the grid
+        if wp.abs(x) >= -frame.x0 or wp.abs(y) >= -frame.y0:
+            return BORDER
+        return HOLES
+
+    return TerrainFunctions(gradient_at, bend_at, height_at, is_known, side_of)

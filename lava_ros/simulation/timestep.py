@@ -27,10 +27,10 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
-from lava_ros.simulation.compiled import after_the_former
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.compiled import after_the_former
 from lava_ros.simulation.heat import freezing_step
 from lava_ros.simulation.state import (
     ADVECTION,
@@ -234,7 +234,7 @@ def _kernel(real: Any, choose: Any) -> Any:
 def choice_of(state: State) -> Any:
     """The device function ``choice_function`` for the particles of a state."""
     return choice_function(
-        state.real, state.is_staged, state.has_velocity, state.effects.solidification
+        state.real, state.is_staged, state.has_velocity, 'solidification' in state.effects
     )
 
 
@@ -252,9 +252,9 @@ def longest_step(
     """
     assert accuracy.thickness is not None
     longest = min(accuracy.longest_step, vents.longest_step(accuracy.thickness))
-    if effects.solidification:
+    if 'solidification' in effects:
         longest = min(longest, freezing_step(scene, accuracy.thickness))
-    if effects.inertia:
+    if 'inertia' in effects:
         # what has just come out is as fast as its vent says
         fastest = max((math.hypot(*vent.velocity) for vent in scene.vents), default=0.0)
         longest = min(longest, reach / max(fastest, 1e-9))

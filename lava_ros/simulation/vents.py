@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain, Vent
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.state import centre_of
-from lava_ros.simulation.streams import read
 
 #: Particles that the vents may bring in a second: more is no flow that anybody can compute.
 MOST_A_SECOND = 1e6
@@ -41,8 +41,8 @@ _DISC_GROUP, _FISSURE_GROUP = 8, 4
 #: Part of a particle that rounding may keep back.
 _ROUNDING = 1e-6
 
-#: The golden angle [rad].
-_GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
+#: Golden section: multiples of it, less their whole parts, are spread evenly.
+_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 
 
 @wp.struct
@@ -274,24 +274,24 @@ def parting(
 ) -> Iterator[tuple[tuple[float, float], float]]:
     """Places and volumes [m3] of the particles of a conduit that is emptied.
 
-    They are spread over the vent; a single one comes out in its middle.
+    They are equal and spread over the vent with its symmetries; a single one is in its middle.
     """
-    count = math.ceil(waiting / particle_volume)
-    if count > _MOST_A_STEP:
-        count, particle_volume = _MOST_A_STEP, waiting / _MOST_A_STEP
+    count = min(math.ceil(waiting / particle_volume), _MOST_A_STEP)
+    if count > 1 and not vent.end:
+        count = _DISC_GROUP * math.ceil(count / _DISC_GROUP)
     for n in range(count):
-        volume = min(particle_volume, waiting - n * particle_volume)
-        if volume <= 0.0:
-            continue
         x, y = vent.position
-        if count > 1 and vent.end:
+        if vent.end:
             share = (n + 0.5) / count
             x, y = x + share * (vent.end[0] - x), y + share * (vent.end[1] - y)
         elif count > 1:
-            # Vogel's spiral
-            distance, angle = vent.radius * math.sqrt((n + 0.5) / count), n * _GOLDEN
+            group, member = divmod(n, _DISC_GROUP)
+            distance = vent.radius * math.sqrt((_DISC_GROUP * group + 0.5) / count)
+            angle = 0.25 * math.pi * ((group + 0.5) * _GOLDEN % 1.0)
+            # either side of each axis
+            angle = 0.5 * math.pi * (member // 2) + (angle if member % 2 else -angle)
             x, y = x + distance * math.cos(angle), y + distance * math.sin(angle)
-        yield (x, y), volume
+        yield (x, y), waiting / count
 
 
 def vent_set(

@@ -24,11 +24,11 @@ from typing import Any
 
 import numpy as np
 
-from lava_ros.accuracy import INTEGRATORS, KERNELS
-from lava_ros.errors import LavaError
-from lava_ros.verification.front import pareto_front, Point, points, presets_of
-from lava_ros.verification.rows import Row
-from lava_ros.verification.tables import percent, seconds
+from lava_ros.files import save_picture
+from lava_ros.files.optional import require
+from lava_ros.maps.numbers import percent, seconds
+from lava_ros.simulation.accuracy import INTEGRATORS, KERNELS
+from lava_ros.verification.rows import pareto_front, Point, points, presets_of, Row
 
 #: Smallest error that is drawn: below it is rounding.
 FLOOR = 1e-7
@@ -64,12 +64,10 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.
     """
-    try:
-        from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        needed = "matplotlib: pip install 'lava_ros[plot]'"
-        raise LavaError('chart', str(output), needed) from error
+    require('matplotlib.figure', 'chart', str(output))
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
     everything = [item for item in points(rows) if math.isfinite(item.cost)]
     # of what lacks a result only presets are shown, where they would be at least
     everything = [item for item in everything if item.preset or math.isfinite(item.error)]
@@ -113,10 +111,7 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
         figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - top), w_pad=1.2, h_pad=1.2)
     for axes, found in panels:
         _name_points(axes, found, canvas.get_renderer())
-    try:
-        figure.savefig(output)
-    except (OSError, ValueError) as error:
-        raise LavaError('chart', str(output), f'a picture to write ({error})') from error
+    save_picture(figure, output)
 
 
 def _draw_case(axes: Any, found: Sequence[Point], colours: dict[str, str]) -> None:

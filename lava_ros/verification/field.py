@@ -96,6 +96,12 @@ def front(place: np.ndarray, thickness: np.ndarray, threshold: float) -> float:
     return float(place[i] + share * (place[i + 1] - place[i]))
 
 
+def half_width(place: np.ndarray, thickness: np.ndarray, threshold: float) -> float:
+    """Mean distance of the outermost fronts on both sides from 0 [m], as ``front`` has them."""
+    above, below = (place, thickness), (-place[::-1], thickness[::-1])
+    return 0.5 * (front(*above, threshold) + front(*below, threshold))
+
+
 def slope_of(x: np.ndarray, y: np.ndarray) -> float:
     """Slope of the straight line through places by least squares, NaN when one of them is."""
     offset = x - np.mean(x)

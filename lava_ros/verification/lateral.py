@@ -37,12 +37,12 @@ import time as wall_clock
 import numpy as np
 import warp as wp
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases import Case, Measurement, Run
-from lava_ros.verification.cases.case import FLAT, GRAVITY, ISOTHERMAL, joined, plane
+from lava_ros.verification.cases.case import FLAT, ISOTHERMAL, joined, plane
 
 #: The name of every experiment's case.
 NAME = 'lateral'
@@ -116,9 +116,7 @@ def _run(form: str, radius: float, accuracy: Accuracy, device: str) -> Run:
     )
 
 
-def _respond(
-    form: str, radius: float, wavelength: float, accuracy: Accuracy, device: str
-) -> Run:
+def _respond(form: str, radius: float, wavelength: float, accuracy: Accuracy, device: str) -> Run:
     """Response to a wave: amplitude of the velocity over the local one's, on a layer of 1 m."""
     spacing = radius / accuracy.ratio
     q = 2.0 * math.pi / wavelength
@@ -129,13 +127,11 @@ def _respond(
     least = 2 * math.ceil((spacing + margin) / spacing)
     rows = max(least, round(PARTICLES * accuracy.refinement**2 / columns))
     sides = (columns * spacing, rows * spacing)
-    ticks = [
-        (np.arange(number) - 0.5 * (number - 1)) * spacing for number in (columns, rows)
-    ]
+    ticks = [(np.arange(number) - 0.5 * (number - 1)) * spacing for number in (columns, rows)]
     places = np.stack(np.meshgrid(*ticks), axis=-1).reshape(-1, 2)
     simulations = [
         Simulation(
-            Scene(_waves(sides, q, spacing), lava=ISOTHERMAL, gravity=GRAVITY),
+            Scene(_waves(sides, q, spacing), lava=ISOTHERMAL),
             effects=replace(FLAT, **({} if name == 'local' else {name: True})),
             accuracy=replace(accuracy, spacing=spacing, thickness=1.0),
             particles=Particles(places, spacing**2, 1400.0),

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 
 import warp as wp
 
-from lava_ros.simulation.threads import threads
+from lava_ros.simulation.backend.threads import threads
 from lava_ros.verification.rows import Row
 from lava_ros.verification.settings import expected_cost, Setting
 

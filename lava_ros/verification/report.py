@@ -12,18 +12,41 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The report as Markdown: presets, what was studied, and every case."""
+"""The report as Markdown: presets, what was studied, found by its settings, and every case."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+import math
 
+import numpy as np
+
+from lava_ros.maps.numbers import percent, seconds, table
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import DEFAULT
 from lava_ros.verification.cases import EFFECT_CASES
-from lava_ros.verification.front import pareto_front, Point, points, presets_of
+from lava_ros.verification.field import slope_of
 from lava_ros.verification.lateral import NAME as LATERAL
-from lava_ros.verification.rows import Row
-from lava_ros.verification.studies import studies
-from lava_ros.verification.tables import percent, seconds, table
+from lava_ros.verification.rows import pareto_front, Point, points, presets_of, Row
+from lava_ros.verification.settings import (
+    convergence,
+    from_paper,
+    GRADIENT_CASES,
+    gradients,
+    KNOB_CASES,
+    name_of,
+    STEPPED,
+    stepping,
+)
+
+#: The rows of a case at a setting, by quantity.
+Result = dict[str, Row]
+
+#: Name of what a velocity evaluation costs.
+TIME = 'time per particle and evaluation'
+
+#: Errors are no larger when they are within this share.
+ALIKE = 0.01
 
 
 def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
@@ -108,3 +131,253 @@ def _case_table(rows: Sequence[Row]) -> list[str]:
         )
     head = ['setting', *quantities, 'particles', 'steps', 'evaluations', 'cost', 'a run took']
     return table(head, body)
+
+
+def studies(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
+    """Every section whose settings were measured, as lines of Markdown.
+
+    Args:
+        rows: The measurements.
+        titles: Title of each case by name.
+    """
+    knob = [row for row in rows if row.case in KNOB_CASES]
+    return [
+        *_section('Convergence', _convergence(knob)),
+        *_section('Super-time-stepping', _stepping(knob)),
+        *_section("From the paper's settings to ours", _from_paper(knob)),
+        *_section('Gradient forms', _gradients(rows, titles)),
+        *_section('Lateral stress', _lateral([row for row in rows if row.case == LATERAL])),
+    ]
+
+
+def _section(title: str, lines: Sequence[str]) -> list[str]:
+    return [f'## {title}', '', *lines, ''] if lines else []
+
+
+def _results(rows: Iterable[Row]) -> dict[str, Result]:
+    """The rows by setting and quantity."""
+    found: dict[str, Result] = {}
+    for row in rows:
+        found.setdefault(row.setting, {})[row.quantity] = row
+    return found
+
+
+def _of(rows: Iterable[Row], settings: Iterable[Accuracy]) -> list[Result]:
+    """The results of those settings that were measured."""
+    found = _results(rows)
+    return [found[name_of(item)] for item in settings if name_of(item) in found]
+
+
+def _any(result: Result) -> Row:
+    return next(iter(result.values()))
+
+
+def _percents(result: Result) -> dict[str, str]:
+    return {name: percent(row.error) for name, row in result.items()}
+
+
+def _errors(result: Result, quantities: Iterable[str]) -> list[str]:
+    errors = _percents(result)
+    return [errors.get(name, '') for name in quantities]
+
+
+def _convergence(rows: Sequence[Row]) -> list[str]:
+    """The errors at every doubling, and how fast they fall with the distance of particles."""
+    results = _of(rows, convergence())
+    if len(results) < 2:
+        return []
+    quantities = list(results[0])
+    spacing = [_any(result).particles ** -0.5 for result in results]
+    errors = {name: [result[name].error for result in results] for name in quantities}
+    body = []
+    for index, result in enumerate(results):
+        cells = [f'{_any(result).particles:,}']
+        for name in quantities:
+            pair = slice(index - 1, index + 1)
+            order = _order(spacing[pair], errors[name][pair]) if index else ''
+            cells += [percent(errors[name][index]), order]
+        body.append([*cells, seconds(_any(result).wall_s)])
+    last = ['least squares']
+    for name in quantities:
+        last += ['', _order(spacing, errors[name])]
+    head = ['particles', *(word for name in quantities for word in (name, 'order')), 'a run took']
+    return [
+        f'The fixed volume at `{DEFAULT}` with steps half as long, whose error then says little, '
+        'the particles doubled again and again. The order is '
+        'the slope of log error against log distance between particles, from one line to the next '
+        'and through all of them.',
+        '',
+        *table(head, [*body, [*last, '']]),
+    ]
+
+
+def _order(spacing: Sequence[float], errors: Sequence[float]) -> str:
+    if not all(math.isfinite(error) and error > 0.0 for error in errors):
+        return '-'
+    return f'{slope_of(np.log(spacing), np.log(errors)):.2f}'
+
+
+def _stepping(rows: Sequence[Row]) -> list[str]:
+    """What the second-order integrator saves over Euler's, and whether it errs more."""
+    body: list[list[str]] = []
+    head: list[str] = []
+    for refinement in STEPPED:
+        chosen = [item for item in stepping() if item.refinement == refinement]
+        euler = next(iter(_of(rows, chosen[:1])), None)
+        for accuracy in chosen:
+            result = next(iter(_of(rows, [accuracy])), None)
+            if result is None:
+                continue
+            quantities = list(result)
+            head = ['particles', 'integrator', 'Courant number', 'steps', 'evaluations']
+            head += ["Euler's over these", *quantities, "larger than Euler's", 'a run took']
+            one = _any(result)
+            saved, larger = '', ''
+            if accuracy.integrator != 'euler':
+                saved = f'{_any(euler).evaluations / one.evaluations:.1f}' if euler else '-'
+                larger = _larger(result, euler) if euler else '-'
+            body.append(
+                [
+                    f'{one.particles:,}',
+                    'Euler' if accuracy.integrator == 'euler' else 'RKL2',
+                    f'{accuracy.courant_number:g}',
+                    f'{one.steps:,}',
+                    f'{one.evaluations:,}',
+                    saved,
+                    *_errors(result, quantities),
+                    larger,
+                    seconds(one.wall_s),
+                ]
+            )
+    if len(body) < 2:
+        return []
+    return [
+        'The fixed volume with second-order super-time-stepping (RKL2) and with Euler steps, all '
+        f'else as in `{DEFAULT}`: velocity evaluations, and the quantities whose error is larger '
+        f"than Euler's by more than {100.0 * ALIKE:.0f} %.",
+        '',
+        *table(head, body),
+    ]
+
+
+def _larger(result: Result, reference: Result) -> str:
+    """The quantities whose errors are larger than a reference's, or not a number."""
+    larger = [
+        name
+        for name, row in result.items()
+        if not row.error <= (1.0 + ALIKE) * reference[name].error
+    ]
+    return ', '.join(larger) or 'none'
+
+
+def _from_paper(rows: Sequence[Row]) -> list[str]:
+    """The way from the paper's settings to the default, one correction after another."""
+    found = _results(rows)
+    ways = {
+        label: found[name_of(accuracy)]
+        for label, accuracy in from_paper().items()
+        if name_of(accuracy) in found
+    }
+    paper = found.get(name_of(next(iter(from_paper().values()))))
+    if paper is None:
+        return []
+    quantities = list(paper)
+    body = [
+        [
+            label,
+            *_errors(result, quantities),
+            f'{_any(result).particles:,}',
+            f'{_any(result).evaluations:,}',
+            seconds(_any(result).wall_s),
+        ]
+        for label, result in ways.items()
+    ]
+    return [
+        f'The fixed volume. {_dominated(rows, paper)}',
+        '',
+        *table(['setting', *quantities, 'particles', 'evaluations', 'a run took'], body),
+    ]
+
+
+def _dominated(rows: Sequence[Row], paper: Result) -> str:
+    """How much less the best setting errs in no more time."""
+    worst = max(
+        (row for row in paper.values() if math.isfinite(row.error)),
+        key=lambda row: row.error,
+        default=None,
+    )
+    limit = _any(paper).wall_s_per_simulated_hour
+    front = [item for item in pareto_front(points(rows)) if item.cost <= limit]
+    if worst is None or not front:
+        return ''
+    best = front[-1]
+    return (
+        f'In no more time than `as-published` takes, {best.preset or best.setting} errs by '
+        f'{percent(best.error)} at most, in {seconds(best.cost)} instead of {seconds(limit)} for '
+        f'an hour of the flow; `as-published` errs by {percent(worst.error)} '
+        f'({worst.quantity}): the ratio of the errors is {best.error / worst.error:.2g}.'
+    )
+
+
+def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
+    """The forms of the surface's gradient, quantity by quantity."""
+    forms = {form: name_of(accuracy) for form, accuracy in gradients().items()}
+    body = []
+    for case in GRADIENT_CASES:
+        found = _results(row for row in rows if row.case == case)
+        if not all(name in found for name in forms.values()):
+            continue
+        results = [found[name] for name in forms.values()]
+        title = titles.get(case, case)
+        body += [
+            [title, quantity, *(percent(result[quantity].error) for result in results)]
+            for quantity in results[0]
+        ]
+        body.append([title, 'a run took', *(seconds(_any(item).wall_s) for item in results)])
+    if not body:
+        return []
+    return [
+        f'`Accuracy.gradient` with all else as in `{DEFAULT}`.',
+        '',
+        *table(['case', 'quantity', *forms], body),
+    ]
+
+
+def _lateral(rows: Sequence[Row]) -> list[str]:
+    """Errors and time of each kind of lateral stress, by the particles' radius over the depth."""
+    found = {_kind_and_radius(name): result for name, result in _results(rows).items()}
+    kinds = list(dict.fromkeys(kind for kind, _ in found))
+    radii = sorted({radius for _, radius in found})
+    quantities = list(dict.fromkeys(row.quantity for row in rows))
+    if not found:
+        return []
+    cells = {place: {**_percents(result), TIME: _pace(result)} for place, result in found.items()}
+    body = [
+        [name, f'{radius:g}', *(cells.get((kind, radius), {}).get(name, '') for kind in kinds)]
+        for name in (*quantities, TIME)
+        for radius in radii
+        if any(name in cells.get((kind, radius), {}) for kind in kinds)
+    ]
+    return [
+        'The response to a driving term sin(q x), by the kernel radius l over the thickness h: '
+        'relative error at each wavelength that the particles resolve, and wall time of a '
+        'velocity evaluation over the particles. `local` has no lateral stress.',
+        '',
+        *table(['quantity', 'l/h', *kinds], body),
+    ]
+
+
+def _kind_and_radius(setting: str) -> tuple[str, float]:
+    """Take apart the name of an experiment: what is solved, and at which l/h."""
+    kind, radius = setting.split(', l = ')
+    return kind, float(radius.removesuffix(' h'))
+
+
+def _pace(result: Result) -> str:
+    """Wall time over evaluations and particles [ns]."""
+    row = _any(result)
+    work = row.evaluations * row.particles
+    time = 1e9 * row.wall_s / work if work else math.nan
+    if math.isnan(time):
+        return '-'
+    return f'{float(f"{time:.2g}"):,g} ns'

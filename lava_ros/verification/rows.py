@@ -12,19 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A measurement as a row, and the files of rows: CSV and JSON."""
+"""A measurement as a row; files of rows; points of error and cost, and the front of these."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 import csv
 from dataclasses import asdict, dataclass, fields
-import json
+from io import StringIO, TextIOWrapper
 import math
 from pathlib import Path
 from typing import Any
 
 from lava_ros.errors import LavaError
+from lava_ros.files import open_input, write_output
+from lava_ros.simulation.presets import PRESETS
 
 
 @dataclass(frozen=True)
@@ -82,22 +84,15 @@ def write_csv(rows: Sequence[Any], path: Path) -> None:
     Raises:
         LavaError: The file cannot be written.
     """
-    try:
-        with path.open('w', newline='', encoding='utf-8') as file:
-            writer = csv.DictWriter(
-                file, [item.name for item in fields(rows[0])], lineterminator='\n'
-            )
-            writer.writeheader()
-            for row in rows:
-                values = asdict(row).items()
-                writer.writerow(
-                    {
-                        name: f'{value:.6g}' if isinstance(value, float) else value
-                        for name, value in values
-                    }
-                )
-    except OSError as error:
-        raise LavaError('output', str(path), f'a file that can be written ({error})') from error
+    text = StringIO()
+    writer = csv.DictWriter(text, [item.name for item in fields(rows[0])], lineterminator='\n')
+    writer.writeheader()
+    for row in rows:
+        values = asdict(row).items()
+        writer.writerow(
+            {name: f'{value:.6g}' if isinstance(value, float) else value for name, value in values}
+        )
+    write_output('output', path, text.getvalue())
 
 
 def read_csv(path: Path) -> list[Row]:
@@ -108,7 +103,7 @@ def read_csv(path: Path) -> list[Row]:
     """
     names = [item.name for item in fields(Row)]
     try:
-        with path.open(newline='', encoding='utf-8') as file:
+        with TextIOWrapper(open_input(path), newline='', encoding='utf-8') as file:
             reader = csv.DictReader(file)
             if reader.fieldnames != names:
                 raise LavaError('columns', reader.fieldnames, f'{", ".join(names)} in {path}')
@@ -124,21 +119,71 @@ def read_csv(path: Path) -> list[Row]:
 _TYPES: dict[str, Callable[[str], Any]] = {'str': str, 'float': float, 'int': int}
 
 
-def write_json(rows: Sequence[Any], path: Path) -> None:
-    """Write rows, dataclasses, as a JSON list of objects with the CSV's columns, null for NaN.
-
-    Raises:
-        LavaError: The file cannot be written.
-    """
-    data = [
+def as_plain(rows: Sequence[Any]) -> list[dict[str, Any]]:
+    """Turn rows, dataclasses, into a list with the CSV's columns for JSON, None for NaN."""
+    return [
         {
             name: None if isinstance(value, float) and math.isnan(value) else value
             for name, value in asdict(row).items()
         }
         for row in rows
     ]
-    text = json.dumps(data, indent=1, allow_nan=False) + '\n'
-    try:
-        path.write_text(text, encoding='utf-8')
-    except OSError as error:
-        raise LavaError('json', str(path), f'a file that can be written ({error})') from error
+
+
+@dataclass(frozen=True)
+class Point:
+    """A setting in a case: the largest error of its quantities, and the time it took.
+
+    Attributes:
+        case: Name of the case.
+        setting: Name of the setting.
+        preset: Name of the preset that the setting is, or empty.
+        error: Largest relative error.
+        cost: Wall time for a simulated hour [s].
+        particles: Particles at the end.
+        least: Largest of the errors that are numbers; the error is infinite where one is not.
+    """
+
+    case: str
+    setting: str
+    preset: str
+    error: float
+    cost: float
+    particles: int
+    least: float
+
+
+def points(rows: Iterable[Row]) -> list[Point]:
+    """Reduce rows to one point for each case and setting, in their order."""
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row.case, row.setting), []).append(row)
+    return [
+        Point(
+            case=case,
+            setting=setting,
+            preset=group[0].preset,
+            # NaN, no result at all, is the worst
+            error=max(math.inf if math.isnan(row.error) else row.error for row in group),
+            cost=group[0].wall_s_per_simulated_hour,
+            particles=group[0].particles,
+            least=max((row.error for row in group if math.isfinite(row.error)), default=1.0),
+        )
+        for (case, setting), group in groups.items()
+    ]
+
+
+def presets_of(found: Iterable[Point]) -> list[str]:
+    """Names of the presets among points, from the cheapest to the dearest."""
+    names = {point.preset for point in found}
+    return [name for name in PRESETS if name in names]
+
+
+def pareto_front(candidates: Iterable[Point]) -> list[Point]:
+    """The points that no other beats in both error and cost, from cheap to dear."""
+    front: list[Point] = []
+    candidates = [item for item in candidates if math.isfinite(item.error + item.cost)]
+    for point in sorted(candidates, key=lambda item: (item.cost, item.error)):
+        if not front or point.error < front[-1].error:
+            front.append(point)
+    return front

@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 import math
 
-from lava_ros.accuracy import Accuracy, GRADIENTS
-from lava_ros.presets import DEFAULT, PRESETS
+from lava_ros.simulation.accuracy import Accuracy, GRADIENTS
+from lava_ros.simulation.presets import DEFAULT, PRESETS
 from lava_ros.verification.cases import Case, CASES
 from lava_ros.verification.lateral import lateral_experiments
 

@@ -15,11 +15,11 @@
 """Reading bags: whole, cut off, damaged, foreign."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
-import random
+import struct
 import tracemalloc
 
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, IndexType, Writer
 import pytest
@@ -27,7 +27,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import get_typestore, Stores
 
+from fuzz.files import chunk, data_section, joined
 from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
+from lava_ros.bag.records import FRAME
 from lava_ros.bag.recovery import recover
 from lava_ros.errors import LavaError
 
@@ -36,7 +38,6 @@ SECOND = 1_000_000_000
 
 Messages = list[tuple[str, int, bytes]]
 Bag = tuple[Path, Messages]
-
 
 
 def read(reader: BagReader) -> Messages:
@@ -180,20 +181,6 @@ def test_damage_in_the_middle_of_a_finished_file_is_left_out(bag: Bag) -> None:
     assert 'a chunk record is damaged' in reader.damage[0]
 
 
-@pytest.mark.parametrize('seed', range(20))
-def test_random_damage_raises_nothing_else(bag: Bag, seed: int) -> None:
-    """Whatever bytes are wrong, the reader gives messages or a LavaError."""
-    directory, _ = bag
-    path = directory / 'eruption_0.mcap'
-    chance = random.Random(seed)
-    data = bytearray(path.read_bytes()[: chance.choice([None, -100])])
-    for _ in range(5):
-        data[chance.randrange(8, len(data))] = chance.randrange(256)
-    path.write_bytes(data)
-    with suppress(LavaError):
-        assert all(item.topic.startswith('/') for item in BagReader(path).messages())
-
-
 @pytest.mark.parametrize(
     'options',
     [
@@ -268,11 +255,45 @@ def test_a_chunk_beyond_the_limit_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A chunk larger than the limit is not decompressed."""
-    monkeypatch.setattr('lava_ros.bag.mcap_file.MAX_BLOCK_SIZE', 4000)
+    monkeypatch.setattr('lava_ros.bag.records.MAX_CHUNK_SIZE', 4000)
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         writer.write('/a', 'std_msgs/msg/Empty', bytes(5000), 0, qos=LATCHED)
     with pytest.raises(LavaError, match='bytes at once, more than 4000'):
         list(BagReader(tmp_path / 'bag').messages())
+
+
+@pytest.mark.parametrize('compression', ['lz4', 'zstd'])
+@pytest.mark.parametrize('claimed', [1000, 2**24, 2**40])
+@pytest.mark.parametrize('count', [1, 12])
+def test_bombs_do_not_go_off(
+    tmp_path: Path, compression: str, claimed: int, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Chunks that unpack to far more than they are take no more memory than is allowed."""
+    monkeypatch.setattr('lava_ros.bag.records.MAX_CHUNK_SIZE', 2**24)
+    monkeypatch.setattr('lava_ros.bag.mcap_file.MAX_HELD', 2**25)
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        writer.write('/a', 'std_msgs/msg/Empty', bytes(100), 0, qos=LATCHED)
+    path = tmp_path / 'bag/bag_0.mcap'
+    records = data_section(path)
+    size = 2**24 - 31 if claimed == 2**24 else 2**28
+    message = FRAME.pack(Opcode.MESSAGE, 22 + size) + struct.pack('<HIQQ', 1, 0, 0, 0)
+    bomb = chunk(message + bytes(size), compression=compression, size=claimed)
+    bombs = [(int(Opcode.CHUNK), bomb)] * count
+    path.write_bytes(joined([*records, *bombs], b''))
+    assert path.stat().st_size < 20e6
+    tracemalloc.start()
+    try:
+        reader = BagReader(path)
+        if claimed == 2**24 and count > 1:
+            with pytest.raises(LavaError, match='of the same time are more than'):
+                list(reader.messages())
+        else:
+            assert len(list(reader.messages())) == 1 + (claimed == 2**24)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert len(reader.damage) == (0 if claimed == 2**24 else count)
+    assert peak < 6 * 2**24
 
 
 @pytest.mark.parametrize(

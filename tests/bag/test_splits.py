@@ -126,14 +126,14 @@ def test_a_bag_is_split_by_size(tmp_path: Path, make_grid: Callable[[int], bytes
     """A file that has reached the size gets no further frame, and no frame is divided."""
     written = record(tmp_path / 'bag', make_grid, frames=40, max_size=30_000)
     reader = BagReader(tmp_path / 'bag')
-    files = reader.describe_files()
+    files = reader.contents
     assert len(files) > 3
     assert all(item.finished and item.message_count for item in files)
     for item in files[:-1]:
         assert 30_000 <= item.size < 45_000
     assert without_repeats(reader) == written
     for path in reader.files[1:]:
-        messages = list(reader.file_messages(path))
+        messages = list(reader.messages(file=path))
         assert [item.topic for item in messages[:3]] == ['/terrain', '/hazard', '/points']
         assert len({item.stamp_ns for item in messages[:3]}) == 1
 
@@ -203,12 +203,12 @@ def test_a_recovered_bag_has_the_same_files(
     last.write_bytes(last.read_bytes()[:-500])
     source = BagReader(tmp_path / 'bag')
     assert source.recovered
-    assert [item.finished for item in source.describe_files()] == [True, True, False]
+    assert [item.finished for item in source.contents] == [True, True, False]
     assert recover(source, tmp_path / 'new') == len(list(source.messages()))
     result = BagReader(tmp_path / 'new')
     assert not result.recovered
     for old, new in zip(source.files, result.files, strict=True):
-        assert list(source.file_messages(old)) == list(result.file_messages(new))
+        assert list(source.messages(file=old)) == list(result.messages(file=new))
     with Reader(tmp_path / 'new') as reader:
         assert reader.message_count == result.message_count
 

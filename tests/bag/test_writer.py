@@ -20,7 +20,6 @@ from pathlib import Path
 from mcap.reader import make_reader
 from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
-from mcap_ros2.decoder import DecoderFactory
 import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
@@ -69,21 +68,6 @@ def test_rosbags_decodes_with_the_definitions_in_the_bag(bag: Bag) -> None:
                 assert grid.header.stamp.sec * SECOND + grid.header.stamp.nanosec == time
                 expected = np.random.default_rng(time).integers(-1, 101, 2400)
                 np.testing.assert_array_equal(grid.data, expected)
-
-
-def test_mcap_ros2_decodes_the_grids(bag: Bag) -> None:
-    """The Foxglove decoder reads every grid."""
-    directory, _ = bag
-    count = 0
-    with (directory / 'eruption_0.mcap').open('rb') as stream:
-        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-        for _, _, message, grid in reader.iter_decoded_messages(topics=['/hazard']):
-            assert (grid.info.width, grid.info.height, grid.info.resolution) == (60, 40, 2.5)
-            assert grid.info.origin.position.y == 7.0
-            expected = np.random.default_rng(message.log_time).integers(-1, 101, 2400)
-            np.testing.assert_array_equal(np.array(grid.data, dtype=np.int8), expected)
-            count += 1
-    assert count == 10
 
 
 def test_the_file_has_summary_index_statistics_and_both_records(bag: Bag) -> None:

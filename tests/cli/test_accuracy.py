@@ -23,8 +23,8 @@ import sys
 
 import pytest
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.cli import main as cli
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import cases, measure, settings
 from lava_ros.verification.rows import read_csv
 
@@ -44,7 +44,7 @@ class Absent:
 
 
 sys.meta_path.insert(0, Absent())
-from lava_ros.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.cli.main import main
 from lava_ros.verification import settings
 

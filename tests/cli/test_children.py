@@ -17,11 +17,16 @@
 from collections.abc import Callable
 import os
 from pathlib import Path
+import signal
+import subprocess
+import sys
 import time
 
 import pytest
 
 from lava_ros.cli.children import Child, ChildError, SHOWN_LINES
+
+ROOT = Path(__file__).parents[2]
 
 #: Says that it is there, and takes SIGINT for nothing.
 STUBBORN = """
@@ -92,3 +97,41 @@ def test_a_child_that_fails_shows_the_end_of_its_log(start: Callable[[str], Chil
     lines = str(caught.value).splitlines()
     assert lines[-1] == '    line 99'
     assert len(lines) == 1 + SHOWN_LINES
+
+
+#: A command with a child, which says whether it was ended.
+COMMAND = """
+import os
+from pathlib import Path
+import signal
+import sys
+import time
+from lava_ros.cli.children import Child
+child = Child('program', 'a_program', [], log=Path('a.log'), env=os.environ)
+try:
+    while not Path('a.log').read_text():
+        time.sleep(0.01)
+    os.kill(os.getpid(), getattr(signal, sys.argv[1]))
+    time.sleep(60.0)
+finally:
+    print('child', child.end(), flush=True)
+"""
+
+
+@pytest.mark.parametrize('name', ['SIGTERM', 'SIGHUP'])
+def test_children_end_with_their_command(tmp_path: Path, name: str) -> None:
+    """One that is told to end, or loses its terminal, ends its children first."""
+    (tmp_path / 'a_program.py').write_text(ENDS_WELL)
+    (tmp_path / 'command.py').write_text(COMMAND)
+    env = os.environ | {'PYTHONPATH': f'{ROOT}{os.pathsep}{tmp_path}'}
+    ended = subprocess.run(
+        [sys.executable, 'command.py', name],
+        cwd=tmp_path,
+        env=env,
+        stdout=subprocess.PIPE,
+        text=True,
+        timeout=50.0,
+        check=False,
+    )
+    assert ended.stdout == 'child 0\n'
+    assert ended.returncode == 128 + getattr(signal, name)

@@ -22,7 +22,7 @@ import sys
 import pytest
 
 from lava_ros.cli import main as cli
-from lava_ros.doctor.finding import FAIL, Finding, OK, WARN
+from lava_ros.doctor import FAIL, Finding, OK, WARN
 
 ROOT = Path(__file__).parents[2]
 

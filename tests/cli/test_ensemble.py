@@ -23,13 +23,13 @@ import rasterio
 from rasterio.transform import from_origin
 import yaml
 
+from eruption import footprint, write_case
 from lava_ros.bag import BagReader
-from lava_ros.bag.decoding import Decoder
-from lava_ros.bag.grids import read_grid
+from lava_ros.bag.decoding import Decoder, read_grid
 from lava_ros.cli import main as cli
-from lava_ros.cli.durations import seconds_of
+from lava_ros.cli.options import seconds_of
 from lava_ros.errors import LavaError
-from lava_ros.forecast.probability import occupancy
+from lava_ros.maps.forecast import occupancy
 
 MAPS = (
     'inundation_probability', 'expected_thickness', 'arrival_time_p10', 'arrival_time_p50',
@@ -141,7 +141,6 @@ def test_vents_from_a_map(scene: Path, tmp_path: Path) -> None:
         (('--members', '0'), 'members'),
         (('--horizon', 'soon'), '--horizon'),
         (('--horizon=-1h',), '--horizon'),
-        (('--preset', 'none'), 'preset'),
         (('--workers', '0'), '--workers'),
         (('--workers', '2', '--scheduler', 'tcp://localhost:1'), '--workers'),
         (('--device', 'cuda:77'), '--device'),
@@ -184,11 +183,53 @@ def test_an_interrupted_run_says_how_to_go_on(
     assert 'the same command' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    'words',
+    [
+        ('demo', '--duration', '1 hour'),
+        ('effects', '--horizon', '1 hour'),
+        ('plan', '--within', '9s', '--horizon', '1 hour'),
+        ('plot', 'bag', '-o', 'a.png', '--time', '1 hour'),
+        ('export', 'bag', '-o', 'out', '--at', '1 hour'),
+        ('animate', 'bag', '-o', 'a.gif', '--seconds', '1 hour'),
+        ('replay', 'bag', '--start-offset', '1 hour'),
+        ('replay', 'bag', '--wait-for-subscribers', '1 hour'),
+        ('accuracy', '--longest', '1 hour'),
+    ],
+)
+def test_times_have_one_spelling(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever a command calls it, a time is a number with a unit."""
+    assert cli.main(words) == 2
+    said = capsys.readouterr().err
+    assert "is '1 hour', expected a number with a unit, s, min, h, d: 6h, 90min" in said
+
+
 def test_times_as_people_write_them() -> None:
     """With a unit, without one, and in no other way."""
     for text, seconds in (('6h', 21600.0), ('90min', 5400.0), ('1.5 d', 129600.0), ('30', 30.0),
                           ('1e3s', 1000.0)):
         assert seconds_of('--horizon', text) == seconds
+    assert seconds_of('--time', '0', may_be_zero=True) == 0.0
     for text in ('', 'h', '6 hours', '0h', '-1h', 'nan', '1h30'):
         with pytest.raises(LavaError, match='--horizon'):
             seconds_of('--horizon', text)
+
+
+def test_a_case_is_scored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The folder of a mapped eruption is run to its end, and its map says how good that was."""
+    case = write_case(tmp_path / 'valley', hours=1)
+    words = ['ensemble', str(case), '-o', str(tmp_path / 'out'), '--members', '2']
+    words += ['--device', 'cpu', '--workers', '1', '--spacing', '20']
+    assert cli.main([*words, '--horizon', '1h']) == 2
+    assert "--horizon is '1h', expected absent beside" in capsys.readouterr().err
+    assert cli.main([*words, '--json', str(tmp_path / 'report.json')]) == 0
+    report = json.loads((tmp_path / 'report.json').read_text())
+    assert (report['case'], report['horizon_s']) == ('valley', 3600.0)
+    assert set(report['uncertainty']['constants']) >= {'crust_cover', 'crust_temperature'}
+    score = report['score']
+    assert 0.0 < score['brier_score'] < 1.0
+    assert score['brier_skill_of_terrain'] > score['brier_skill']
+    assert sum(item['count'] for item in score['reliability']) == footprint().size
+    assert f'skill {score["brier_skill"]:.2f}' in capsys.readouterr().out

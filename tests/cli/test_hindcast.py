@@ -22,11 +22,19 @@ import numpy as np
 import pytest
 import rasterio
 
-from eruption import CELL, CORNER, footprint, SHAPE, VENT, write_case
+from eruption import (
+    CELL,
+    CORNER,
+    footprint,
+    SHAPE,
+    VENT,
+    write_case,
+    write_case_in_degrees,
+)
 from lava_ros.bag import BagReader
 from lava_ros.cli.main import main
-from lava_ros.frames import read_frame
 from lava_ros.hindcast.maps import FALSE_ALARM, HIT, MISS
+from lava_ros.maps.frames import read_frame
 
 LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_strength: 200}\n'
 
@@ -56,6 +64,30 @@ def test_numbers_are_written(finished: Path) -> None:
     assert data['particles_emitted'] > 20
     assert data['jaccard_of_peak'] >= data['score']['jaccard'] - 0.1
     assert not (finished / 'out/.unfinished').exists()
+
+
+def test_vents_of_the_command(tmp_path: Path) -> None:
+    """They replace the case's; a discharge is each vent's own, else the case's is divided."""
+    words = ['hindcast', str(write_case(tmp_path / 'valley', hours=1, yaml=LAVA)), '-o']
+    words += [str(tmp_path / 'out'), '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
+    words += ['--maps', '1', '--json', str(tmp_path / 'out.json')]
+    (tmp_path / 'vents.csv').write_text(
+        f'x,y,x_end,y_end,name\n{VENT[0] - 60},{VENT[1]},{VENT[0] + 60},{VENT[1]},fissure\n'
+        f'{VENT[0]},{VENT[1] - 60},,,cone\n'
+    )
+    found = []
+    for more in (
+        ['--vents', str(tmp_path / 'vents.csv')],
+        ['--vent', f'{VENT[0]},{VENT[1]}', '--discharge', '12'],
+        ['--discharge', '9'],
+    ):
+        assert main([*words, *more]) == 0
+        found.append(json.loads((tmp_path / 'out.json').read_text()))
+    assert [vent['name'] for vent in found[0]['vents']] == ['fissure', 'cone']
+    assert found[0]['vents'][0]['end'] is not None and found[0]['vents'][1]['end'] is None
+    emitted = [item['volume']['emitted'] for item in found]
+    assert emitted == pytest.approx([15.0 * 3600, 12.0 * 3600, 9.0 * 3600])
+    assert main([*words, '--vent', '1,2']) == 2
 
 
 def test_maps_are_on_the_elevation(finished: Path) -> None:
@@ -144,7 +176,7 @@ def test_what_cannot_be_written_is_refused_before_the_flow(
     words = [command, str(write_case(tmp_path / 'valley')), '-o', str(tmp_path / 'out')]
     assert main([*words, '--json', str(tmp_path / 'none/a.json')]) == 2
     assert capsys.readouterr().err.startswith(f'lava {command}: --json is ')
-    assert not list((tmp_path / 'out').iterdir())
+    assert not (tmp_path / 'out').exists()
 
 
 def test_folder_of_something_else_is_left_alone(
@@ -165,23 +197,48 @@ def test_calibration_reports_near_best_sets(
     """A few runs in given ranges make a table and a result; the same runs are not run twice."""
     case = write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)
     arguments = ['calibrate', str(case), '--device', 'cpu', '--spacing', '40', '--runs', '5']
-    arguments += ['--unknown', 'viscosity=1e3:1e5', '--unknown', 'emissivity']
+    arguments += ['--unknown', 'viscosity=1e3:1e5', '--unknown', 'crust_cover']
     arguments += ['--directions', '2', '-o', str(tmp_path / 'out')]
     assert main(arguments) == 0
     said = capsys.readouterr().out
-    assert 'runs are within' in said
+    assert 'sets are within' in said
+    # five sets show nothing
+    assert 'does not depend' not in said
     assert 'viscosity: 1000 to 100000 Pa s, given by the user' in said
     table = (tmp_path / 'out/runs.csv').read_text()
     assert len(table.splitlines()) == 6
     result = json.loads((tmp_path / 'out/calibration.json').read_text())
     assert result['runs'] == 5
-    assert result['best']['jaccard'] >= result['usual']['jaccard']
-    assert {item['unknown']['name'] for item in result['unknowns']} == {'viscosity', 'emissivity'}
+    scores = [result[name]['numbers']['valley']['jaccard'] for name in ('best', 'usual')]
+    assert scores[0] >= scores[1]
+    assert result['leave_one_out'] == []
+    assert {item['unknown']['name'] for item in result['unknowns']} == {'viscosity', 'crust_cover'}
     assert main(arguments) == 0
     assert (tmp_path / 'out/runs.csv').read_text() == table
     capsys.readouterr()
     assert main([*arguments, '--directions', '4']) == 2
     assert '--directions' in (message := capsys.readouterr().err) and '2 as in' in message
+
+
+def test_calibration_of_two_cases(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Both have the same constants, and each is judged by those of the other."""
+    cases = [write_case(tmp_path / name, hours=0.5, yaml=LAVA) for name in ('one', 'two')]
+    words = ['calibrate', *map(str, cases), '--device', 'cpu', '--spacing', '40', '--runs', '4']
+    words += ['--unknown', 'crust_cover=0:1', '-o', str(tmp_path / 'out')]
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert 'two: ' in said and 'with the set that is best for the others' in said
+    rows = (tmp_path / 'out/runs.csv').read_text().splitlines()
+    assert rows[0].startswith('crust_cover,case,jaccard,single')
+    assert [row.split(',')[1] for row in rows[1:]] == ['one', 'two'] * 4
+    result = json.loads((tmp_path / 'out/calibration.json').read_text())
+    assert [item['case'] for item in result['leave_one_out']] == ['one', 'two']
+    assert main(['calibrate', str(cases[0]), str(cases[0])]) == 2
+    assert 'folders with different names' in capsys.readouterr().err
+    assert main([*words[:2], *words[3:]]) == 2
+    assert 'a table of runs with crust_cover of one' in capsys.readouterr().err
 
 
 def test_barrier_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -236,3 +293,18 @@ def test_materials_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert one['constants']['vft_b']['value'] == 5558.0
     assert main(['materials', 'obsidian']) == 2
     assert 'etna_basalt' in capsys.readouterr().err
+
+
+def test_a_case_in_degrees_runs_without_a_warning(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a stranger has of the web needs no conversion, and nobody is warned of anything."""
+    folder, _ = write_case_in_degrees(tmp_path / 'degrees', hours=0.5)
+    words = ['hindcast', str(folder), '--preset', 'draft', '--device', 'cpu', '--maps', '1']
+    assert main([*words, '-o', str(tmp_path / 'out')]) == 0
+    shown = capsys.readouterr()
+    said = [line for line in shown.err.splitlines() if line.startswith('lava hindcast: ')]
+    # what the elevation was taken for; there is no bag without ROS 2
+    assert [line for line in said if 'no bag' not in line] == [said[0]]
+    assert 'EPSG:4326 taken to EPSG:32633' in said[0]
+    assert 'area' in shown.out

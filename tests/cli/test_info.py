@@ -24,9 +24,9 @@ import pytest
 
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import NAME
-from lava_ros.checkpoint import MEDIA_TYPE
 from lava_ros.cli import info, recover, replay
 from lava_ros.errors import LavaError
+from lava_ros.simulation.checkpoint import MEDIA_TYPE
 from small_checkpoint import small_checkpoint
 
 SCENE = {
@@ -41,7 +41,9 @@ def call(*words: str) -> int:
     parser = argparse.ArgumentParser()
     subparsers = parser.add_subparsers()
     for command in (info, recover, replay):
-        command.add_parser(subparsers)
+        subparser = subparsers.add_parser(command.__name__.split('.')[-1])
+        command.add_arguments(subparser)
+        subparser.set_defaults(run=command.run)
     args = parser.parse_args(words)
     return args.run(args)
 

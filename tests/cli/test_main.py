@@ -14,7 +14,9 @@
 
 """The command `lava`: help, and errors in one sentence."""
 
+import json
 from pathlib import Path
+import re
 import sys
 
 import numpy as np
@@ -22,7 +24,10 @@ import pytest
 
 import lava_ros
 from lava_ros.cli import main as cli
-from lava_ros.cli.scenes import DEMO_VENTS
+from lava_ros.cli.scenes import DEMO_VENTS, scene_from_arguments
+from lava_ros.errors import LavaError
+from lava_ros.scene import Scene
+from lava_ros.scene.materials import material_named
 
 
 def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -128,6 +133,89 @@ def test_a_terrain_alone_gets_a_vent_on_its_summit(tmp_path: Path) -> None:
     args = cli._parser().parse_args(['feed', '--terrain', str(tmp_path / 'a.npz')])
     (vent,) = cli.feed.scene_from_arguments(args).vents
     assert vent.position == (305.0, 255.0)
+
+
+def scene_of(*words: str) -> Scene:
+    """The scene that `lava plan` makes of its arguments."""
+    return scene_from_arguments(cli._parser().parse_args(['plan', '--within', '9s', *words]))
+
+
+@pytest.fixture
+def island(tmp_path: Path) -> str:
+    """A terrain at Piton de la Fournaise, 1 km wide."""
+    ground = {'elevation': 200.0 + np.zeros((100, 100)), 'resolution': 10.0, 'epsg': 32740}
+    np.savez(tmp_path / 'a.npz', **ground, offset=(365_000.0, 7_650_000.0))
+    return str(tmp_path / 'a.npz')
+
+
+def test_vents_from_a_file(island: str, tmp_path: Path) -> None:
+    """Points and fissures; one with a bend becomes two that share its discharge by length."""
+    crs = {'properties': {'name': 'EPSG:32740'}}
+    line = [[365_300, 7_650_400], [365_300, 7_650_500], [365_600, 7_650_500]]
+    shapes = [
+        {'properties': {'name': 'bent', 'discharge': 8},
+         'geometry': {'type': 'LineString', 'coordinates': line}},
+        {'properties': {}, 'geometry': {'type': 'Point', 'coordinates': line[2]}},
+    ]
+    path = tmp_path / 'vents.geojson'
+    path.write_text(json.dumps({'features': shapes, 'crs': crs}))
+    words = ('--terrain', island, '--vents', str(path))
+    first, second, point = scene_of(*words).vents
+    assert (first.name, first.discharge, second.discharge) == ('bent', 2.0, 6.0)
+    np.testing.assert_allclose([first.position, first.end], [[300, 400], [300, 500]], atol=1e-3)
+    np.testing.assert_allclose(second.end, point.position)
+    assert (point.end, point.discharge) == (None, 50.0)
+    for more, named in (
+        (('--discharge', '5'), '--discharge is 5.0, expected absent'),
+        (('--vent', '365300,7650400'), 'absent beside --vents'),
+    ):
+        with pytest.raises(LavaError, match=named):
+            scene_of(*words, *more)
+    path.write_text('{"type": "Point", "coordinates": [10.0, 20.0]}')
+    with pytest.raises(LavaError, match='a vent of .*feature 0 is .*a place on the terrain'):
+        scene_of(*words)
+
+
+@pytest.mark.parametrize('place', ['365300,7650400', '55.7018,-21.2430'])
+def test_vent_discharge_and_material_of_the_command(
+    place: str, island: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A vent is placed on the map or on the globe; what is not typed is usual."""
+    caplog.set_level('INFO')
+    words = ('--terrain', island, '--vent', place, '--discharge', '7', '--material')
+    scene = scene_of(*words, 'reunion_basalt')
+    (vent,) = scene.vents
+    np.testing.assert_allclose(vent.position, (300.0, 400.0), atol=20.0)
+    assert (vent.discharge, vent.temperature) == (7.0, 1387.15)
+    assert scene.lava == material_named('reunion_basalt').lava
+    said = r'vent 0: easting 365\d+.*, northing 7650\d+.*, 200 m high, 7 m3'
+    assert re.search(said, caplog.text)
+
+
+def test_a_command_that_names_no_lava_takes_that_of_etna(island: str) -> None:
+    """It becomes solid when it cools."""
+    scene = scene_of('--terrain', island)
+    assert scene.lava == material_named('etna_basalt').lava
+    assert [vent.temperature for vent in scene.vents] == [1360.0]
+
+
+@pytest.mark.parametrize(
+    ('words', 'sentence'),
+    [
+        (('--vent', '-155.2,19.4'), "--vent is '-155.2,19.4', expected"),
+        (('--vent', '1,2,3'), "--vent is '1,2,3', expected longitude,latitude"),
+        (('--vent', 'nan,1'), "--vent is 'nan,1', expected longitude,latitude"),
+        (('--vent', '364000,7650400'), 'a place on the terrain, which covers easting 365000 to'),
+        (('--discharge', '-3'), 'discharge is -3.0, expected a finite number at least 0'),
+        (('--material', 'obsidian'), "lava.material is 'obsidian', expected one of"),
+    ],
+)
+def test_wrong_vents_of_the_command(
+    words: tuple[str, ...], sentence: str, island: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What is wrong is shown as it was typed."""
+    assert cli.main(['effects', '--terrain', island, *words]) == 2
+    assert sentence in capsys.readouterr().err
 
 
 def test_a_broken_pipe_is_no_error(monkeypatch: pytest.MonkeyPatch) -> None:

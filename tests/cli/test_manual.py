@@ -79,6 +79,7 @@ def test_the_examples_of_the_page_parse(capsys):
         (('plot', 'bag'), 'lava plot: -o/--output is missing'),
         (('bench', 'speed'), "'speed' is not known; there are effects, steps, publishing, choice"),
         (('bench', 'effects', '--runs', '1.5'), "--runs: '1.5' is not a whole number"),
+        (('demo', '--preset', 'none'), "--preset: 'none' is not known; there are draft, standard"),
         (('completion', 'fish'), "'fish' is not known; there are bash, zsh"),
         (('node', 'scene.yaml'), "lava node: 'scene.yaml' is not known here"),
     ],

@@ -58,6 +58,21 @@ def test_a_real_case(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
         assert item['error'] == pytest.approx(abs(item['measured'] / item['exact'] - 1.0))
 
 
+def test_progress_is_told_before_a_case_runs(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Cases take minutes: which one is running, of how many, is known before it ends."""
+    seen: list[str] = []
+
+    def run(accuracy: object, device: str) -> Run:
+        seen.append(capsys.readouterr().err)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cases, 'CASES', {'fake': Case('fake', 'a fake', 'nobody', run)})
+    assert cli.main(['verify', '--device', 'cpu']) == 130
+    assert seen == ['  0 %  1 of 1: a fake\n']
+
+
 @pytest.mark.parametrize('errors', [(0.001, 0.02), (math.nan, 0.001)])
 def test_an_error_outside_its_bound_fails(
     errors: tuple[float, ...],

@@ -20,10 +20,9 @@ from typing import Any
 
 import pytest
 
-from lava_ros.doctor import graph
-from lava_ros.doctor.finding import FAIL, Finding, OK, WARN
-from lava_ros.layer_files import layers_from_dict, load_layers
-from lava_ros.share import share_path
+from lava_ros.doctor import FAIL, Finding, graph, OK, WARN
+from lava_ros.files.resources import share_path
+from lava_ros.maps.layer_files import layers_from_dict, load_layers
 
 
 def one(findings: Any) -> Finding:

@@ -25,8 +25,7 @@ from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 import pytest
 
-from lava_ros.doctor import machine
-from lava_ros.doctor.finding import FAIL, Finding, OK, WARN
+from lava_ros.doctor import FAIL, Finding, machine, OK, WARN
 
 ROOT = Path(__file__).parents[2]
 

@@ -14,41 +14,43 @@
 
 """Nothing is lost: not by a worker that dies, not by a run that is killed, not on disk."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
+import multiprocessing
 import os
 from pathlib import Path
 import signal
 import sys
-from types import SimpleNamespace
 
 from distributed import Client, LocalCluster
 import numpy as np
 import pytest
 
-from disc_flow import disc_members, disc_plan, HORIZON, TERRAIN
-from lava_ros.accuracy import Accuracy
+from disc_flow import disc_members, disc_plan, HORIZON, same, TERRAIN
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Outline
-from lava_ros.forecast.cluster import DaskRunner, default_workers, own_device
-from lava_ros.forecast.ensemble import Ensemble, run_ensemble, run_here
+from lava_ros.forecast.cluster import DaskRunner
+from lava_ros.forecast.ensemble import (
+    default_workers,
+    Ensemble,
+    run_ensemble,
+    run_here,
+    run_in_processes,
+)
 from lava_ros.forecast.members import make_plan, Plan
-from lava_ros.forecast.probability import Footprint, footprint_of, HazardMaps, QUANTILES
+from lava_ros.forecast.probability import Footprint, footprint_of
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.forecast.store import Store
+from lava_ros.maps.forecast import HazardMaps
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.uncertainty import uncertainty_from_dict
+from lava_ros.scene.uncertainty import uncertainty_from_dict
+from lava_ros.simulation.accuracy import Accuracy
 
 PLAN = disc_plan()
 
 MEMBERS = draw_members(PLAN.scene, 24)
-
-
-def same(one: HazardMaps, other: HazardMaps) -> bool:
-    """Whether two have the same bits in all maps."""
-    pairs = [(one.probability, other.probability), (one.thickness, other.thickness)]
-    pairs += [(one.arrival[share], other.arrival[share]) for share in QUANTILES]
-    return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 
 
 class Discs:
@@ -196,10 +198,10 @@ def test_a_runner_that_loses_members_is_found_out(tmp_path: Path) -> None:
         run_ensemble(PLAN, MEMBERS, Store(tmp_path / 'a', PLAN), runner=loses)
 
 
-def test_a_worker_that_is_killed_loses_nothing(tmp_path: Path) -> None:
-    """One of two processes dies in mid-run: every member is there, and the maps are the same."""
+def small_scene() -> Scene:
+    """A slope of 24 x 30 cells with one vent, members of which take a moment."""
     y, x = np.mgrid[0:30, 0:24] * 20.0
-    scene = Scene(
+    return Scene(
         Terrain(500.0 - 0.1 * y + 5.0 * np.sin(x / 60.0), 20.0),
         (Vent((240.0, 100.0), 10.0, radius=30.0),),
         Lava(viscosity=5e3),
@@ -208,6 +210,54 @@ def test_a_worker_that_is_killed_loses_nothing(tmp_path: Path) -> None:
             'terrain': {'deviation': 1.0, 'correlation': 60.0},
         }),
     )
+
+
+def listening(pids: Iterable[int]) -> list[str]:
+    """What the kernel says of sockets at which processes take connections."""
+    own = set()
+    for pid in pids:
+        for handle in Path(f'/proc/{pid}/fd').iterdir():
+            with suppress(OSError):
+                own.add(str(handle.readlink()))
+    # columns of the state and of the socket's number
+    return [
+        line
+        for kind, state, listens, number in (
+            ('tcp', 3, '0A', 9), ('tcp6', 3, '0A', 9), ('unix', 3, '00010000', 6),
+        )
+        for line in Path(f'/proc/net/{kind}').read_text().splitlines()[1:]
+        if line.split()[state] == listens and f'socket:[{line.split()[number]}]' in own
+    ]
+
+
+def test_processes_of_this_machine_are_open_to_nobody(tmp_path: Path) -> None:
+    """None of an ensemble's processes listens, not even as one is killed, which loses nothing."""
+    scene = small_scene()
+    plan = make_plan(scene, horizon=900.0, accuracy=Accuracy(), looks=20)
+    members = draw_members(scene, 8)
+    whole = run_ensemble(plan, members, Store(tmp_path / 'whole', plan), runner=run_here)
+    before = listening([os.getpid()])
+    seen: list[set[int]] = []
+
+    def look(done: int, resumed: int) -> None:
+        workers = {child.pid for child in multiprocessing.active_children() if child.pid}
+        seen.append(workers)
+        assert listening([os.getpid(), *workers]) == before
+        if done == 1:
+            os.kill(min(workers), signal.SIGKILL)
+
+    ensemble = run_ensemble(
+        plan, members, Store(tmp_path / 'killed', plan),
+        runner=partial(run_in_processes, workers=2), on_finished=look,
+    )
+    assert same(ensemble.maps, whole.maps)
+    assert np.nanmax(whole.maps.probability) == 100.0
+    assert len(seen[0]) == 2 and not seen[0] & seen[-1]
+
+
+def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(tmp_path: Path) -> None:
+    """One of two processes dies in mid-run: every member is there, and the maps are the same."""
+    scene = small_scene()
     plan = make_plan(scene, horizon=900.0, accuracy=Accuracy(), looks=20)
     members = draw_members(scene, 8)
     whole = run_ensemble(plan, members, Store(tmp_path / 'whole', plan), runner=run_here)
@@ -227,34 +277,60 @@ def test_a_worker_that_is_killed_loses_nothing(tmp_path: Path) -> None:
             plan,
             members,
             Store(tmp_path / 'killed', plan),
-            runner=DaskRunner(scheduler=cluster.scheduler_address),
+            runner=DaskRunner(cluster.scheduler_address),
             on_finished=kill,
         )
     assert killed and len(pids) == 2
     assert same(ensemble.maps, whole.maps)
-    assert np.nanmax(whole.maps.probability) == 100.0
     assert len(list((tmp_path / 'killed/members').glob('*.npz'))) == 8
 
 
-def test_workers_share_the_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By their number on this machine; those of a cluster see what they were started with."""
+def test_processes_share_the_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One process for each, by their number; without any, as many as there are cores."""
     gpus = ['cuda:0', 'cuda:1']
-    warp = SimpleNamespace(get_cuda_devices=lambda: gpus)
-    monkeypatch.setattr('lava_ros.forecast.cluster._quiet_warp', lambda: warp)
-    for name, device in ((0, 'cuda:0'), (3, 'cuda:1'), ('tcp://10.0.0.1:99', None)):
-        monkeypatch.setattr('distributed.get_worker', lambda name=name: SimpleNamespace(name=name))
-        assert own_device() == device
-    assert default_workers() == 2
+    monkeypatch.setattr('warp.get_cuda_devices', lambda: gpus)
+    shared: list[str | None] = []
+
+    class Processes:
+        """The same in this one."""
+
+        def __init__(self, work: Callable[[Sequence[Member]], object], count: int) -> None:
+            self.work, self.count = work, count
+
+        def __call__(self, jobs: Sequence[Sequence[Member]]) -> Iterator[tuple[int, object]]:
+            for number, job in enumerate(jobs):
+                monkeypatch.setattr('lava_ros.forecast.pool._number', number % self.count)
+                yield number, self.work(job)
+
+        def close(self) -> None:
+            pass
+
+    def run(
+        plan: Plan, device: str | None, members: Sequence[Member]
+    ) -> list[Footprint]:
+        shared.append(device)
+        return []
+
+    monkeypatch.setattr('lava_ros.forecast.ensemble.Pool', Processes)
+    monkeypatch.setattr('lava_ros.forecast.ensemble.run_batch', run)
+    for device, expected in ((None, ['cuda:0', 'cuda:1', 'cuda:0']), ('cuda:1', ['cuda:1'] * 3)):
+        shared.clear()
+        workers = default_workers()
+        assert workers == 2
+        list(run_in_processes(PLAN, MEMBERS[:3], workers=workers, device=device, batch=1))
+        assert shared == expected
     gpus.clear()
     assert default_workers() >= 1
-    assert own_device() is None
+    shared.clear()
+    list(run_in_processes(PLAN, MEMBERS[:3], workers=3, batch=1))
+    assert shared == [None] * 3
 
 
-def test_without_dask_one_process_is_the_way_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The error says what to install, and what goes without."""
+def test_a_cluster_needs_dask(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error says what to install."""
     monkeypatch.setitem(sys.modules, 'distributed', None)
-    with pytest.raises(LavaError, match=r"expected 1, or .* 'lava_ros\[ensemble\]'"):
-        DaskRunner(workers=2)
+    with pytest.raises(LavaError, match=r"'lava_ros\[ensemble\]'"):
+        DaskRunner('tcp://localhost:1')
 
 
 def test_a_scheduler_out_of_reach_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -262,4 +338,4 @@ def test_a_scheduler_out_of_reach_is_named(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr('lava_ros.forecast.cluster.PATIENCE', 0.3)
     for address in ('tcp://127.0.0.1:9', 'nonsense'):
         with pytest.raises(LavaError, match='--scheduler'):
-            list(DaskRunner(scheduler=address)(PLAN, MEMBERS))
+            list(DaskRunner(address)(PLAN, MEMBERS))

@@ -20,10 +20,9 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast.outlook import Outlook
-from lava_ros.forecast.probability import HazardMaps
-from lava_ros.layer_files import layers_from_dict, load_layers
-from lava_ros.layers import ENSEMBLE_SOURCES
+from lava_ros.maps.forecast import HazardMaps, Outlook
+from lava_ros.maps.layer_files import layers_from_dict, load_layers
+from lava_ros.maps.layers import ENSEMBLE_SOURCES
 from lava_ros.scene import Terrain
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'
@@ -72,6 +71,9 @@ def test_probability():
     assert set(layer.values(OUTLOOK.withdrawn()).ravel()) == {-1}
     step = _layer('inundation_probability', step=50.0, outside=100)
     assert step.values(OUTLOOK).tolist() == [[100, 100, 0], [0, 0, 100]]
+    classes = _layer('inundation_probability', classes=[10.0, 60.0])
+    assert classes.values(OUTLOOK).tolist() == [[100, 100, 33], [0, 0, -1]]
+    assert set(classes.values(OUTLOOK.withdrawn()).ravel()) == {-1}
     wide = _layer('inundation_probability', step=50.0, margin=10.0)
     assert wide.values(OUTLOOK).tolist() == [[100, 100, 100], [100, 100, -1]]
     image = _layer('inundation_probability', 'sensor_msgs/Image').values(OUTLOOK)

@@ -20,9 +20,9 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast.forecast import Forecast
-from lava_ros.layer_files import layers_from_dict, load_layers
-from lava_ros.layers import IMAGE, OCCUPANCY_GRID
+from lava_ros.maps.forecast import Forecast
+from lava_ros.maps.layer_files import layers_from_dict, load_layers
+from lava_ros.maps.layers import IMAGE, OCCUPANCY_GRID
 from lava_ros.scene import Terrain
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'
@@ -57,6 +57,12 @@ def test_arrival_grid():
 def test_arrival_grid_with_a_range_of_its_own():
     """Beyond it a cell that is reached is still no less than 1."""
     assert _layer(range=[0.0, 50.0]).values(FORECAST).tolist() == [[100, 50, 1], [1, 0, -1]]
+
+
+def test_arrival_classes():
+    """The sooner the worse: up to a bound is within it."""
+    values = _layer(classes=[25.0, 50.0, 99.0]).values(FORECAST).tolist()
+    assert values == [[100, 100, 50], [25, 0, -1]]
 
 
 def test_arrival_mask():
@@ -102,12 +108,13 @@ def test_peaks():
 
 
 def test_the_file():
-    """Four layers beside those of ensembles, of a forecast and latched; none of now among them."""
+    """Five layers beside those of ensembles, of a forecast and latched; none of now among them."""
     layers = [item for item in load_layers(CONFIGS / 'forecast.yaml') if not item.is_ensemble]
     shown = {layer.topic: (layer.source, layer.message) for layer in layers}
     assert shown == {
         'arrival_time': ('arrival', IMAGE),
         'arrival': ('arrival', OCCUPANCY_GRID),
+        'arrival_class': ('arrival', OCCUPANCY_GRID),
         'peak_height': ('peak_thickness', OCCUPANCY_GRID),
         'peak_temperature': ('peak_temperature', OCCUPANCY_GRID),
     }

@@ -19,8 +19,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lava_ros.accuracy import Accuracy
-from lava_ros.checkpoint import Checkpoint
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.forecast import wire
@@ -30,8 +28,10 @@ from lava_ros.forecast.members import plan_from, run_members
 from lava_ros.forecast.probability import footprint_of, reached_by, Tally
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation
-from lava_ros.uncertainty import uncertainty_from_dict
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.checkpoint import Checkpoint
 
 SCENE = Scene(
     Terrain(np.tile(500.0 - 2.0 * np.arange(30), (20, 1)), 10.0),

@@ -20,14 +20,14 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.accuracy import Accuracy
-from lava_ros.checkpoint import from_bytes
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast.gathering import Gathering
+from lava_ros.forecast.arrival_time import Gathering
 from lava_ros.forecast.lookahead import EARLY_LOOKS, LookAhead, moments
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.checkpoint import from_bytes
 
 HORIZON, LOOKS, THRESHOLD = 150.0, 6, 0.05
 

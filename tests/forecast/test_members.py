@@ -19,9 +19,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.errors import LavaError
-from lava_ros.forecast.gathering import Gathering
+from lava_ros.forecast.arrival_time import Gathering
 from lava_ros.forecast.members import (
     check_members,
     make_plan,
@@ -31,8 +30,9 @@ from lava_ros.forecast.members import (
 )
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene.uncertainty import uncertainty_from_dict
 from lava_ros.simulation import Simulation
-from lava_ros.uncertainty import uncertainty_from_dict
+from lava_ros.simulation.accuracy import Accuracy
 
 TERRAIN = Terrain(500.0 - 2.0 * np.add.outer(np.arange(30.0), np.zeros(24)), 20.0)
 

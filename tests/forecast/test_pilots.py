@@ -21,10 +21,10 @@ import pytest
 
 from lava_ros.forecast import pilots
 from lava_ros.forecast.pilots import MARKS
-from lava_ros.resolution import ACROSS, flow_width
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation.resolution import ACROSS, flow_width
 
-SCENE = Scene(Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),))
+SCENE = Scene(Terrain(np.zeros((40, 40)), 10.0), (Vent((200.0, 200.0), 20.0),), lava=Lava())
 
 
 def test_refinements_between_presets_have_their_accuracy():

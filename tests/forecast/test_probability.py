@@ -25,21 +25,14 @@ from disc_flow import (
     disc_plan,
     exact_probability,
     HORIZON,
+    same,
     TERRAIN,
 )
 from lava_ros.errors import LavaError
 from lava_ros.forecast.members import MemberFields
-from lava_ros.forecast.probability import (
-    Footprint,
-    footprint_of,
-    HazardMaps,
-    NEVER,
-    occupancy,
-    QUANTILES,
-    reached_by,
-    Tally,
-)
+from lava_ros.forecast.probability import Footprint, footprint_of, NEVER, reached_by, Tally
 from lava_ros.forecast.sampling import draw_members
+from lava_ros.maps.forecast import HazardMaps, occupancy, QUANTILES
 from lava_ros.scene import Terrain
 
 PLAN = disc_plan()
@@ -51,13 +44,6 @@ def gathered(count: int, seed: int) -> HazardMaps:
     for fields in disc_members(PLAN, draw_members(PLAN.scene, count, seed=seed)):
         tally.add(footprint_of(fields, PLAN))
     return tally.maps()
-
-
-def same(one: HazardMaps, other: HazardMaps) -> bool:
-    """Whether two have the same bits in all maps."""
-    pairs = [(one.probability, other.probability), (one.thickness, other.thickness)]
-    pairs += [(one.arrival[share], other.arrival[share]) for share in QUANTILES]
-    return all(np.array_equal(a, b, equal_nan=True) for a, b in pairs)
 
 
 @pytest.mark.parametrize(('count', 'places'), [(20, (1, 9, 17)), (13, (1, 6, 11)), (1, (0, 0, 0))])

@@ -22,11 +22,8 @@ import rasterio
 from rasterio.transform import from_origin
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast.rasters import (
-    outline_from_file,
-    raster_on,
-    susceptibility_from_file,
-)
+from lava_ros.forecast.rasters import raster_on, seen_in_file
+from lava_ros.forecast.sampling import Susceptibility
 from lava_ros.scene import Terrain
 
 #: 6 x 8 cells of 20 m, in UTM zone 33.
@@ -76,17 +73,17 @@ def test_an_outline_knows_where_nobody_looked(tmp_path: Path) -> None:
     """Above 0 is lava, 0 is none, no data is neither."""
     values = np.zeros((6, 8))
     values[0, :3], values[5] = 1.0, -1.0
-    outline = outline_from_file(write(tmp_path / 'a.tif', values), TERRAIN, 600.0)
-    assert outline.lava[5, :3].all() and outline.lava.sum() == 3
-    assert not outline.known[0].any() and outline.known[1:].all()
-    assert outline.time == 600.0
+    lava, known = seen_in_file(write(tmp_path / 'a.tif', values), TERRAIN)
+    assert lava[5, :3].all() and lava.sum() == 3
+    assert not known[0].any() and known[1:].all()
 
 
 def test_a_susceptibility_is_read(tmp_path: Path) -> None:
     """The one cell with a likelihood gets every vent."""
     values = np.zeros((6, 8))
     values[1, 2] = 0.3
-    places = susceptibility_from_file(write(tmp_path / 'a.tif', values), TERRAIN)
+    path = write(tmp_path / 'a.tif', values)
+    places = Susceptibility(TERRAIN, raster_on(TERRAIN, path, field='--susceptibility'))
     for share in (1e-9, 0.5, 1.0 - 1e-9):
         assert TERRAIN.cell_at(*places.place(share, share)) == (4, 2)
 
@@ -98,12 +95,10 @@ def test_rasters_of_nowhere_are_refused(tmp_path: Path) -> None:
     far = write(tmp_path / 'far.tif', ones, transform=from_origin(0.0, 1000.0, 20.0, 20.0))
     for path in (tmp_path / 'none.tif', tmp_path / 'text.tif', far):
         with pytest.raises(LavaError, match='--observed'):
-            outline_from_file(path, TERRAIN, 600.0)
+            seen_in_file(path, TERRAIN)
     (tmp_path / 'other.tif').write_text('<VRTDataset rasterXSize="8" rasterYSize="6"/>')
     with pytest.raises(LavaError, match='a GeoTIFF or an ESRI ASCII grid'):
-        outline_from_file(tmp_path / 'other.tif', TERRAIN, 600.0)
+        seen_in_file(tmp_path / 'other.tif', TERRAIN)
     here = write(tmp_path / 'here.tif', ones)
     with pytest.raises(LavaError, match='coordinate system'):
         raster_on(Terrain(np.zeros((6, 8)), 20.0), here, field='a')
-    with pytest.raises(LavaError, match='susceptibility'):
-        susceptibility_from_file(write(tmp_path / 'less.tif', -2.0 * ones), TERRAIN)

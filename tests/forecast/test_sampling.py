@@ -21,11 +21,15 @@ import pytest
 
 from disc_flow import disc_plan, TERRAIN, VENT
 from lava_ros.errors import LavaError
-from lava_ros.forecast.roughness import random_field, rough_terrain
-from lava_ros.forecast.sampling import draw_members, Member, table_of
-from lava_ros.forecast.susceptibility import Susceptibility
-from lava_ros.scene import Scene, Terrain
-from lava_ros.uncertainty import Roughness
+from lava_ros.forecast.sampling import (
+    draw_members,
+    Member,
+    random_field,
+    rough_terrain,
+    Susceptibility,
+)
+from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.scene.uncertainty import Roughness
 
 UNCERTAIN = {
     'temperature': {'distribution': 'normal', 'mean': 5.0, 'deviation': 20.0},
@@ -65,8 +69,10 @@ def test_members_are_known_to_the_last_digit() -> None:
 
 def test_values_are_distributed_as_asked() -> None:
     """Mean, deviation and median of 256 members, to what points of a sequence give."""
-    columns = table_of(draw_members(SCENE, 256, seed=5))
-    table = {name: np.array(column) for name, column in columns.items()}
+    members = draw_members(SCENE, 256, seed=5)
+    names = ('discharge', 'temperature', 'viscosity', 'yield_strength')
+    table = {name: np.array([getattr(member, name) for member in members]) for name in names}
+    table['displacement_x'] = np.array([member.displacement[0] for member in members])
     assert np.median(table['discharge']) == pytest.approx(1.0, rel=0.01)
     assert np.std(np.log(table['discharge'])) == pytest.approx(np.log(1.6), rel=0.02)
     assert table['temperature'].mean() == pytest.approx(5.0, abs=0.3)
@@ -87,7 +93,7 @@ def test_what_cannot_be_drawn_is_refused() -> None:
     with pytest.raises(LavaError, match='seed'):
         draw_members(SCENE, 4, seed=-1)
     with pytest.raises(LavaError, match=r'scene\.uncertainty'):
-        draw_members(Scene(TERRAIN, (VENT,)), 4)
+        draw_members(Scene(TERRAIN, (VENT,), lava=Lava()), 4)
 
 
 def test_vents_are_where_the_map_says() -> None:

@@ -14,15 +14,7 @@
 
 """How much is tried: a little in every test run, a lot in `make nightly`."""
 
-from collections.abc import Mapping
-import fcntl
-import json
-import os
-from pathlib import Path
-from typing import Any
-
 from hypothesis import HealthCheck, settings
-import pytest
 
 from ros.conftest import graph  # noqa: F401
 
@@ -40,33 +32,3 @@ settings.register_profile(
     'nightly', settings.get_profile('ci'), max_examples=2000, derandomize=False
 )
 settings.load_profile('ci')
-
-
-@pytest.fixture(scope='session')
-def figures():
-    """What was tried and what came of it; goes to the JSON file LAVA_FUZZ_FIGURES names.
-
-    Several processes share the tests of ``make nightly``: each adds its own to the file.
-    """
-    result = {}
-    yield result
-    path = os.environ.get('LAVA_FUZZ_FIGURES')
-    if path:
-        with Path(path).open('a+', encoding='utf-8') as file:
-            fcntl.flock(file, fcntl.LOCK_EX)
-            file.seek(0)
-            known = json.loads(file.read() or '{}')
-            file.truncate(0)
-            file.write(json.dumps(_added(known, result), indent=2) + '\n')
-
-
-def _added(known: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
-    """Both, with the sums of what both count in parts."""
-    result = dict(known)
-    for name, value in more.items():
-        if isinstance(value, Mapping):
-            value = _added(result.get(name, {}), value)
-        elif isinstance(value, int):
-            value += result.get(name, 0)
-        result[name] = value
-    return result

@@ -19,6 +19,7 @@ many of each topic can only be refused, and the longest time an answer took.
 """
 
 from collections import Counter
+from functools import partial
 import itertools
 import json
 from pathlib import Path
@@ -33,10 +34,11 @@ import rclpy
 from fuzz.messages import messages, TOPICS
 from lava_ros.errors import LavaError
 from lava_ros.ros import inputs
-from lava_ros.ros.raw_input import decode
+from lava_ros.ros.codec import decode
+from lava_ros.ros.parameters import Settings
 from ros import graph_publisher
 
-RULES = inputs.InputRules()
+RULES = Settings()
 
 #: Time the node has for an answer [s].
 PATIENCE = 60.0
@@ -46,9 +48,7 @@ CHECKS = {
     'terrain_info': inputs.check_info,
     'terrain_cloud': inputs.terrain_from_cloud,
     'vents': inputs.vents_from_cloud,
-    'clicked_point': lambda message, rules: inputs.vent_from_point(
-        message, rules, discharge=1.0, temperature=1100.0, radius=5.0, name='click'
-    ),
+    'clicked_point': partial(inputs.vent_from_point, name='click'),
 }
 
 

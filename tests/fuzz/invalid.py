@@ -24,8 +24,8 @@ from typing import Any
 from hypothesis import strategies as st
 import numpy as np
 
-from lava_ros.lava import Lava
-from lava_ros.scene import Terrain
+from lava_ros.scene import Scene, Terrain
+from lava_ros.scene.lava import Lava
 
 #: No number at all.
 NOT_NUMBERS = (
@@ -136,8 +136,11 @@ def scene_fields() -> dict[str, st.SearchStrategy[Any]]:
         'vents': st.sampled_from((None, 1.0, 'vents', [None], ['vent'], [{}], [[]], {1: 2}, b'v')),
         'lava': st.sampled_from((None, 1.0, 'lava', {}, Lava)),
         'uncertainty': st.sampled_from((None, 1.0, 'uncertainty', {}, [])),
-        'ambient_temperature': no_number(100.0, 600.0),
-        'gravity': no_number(1e-3, 1e3) | st.just(0.0),
+        **{
+            name: no_number(*item.metadata['limits'])
+            for name, item in Scene.__dataclass_fields__.items()
+            if 'limits' in item.metadata
+        },
     }
 
 

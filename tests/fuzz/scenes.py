@@ -22,11 +22,11 @@ from hypothesis import assume
 from hypothesis import strategies as st
 import numpy as np
 
-from lava_ros.accuracy import Accuracy, expected_thickness
 from lava_ros.effects import Effects
-from lava_ros.lava import Lava
-from lava_ros.presets import preset_accuracy
 from lava_ros.scene import MAX_VENT_VISCOSITY, Scene, Terrain, Vent
+from lava_ros.scene.lava import Lava
+from lava_ros.simulation.accuracy import Accuracy, expected_thickness
+from lava_ros.simulation.presets import preset_accuracy
 
 #: Effects that are compiled for every test run.
 COMMON = (
@@ -38,7 +38,7 @@ COMMON = (
 
 #: Switches that go together with any others.
 FREE = (
-    *('yielding', 'power_law', 'crystals', 'steep', 'cooling', 'crust', 'ground'),
+    *('yielding', 'power_law', 'crystals', 'steep', 'ground'),
     *('viscous_heating', 'latent_heat', 'conduction', 'solidification', 'merging'),
 )
 
@@ -162,6 +162,9 @@ def materials(draw: Any) -> Lava:
         values['crystal_law'] = draw(st.sampled_from(('none', 'einstein-roscoe', 'maron-pierce')))
         values['latent_heat'] = draw(st.sampled_from((0.0, 3.5e5)))
     values['crust'] = bool(values['conductivity']) and draw(st.booleans())
+    if not values['crust']:
+        values['crust_cover'] = draw(st.sampled_from((0.0, 0.5, 1.0)))
+        values['crust_cover_decay'] = draw(st.sampled_from((0.0, 0.16)))
     return Lava(**values)
 
 
@@ -210,9 +213,11 @@ def any_effects(draw: Any) -> Effects:
     chosen = {name: draw(st.booleans()) for name in FREE}
     law = draw(st.sampled_from(('none', 'arrhenius', 'arrhenius', 'vft')))
     way = draw(st.sampled_from(('local', 'green', 'helmholtz', 'inertia')))
+    surface = draw(st.sampled_from(('none', 'cooling', 'cover', 'crust')))
     return Effects(
         **chosen, **{name: name == law for name in ('arrhenius', 'vft')},
         **{name: name == way for name in ('green', 'helmholtz', 'inertia')},
+        **{name: name == surface for name in ('cooling', 'cover', 'crust')},
     )
 
 

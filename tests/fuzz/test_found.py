@@ -26,16 +26,17 @@ import yaml
 
 from fuzz.messages import TOPICS
 from hard.invariants import Watch
-from lava_ros.accuracy import Accuracy
-from lava_ros.choice import decide
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.lava import Lava
 from lava_ros.ros import inputs
-from lava_ros.ros.raw_input import decode, MAX_CLOUD_FIELDS, OVERHEAD
+from lava_ros.ros.codec import decode, MAX_CLOUD_FIELDS, OVERHEAD
+from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Scene, scene_from_yaml, Terrain, Vent
+from lava_ros.scene.lava import Lava
+from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation import Simulation
-from lava_ros.terrain_files import load_terrain
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.selection import decide
 from ros import graph_publisher
 
 GROUND = Terrain(np.zeros((4, 5)), 10.0)
@@ -68,13 +69,13 @@ HUGE = 10**400
         (lambda: Vent((1e300, 0.0), 1.0), 'vent.position[0]'),
         (lambda: Vent(MIDDLE, 1.0, name=None), 'vent.name'),
         (lambda: Lava(density=HUGE), 'lava.density'),
-        (lambda: Scene(GROUND, None), 'vents'),
-        (lambda: Scene(GROUND, 1.0), 'vents'),
-        (lambda: Scene(GROUND, gravity=1e-300), 'scene.gravity'),
+        (lambda: Scene(GROUND, None, lava=Lava()), 'vents'),
+        (lambda: Scene(GROUND, 1.0, lava=Lava()), 'vents'),
+        (lambda: Scene(GROUND, gravity=1e-300, lava=Lava()), 'scene.gravity'),
         (lambda: Accuracy(diffusion_number=1e-300), 'accuracy.diffusion_number'),
         (lambda: Accuracy(spacing=1e-30), 'accuracy.spacing'),
-        (lambda: decide(Scene(GROUND), True), 'effects'),
-        (lambda: decide(Scene(GROUND), horizon=math.nan), 'horizon'),
+        (lambda: decide(Scene(GROUND, lava=Lava()), True), 'effects'),
+        (lambda: decide(Scene(GROUND, lava=Lava()), horizon=math.nan), 'horizon'),
     ],
 )
 def test_values_that_were_taken_or_raised_something_else(
@@ -104,7 +105,7 @@ def test_lava_that_is_jammed_at_the_vent_is_refused() -> None:
         Scene(GROUND, (), Lava(reference_temperature=200.0)),
         Scene(GROUND, (), Lava(reference_temperature=1100.0, solidus=1100.0)),
         Scene(GROUND, [Vent(MIDDLE, 1.0, 2000.0)], Lava(arrhenius=1.0, reference_temperature=1.0)),
-        Scene(GROUND, [Vent(MIDDLE, 1e-309)]),
+        Scene(GROUND, [Vent(MIDDLE, 1e-309)], lava=Lava()),
     ],
     ids=['as cold as air', 'colder than air', 'at the solidus', 'no viscosity', 'no thickness'],
 )
@@ -159,7 +160,7 @@ def test_signalling_nan_in_a_cloud_warns_nobody(recwarn: pytest.WarningsRecorder
     cloud = graph_publisher.vents()
     cloud.data[0:4] = type(cloud.data)('B', b'\1\0\x80\x7f')
     with pytest.raises(LavaError, match='position'):
-        inputs.vents_from_cloud(cloud, inputs.InputRules())
+        inputs.vents_from_cloud(cloud, Settings())
     assert not recwarn.list
 
 
@@ -187,7 +188,7 @@ def test_lava_that_warms_by_more_than_it_can_fall(
         simulation.advance(until * frame / 6.0)
         watch.check()
         thickest = max(thickest, float(simulation.sample().thickness.max(initial=0.0)))
-    warmer = float(simulation.sample().temperature.max()) - vent.temperature
+    warmer = float(simulation.sample().temperature.max() - simulation.scene.vents[0].temperature)
     assert warmer > 9.81 / 600.0 * 2.0 * thickest
     assert 0.0 < watch.largest['heat'] < 1.0
 

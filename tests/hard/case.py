@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 
 from lava_ros.effects import Effects
-from lava_ros.lava import Lava
 from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene.lava import Lava
 from lava_ros.simulation import Particles, Simulation
 
 #: Physics by name: few sets, as each is compiled by itself in two precisions.

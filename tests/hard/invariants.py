@@ -18,6 +18,7 @@ A ``Watch`` looks at a simulation between frames and says which invariant does n
 
 finite       Positions, volumes, temperatures, thicknesses, velocities, cells and the budget.
 volume       What the vents gave is held, has left or has frozen, to ``VOLUME`` of it.
+vents        What is due has come out: in a conduit is no more than the particles that come next.
 temperature  No colder than air, vents and lava at the start, no hotter than the hottest of them;
              with viscous heating by g / c times the height that its surface can fall by more:
              from the highest ground there was, raised by what new ground has lifted it; twice the
@@ -40,7 +41,8 @@ climb        The surface H + h at a particle is no higher than the highest that 
              start, and at the vents at any frame since. With inertia, plus the largest
              u^2 / 2g so far. Tolerance: the smaller of its own thickness and what the
              ground around it rises in one kernel radius. A sum over the neighbours cannot tell
-             heights within its radius apart, and never makes lava where there is none.
+             heights within its radius apart, and never makes lava where there is none; ponds at
+             rest are level to a share of their thickness (verification/bounds.py).
 fall         Without inertia u^2 / 2g is at most the fall from the highest surface that lava came
              from, plus the thickness. Not at the paper's formulas, which have no bound.
 place        Particles are on cells with data, and nowhere that the scene declares dry.
@@ -59,13 +61,14 @@ import math
 import numpy as np
 
 from hard.ground import distance, Ground, lift
-from lava_ros.accuracy import expected_thickness
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation, Snapshot
+from lava_ros.simulation.accuracy import expected_thickness
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.particles import ParticleSample
 from lava_ros.simulation.state import EVALUATIONS, STEPS
 from lava_ros.simulation.timestep import longest_step, MOST_STAGES
+from lava_ros.verification.bounds import BOUNDS
 
 #: Largest share of the lava that may be unaccounted for.
 VOLUME = 1e-5
@@ -78,6 +81,9 @@ STEEPEST = 1.5
 
 #: Share of the energy that rounding may add in a frame: positions and heights are float32.
 ENERGY = 1e-6
+
+#: Share of its thickness to which a pond at rest is level, at any preset.
+LEVEL = max(BOUNDS['pond']['flatness at rest'].values())
 
 #: Share by which u^2 may exceed that of free fall: heights are float32.
 FALL = 1e-3
@@ -174,6 +180,7 @@ class Watch:
         self._thrown = 0.0
         self._first = math.inf
         self._received = 0.0
+        self._half_kick = 0.0
         self._terrain = simulation.scene.terrain
         self._highest = float(np.nanmax(self._terrain.elevation))
         self.renew()
@@ -244,6 +251,7 @@ class Watch:
         bound('finite', sum(bad.values()), 0.0, ', '.join(key for key in bad if bad[key]))
         budget = snapshot.budget
         bound('volume', budget.error, VOLUME)
+        bound('vents', budget.late, 0.0, 'm3 that wait in them')
         if not found:
             self._check_heat(sample, bound)
             self._check_place(sample, bound)
@@ -336,7 +344,7 @@ class Watch:
             where = f'at ({sample.position[worst][0]:.6g}, {sample.position[worst][1]:.6g})'
             bound('fall', float(heads[worst]), float(most[worst]), where)
         rise = ground.rise(sample.position, self._simulation.radius)
-        tolerance = np.minimum(sample.thickness, rise)
+        tolerance = np.minimum(sample.thickness, rise) + LEVEL * sample.thickness
         # 64 roundings of 2^-24, as of a sum over so many neighbours
         tolerance += 2.0**-18 * max(abs(self._top), float(sample.thickness.max()))
         above = surface - self._top - self._head
@@ -374,7 +382,9 @@ class Watch:
         relief = float(sample.volume.sum()) * (ground.relief + now.thickest)
         rounding = ENERGY * max(relief, last.energy)
         step = (now.time - last.time) / max(now.steps - last.steps, 1)
-        half_kick = max(last.half_kick, now.half_kick) * step**2
+        # half a step of the frame before may have been a longer one
+        half_kick = max(self._half_kick, max(last.half_kick, now.half_kick) * step**2)
+        self._half_kick = now.half_kick * step**2
         grown = now.energy - last.energy
         bound('energy', grown, came_in + rounding + half_kick, 'm4 over the last frame')
         self._received += came_in + rounding + half_kick

@@ -43,11 +43,11 @@ import numpy as np
 from hard.case import HardScene, PHYSICS
 from hard.invariants import frame_times, Violation, Watch
 from hard.maps import asymmetry, footprint, footprint_change
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
-from lava_ros.presets import preset_accuracy, PRESETS
 from lava_ros.scene import Scene
 from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import preset_accuracy, PRESETS
 from lava_ros.simulation.state import TIME
 
 #: The presets that have to keep the invariants.

@@ -38,10 +38,10 @@ import warp as wp
 from hard.invariants import Violation
 from hard.play import KEPT, Outcome, play
 from hard.scenes import FAMILIES, SCENES
-from lava_ros import validation
-from lava_ros.cli.progress import Progress
+from lava_ros.cli.output import Progress
 from lava_ros.errors import LavaError
-from lava_ros.simulation.threads import use_threads
+from lava_ros.files import file_to_write
+from lava_ros.simulation.backend.threads import use_threads
 from lava_ros.verification.measure import file_stem, machine_name
 
 PUBLISHED = 'as-published'
@@ -119,9 +119,9 @@ def _check_outputs(folder: Path | None, file: Path | None) -> None:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise LavaError('--csv', str(folder), f'a folder to write to ({error})') from error
-        validation.file_to_write('--csv', folder / 'hard_cpu.csv')
+        file_to_write('--csv', folder / 'hard_cpu.csv')
     if file is not None:
-        validation.file_to_write('--json', file)
+        file_to_write('--json', file)
         try:
             _known(file)
         except ValueError as error:

@@ -111,7 +111,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
     ),
     Safeguard(
         'heat', 'lava at the foot of a cliff that drag heats by more than its fall gave',
-        f'{SOLVER}/effects/inertia.py',
+        'lava_ros/effects/inertia/device.py',
         'if work > given:',
         'if work > given + real(1e30):',
         'heated_in_pit_inertia', 'standard', 'temperature',

@@ -14,6 +14,8 @@
 
 """The hardest scene of each kind keeps every invariant; ``make hard`` runs all at all presets."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -21,9 +23,9 @@ from hard.case import HardScene, PHYSICS
 from hard.invariants import InvariantError, Watch
 from hard.play import play
 from hard.scenes import FAMILIES, SCENES
-from lava_ros.accuracy import Accuracy
 from lava_ros.errors import LavaError
-from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation import Particles, Simulation, vents
+from lava_ros.simulation.accuracy import Accuracy
 
 #: Of each family those that broke an invariant, or cost most, before the solver was made for them.
 HARDEST = (
@@ -122,4 +124,17 @@ def test_the_watch_sees_what_is_wrong(column, value, invariant):
     simulation._state.write_particles(rows)
     simulation.advance(1e-3)
     with pytest.raises(InvariantError, match=invariant):
+        watch.check()
+
+
+def test_the_watch_sees_choked_vents(monkeypatch):
+    """Vents that bring fewer particles than are due keep the volume, and give no flow."""
+    item = SCENES['vents_replaced']
+    monkeypatch.setattr(vents, '_MOST_A_STEP', 1)
+    monkeypatch.setattr(vents, '_LEAST_MOST', 1)
+    monkeypatch.setattr(vents.VentSet, 'longest_step', lambda *_: math.inf)
+    simulation = Simulation(item.scene, accuracy=Accuracy(thickness=0.1), device='cpu')
+    watch = Watch(simulation)
+    simulation.advance(0.2 * item.until)
+    with pytest.raises(InvariantError, match='vents .* that wait in them'):
         watch.check()

@@ -24,9 +24,12 @@ import pytest
 from eruption import write_case
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.calibration import (
+    can_tell,
     COLUMNS,
     findings,
+    leave_one_out,
     near_best,
+    Numbers,
     read_trials,
     search,
     Trial,
@@ -48,15 +51,26 @@ def _score(values: Mapping[str, float]) -> float:
     return float(0.7 - viscosity**2 - (values['emissivity'] - 0.3) ** 2)
 
 
+#: Two cases whose mean is ``_score``; the second is fitted best at an emissivity of 0.2.
+CASES = {
+    'one': lambda values: _score(values) + 0.2 * values['emissivity'],
+    'two': lambda values: _score(values) - 0.2 * values['emissivity'],
+}
+
+
 class _Counting:
     """Evaluates sets of values, and counts them."""
 
     def __init__(self) -> None:
         self.count = 0
 
-    def __call__(self, sets: Sequence[Mapping[str, float]]) -> list[Mapping[str, float]]:
+    def __call__(self, sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
         self.count += len(sets)
-        return [{**dict.fromkeys(COLUMNS, 0.0), 'jaccard': _score(values)} for values in sets]
+        return [
+            {case: {**dict.fromkeys(COLUMNS, 0.0), 'jaccard': score(values)}
+             for case, score in CASES.items()}
+            for values in sets
+        ]
 
 
 @pytest.fixture(scope='module')
@@ -87,16 +101,30 @@ def test_findings_tell_what_matters(trials: list[Trial]) -> None:
     assert found['emissivity'].is_sensitive
     assert not found['discharge'].is_sensitive
     assert found['discharge'].spread > 0.6
+    assert can_tell(trials)
+    assert not can_tell(trials[:4])
     assert found['viscosity'].low <= 1e3 <= found['viscosity'].high
     near = near_best(trials)
     assert len(near) > 5
     assert all(trial.jaccard >= near[0].jaccard - 0.03 for trial in near)
 
 
+def test_each_case_is_judged_by_the_constants_of_the_others(trials: list[Trial]) -> None:
+    """What is best for one case is not what is best for the other, and is no better than that."""
+    one, two = leave_one_out(trials)
+    assert (one.case, two.case) == ('one', 'two')
+    assert one.values['emissivity'] < 0.3 < two.values['emissivity']
+    for item in (one, two):
+        assert item.jaccard == pytest.approx(CASES[item.case](item.values))
+        assert item.jaccard < item.best
+    alone = [Trial(trial.values, {'one': trial.numbers['one']}) for trial in trials]
+    assert leave_one_out(alone) == []
+
+
 def test_search_is_repeatable_and_goes_on(trials: list[Trial], tmp_path: Path) -> None:
     """The same seed gives the same runs; runs in a table are not run again."""
     write_trials(tmp_path / 'runs.csv', UNKNOWNS, trials[:50])
-    known = read_trials(tmp_path / 'runs.csv', UNKNOWNS)
+    known = read_trials(tmp_path / 'runs.csv', UNKNOWNS, list(CASES))
     assert [trial.values for trial in known] == [trial.values for trial in trials[:50]]
     evaluate = _Counting()
     again = search(UNKNOWNS, evaluate, runs=80, seed=1, known=known)
@@ -108,8 +136,8 @@ def test_table_of_other_unknowns_is_refused(trials: list[Trial], tmp_path: Path)
     """A table without a column for an unknown is not taken for one with it."""
     write_trials(tmp_path / 'runs.csv', UNKNOWNS[:1], trials[:3])
     with pytest.raises(LavaError, match='a table of runs'):
-        read_trials(tmp_path / 'runs.csv', UNKNOWNS)
-    assert read_trials(tmp_path / 'none.csv', UNKNOWNS) == []
+        read_trials(tmp_path / 'runs.csv', UNKNOWNS, list(CASES))
+    assert read_trials(tmp_path / 'none.csv', UNKNOWNS, list(CASES)) == []
 
 
 @pytest.fixture

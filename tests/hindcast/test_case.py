@@ -16,16 +16,27 @@
 """Cases: what is read, and each wrong input caught by a sentence that says what is wrong."""
 
 from collections.abc import Callable
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from eruption import CORNER, elevation, footprint, SHAPE, VENT, write_case, write_grid
+from eruption import (
+    CELL,
+    CORNER,
+    elevation,
+    footprint,
+    SHAPE,
+    VENT,
+    write_case,
+    write_case_in_degrees,
+    write_grid,
+)
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.tables import Interval, series_of, VentRow
-from lava_ros.materials import material_named
+from lava_ros.scene.materials import material_named
 
 ETNA = Path(__file__).parents[3] / 'shared/data/etna2001'
 
@@ -139,6 +150,63 @@ def _rates(factor: float) -> Callable[[Path], None]:
     return change
 
 
+def _as_areas(folder: Path) -> None:
+    """Put the footprint into a GeoJSON file in degrees."""
+    from rasterio.features import shapes
+    from rasterio.transform import from_origin
+    from rasterio.warp import transform_geom
+
+    place = from_origin(CORNER[0], CORNER[1] + SHAPE[0] * CELL, CELL, CELL)
+    areas = shapes(np.flipud(footprint()).astype(np.uint8), transform=place)
+    features = [
+        {'geometry': transform_geom('EPSG:32633', 'EPSG:4326', area)}
+        for area, value in areas if value
+    ]
+    (folder / 'footprint.asc').unlink()
+    (folder / 'footprint.geojson').write_text(json.dumps({'features': features}))
+
+
+def test_footprint_of_any_kind(tmp_path: Path) -> None:
+    """Finer cells of a part of the ground, and areas in degrees, cover the same cells."""
+    right = footprint() > 0.0
+    fine = np.kron(footprint(), np.ones((4, 4)))[40:216, 20:120]
+    folder = write_case(tmp_path / 'fine')
+    corner = (CORNER[0] + 100.0, CORNER[1] + 200.0)
+    write_grid(folder / 'footprint.asc', fine, corner=corner, cell=5.0)
+    np.testing.assert_array_equal(load_case(folder).footprint, right)
+    folder = write_case(tmp_path / 'areas', yaml='epsg: 32633\n')
+    _as_areas(folder)
+    np.testing.assert_array_equal(load_case(folder).footprint, right)
+
+
+def test_everything_in_degrees(tmp_path: Path) -> None:
+    """A case of a web map: elevation, footprint and vents in longitude and latitude."""
+    folder, (x, y) = write_case_in_degrees(tmp_path / 'degrees')
+    case = load_case(folder)
+    assert case.scene.terrain.epsg == 32633
+    assert case.area == pytest.approx(footprint().sum() * CELL**2, rel=0.05)
+    east, north = np.add(case.scene.vents[0].position, case.scene.terrain.offset)
+    assert (east, north) == pytest.approx(VENT, abs=0.01)
+    (folder / 'vent.csv').write_text(f'x,y\n{y},{x}\n')
+    with pytest.raises(LavaError, match=rf'{y}.*longitude comes first'):
+        load_case(folder)
+
+
+def test_a_table_of_a_spreadsheet(tmp_path: Path) -> None:
+    """Semicolons and decimal commas, as in most of Europe, are read as they are meant."""
+    folder = write_case(tmp_path / 'valley')
+    table = 'start_s;end_s;discharge_m3_per_s\r\n0;5400;20,5\r\n5400;10800;9,5\r\n'
+    (folder / 'effusion_rate.csv').write_text(table, encoding='utf-8-sig')
+    assert load_case(folder).volume == pytest.approx(162_000.0)
+
+
+def test_holes_are_filled_where_the_case_says_so(tmp_path: Path) -> None:
+    """What the warning of holes advises is a key of case.yaml."""
+    folder = write_case(tmp_path / 'valley', yaml='fill_holes: true\n')
+    write_grid(folder / 'elevation.asc', _holed())
+    assert load_case(folder).scene.terrain.has_data.all()
+
+
 def _holed() -> np.ndarray:
     heights = elevation()
     heights[50, 20] = np.nan
@@ -176,8 +244,6 @@ X, Y = VENT
 WRONG: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     'no elevation': (_without('elevation.asc'), ('also holds', 'elevation.asc')),
     'no footprint': (_without('footprint.asc'), ('also holds', 'footprint.asc')),
-    'no vents': (_without('vent.csv'), ('also holds', 'vent.csv')),
-    'no discharge': (_without('effusion_rate.csv'), ('also holds', 'effusion_rate.csv')),
     'elevation upside down': (
         _grid('elevation.asc', elevation()[::-1]),
         ('above all vents', 'upside down'),
@@ -195,7 +261,6 @@ WRONG: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     ),
     'discharge in litres': (_rates(1000.0), ('mean thickness', 'too much', 'm3/s')),
     'discharge in thousands': (_rates(0.001), ('mean thickness', 'too little', 'm3/s')),
-    'discharge per day': (_rates(86400.0), ('mean thickness', 'too much', 'm3/s')),
     'times in hours': (
         lambda folder: (folder / 'effusion_rate.csv').write_text(
             'start_s,end_s,discharge_m3_per_s\n0,1.5,20\n1.5,3,10\n'
@@ -219,17 +284,24 @@ WRONG: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         _grid('footprint.asc', np.eye(*SHAPE, k=-19)[:, ::-1] * (np.indices(SHAPE)[0] < 22)),
         ('the footprint', 'm from the nearest vent', 'not of the same eruption'),
     ),
-    'footprint of other cells': (
-        _grid('footprint.asc', footprint(), cell=10.0),
-        ('the footprint', 'cells of 10 m', 'cells of 20 m'),
-    ),
-    'footprint of another shape': (
-        _grid('footprint.asc', footprint()[:50]),
-        ('the footprint', '50 x 40', '60 x 40'),
-    ),
     'footprint somewhere else': (
-        _grid('footprint.asc', footprint(), corner=(CORNER[0] + 10.0, CORNER[1])),
-        ('the footprint', '500010', '500000'),
+        _grid('footprint.asc', footprint(), corner=(CORNER[0] + 10_000.0, CORNER[1])),
+        ('the footprint', 'data on the terrain'),
+    ),
+    'areas in degrees on ground that is nowhere': (
+        _as_areas, ('footprint.geojson', 'the terrain, which has no coordinate system'),
+    ),
+    'areas in metres that do not say so': (
+        lambda folder: (
+            _as_areas(folder), _yaml('epsg: 32633\n')(folder),
+            _replaced(folder / 'footprint.geojson', '[15', '[500315'),
+        ),
+        ('footprint.geojson', 'places of EPSG:4326', 'of a coordinate system'),
+    ),
+    'areas that are none': (
+        lambda folder: (_without('footprint.asc')(folder),
+                        (folder / 'footprint.geojson').write_text('{"features": []}')),
+        ('the footprint', 'at least one point, line or area'),
     ),
     'footprint of thicknesses': (
         _grid('footprint.asc', _thick()),
@@ -237,14 +309,14 @@ WRONG: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     ),
     'empty footprint': (
         _grid('footprint.asc', np.zeros(SHAPE)),
-        ('the footprint', 'without a 1'),
+        ('the footprint', 'without one', 'covered'),
     ),
     'nodata that the header does not name': (
         lambda folder: (
             write_grid(folder / 'elevation.asc', _holed()),
             _replaced(folder / 'elevation.asc', 'NODATA_value -9999', 'NODATA_value -1'),
         ),
-        ('a height of the elevation', '-9999', 'NODATA_value'),
+        ('a height of elevation.asc', '-9999', 'NODATA_value'),
     ),
     'heights in centimetres': (
         # of a low hill: those of a mountain would be out of range
@@ -320,7 +392,7 @@ def test_folder_that_is_not_there(tmp_path: Path) -> None:
 
 
 def test_footprint_of_another_system(tmp_path: Path) -> None:
-    """Grids that name different coordinate systems do not go together."""
+    """A grid that names a wrong zone is where that says, off the elevation."""
     import rasterio
 
     folder = write_case(tmp_path / 'valley')
@@ -333,8 +405,8 @@ def test_footprint_of_another_system(tmp_path: Path) -> None:
         (folder / f'{name}.asc').unlink()
     with pytest.raises(LavaError) as caught:
         load_case(folder)
-    assert "the footprint's coordinate system is 'EPSG:32632'" in str(caught.value)
-    assert 'EPSG:32633' in str(caught.value)
+    assert 'the footprint' in str(caught.value)
+    assert 'data on the terrain' in str(caught.value)
 
 
 @pytest.mark.parametrize('flip', ['elevation', 'footprint', 'both'])

@@ -22,7 +22,8 @@ import pytest
 
 from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.scene import Terrain
-from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+from lava_ros.simulation.budget import VolumeBudget
+from lava_ros.simulation.snapshot import Snapshot, StepReport
 
 
 def test_larger_cells_are_means_of_what_is_known() -> None:

@@ -22,14 +22,14 @@ import numpy as np
 import pytest
 
 from eruption import VENT, write_case
-from lava_ros.accuracy import expected_thickness, mature_thickness
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.maps import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
 from lava_ros.hindcast.run import Run, Settings, simulate
 from lava_ros.hindcast.score import judge
-from lava_ros.presets import PRESETS
-from lava_ros.resolution import resolution_of
+from lava_ros.simulation.accuracy import expected_thickness, mature_thickness
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.resolution import resolution_of
 
 SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=4)
 
@@ -70,7 +70,7 @@ def test_lava_comes_down_the_valley(valley: Case) -> None:
     assert vent is not None
     assert result.arrival[vent] == pytest.approx(900.0)
     assert 'inertia' not in result.effects
-    assert {'arrhenius', 'cooling'} <= set(result.effects)
+    assert {'arrhenius', 'cover'} <= set(result.effects)
     assert result.most_particles > 10
 
 

@@ -18,7 +18,8 @@
 import numpy as np
 import pytest
 
-from lava_ros.hindcast.score import distances, score, THRESHOLD
+from lava_ros.hindcast.score import distances, score
+from lava_ros.simulation.accuracy import COVERED
 
 FOOTPRINT = np.zeros((40, 30), bool)
 FOOTPRINT[5:30, 10:16] = True
@@ -30,7 +31,7 @@ def _flow() -> np.ndarray:
     """Lava two metres thick, two cells to the east of the map and five rows short."""
     thickness = np.zeros(FOOTPRINT.shape, np.float32)
     thickness[10:30, 12:18] = 2.0
-    thickness[10:30, 18] = 0.99 * THRESHOLD
+    thickness[10:30, 18] = 0.99 * COVERED
     return thickness
 
 

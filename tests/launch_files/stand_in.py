@@ -69,7 +69,10 @@ class ExecutableInPackage:
     package: Any
 
     def perform(self, context):
-        return f'{perform(self.package, context)}:{perform(self.executable, context)}'
+        package = perform(self.package, context)
+        if package in context.get('missing', ''):
+            raise LookupError(f"package '{package}' not found")
+        return f'{package}:{perform(self.executable, context)}'
 
 
 @dataclass
@@ -83,35 +86,6 @@ class PathJoinSubstitution:
 
 
 @dataclass
-class EqualsSubstitution:
-    """Whether two texts are the same."""
-
-    left: Any
-    right: Any
-
-    def perform(self, context):
-        return str(perform(self.left, context) == perform(self.right, context)).lower()
-
-
-@dataclass
-class NotEqualsSubstitution(EqualsSubstitution):
-    """Whether they are not."""
-
-    def perform(self, context):
-        return str(perform(self.left, context) != perform(self.right, context)).lower()
-
-
-@dataclass
-class IfCondition:
-    """True for a text that says so."""
-
-    predicate_expression: Any
-
-    def evaluate(self, context):
-        return {'true': True, 'false': False}[perform(self.predicate_expression, context)]
-
-
-@dataclass
 class ParameterValue:
     """A parameter with its type."""
 
@@ -119,6 +93,8 @@ class ParameterValue:
     value_type: type | None = None
 
     def evaluate(self, context):
+        # launch takes a plain text for a text
+        assert self.value_type is str or not isinstance(self.value, str), self.value
         text = perform(self.value, context)
         return yaml.safe_load(text) if self.value_type is bool else (self.value_type or str)(text)
 
@@ -141,6 +117,13 @@ class DeclareLaunchArgument:
     choices: Any = None
 
 
+@dataclass(kw_only=True)
+class OpaqueFunction:
+    """What starts depends on the arguments."""
+
+    function: Any
+
+
 @dataclass
 class Process:
     """What would be started."""
@@ -158,7 +141,6 @@ class ExecuteProcess:
 
     cmd: Any
     output: str = 'log'
-    condition: IfCondition | None = None
 
     def start(self, context):
         return Process([perform(word, context) for word in self.cmd])
@@ -176,7 +158,6 @@ class Node:
     arguments: Any = ()
     remappings: Any = ()
     output: str = 'log'
-    condition: IfCondition | None = None
 
     def start(self, context):
         words = [f'{perform(self.package, context)}:{perform(self.executable, context)}']
@@ -190,7 +171,12 @@ class Node:
                 result.files.append(perform(item.param_file, context))
             else:
                 result.parameters |= {
-                    name: value.evaluate(context) for name, value in item.items()
+                    name: (
+                        value.evaluate(context)
+                        if isinstance(value, ParameterValue)
+                        else perform(value, context)
+                    )
+                    for name, value in item.items()
                 }
         return result
 
@@ -219,13 +205,15 @@ class LaunchDescription:
 
 MODULES = {
     'launch': [LaunchDescription],
-    'launch.actions': [DeclareLaunchArgument, ExecuteProcess, IncludeLaunchDescription],
-    'launch.conditions': [IfCondition],
+    'launch.actions': [
+        DeclareLaunchArgument,
+        ExecuteProcess,
+        IncludeLaunchDescription,
+        OpaqueFunction,
+    ],
     'launch.launch_description_sources': [PythonLaunchDescriptionSource],
     'launch.substitutions': [
-        EqualsSubstitution,
         LaunchConfiguration,
-        NotEqualsSubstitution,
         PathJoinSubstitution,
     ],
     'launch_ros': [],
@@ -244,22 +232,34 @@ def load(monkeypatch: Any, path: Path) -> LaunchDescription:
     return runpy.run_path(str(path))['generate_launch_description']()
 
 
-def start(monkeypatch: Any, path: Path, **arguments: str) -> tuple[list[Process], dict[str, Any]]:
-    """Perform a launch file.
+def start(
+    monkeypatch: Any, path: Path, *, processes: list[Process] | None = None, **arguments: str
+) -> tuple[list[Process], dict[str, Any]]:
+    """Perform a launch file; ``missing`` names packages that are not installed.
+
+    Args:
+        monkeypatch: Puts the stand-ins in place.
+        path: The launch file.
+        processes: Where to note what it starts, also when it fails.
+        arguments: Its arguments.
 
     Returns:
         What it starts, and the arguments it declares by name, those of included files among them.
     """
     declared: dict[str, Any] = {}
-    processes: list[Process] = []
+    processes: list[Process] = [] if processes is None else processes
     _perform(monkeypatch, path, dict(arguments), declared, processes)
-    unknown = set(arguments) - set(declared)
+    unknown = set(arguments) - set(declared) - {'missing'}
     assert not unknown, f'no such arguments: {unknown}'
     return processes, declared
 
 
 def _perform(monkeypatch, path, context, declared, processes):
-    for entity in load(monkeypatch, path).entities:
+    _visit(monkeypatch, load(monkeypatch, path).entities, context, declared, processes)
+
+
+def _visit(monkeypatch, entities, context, declared, processes):
+    for entity in entities:
         if isinstance(entity, DeclareLaunchArgument):
             declared.setdefault(entity.name, entity)
             if entity.default_value is not None:
@@ -268,5 +268,8 @@ def _perform(monkeypatch, path, context, declared, processes):
             source = perform(entity.launch_description_source.launch_file_path, context)
             context |= {name: perform(value, context) for name, value in entity.launch_arguments}
             _perform(monkeypatch, Path(source), context, declared, processes)
-        elif entity.condition is None or entity.condition.evaluate(context):
+        elif isinstance(entity, OpaqueFunction):
+            found = entity.function(context) or []
+            _visit(monkeypatch, found, context, declared, processes)
+        else:
             processes.append(entity.start(context))

@@ -21,8 +21,7 @@ import pytest
 import yaml
 
 from launch_files.stand_in import start
-from lava_ros.layer_files import load_layers
-from lava_ros.presets import PRESETS
+from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros.parameters import PARAMETERS, SOURCES
 
 ROOT = Path(__file__).parents[2]
@@ -45,13 +44,16 @@ def test_every_argument_is_documented(path, monkeypatch):
 
 
 def test_the_node_gets_parameters_it_has(monkeypatch):
-    """By name and type, with the node's own defaults, and none besides."""
-    (node,), _ = start(monkeypatch, LAVA)
+    """By name and type, and none that was not given: a file of parameters has those."""
+    (node,), declared = start(monkeypatch, LAVA)
     assert node.command == ['lava_ros:lava_node']
     assert node.name == 'lava'
-    parameters = dict(node.parameters)
-    assert parameters.pop('use_sim_time') is False
-    for name, value in parameters.items():
+    assert node.parameters == {}
+    given = {name: str(SPECS[name].default).lower() for name in declared if name in SPECS}
+    given = {name: word for name, word in given.items() if word}
+    (whole,), _ = start(monkeypatch, LAVA, **given)
+    assert set(whole.parameters) == set(given)
+    for name, value in whole.parameters.items():
         assert type(value) is type(SPECS[name].default), name
         assert value == SPECS[name].default, name
     (file,) = node.files
@@ -69,9 +71,8 @@ def test_arguments_reach_the_node(monkeypatch):
     words = {'resume': 'bags/etna', 'bag_max_size': '1000000000', 'bag_max_duration': '3600.0'}
     (node,), _ = start(monkeypatch, LAVA, **words)
     values = node.parameters
-    assert (values['resume'], values['scene']) == ('bags/etna', '')
+    assert (values['resume'], 'scene' in values) == ('bags/etna', False)
     assert (values['bag_max_size'], values['bag_max_duration']) == (10**9, 3600.0)
-    assert values['preset'] in PRESETS
     words = {'forecast_horizon': '6.0', 'ensemble_members': '32', 'deadline': '60.0'}
     (node,), _ = start(monkeypatch, LAVA, **words, forecast_share='0.5')
     values = node.parameters
@@ -95,7 +96,39 @@ def test_a_replay_takes_the_place_of_the_node(monkeypatch):
         ['lava_ros:lava', 'replay', 'bags/demo', '--rate', '10'],
         ['rviz2:rviz2', '-d', str(ROOT / 'rviz/lava.rviz')],
     ]
-    assert processes[1].parameters == {'use_sim_time': False}
+    assert processes[1].parameters == {}
+    words = {'rviz': 'true', 'use_sim_time': 'true'}
+    (_, viewer), _ = start(monkeypatch, LAVA, **words)
+    assert viewer.parameters == {'use_sim_time': True}
+
+
+@pytest.mark.parametrize(
+    ('path', 'words', 'missing'),
+    [
+        (LAVA, {'rviz': 'true'}, 'rviz2'),
+        (KEEPOUT, {'rviz': 'true'}, 'rviz2'),
+        (KEEPOUT, {}, 'nav2_map_server'),
+        (KEEPOUT, {}, 'nav2_lifecycle_manager'),
+    ],
+)
+def test_nothing_starts_where_something_is_missing(monkeypatch, path, words, missing):
+    """Launch would end and leave behind what runs already."""
+    started = []
+    with pytest.raises(LookupError, match=missing):
+        start(monkeypatch, path, processes=started, missing=missing, **words)
+    assert started == []
+
+
+@pytest.mark.parametrize('namespace', ['', 'etna', '/etna'])
+def test_masks_are_named_where_they_are(monkeypatch, namespace):
+    """The servers are in the namespace of the node, and speak of masks there."""
+    processes, _ = start(monkeypatch, KEEPOUT, namespace=namespace)
+    assert {process.namespace for process in processes} == {namespace}
+    space = f'/{namespace}'.replace('//', '/').rstrip('/')
+    by_name = {process.name: process for process in processes}
+    for word in ('keepout', 'speed'):
+        topic = by_name[f'{word}_filter_info_server'].parameters['mask_topic']
+        assert topic == f'{space}/{word}_mask'
 
 
 def test_the_replay_command_takes_its_arguments(monkeypatch):

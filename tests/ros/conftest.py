@@ -24,12 +24,16 @@ import sys
 import threading
 import time
 
+import numpy as np
 import pytest
 
 from ros_domain import own_domain
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
+
+#: How long to wait for what has to come, on a busy machine too [s].
+PATIENCE = 60.0
 
 
 def _environment(aside):
@@ -47,10 +51,11 @@ class Process:
     """A child process whose output is read line by line."""
 
     def __init__(self, arguments, directory, aside=False):
+        self.environment = _environment(aside)
         self.child = subprocess.Popen(
             [sys.executable, *arguments],
             cwd=directory,
-            env=_environment(aside),
+            env=self.environment,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -58,11 +63,14 @@ class Process:
         )
         self.errors = []
         self._lines = queue.Queue()
+        self._readers = []
         for stream, keep in (
             (self.child.stdout, self._lines.put),
             (self.child.stderr, self.errors.append),
         ):
-            threading.Thread(target=self._read, args=(stream, keep), daemon=True).start()
+            reader = threading.Thread(target=self._read, args=(stream, keep), daemon=True)
+            reader.start()
+            self._readers.append(reader)
 
     @staticmethod
     def _read(stream, keep):
@@ -86,12 +94,19 @@ class Process:
                     what = f'silent for {timeout} s, exit code {self.child.returncode}'
                     raise AssertionError(f'{what}; stderr:\n{self.log}') from None
 
-    def end(self, number=signal.SIGTERM, timeout=15.0):
+    def wait_for_end(self, timeout=PATIENCE):
+        """The exit code, once the process has ended and all that it wrote has been read."""
+        code = self.child.wait(timeout)
+        for reader in self._readers:
+            reader.join(timeout)
+        return code
+
+    def end(self, number=signal.SIGTERM, timeout=PATIENCE):
         """Signal the process and return its exit code."""
         if self.child.poll() is None:
             self.child.send_signal(number)
         try:
-            return self.child.wait(timeout)
+            return self.wait_for_end(timeout)
         except subprocess.TimeoutExpired:
             self.child.kill()
             self.child.wait()
@@ -120,7 +135,7 @@ class Node(Process):
         ]
         super().__init__([*program, *_ros_arguments(remap), *words], directory, aside)
 
-    def wait_for_log(self, text, timeout=60.0):
+    def wait_for_log(self, text, timeout=PATIENCE):
         """Wait until the node has logged a text."""
         end = time.monotonic() + timeout
         while text not in self.log:
@@ -206,7 +221,7 @@ class Listener(Process):
         super().__init__([str(HERE / 'graph_listener.py'), *topics], directory, aside)
         self.seen = []
 
-    def wait(self, condition, timeout=20.0):
+    def wait(self, condition, timeout=PATIENCE):
         """Read messages until one fulfils a condition, and return it."""
         end = time.monotonic() + timeout
         while True:
@@ -219,13 +234,13 @@ class Listener(Process):
             if condition(message):
                 return message
 
-    def wait_for_topic(self, topic, condition=lambda _: True, timeout=20.0):
+    def wait_for_topic(self, topic, condition=lambda _: True, timeout=PATIENCE):
         """Read messages until one of a topic fulfils a condition."""
         return self.wait(
             lambda message: message['topic'] == topic and condition(message), timeout
         )
 
-    def wait_for_status(self, task, condition=lambda _: True, timeout=20.0, node='lava'):
+    def wait_for_status(self, task, condition=lambda _: True, timeout=PATIENCE, node='lava'):
         """Read diagnostics until a task's status fulfils a condition, and return that status."""
         name = f'{node}: {task}'
         message = self.wait_for_topic(
@@ -240,6 +255,43 @@ class Listener(Process):
         while not self._lines.empty():
             self.seen.append(json.loads(self.line(1.0)))
         return len(self.seen)
+
+
+class Robot:
+    """An example and the rest of its robot, in one graph."""
+
+    def __init__(self, graph, example, topic, *parameters):
+        # A namespace of their own: nodes of other tests may publish maps in this domain.
+        words = ['--ros-args', '-r', '__ns:=/robot']
+        options = [word for item in parameters for word in ('-p', item)]
+        self.example = graph.process(str(example), *words, *options)
+        self.rest = graph.process(str(HERE / 'graph_robot.py'), topic, *words)
+        assert self.rest.line(30.0) == 'ready'
+
+    def tell(self, **what):
+        """Publish something."""
+        self.rest.child.stdin.write(json.dumps(what) + '\n')
+        self.rest.child.stdin.flush()
+
+    def plan(self, condition, timeout=20.0):
+        """The next plan that fulfils a condition."""
+        end = time.monotonic() + timeout
+        while True:
+            assert time.monotonic() < end, self.example.log
+            try:
+                line = self.rest.line(timeout)
+            except AssertionError as error:
+                raise AssertionError(f'{error}; the example:\n{self.example.log}') from error
+            plan = np.array(json.loads(line)).reshape(-1, 2)
+            if condition(plan):
+                return plan
+
+    def says(self, text, timeout=10.0):
+        """Wait until the example has logged a text."""
+        end = time.monotonic() + timeout
+        while text not in self.example.log:
+            assert time.monotonic() < end, self.example.log
+            time.sleep(0.05)
 
 
 class Graph:
@@ -297,7 +349,7 @@ def pytest_runtest_makereport(item):
     """Show beside a failure what the processes of its graph have logged."""
     report = yield
     graph = getattr(item, 'funcargs', {}).get('graph')
-    if report.failed and graph is not None:
+    if report.failed and isinstance(graph, Graph):
         report.sections += [(f'stderr of {name}', log) for name, log in graph.logs if log]
     return report
 

@@ -169,6 +169,7 @@ CASES = {
     'terrain_info': ('terrain_info', info),
     'terrain_cloud': ('terrain_cloud', lambda: cloud(points())),
     'vents': ('vents', vents),
+    'kelvin_vents': ('vents', lambda: vents(temperature=1360.0)),
     'no_vents': ('vents', lambda: cloud({'x': []})),
     'click': ('clicked_point', lambda: click(100.0, 155.0)),
     'nan_hole': ('terrain', lambda: image(spoilt(np.nan))),

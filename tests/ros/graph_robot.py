@@ -12,10 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A process that stands for the rest of a robot: hazard, pose and goal out, plans in.
+"""A process that stands for node and robot: maps, poses and goals out, plans in.
 
-{"hazard": ROWS} publishes a grid of cells of 10 m, {"pose": [X, Y]} and {"goal": [X, Y]} poses,
-{"leave": true} ends the hazard's publisher. Every plan is printed as a JSON list of positions.
+{"hazard": ROWS} publishes a grid of cells of 10 m, {"arrival": ROWS} a forecast on such cells
+(null: never); {"age": SECONDS} beside it lets it start so long ago. {"pose": [X, Y]} and {"goal":
+[X, Y]} publish poses, {"leave": true} ends the map's publisher. Every plan is printed as a JSON
+list of positions. The word ``hazard`` or ``arrival`` says which maps the robot is to hear.
 """
 
 import json
@@ -24,8 +26,11 @@ import threading
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid, Path
+import numpy as np
 import rclpy
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import Image
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 RESOLUTION = 10.0
@@ -51,11 +56,23 @@ def pose(x, y, frame='map'):
     return message
 
 
+def image(rows, stamp):
+    """The message of arrival times."""
+    values = np.array(rows, dtype=np.float32)
+    message = Image(height=values.shape[0], width=values.shape[1], encoding='32FC1')
+    message.header.frame_id, message.header.stamp = 'map', stamp
+    message.step = 4 * values.shape[1]
+    message.data.frombytes(values.tobytes())
+    return message
+
+
 def main():
     """Do as the lines say until there are no more."""
     rclpy.init()
     node = rclpy.create_node('test_robot')
-    hazard = node.create_publisher(OccupancyGrid, 'hazard', LATCHED)
+    maps = [node.create_publisher(OccupancyGrid, sys.argv[1], LATCHED)]
+    if sys.argv[1] == 'arrival':
+        maps.append(node.create_publisher(Image, 'arrival_time', LATCHED))
     poses = {
         'pose': node.create_publisher(PoseStamped, 'pose', LATCHED),
         'goal': node.create_publisher(PoseStamped, 'goal_pose', LATCHED),
@@ -67,17 +84,22 @@ def main():
 
     node.create_subscription(Path, 'plan', show, LATCHED)
     threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
-    while any(item.get_subscription_count() == 0 for item in (hazard, *poses.values())):
+    while any(item.get_subscription_count() == 0 for item in (*maps, *poses.values())):
         pass
     print('ready', flush=True)
     for line in sys.stdin:
-        for name, value in json.loads(line).items():
-            if name == 'hazard':
-                hazard.publish(grid(value))
-            elif name == 'leave':
-                node.destroy_publisher(hazard)
-            else:
-                poses[name].publish(pose(*value))
+        order = json.loads(line)
+        if 'hazard' in order:
+            maps[0].publish(grid(order['hazard']))
+        if 'arrival' in order:
+            rows = order['arrival']
+            start = node.get_clock().now() - Duration(seconds=order.get('age', 0.0))
+            maps[1].publish(image(rows, start.to_msg()))
+            maps[0].publish(grid([[0] * len(row) for row in rows]))
+        for name in poses.keys() & order.keys():
+            poses[name].publish(pose(*order[name]))
+        if 'leave' in order:
+            node.destroy_publisher(maps[-1])
 
 
 if __name__ == '__main__':

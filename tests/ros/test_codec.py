@@ -23,6 +23,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import Image, PointCloud2, PointField
 
 from lava_ros.errors import LavaError
+from lava_ros.maps.message_arrays import cloud_columns, image_array
 from lava_ros.ros import codec
 from lava_ros.scene import Terrain
 
@@ -50,7 +51,7 @@ def test_image_array(encoding, dtype, padding, is_bigendian):
     """Both encodings are read in both byte orders and with padded rows."""
     values = np.arange(6.0).reshape(2, 3) + 1000.0
     image = _image(values, encoding, dtype, padding=padding, is_bigendian=is_bigendian)
-    np.testing.assert_array_equal(codec.image_array(image, 'terrain'), values)
+    np.testing.assert_array_equal(image_array(image, 'terrain'), values)
 
 
 @pytest.mark.parametrize(
@@ -70,7 +71,7 @@ def test_a_malformed_image_is_refused(changes, field):
     for name, value in changes.items():
         setattr(image, name, value)
     with pytest.raises(LavaError) as caught:
-        codec.image_array(image, 'terrain')
+        image_array(image, 'terrain')
     assert caught.value.field == field
 
 
@@ -79,7 +80,7 @@ def test_float_image_round_trip():
     image = codec.float_image(VALUES, codec.header('map', 1_500_000_002))
     assert (image.header.stamp.sec, image.header.stamp.nanosec) == (1, 500_000_002)
     again = deserialize_message(codec.serialise(image), Image)
-    np.testing.assert_array_equal(codec.image_array(again, 'x'), VALUES.astype(np.float32))
+    np.testing.assert_array_equal(image_array(again, 'x'), VALUES.astype(np.float32))
 
 
 def test_occupancy_grid():
@@ -133,7 +134,7 @@ def _cloud(order, datatypes, *, rows, padding, is_bigendian):
 def test_cloud_columns(order, rows, padding, is_bigendian, datatypes):
     """Any order, type, padding, organisation and byte order gives the same numbers."""
     cloud = _cloud(order, datatypes, rows=rows, padding=padding, is_bigendian=is_bigendian)
-    columns = codec.cloud_columns(cloud, 'cloud', ('x', 'y', 'z'), optional=('id',))
+    columns = cloud_columns(cloud, 'cloud', ('x', 'y', 'z'), optional=('id',))
     steps = 10.0 * np.arange(rows * 3)
     for name, first in (('x', 1.0), ('y', 2.0), ('z', 3.0)):
         np.testing.assert_array_equal(columns[name], first + steps)
@@ -165,15 +166,15 @@ def test_a_malformed_cloud_is_refused(changes, field):
     for name, value in changes.items():
         setattr(cloud, name, value)
     with pytest.raises(LavaError) as caught:
-        codec.cloud_columns(cloud, 'cloud', ('x', 'y', 'z'))
+        cloud_columns(cloud, 'cloud', ('x', 'y', 'z'))
     assert caught.value.field == field
 
 
 def test_point_cloud_round_trip():
     """A cloud that was made can be read."""
     cloud = codec.point_cloud({'x': [1.0, 2.0], 'id': [3.0, 4.0]}, codec.header('map', 0))
-    columns = codec.cloud_columns(cloud, 'cloud', ('x',), optional=('id',))
+    columns = cloud_columns(cloud, 'cloud', ('x',), optional=('id',))
     assert columns['x'].tolist() == [1.0, 2.0]
     assert columns['id'].tolist() == [3.0, 4.0]
     empty = codec.point_cloud({'x': [], 'id': []}, codec.header('map', 0))
-    assert codec.cloud_columns(empty, 'cloud', ('x',))['x'].size == 0
+    assert cloud_columns(empty, 'cloud', ('x',))['x'].size == 0

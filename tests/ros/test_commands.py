@@ -87,15 +87,18 @@ def test_a_callback_may_put_another():
     assert taken(commands) == ['vents', 'terrain']
 
 
-def test_cancel_all():
-    """At the end what waits is cancelled."""
+def test_a_closed_queue_refuses_what_waits_and_what_comes():
+    """Nobody waits for ever: each future holds the reason, and the thread is woken."""
     commands = CommandQueue()
     futures = [put(commands, 'a'), put(commands, 'b', 'vents')]
-    commands.cancel_all()
-    assert all(future.cancelled() for future in futures)
+    commands.close(LavaError('simulation', 'stopped', 'one that runs'))
+    futures += [put(commands, 'c', 'vents'), put(commands, 'd')]
+    for future in futures:
+        with pytest.raises(LavaError, match='stopped'):
+            future.result(0.0)
     assert len(commands) == 0
-    put(commands, 'c', 'vents')
-    assert taken(commands) == ['c']
+    with pytest.raises(queue.Empty):
+        commands.get()
 
 
 def test_a_waiting_thread_is_woken():

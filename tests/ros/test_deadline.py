@@ -20,15 +20,15 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast import affordable
-from lava_ros.forecast.affordable import Affordable
-from lava_ros.presets import preset_accuracy
+from lava_ros.forecast import planning as affordable
+from lava_ros.forecast.planning import Affordable
 from lava_ros.ros import diagnostics
 from lava_ros.ros.deadline import DeadlineChooser
 from lava_ros.ros.parameters import Settings
-from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation.presets import preset_accuracy
 
-SCENE = Scene(Terrain(np.zeros((10, 10)), 10.0), (Vent((50.0, 50.0), 5.0),))
+SCENE = Scene(Terrain(np.zeros((10, 10)), 10.0), (Vent((50.0, 50.0), 5.0),), lava=Lava())
 
 SETTINGS = Settings(
     device='cpu', forecast_horizon=600.0, ensemble_members=8, deadline=20.0, preset='draft'

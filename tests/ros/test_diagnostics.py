@@ -14,16 +14,20 @@
 
 """What the node says about itself."""
 
+from socket import gethostname
+
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.ros import diagnostics
+from lava_ros.ros.diagnostics import ClockWatch, PATIENCE
 from lava_ros.ros.recorder import RecorderStatus
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import Terrain
-from lava_ros.simulation.snapshot import Snapshot, StepReport, VolumeBudget
+from lava_ros.simulation.budget import VolumeBudget
+from lava_ros.simulation.snapshot import Snapshot, StepReport
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -34,7 +38,7 @@ def _values(status):
 
 def _snapshot(**budget):
     terrain = Terrain(np.zeros((2, 2)), 1.0)
-    amounts = {'emitted': 10.0, 'held': 9.0, 'pending': 0.5, 'left': 1.0, **budget}
+    amounts = {'emitted': 10.0, 'held': 10.0, 'pending': 0.5, 'left': 0.0, **budget}
     return Snapshot(
         time=12.5,
         terrain=terrain,
@@ -88,6 +92,39 @@ def test_lava_that_waits_in_the_vents_is_a_warning():
     assert (status.level, status.message) == (WARN, 'behind: 0.4 m3 of lava wait in the vents')
 
 
+def test_what_is_on_no_map_is_a_warning():
+    """Lava that has left the terrain, and how, beside all else that is to be said."""
+    gone = _simulation(
+        WorkerState.RUNNING, _snapshot(held=5.0, left=5.0, in_holes=4.0), is_behind=True
+    )
+    assert gone.level == WARN
+    assert gone.message.split('; ') == [
+        '10 % of the lava has left over the border: it is on no map',
+        '40 % of the lava has left into cells without data: it is on no map',
+        'running slower than the clock asks for',
+    ]
+
+
+def test_what_holds_others_up_is_a_warning():
+    """A step, or a command, that takes longer than ten slices; what starts says so itself."""
+    short = {'doing': 'a step', 'turn': 0.9}
+    assert _simulation(WorkerState.RUNNING, **short).level == OK
+    long = {'doing': 'a step', 'turn': 3.25, 'waiting': ('reset', 'snapshot')}
+    status = _simulation(WorkerState.RUNNING, **long)
+    what = 'a step takes 3.2 s or more; waiting for it: reset, snapshot'
+    assert (status.level, status.message) == (WARN, what)
+    assert _simulation(WorkerState.STARTING, **long).level == OK
+
+
+def test_a_clock_that_does_not_move_is_a_warning():
+    """A node that waits for /clock is running, and nothing moves."""
+    worker = WorkerStatus(WorkerState.RUNNING, '', 0.0, 0.0, False, 'cpu')
+    status = diagnostics.simulation_status(
+        worker, None, is_active=True, wet_cells=0, frame_stamp_ns=0, clock='/clock does not arrive'
+    )
+    assert (status.level, status.message) == (WARN, '/clock does not arrive')
+
+
 def test_simulation_values():
     """The values are those of the frame that was published."""
     values = _values(_simulation(WorkerState.RUNNING, _snapshot()))
@@ -102,11 +139,12 @@ def test_simulation_values():
         'particles': '3',
         'wet_cells': '7',
         'volume_emitted_m3': '10.0',
-        'volume_held_m3': '9.0',
+        'volume_held_m3': '10.0',
         'volume_pending_m3': '0.5',
         'volume_late_m3': '0.0',
-        'volume_left_m3': '1.0',
+        'volume_left_m3': '0.0',
         'volume_frozen_m3': '0.0',
+        'volume_in_holes_m3': '0.0',
         'volume_error': '0.000e+00',
         'steps': '40',
         'step_s': '0.25',
@@ -143,15 +181,17 @@ def test_an_inactive_node_says_so():
 
 def test_lost_volume_is_an_error():
     """More than the promised share unaccounted for is an error."""
-    assert _simulation(WorkerState.RUNNING, _snapshot(held=8.99995)).level == OK
-    status = _simulation(WorkerState.RUNNING, _snapshot(held=8.999))
-    assert (status.level, status.message) == (ERROR, 'volume is not conserved')
+    assert _simulation(WorkerState.RUNNING, _snapshot(held=9.99995)).level == OK
+    status = _simulation(WorkerState.RUNNING, _snapshot(held=9.999))
+    assert status.level == ERROR
+    assert status.message.startswith('volume is not conserved')
 
 
 def test_a_volume_that_is_no_number_is_an_error():
     """NaN is no less an error than a share that is too large."""
     status = _simulation(WorkerState.RUNNING, _snapshot(held=float('nan')))
-    assert (status.level, status.message) == (ERROR, 'volume is not conserved')
+    assert status.level == ERROR
+    assert status.message.startswith('volume is not conserved')
 
 
 def test_effects_status():
@@ -207,6 +247,20 @@ def test_statuses_carry_the_name_of_their_node():
     """Nodes in several namespaces keep apart for whoever gathers diagnostics."""
     for node, source in (('/lava', 'lava'), ('/etna/lava2', 'etna/lava2')):
         message = DiagnosticArray(status=[diagnostics.effects_status({})])
-        diagnostics.sign(message, node)
+        diagnostics.sign(message, node, 'cuda:0')
         assert message.status[0].name == f'{source}: effects'
-        assert message.status[0].hardware_id == source
+        assert message.status[0].hardware_id == f'{gethostname()} cuda:0'
+        # before there is a simulation
+        diagnostics.sign(message, node, '')
+        assert message.status[0].hardware_id == gethostname()
+
+
+def test_a_clock_that_never_comes_or_stops_is_said():
+    """After a while of the wall clock, and no more once it moves."""
+    watch, now = ClockWatch(), 50.0
+    assert watch.look(0, now) == watch.look(0, now + 0.9 * PATIENCE) == ''
+    assert watch.look(0, now + PATIENCE).startswith('/clock does not arrive')
+    assert watch.look(10**9, now + 10.0 * PATIENCE) == ''
+    assert watch.look(2 * 10**9, now + 11.0 * PATIENCE) == ''
+    assert watch.look(2 * 10**9, now + 12.0 * PATIENCE).startswith('/clock stands still')
+    assert watch.look(10**9, now + 13.0 * PATIENCE) == ''

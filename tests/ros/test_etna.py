@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lava_ros.frames import read_frame
+from lava_ros.maps.frames import read_frame
 
 DATA = Path(__file__).parents[3] / 'shared' / 'data' / 'etna2001'
 

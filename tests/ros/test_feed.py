@@ -27,15 +27,17 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import Image, PointCloud2
 
-from lava_ros.ros import codec, inputs, qos
+from lava_ros.maps.message_arrays import cloud_columns
+from lava_ros.ros import inputs, qos
 from lava_ros.ros.feed import SceneFeed
-from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.ros.parameters import Settings
+from lava_ros.scene import Lava, Scene, Terrain, Vent
 from ros_domain import own_domain
 
 TERRAIN = Terrain(np.arange(12.0).reshape(3, 4), resolution=2.5, origin=(1.0, 2.0))
 VENTS = (
-    Vent((2.0, 3.0), [(0.0, 10.0), (3600.0, 4.0)], name='falling'),
-    Vent((3.0, 4.0), 5.0, end=(8.0, 4.0), name='fissure'),
+    Vent((2.0, 3.0), [(0.0, 10.0), (3600.0, 4.0)], 1423.0, name='falling'),
+    Vent((3.0, 4.0), 5.0, 1423.0, end=(8.0, 4.0), name='fissure'),
 )
 
 
@@ -54,7 +56,7 @@ class Graph:
         monkeypatch.setattr(
             Node, '__init__', lambda node, name, **_: real(node, name, context=self._context)
         )
-        self._executor.add_node(SceneFeed(Scene(TERRAIN, VENTS)))
+        self._executor.add_node(SceneFeed(Scene(TERRAIN, VENTS, lava=Lava())))
         monkeypatch.undo()
 
     def add_listener(self) -> Node:
@@ -105,7 +107,7 @@ def test_a_latecomer_gets_terrain_and_vents(
     graph.add_feed(monkeypatch)
     graph.add_listener()
     graph.spin_until(lambda: all(graph.heard.values()))
-    rules = inputs.InputRules()
+    rules = Settings()
     terrain = inputs.terrain_from_image(
         graph.heard['terrain'][0], graph.heard['terrain_info'][0], rules
     )
@@ -132,9 +134,39 @@ def test_discharge_follows_simulated_time(graph: Graph, monkeypatch: pytest.Monk
     publisher.publish(DiagnosticArray(status=[status]))
 
     def discharge() -> float:
-        columns = codec.cloud_columns(graph.heard['vents'][-1], 'vents', ('discharge',))
+        columns = cloud_columns(graph.heard['vents'][-1], 'vents', ('discharge',))
         return float(columns['discharge'][0])
 
     assert discharge() == 10.0
     graph.spin_until(lambda: discharge() == 4.0)
     assert len(graph.heard['vents']) == 2
+
+
+def test_what_the_node_refuses_is_told(
+    graph: Graph, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Whoever runs the feed does not see the node's log: once for each refusal."""
+    listener = graph.add_listener()
+    graph.add_feed(monkeypatch)
+    publisher = listener.create_publisher(
+        DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
+    )
+    graph.spin_until(lambda: publisher.get_subscription_count() > 0)
+    said = "refused terrain: terrain.data is '5 of 12 cells without data (NaN)'"
+    good = DiagnosticStatus(name='lava: inputs', level=DiagnosticStatus.OK, message='all taken')
+    bad = DiagnosticStatus(name='lava: inputs', level=DiagnosticStatus.ERROR, message=said)
+    other = DiagnosticStatus(name='etna/lava: inputs', level=DiagnosticStatus.ERROR, message='no')
+    # all that came before the vents of a new time has been heard by then
+    late = DiagnosticStatus(
+        name='lava: simulation', values=[KeyValue(key='simulated_time_s', value='3700.0')]
+    )
+    for statuses in ([good], [bad], [bad, other], [good], [bad], [late]):
+        publisher.publish(DiagnosticArray(status=statuses))
+    graph.spin_until(
+        lambda: bool(graph.heard['vents'])
+        and cloud_columns(graph.heard['vents'][-1], 'vents', ('discharge',))['discharge'][0] == 4.0
+    )
+    errors = capfd.readouterr().err
+    assert errors.count(f'lava: inputs: {said}') == 2
+    assert '[ERROR]' in errors
+    assert 'etna' not in errors

@@ -40,7 +40,7 @@ vents: [{position: [60.0, 155.0], discharge: 20.0, radius: 12.0}]
 lava: {viscosity: 1.0e4}
 """
 
-TOPICS = ('arrival_time', 'arrival', 'peak_height', 'peak_temperature')
+TOPICS = ('arrival_time', 'arrival', 'arrival_class', 'peak_height', 'peak_temperature')
 
 
 @pytest.fixture(scope='module')

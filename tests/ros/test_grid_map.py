@@ -29,14 +29,14 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
 
 from lava_ros.errors import LavaError
-from lava_ros.layer_files import layers_from_dict
-from lava_ros.layers import GRID_MAP
+from lava_ros.maps.layer_files import layers_from_dict
+from lava_ros.maps.layers import GRID_MAP
 from lava_ros.ros import codec, grid_map, inputs, outputs
+from lava_ros.ros.codec import decode, MAX_GRID_LAYERS
 from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.raw_input import decode, MAX_GRID_LAYERS
 from lava_ros.scene import Terrain
-from test_masks import SNAPSHOT
+from maps.test_masks import SNAPSHOT
 
 #: A terrain of 3 rows and 4 columns, each cell of another height.
 TERRAIN = Terrain(np.arange(12.0).reshape(3, 4), 2.0, origin=(100.0, -50.0))
@@ -163,7 +163,8 @@ def test_a_terrain_is_read_from_any_start_of_the_buffer(start, row_major, offset
     message = moved(*start, row_major=row_major, offset=offset)
     if not row_major and not offset:
         assert cells(message, 'elevation') == expected(TERRAIN, TERRAIN.elevation)
-    terrain = inputs.terrain_from_grid(message, inputs.InputRules(epsg=32633, offset=(5e5, 4e6)))
+    settings = Settings(epsg=32633, offset_easting=5e5, offset_northing=4e6)
+    terrain = inputs.terrain_from_grid(message, settings)
     np.testing.assert_array_equal(terrain.elevation, TERRAIN.elevation)
     assert (terrain.origin, terrain.resolution) == (TERRAIN.origin, TERRAIN.resolution)
     assert (terrain.epsg, terrain.offset) == (32633, (5e5, 4e6))
@@ -207,14 +208,14 @@ def spoilt(**changes):
 def test_a_map_that_contradicts_itself_is_refused(changes, sentence):
     """The field, what it says and what would be right are named."""
     with pytest.raises(LavaError) as caught:
-        inputs.terrain_from_grid(spoilt(**changes), inputs.InputRules())
+        inputs.terrain_from_grid(spoilt(**changes), Settings())
     assert str(caught.value).startswith(sentence)
 
 
 def test_a_map_that_is_too_large_is_refused():
     """The limit of a terrain's cells holds for maps too."""
     with pytest.raises(LavaError, match='max_terrain_cells'):
-        inputs.terrain_from_grid(made(), inputs.InputRules(max_terrain_cells=11))
+        inputs.terrain_from_grid(made(), Settings(max_terrain_cells=11))
 
 
 @pytest.fixture
@@ -393,7 +394,7 @@ def test_what_a_map_announces_is_bounded(monkeypatch, counts, dimensions, senten
     message = made(thickness=TERRAIN.elevation)
     layout = message.data[1].layout
     layout.dim = [*layout.dim, MultiArrayDimension(label='more', size=1)][:dimensions]
-    monkeypatch.setattr('lava_ros.ros.raw_input.deserialize_message', lambda *_: 'read')
+    monkeypatch.setattr('lava_ros.ros.codec.deserialize_message', lambda *_: 'read')
     data = wire(message, **counts)
     if not sentence:
         assert decode(data, GridMap, 'terrain_grid', max_bytes=1000) == 'read'

@@ -26,9 +26,10 @@ from sensor_msgs.msg import Image, PointField
 
 from lava_ros.errors import LavaError
 from lava_ros.ros import codec, inputs, outputs
+from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Terrain, Vent
 
-RULES = inputs.InputRules()
+RULES = Settings()
 ELEVATION = np.arange(12, dtype=np.float32).reshape(3, 4) + 100.0
 
 
@@ -53,7 +54,7 @@ def _with(value, place=(1, 1)):
 
 def test_terrain_from_image():
     """Elevation, resolution, origin and the offset of the map arrive as they are."""
-    rules = replace(RULES, epsg=32633, offset=(500000.0, 4170000.0))
+    rules = replace(RULES, epsg=32633, offset_easting=5e5, offset_northing=4.17e6)
     image, info = _pair(resolution=0.1)
     terrain = inputs.terrain_from_image(image, info, rules)
     np.testing.assert_array_equal(terrain.elevation, ELEVATION)
@@ -107,6 +108,12 @@ def test_holes_are_taken_on_request():
         (lambda image, info: setattr(info, 'resolution', 0.0), 'terrain_info.resolution'),
         (lambda image, info: setattr(info, 'resolution', -1.0), 'terrain_info.resolution'),
         (lambda image, info: setattr(info, 'resolution', np.nan), 'terrain_info.resolution'),
+        (lambda image, info: setattr(info, 'resolution', 1e30), 'terrain_info.resolution'),
+        (lambda image, info: setattr(info, 'resolution', 1e-30), 'terrain_info.resolution'),
+        (
+            lambda image, info: setattr(info.origin.position, 'y', -1e308),
+            'terrain_info.origin.position.y',
+        ),
         (
             lambda image, info: setattr(info.origin.position, 'x', np.inf),
             'terrain_info.origin.position.x',
@@ -187,12 +194,13 @@ def test_terrain_from_scattered_cloud():
     ('x', 'y', 'z', 'rules', 'field'),
     [
         ([0, 20, 0, 20], [0, 0, 20, 20], [1, 2, 3, 4], {}, 'terrain_cloud.data'),
-        ([0, 10, 0, 10], [0, 0, 10, 10], [1, 2, 3, np.inf], {}, 'terrain_cloud.data'),
-        ([0, 10, 0, np.inf], [0, 0, 10, 10], [1, 2, 3, 4], {}, 'terrain_cloud.data'),
+        ([0, 10, 0, 10], [0, 0, 10, 10], [1, 2, 3, np.inf], {}, 'terrain_cloud.z'),
+        ([0, 10, 0, np.inf], [0, 0, 10, 10], [1, 2, 3, 4], {}, 'terrain_cloud.x'),
+        ([0, 10, 0, 10], [0, -2e9, 10, 10], [1, 2, 3, 4], {}, 'terrain_cloud.y'),
         ([0, 10], [0, 0], [1, 2], {}, 'terrain_cloud.size'),
         ([np.nan], [0], [1], {}, 'terrain_cloud.size'),
         ([], [], [], {}, 'terrain_cloud.size'),
-        ([0, 1e30], [0, 1e30], [1, 2], {}, 'terrain_cloud.size'),
+        ([0, 1e8], [0, 1e8], [1, 2], {}, 'terrain_cloud.size'),
         (
             [0, 1e4],
             [0, 1e4],
@@ -208,6 +216,21 @@ def test_malformed_terrain_cloud_is_refused(x, y, z, rules, field):
     with pytest.raises(LavaError) as caught:
         inputs.terrain_from_cloud(_cloud(x, y, z), replace(RULES, **rules))
     assert caught.value.field == field
+
+
+@pytest.mark.parametrize('axis', ['x', 'y', 'z'])
+def test_numbers_of_a_cloud_are_bounded_before_they_are_used(axis):
+    """FLOAT64 may have any number: a spread or a mean of such is none, or another one's."""
+    columns = {'x': [0.0, 10.0, 10.0], 'y': [0.0, 10.0, 10.0], 'z': [1.0, 2.0, 3.0]}
+    columns[axis][1:] = [1e308, -1e308]
+    points = np.array(list(columns.values())).T
+    cloud = codec.point_cloud(columns, _header())
+    for index, item in enumerate(cloud.fields):
+        item.datatype, item.offset = PointField.FLOAT64, 8 * index
+    cloud.point_step, cloud.row_step = 24, 72
+    cloud.data = array.array('B', points.tobytes())
+    with pytest.raises(LavaError, match=rf'terrain_cloud\.{axis} is 1e\+308, expected at most'):
+        inputs.terrain_from_cloud(cloud, RULES)
 
 
 def test_cloud_holes_are_taken_on_request():
@@ -232,6 +255,26 @@ def test_vents_from_cloud():
     assert first == Vent((1.0, 2.0), 5.0, temperature=1373.15, radius=8.0, name='vent 0')
     assert (second.position, second.name) == ((9.0, 2.0), 'vent 1')
     assert inputs.vents_from_cloud(_vents({}, id=7.0), RULES)[0].name == 'vent 7'
+
+
+def test_a_vent_with_a_schedule():
+    """Points of one id and place with times are one vent; the ends of a fissure are two."""
+    points = [
+        {'time': time, 'discharge': discharge, 'x': x}
+        for x in (1.0, 9.0)
+        for time, discharge in ((0.0, 5.0), (60.0, 2.0), (600.0, 0.0))
+    ]
+    first, second = inputs.vents_from_cloud(_vents(*points, id=7.0), RULES)
+    assert (first.position, second.position) == ((1.0, 2.0), (9.0, 2.0))
+    assert first.series == second.series == ((0.0, 5.0), (60.0, 2.0), (600.0, 0.0))
+    assert first.name == 'vent 7'
+    with pytest.raises(LavaError, match='missing: id'):
+        inputs.vents_from_cloud(_vents(*points), RULES)
+    with pytest.raises(LavaError, match="'vent 7'.radius is 9.0, expected 8 as at its first time"):
+        inputs.vents_from_cloud(_vents(points[0], {**points[1], 'radius': 9.0}, id=7.0), RULES)
+    with pytest.raises(LavaError, match="'vent 7'.discharge"):
+        inputs.vents_from_cloud(_vents(points[1], points[0], id=7.0), RULES)
+    assert inputs.vents_from_cloud(_vents(), RULES) == ()
 
 
 def test_no_vents():
@@ -306,14 +349,14 @@ VENT_COLUMNS = {name: [value] for name, value in VENT.items()}
 
 def test_vent_from_point():
     """A click opens a vent with the defaults, whatever its stamp; its frame counts."""
-    defaults = {'discharge': 3.0, 'temperature': 1000.0, 'radius': 4.0, 'name': 'click 1'}
+    settings = Settings(default_discharge=3.0, default_temperature=1000.0, default_radius=4.0)
     point = PointStamped(header=codec.header('map', 10**18))
     point.point.x, point.point.y = 6.0, 7.0
-    vent = inputs.vent_from_point(point, RULES, **defaults)
+    vent = inputs.vent_from_point(point, settings, name='click 1')
     assert vent == Vent((6.0, 7.0), 3.0, temperature=1273.15, radius=4.0, name='click 1')
     point.header.frame_id = 'base_link'
     with pytest.raises(LavaError, match=r'clicked_point\.header\.frame_id'):
-        inputs.vent_from_point(point, RULES, **defaults)
+        inputs.vent_from_point(point, settings, name='click 1')
 
 
 def _info(width, height):
@@ -340,7 +383,7 @@ def test_pairing_in_either_order(image_first):
 
 def test_pairing_waits_for_the_partner_of_a_new_half():
     """A new half of the old size takes the old partner only when no new one comes."""
-    pairing, info = inputs.TerrainPairing(settle=0.5, patience=2.0), _info(4, 3)
+    pairing, info = inputs.TerrainPairing(), _info(4, 3)
     pairing.add_image(_plain_image(4, 3), 0.0)
     pairing.add_info(info, 0.0)
     assert pairing.poll(0.0)
@@ -357,7 +400,7 @@ def test_pairing_waits_for_the_partner_of_a_new_half():
 
 def test_pairing_reports_a_mismatch_once():
     """Halves of different sizes are reported once, after the patience, and can still be mended."""
-    pairing = inputs.TerrainPairing(patience=2.0)
+    pairing = inputs.TerrainPairing()
     pairing.add_image(_plain_image(4, 3), 0.0)
     pairing.add_info(_info(5, 3), 0.0)
     assert pairing.poll(1.9) is None
@@ -374,14 +417,14 @@ def test_pairing_reports_a_mismatch_once():
 )
 def test_pairing_reports_a_lonely_half_once(half, field):
     """A half whose partner never comes is reported once, later than one of another size."""
-    pairing = inputs.TerrainPairing(patience=0.5, absence=2.0)
+    pairing = inputs.TerrainPairing()
     message = _plain_image(4, 3) if half == 'add_image' else _info(4, 3)
     getattr(pairing, half)(message, 0.0)
-    assert pairing.poll(1.0) is None
+    assert pairing.poll(9.9) is None
     with pytest.raises(LavaError) as caught:
-        pairing.poll(2.5)
+        pairing.poll(10.0)
     assert caught.value.field == field
-    assert pairing.poll(9.0) is None
+    assert pairing.poll(20.0) is None
 
 
 @pytest.mark.parametrize('lie', [False, True])

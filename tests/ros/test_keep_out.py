@@ -15,17 +15,16 @@
 """The example of a robot that stays out: its search, and itself in a real graph."""
 
 import importlib.util
-import json
 from pathlib import Path
-import time
 
 import numpy as np
 import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
+from ros.conftest import Robot
+
 ROOT = Path(__file__).parents[2]
-HERE = Path(__file__).parent
 EXAMPLE = ROOT / 'examples/keep_out.py'
 
 
@@ -82,42 +81,6 @@ def test_the_example_is_short():
     assert len(EXAMPLE.read_text(encoding='utf-8').splitlines()) <= 200
 
 
-class Robot:
-    """The example and the rest of its robot, in one graph."""
-
-    def __init__(self, graph):
-        # A namespace of their own: nodes of other tests may publish hazard in this domain.
-        words = ['--ros-args', '-r', '__ns:=/robot']
-        self.example = graph.process(str(EXAMPLE), *words, '-p', 'clearance:=20.0')
-        self.rest = graph.process(str(HERE / 'graph_robot.py'), *words)
-        assert self.rest.line(30.0) == 'ready'
-
-    def tell(self, **what):
-        """Publish something."""
-        self.rest.child.stdin.write(json.dumps(what) + '\n')
-        self.rest.child.stdin.flush()
-
-    def plan(self, condition, timeout=20.0):
-        """The next plan that fulfils a condition."""
-        end = time.monotonic() + timeout
-        while True:
-            assert time.monotonic() < end, self.example.log
-            try:
-                line = self.rest.line(timeout)
-            except AssertionError as error:
-                raise AssertionError(f'{error}; the example:\n{self.example.log}') from error
-            plan = np.array(json.loads(line)).reshape(-1, 2)
-            if condition(plan):
-                return plan
-
-    def says(self, text, timeout=10.0):
-        """Wait until the example has logged a text."""
-        end = time.monotonic() + timeout
-        while text not in self.example.log:
-            assert time.monotonic() < end, self.example.log
-            time.sleep(0.05)
-
-
 def _map(*gaps):
     """300 x 200 m with a wall of lava at x = 140 m, open at rows of cells, and unknown ground."""
     rows = np.zeros((20, 30), dtype=int)
@@ -144,7 +107,7 @@ def _distance_to_lava(plan, rows):
 
 def test_a_robot_stays_out(graph):
     """It goes round, plans anew when the map changes, and stops rather than drive into lava."""
-    robot = Robot(graph)
+    robot = Robot(graph, EXAMPLE, 'hazard', 'clearance:=20.0')
     low = _map(4)
     robot.tell(hazard=low, pose=[15.0, 95.0], goal=[285.0, 95.0])
     plan = robot.plan(_is_way)

@@ -16,21 +16,19 @@
 
 import importlib.util
 import itertools
-import json
 from pathlib import Path
-import time
 
 import numpy as np
 import pytest
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.forecast.lookahead import LookAhead
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from ros.conftest import Robot
 
 ROOT = Path(__file__).parents[2]
-HERE = Path(__file__).parent
 EXAMPLE = ROOT / 'examples/leave_in_time.py'
 
 CELL = 10.0
@@ -162,39 +160,6 @@ def test_who_sees_ahead_leaves_in_time(example):
     assert np.isnan(forecast.arrival[sees_ahead.cell])
 
 
-class Robot:
-    """The example and the rest of its robot, in one graph."""
-
-    def __init__(self, graph):
-        words = ['--ros-args', '-r', '__ns:=/leaving']
-        self.example = graph.process(
-            str(EXAMPLE), *words, '-p', 'speed:=1.0', '-p', 'margin:=30.0', '-p', 'max_age:=900.0'
-        )
-        self.rest = graph.process(str(HERE / 'graph_leaving_robot.py'), *words)
-        assert self.rest.line(30.0) == 'ready'
-
-    def tell(self, **what):
-        """Publish something."""
-        self.rest.child.stdin.write(json.dumps(what) + '\n')
-        self.rest.child.stdin.flush()
-
-    def plan(self, condition, timeout=20.0):
-        """The next plan that fulfils a condition."""
-        end = time.monotonic() + timeout
-        while True:
-            assert time.monotonic() < end, self.example.log
-            plan = np.array(json.loads(self.rest.line(timeout))).reshape(-1, 2)
-            if condition(plan):
-                return plan
-
-    def says(self, text, timeout=10.0):
-        """Wait until the example has logged a text."""
-        end = time.monotonic() + timeout
-        while text not in self.example.log:
-            assert time.monotonic() < end, self.example.log
-            time.sleep(0.05)
-
-
 def _coming(soon, late):
     """300 x 200 m: lava on the left comes to columns 5 to 24, from the left on; free beyond."""
     rows = [[0.0] * 5 + list(np.linspace(soon, late, 20)) + [NEVER] * 5 for _ in range(20)]
@@ -208,7 +173,8 @@ def _ends_at(x, y):
 
 def test_a_robot_leaves(graph):
     """It goes where no lava comes, in time or not at all, and trusts no forecast that is gone."""
-    robot = Robot(graph)
+    parameters = ('speed:=1.0', 'margin:=30.0', 'max_age:=900.0')
+    robot = Robot(graph, EXAMPLE, 'arrival', *parameters)
     robot.tell(arrival=_coming(200.0, 900.0), pose=[95.0, 95.0])
     # down is nearer; right it would be overtaken by nothing, but later
     plan = robot.plan(lambda plan: len(plan) > 1)

@@ -20,7 +20,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from lava_ros.layer_files import load_layers
+from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import grid_map
 
 ROOT = Path(__file__).parents[2]

@@ -20,13 +20,16 @@ import pytest
 from disc_flow import disc_fields, disc_plan, TERRAIN
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import outline_on
-from lava_ros.forecast.probability import footprint_of, occupancy, Tally
+from lava_ros.forecast.probability import footprint_of, Tally
+from lava_ros.maps.forecast import occupancy
+from lava_ros.maps.message_arrays import image_array
 from lava_ros.ros import codec
-from lava_ros.ros.inputs import InputRules
-from lava_ros.ros.probability import mask_from_grid, probability_messages
+from lava_ros.ros.inputs import mask_from_grid
+from lava_ros.ros.offline_bags import probability_messages
+from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Terrain
 
-RULES = InputRules()
+RULES = Settings()
 
 
 def seen(cells, resolution=10.0, origin=(100.0, 50.0)):
@@ -57,7 +60,7 @@ def test_messages_have_the_maps():
         ('expected_thickness', maps.thickness), ('arrival_time_p50', maps.arrival[0.5]),
     ):
         image = messages[name][1]
-        np.testing.assert_array_equal(codec.image_array(image, name), values)
+        np.testing.assert_array_equal(image_array(image, name), values)
         assert image.header.stamp.nanosec == 7
 
 
@@ -91,11 +94,13 @@ def test_masks_that_cannot_be_used_are_refused():
     turned.info.origin.orientation.z = 0.7
     flat = seen([[100, 0], [0, 0]])
     flat.info.resolution = 0.0
+    far = seen([[100, 0], [0, 0]])
+    far.info.origin.position.x = 1e308
     beyond = seen([[101, 0], [0, 0]])
     for message, field in (
         (other, 'observed.header.frame_id'), (short, 'observed.data'),
         (turned, 'observed.info.origin.orientation'), (flat, 'observed.info.resolution'),
-        (beyond, 'observed.data'),
+        (beyond, 'observed.data'), (far, 'observed.info.origin.position.x'),
     ):
         with pytest.raises(LavaError) as caught:
             mask_from_grid(message, RULES)

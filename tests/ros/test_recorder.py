@@ -12,23 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The recorder: one bag after the other, and errors that do not end the node."""
+"""The bag: names, limits, what happens when it cannot be written."""
+
+import shutil
 
 import pytest
 from std_msgs.msg import String
 
-from lava_ros.bag import BagReader
+from lava_ros.bag import BagReader, LATCHED
 from lava_ros.errors import LavaError
-from lava_ros.layers import Qos
-from lava_ros.ros import codec, qos
-from lava_ros.ros.recorder import Recorder
-
-PROFILE = qos.bag_profile(Qos())
+from lava_ros.ros import codec
+from lava_ros.ros.recorder import BagFolder, Recorder, SAVE_PERIOD, SaveAllowance, SAVES
 
 
 def _write(recorder, text, stamp_ns=1):
     data = codec.serialise(String(data=text))
-    recorder.write('/words', 'std_msgs/msg/String', data, stamp_ns, qos=PROFILE)
+    recorder.write('/words', 'std_msgs/msg/String', data, stamp_ns, qos=LATCHED)
     return data
 
 
@@ -104,6 +103,56 @@ def test_a_full_disk_stops_the_recording(tmp_path, monkeypatch, step):
     assert recorder.status.error == ''
 
 
+@pytest.mark.parametrize('is_flushed', [True, False])
+@pytest.mark.parametrize(
+    'fault', ['bag removed', 'bag replaced', 'file removed', 'parent replaced']
+)
+def test_a_bag_that_is_gone_is_reported(tmp_path, fault, is_flushed):
+    """An open file takes all that is written, though nobody will ever find it."""
+    bag, outside = tmp_path / 'bags' / 'bag', tmp_path / 'outside'
+    outside.mkdir()
+    recorder = Recorder()
+    recorder.arm(bag)
+    recorder.begin({})
+    _write(recorder, 'kept')
+    recorder.flush()
+    assert recorder.status.error == ''
+    if fault == 'bag removed':
+        shutil.rmtree(bag)
+    elif fault == 'file removed':
+        (bag / 'bag_0.mcap').unlink()
+    else:
+        moved = bag if fault == 'bag replaced' else bag.parent
+        moved.rename(tmp_path / 'moved')
+        moved.symlink_to(outside)
+    if is_flushed:
+        _write(recorder, 'lost', 2)
+        recorder.flush()
+    else:
+        recorder.stop()
+    assert recorder.status.state == 'off'
+    assert 'was removed, moved or replaced' in recorder.status.error
+    recorder.stop()
+    assert list(outside.iterdir()) == []
+    if 'replaced' in fault:
+        (file,) = (tmp_path / 'moved').rglob('*.mcap')
+        assert [message.topic for message in BagReader(file).messages()][:1] == ['/words']
+
+
+def test_a_link_that_comes_before_the_first_map_is_not_followed(tmp_path):
+    """The place of the bag is that of when it was chosen and checked."""
+    (tmp_path / 'bags' / 'deep').mkdir(parents=True)
+    (tmp_path / 'outside').mkdir()
+    recorder = Recorder()
+    recorder.arm(tmp_path / 'bags' / 'deep' / 'bag')
+    (tmp_path / 'bags' / 'deep').rmdir()
+    (tmp_path / 'bags' / 'deep').symlink_to(tmp_path / 'outside')
+    recorder.begin({})
+    assert recorder.status.state == 'off'
+    assert 'a link has come into its path' in recorder.status.error
+    assert list((tmp_path / 'outside').iterdir()) == []
+
+
 def test_a_bag_is_split(tmp_path):
     """With a limit the recording goes on in new files, which the status counts."""
     recorder = Recorder()
@@ -118,3 +167,103 @@ def test_a_bag_is_split(tmp_path):
     assert len(BagReader(tmp_path / 'bag').files) == 3
     recorder.arm(tmp_path / 'next')
     assert (recorder.status.files, recorder.status.messages) == (0, 0)
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A working directory with a folder outside of it and a link to that."""
+    (tmp_path / 'outside').mkdir()
+    (tmp_path / 'here' / 'bags').mkdir(parents=True)
+    (tmp_path / 'here' / 'bags' / 'link').symlink_to(tmp_path / 'outside')
+    monkeypatch.chdir(tmp_path / 'here')
+    return tmp_path
+
+
+def test_the_bag_given_at_the_start_may_be_anywhere(here):
+    """The user's own word is taken as it is, again and again."""
+    given = str(here / 'outside' / 'bag')
+    folder = BagFolder('', given)
+    assert str(folder.path(given)) == given
+
+
+def test_a_bag_without_a_name(here):
+    """It is named by the time, in the root: the folder of the given bag, or bags/."""
+    assert BagFolder('', '').path('').parent.name == 'bags'
+    given = here / 'outside' / 'bag'
+    assert BagFolder('', str(given)).path('').parent == given.parent
+    assert BagFolder(str(here), '').path('').parent == here
+
+
+def test_names_inside_the_root(here):
+    """Relative to the working directory, or absolute."""
+    folder = BagFolder('', '')
+    for name in ('bags/one', 'bags/two/three', str(here / 'here' / 'bags' / 'four')):
+        assert str(folder.path(name)) == name
+
+
+@pytest.mark.parametrize(
+    'name',
+    [
+        '/etc/lava',
+        'one',
+        'bags',
+        'bags/../one',
+        '../outside/bag',
+        'bags/link/bag',
+        'bags/link/../outside/bag',
+        'bags/\0',
+    ],
+)
+def test_names_outside_the_root_are_refused(here, name):
+    """Whether by an absolute path, by .., or by a link."""
+    with pytest.raises(LavaError, match='bag_directory'):
+        BagFolder('', '').path(name)
+
+
+def test_a_root_of_its_own(here):
+    """With bag_root the bags lie there, and only there."""
+    root = here / 'outside'
+    folder = BagFolder(str(root), 'bags/first')
+    assert str(folder.path('bags/first')) == 'bags/first'
+    assert folder.path(str(root / 'second')) == root / 'second'
+    with pytest.raises(LavaError, match='outside'):
+        folder.path('bags/third')
+
+
+def test_nodes_that_share_a_folder(here):
+    """Bags named by the time never meet: not of two nodes, nor two of one node in one second."""
+    root = here / 'outside'
+    for node, end in (('/lava', ''), ('/etna/lava', '_etna_lava')):
+        folder = BagFolder(str(root), '', node=node)
+        first = folder.path('')
+        first.mkdir()
+        second = folder.path('')
+        assert first.name.removesuffix(end).count('_') == 0
+        assert second not in (first, here)
+        assert not second.exists()
+
+
+def test_a_storm_is_refused_and_one_more_comes_each_period():
+    """However many calls come, and however long none came before."""
+    now = [1e6]
+    allowance = SaveAllowance(lambda: now[0])
+    now[0] += 100.0 * SAVE_PERIOD
+    taken = []
+    for _ in range(200):
+        try:
+            allowance.take(1)
+            taken.append(now[0])
+        except LavaError as error:
+            assert 'again in' in str(error)
+        now[0] += 0.05 * SAVE_PERIOD
+    assert len(taken) == SAVES + 9
+
+
+def test_what_is_written_is_bounded():
+    """By what all saves have written so far; a larger bound lets more come."""
+    allowance = SaveAllowance()
+    allowance.take(1000)
+    allowance.note(1000)
+    with pytest.raises(LavaError, match=r"1000 bytes saved so far', expected less than 1000 \("):
+        allowance.take(1000)
+    allowance.take(1001)

@@ -18,7 +18,6 @@ from dataclasses import replace
 from functools import lru_cache
 import json
 import signal
-import time
 
 import numpy as np
 import pytest
@@ -26,16 +25,16 @@ import yaml
 
 from lava_ros.bag import BagReader, BagWriter
 from lava_ros.bag.checkpoints import checkpoints_of, NAME, newest_checkpoint
-from lava_ros.checkpoint import Checkpoint, MEDIA_TYPE
-from lava_ros.choice import HORIZON
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.lava import Lava
-from lava_ros.presets import preset_accuracy
-from lava_ros.ros.parameters import lava_parameters, PARAMETERS
-from lava_ros.ros.resume import adopted
-from lava_ros.scene import Scene, Terrain
+from lava_ros.ros.parameters import constant_parameters, PARAMETERS
+from lava_ros.ros.sources import adopted
+from lava_ros.scene import constants_of, Scene, Terrain
+from lava_ros.scene.lava import Lava
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.checkpoint import Checkpoint, MEDIA_TYPE
+from lava_ros.simulation.presets import preset_accuracy
+from lava_ros.simulation.selection import HORIZON
 
 
 @pytest.fixture(autouse=True)
@@ -160,8 +159,7 @@ def test_a_node_that_cannot_resume_does_not_start_anew(graph, tmp_path, paramete
         if parameters:
             writer.attach(NAME, MEDIA_TYPE, checkpoint().to_bytes(), 1)
     node = graph.node(aside=True, resume=str(tmp_path / 'bag'), **parameters)
-    assert node.child.wait(120.0) == 1
-    time.sleep(0.1)
+    assert node.wait_for_end() == 1
     assert 'Traceback' not in node.log
     assert [line for line in node.log.splitlines() if words in line], node.log
 
@@ -180,7 +178,8 @@ def checkpoint(**changes):
 
 def defaults(lava):
     """The parameters' defaults beside a material."""
-    return {spec.name: spec.default for spec in (*PARAMETERS, *lava_parameters(lava))}
+    specs = PARAMETERS + constant_parameters({**constants_of(None), 'lava': lava})
+    return {spec.name: spec.default for spec in specs}
 
 
 def test_parameters_that_were_left_out_are_the_checkpoints():

@@ -122,8 +122,8 @@ def test_services_of_an_inactive_node(running):
 def test_markers_follow_the_discharge(running):
     """Markers are there from the start, and told again when the discharge of a vent changes."""
     assert running.client.change('activate'), running.node.log
-    assert running.labels(bool) == ['north: 20 m3/s, 1150 C']
-    assert running.labels(lambda texts: ' 0 m3/s' in texts[0]) == ['north: 0 m3/s, 1150 C']
+    assert running.labels(bool) == ['north: 20 m3/s, 1087 C']
+    assert running.labels(lambda texts: ' 0 m3/s' in texts[0]) == ['north: 0 m3/s, 1087 C']
     heard = [item for item in running.listener.seen if item['topic'] == 'vents_markers']
     # once for each discharge, not with every map
     assert len(heard) == 2
@@ -201,6 +201,28 @@ def test_save_while_recording_goes_into_that_bag(running):
     assert topics.count('/height') == topics.count('/lava_points') == 2
 
 
+def test_a_bag_that_is_gone_while_it_is_recorded(running):
+    """Diagnostics, log and the service say so; nothing goes where a link in its place leads."""
+    bag, outside = running.bags / 'gone', running.graph.directory / 'outside'
+    outside.mkdir()
+    assert running.publisher.set(bag_directory=str(bag))['success']
+    assert running.publisher.call('record', True)['success']
+    bag.rename(running.bags / 'moved')
+    bag.symlink_to(outside)
+    status = running.listener.wait_for_status('recorder', lambda status: status['level'] == 2)
+    assert status['state'] == 'off'
+    reason = f'recording to {bag} stopped: {bag} was removed, moved or replaced'
+    assert status['message'] == reason
+    answer = running.publisher.call('record', False)
+    assert not answer['success']
+    assert reason in answer['message']
+    said = [line for line in running.node.log.splitlines() if reason in line]
+    assert len(said) == 1 and '[ERROR]' in said[0], said
+    assert list(outside.iterdir()) == []
+    bag.unlink()
+    assert running.publisher.set(bag_directory=str(running.bags / 'run'))['success']
+
+
 def test_save_that_fails_says_so(running):
     """A bag that exists is not written into."""
     answer = running.publisher.call('save')
@@ -214,7 +236,7 @@ def test_markers_are_there_for_who_comes_late(running, graph):
     latecomer = graph.listener('vents_markers:markers')
     message = latecomer.wait_for_topic('vents_markers')
     assert [item['text'] for item in message['markers'] if item['text']] == [
-        'north: 0 m3/s, 1150 C'
+        'north: 0 m3/s, 1087 C'
     ]
 
 
@@ -238,6 +260,14 @@ def test_what_a_click_opens_can_be_changed(running):
     running.publisher.publish('click')
     (text,) = running.labels(lambda texts: len(texts) == 1)
     assert text.endswith(': 7 m3/s, 900 C')
+
+
+def test_kelvin_in_place_of_celsius_does_not_go_unnoticed(running):
+    """The log warns of a vent that is far too hot, with what it would be in kelvin."""
+    assert 'Celsius' not in running.node.log
+    running.publisher.publish('kelvin_vents')
+    running.node.wait_for_log('vents[0].temperature is 1360 Celsius, 273 K above lava.reference_')
+    assert '1360 K would be 1086.85 Celsius' in running.node.log
 
 
 def refused(running, words):
@@ -358,10 +388,28 @@ def test_what_may_not_change_says_so(running, values):
     assert 'Traceback' not in running.node.log
 
 
+def test_a_storm_of_saves_is_bounded(running):
+    """What comes too often is refused with the reason, and makes no bag.
+
+    It is the last test of this node: it leaves nothing of the allowance to others, whose five
+    saves fit into it at whatever speed they come.
+    """
+    assert running.publisher.set(bag_directory='')['success']
+    before = set(running.bags.parent.rglob('*.mcap'))
+    answers = [running.publisher.call('save')]
+    while len(answers) < 30 and answers[-1]['success']:
+        answers.append(running.publisher.call('save'))
+    assert 'one more each' in answers[-1]['message'], answers[-1]
+    made = set(running.bags.parent.rglob('*.mcap')) - before
+    assert len(made) == len(answers) - 1
+    status = running.listener.wait_for_status('recorder')
+    assert (status['state'], status['level']) == ('off', 0)
+
+
 def test_a_layer_that_is_none_is_refused(graph):
     """A node that is to publish a layer its file lacks says which it has."""
     node = graph.node(aside=True, device='cpu', layers_on=['points'])
-    assert node.child.wait(20.0) == 1
+    assert node.wait_for_end() == 1
     (sentence,) = [line for line in node.log.splitlines() if 'cannot start' in line]
     assert "layers_on is 'points', expected one of height, temperature, hazard," in sentence
     assert 'lava_points' in sentence

@@ -14,9 +14,16 @@
 
 """A callback that raises does not end the node."""
 
+from collections.abc import Iterator
+import signal
+import time
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import pytest
 
-from lava_ros.ros import spinning
+from lava_ros.ros import qos, spinning
+from lava_ros.ros.spinning import Watcher
+from ros_domain import own_domain
 
 
 class Scripted:
@@ -45,3 +52,55 @@ def test_an_interrupt_ends_it():
     executor = Scripted(KeyboardInterrupt())
     with pytest.raises(KeyboardInterrupt):
         spinning.spin(executor, until=lambda: False, on_error=print)
+
+
+class Echo(Watcher):
+    """Hears what it says."""
+
+    def __init__(self) -> None:
+        super().__init__('lava_echo', own_domain('watcher'))
+        profile = qos.ros_profile(qos.LATCHED)
+        self.heard: list[DiagnosticArray] = []
+        self._node.create_subscription(DiagnosticArray, 'echo', self.heard.append, profile)
+        self._publisher = self._node.create_publisher(DiagnosticArray, 'echo', profile)
+
+    def say(self) -> None:
+        """Send a message with something in it."""
+        self._publisher.publish(DiagnosticArray(status=[DiagnosticStatus(message='here')]))
+
+    def listen_for(self, count: int) -> None:
+        """Listen until so many messages were heard, for at most 15 s."""
+        deadline = time.monotonic() + 15.0
+        while len(self.heard) < count and time.monotonic() < deadline:
+            self.listen(0.1)
+
+
+@pytest.fixture
+def echo(monkeypatch: pytest.MonkeyPatch) -> Iterator[Echo]:
+    """A watcher that hears what it says, in a domain of this test run."""
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    echo = Echo()
+    yield echo
+    echo.close()
+
+
+def test_ctrl_c_in_the_middle_of_a_message_is_still_ctrl_c(
+    echo: Echo, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It comes out as KeyboardInterrupt once the message is whole, and not as rclpy's error."""
+    make, interrupted = DiagnosticStatus.__init__, []
+
+    def make_interrupted(self: DiagnosticStatus, **fields: object) -> None:
+        make(self, **fields)
+        if not interrupted:
+            interrupted.append(True)
+            signal.raise_signal(signal.SIGINT)
+
+    echo.say()
+    monkeypatch.setattr(DiagnosticStatus, '__init__', make_interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        echo.listen_for(1)
+    assert interrupted
+    echo.listen_for(1)
+    assert [item.status[0].message for item in echo.heard] == ['here']
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

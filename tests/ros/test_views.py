@@ -26,7 +26,7 @@ import yaml
 from lava_ros.bag.qos import QosProfile
 from lava_ros.ros import diagnostics
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
-from test_masks import SNAPSHOT
+from maps.test_masks import SNAPSHOT
 
 ROOT = Path(__file__).parents[2]
 HERE = Path(__file__).parent
@@ -80,11 +80,12 @@ def test_rviz_shows_topics_of_the_node(rviz, node):
 
 
 def test_rviz_stands_in_the_frame_of_the_node(rviz):
-    """The fixed frame is the node's, and hazard is what one sees first."""
+    """The fixed frame is the node's, and hazard on the ground is what one sees first."""
     assert rviz['Global Options']['Fixed Frame'] == 'map'
     maps = [item for item in rviz['Displays'] if item['Class'] == 'rviz_default_plugins/Map']
     shown = [item['Topic']['Value'] for item in maps if item['Enabled'] and item['Value']]
-    assert shown == ['hazard']
+    assert shown == ['relief', 'hazard']
+    assert [item['Draw Behind'] for item in maps] == [True, False, False, False]
 
 
 def test_rviz_clicks_go_where_the_node_listens(rviz, node):
@@ -128,7 +129,7 @@ def test_foxglove_plots_what_the_diagnostics_say(foxglove):
         wet_cells=1,
         frame_stamp_ns=0,
     )
-    diagnostics.sign(DiagnosticArray(status=[status]), '/lava')
+    diagnostics.sign(DiagnosticArray(status=[status]), '/lava', 'cpu')
     values = {item.key: item.value for item in status.values}
     plots = [panel for panel in foxglove['configById'].values() if 'paths' in panel]
     assert plots
@@ -140,12 +141,11 @@ def test_foxglove_plots_what_the_diagnostics_say(foxglove):
 
 def test_the_bag_has_what_foxglove_shows(foxglove):
     """Topics of the layout that a layer publishes are recorded, latched."""
-    from lava_ros.layer_files import load_layers
-    from lava_ros.ros.qos import bag_profile
+    from lava_ros.maps.layer_files import load_layers
 
     layers = {f'/{item.topic}': item for item in load_layers(ROOT / 'msg_configs/default.yaml')}
     shown = set(foxglove['configById']['3D!lava']['topics']) & set(layers)
     assert shown == {'/hazard', '/height', '/temperature'}
     for topic in shown:
         assert layers[topic].record
-        assert bag_profile(layers[topic].qos) == QosProfile(depth=1, durability='transient_local')
+        assert layers[topic].qos == QosProfile(depth=1, durability='transient_local')

@@ -14,16 +14,20 @@
 
 """The worker thread: what goes wrong in a simulation is a state, and a reset gets out of it."""
 
+import threading
+import time
+
 import pytest
 
+from lava_ros.errors import LavaError
 from lava_ros.ros.worker_status import WorkerState
-from lava_ros.scene import Scene
-from worker_bench import TERRAIN, VENT
+from lava_ros.scene import Lava, Scene, Vent
+from worker_bench import Bench, OUTSIDE, TERRAIN, VENT
 
 
 def test_a_failure_is_reported_and_reset_recovers(bench):
     """An exception in the thread is a state; the last snapshot stays; reset starts again."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
     last = bench.worker.latest
     bench.simulation.failure = RuntimeError('device lost')
     bench.now += 0.5
@@ -49,7 +53,7 @@ def test_a_failed_start_is_reported(bench):
 
 def test_what_is_no_map_is_not_shown(bench):
     """A snapshot with a flaw fails the simulation; the one before it stays."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
     last = bench.worker.latest
     bench.simulation.flawed = True
     bench.now += 0.5
@@ -65,7 +69,7 @@ def test_what_is_no_map_is_not_shown(bench):
 @pytest.mark.parametrize('bench', [{'max_particles': 10}], indirect=True)
 def test_too_many_particles(bench):
     """Beyond the limit the simulation fails and shows what it had; a higher limit helps."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
     bench.simulation.particle_count = 10
     bench.now += 0.5
     bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
@@ -83,10 +87,144 @@ def test_too_many_particles(bench):
 
 def test_no_memory_is_told_with_what_helps(bench):
     """What Warp raises becomes a sentence with particles, cells and advice."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
     bench.simulation.failure = RuntimeError("Failed to allocate 64 bytes on device 'cuda:0'")
     bench.now += 0.5
     bench.wait_for_state(WorkerState.FAILED)
     error = bench.worker.status.error
     assert error.startswith('out of memory with 0 particles on 5 x 4 cells: Failed to allocate 64')
     assert 'larger spacing' in error
+
+
+@pytest.mark.parametrize('bench', [{'speed': 1.0, 'time_scale': 1000.0}], indirect=True)
+def test_commands_are_quick_under_load(bench):
+    """A busy simulation takes a command between two slices, long before it has caught up."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.now += 1.0
+    bench.wait(lambda: bench.worker.status.is_behind)
+    # Catching up with the clock would take a thousand seconds.
+    bench.run(bench.worker.set_vents([VENT]))
+
+
+def test_a_flood_of_vents_is_coalesced(bench):
+    """Of what waits the newest counts; simulated time goes on; nothing piles up."""
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    given, set_vents = [], bench.simulation.set_vents
+    goes_on = threading.Event()
+
+    def slow_set_vents(vents):
+        given.append(vents[0].discharge)
+        assert goes_on.wait(60.0)
+        set_vents(vents)
+
+    bench.simulation.set_vents = slow_set_vents
+    futures = []
+    for batch in range(5):
+        goes_on.clear()
+        for index in range(100):
+            futures.append(bench.worker.set_vents([Vent((25.0, 15.0), 100.0 * batch + 1 + index)]))
+            assert len(bench.worker._commands) < 10
+            if index == 0:
+                bench.wait(lambda: given[-1:] == [100.0 * batch + 1])  # noqa: B023
+        goes_on.set()
+        bench.run(futures[-1])
+        bench.now += 0.1
+        bench.wait(lambda: bench.simulation.time == pytest.approx(0.1 * (batch + 1)))  # noqa: B023
+    assert given == [1.0, 100.0, 101.0, 200.0, 201.0, 300.0, 301.0, 400.0, 401.0, 500.0]
+    assert bench.simulation.scene.vents[0].discharge == 500.0
+    assert all(future.done() for future in futures)
+    assert sum(not future.cancelled() for future in futures) == len(given)
+
+
+def test_too_many_commands_are_refused(bench):
+    """What cannot be coalesced is bounded: more is refused, and taken again when there is room."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.run(bench.worker.pause(True))
+    bench.simulation.is_compiled.clear()
+    slow = bench.worker.set_effects({}, horizon=3600.0)
+    futures = [bench.worker.add_vent(OUTSIDE) for _ in range(1100)]
+    refused = [future for future in futures if future.done()]
+    assert 99 <= len(refused) <= 101
+    with pytest.raises(LavaError, match='1000 waiting'):
+        refused[0].result(0.0)
+    bench.simulation.is_compiled.set()
+    bench.run(slow)
+    with pytest.raises(LavaError, match='a place on the terrain'):
+        bench.run(futures[0])
+    bench.run(bench.worker.pause(False))
+
+
+def test_snapshots_come_on_request(bench):
+    """A request renews the snapshot once there is something new, and says so once."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.wait(lambda: len(bench.shown) == 1)
+    bench.worker.request_snapshot()
+    time.sleep(0.25)
+    assert len(bench.shown) == 1
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    assert len(bench.shown) == 1
+    bench.worker.request_snapshot()
+    bench.wait(lambda: len(bench.shown) == 2)
+    assert bench.shown[-1].time == pytest.approx(0.5)
+
+
+def test_everything_happens_in_one_thread(bench):
+    """The simulation is made, advanced and read by the worker's thread alone."""
+    threads = set()
+    original = bench.make
+
+    def make(scene):
+        threads.add(threading.current_thread().name)
+        return original(scene)
+
+    bench.worker._make_simulation = make
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    assert threads == {'lava simulation'}
+
+
+def test_stop_answers_what_waits():
+    """Commands that were not run hold the reason, those that come later too."""
+    bench = Bench()
+    waiting = bench.worker.set_vents([VENT])
+    bench.run(bench.worker.pause(False))
+    assert bench.worker.stop(5.0)
+    for future in (waiting, bench.worker.set_vents([VENT]), bench.worker.reset()):
+        with pytest.raises(LavaError, match="'stopped'"):
+            future.result(0.0)
+    assert bench.worker.status.state is WorkerState.STOPPED
+
+
+def test_stop_answers_at_once_what_a_step_keeps_waiting():
+    """A step that does not end keeps nobody waiting for an answer."""
+    bench = Bench()
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.simulation.is_compiled.clear()
+    compiling = bench.worker.set_effects({}, horizon=3600.0)
+    bench.wait(lambda: len(bench.worker._commands) == 0)
+    waiting = bench.worker.reset()
+    assert not bench.worker.stop(0.0)
+    with pytest.raises(LavaError, match="'stopped'"):
+        waiting.result(0.0)
+    bench.simulation.is_compiled.set()
+    bench.run(compiling)
+    assert bench.worker.stop(5.0)
+
+
+def test_stop_reports_a_thread_that_is_stuck():
+    """A thread that does not end in time is reported, not waited for."""
+    bench = Bench()
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    stuck, freed = threading.Event(), threading.Event()
+
+    def advance(until, *, wall_limit=None):
+        stuck.set()
+        assert freed.wait(30.0)
+        return until
+
+    bench.simulation.advance = advance
+    bench.now += 0.5
+    assert stuck.wait(30.0)
+    assert not bench.worker.stop(0.1)
+    freed.set()
+    assert bench.worker.stop(30.0)

@@ -14,13 +14,15 @@
 
 """The worker thread: terrain and vents come in any order, and what is refused changes nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.ros.eruption import Origin
+from lava_ros.ros.session import Origin
 from lava_ros.ros.worker_status import WorkerState
-from lava_ros.scene import Scene, Terrain
+from lava_ros.scene import Lava, Scene, Terrain
 from worker_bench import OUTSIDE, TERRAIN, VENT
 
 
@@ -60,11 +62,27 @@ def test_first_vents_start_again(bench):
     assert bench.worker.scene.vents == bench.simulation.scene.vents == (VENT,)
 
 
+def test_what_vents_have_emitted_is_kept(bench):
+    """Also of a vent that has closed, and of one that a simulation was resumed with."""
+    earlier = replace(VENT, discharge=((0.0, 7.0), (2.0, 9.0)))
+    scene = Scene(TERRAIN, (VENT,), lava=Lava())
+    bench.run(bench.worker.pause(True))
+    bench.run(bench.worker.go_on_with(lambda: bench.make(scene), scene, None, (earlier,)))
+    bench.run(bench.worker.set_vents([replace(VENT, discharge=4.0)]))
+    assert bench.worker.scene.vents[0].discharge == 4.0
+    bench.simulation.time = 3.0
+    bench.run(bench.worker.set_vents([]))
+    (vent,) = bench.worker.eruption.schedule
+    assert vent.discharge == ((0.0, 4.0), (3.0, 0.0))
+    bench.run(bench.worker.reset())
+    assert bench.worker.eruption.schedule == ()
+
+
 def test_bad_input_changes_nothing(bench):
     """Refused vents and terrain leave the simulation as it was, and running."""
     with pytest.raises(LavaError, match='a terrain before'):
         bench.run(bench.worker.add_vent(VENT))
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
     for command in (
         bench.worker.set_vents([OUTSIDE]),
         bench.worker.add_vent(OUTSIDE),
@@ -102,12 +120,12 @@ def test_new_terrain_is_shown_at_once(bench):
 
 def test_what_goes_on_from_a_checkpoint_says_so_until_it_starts_anew(bench):
     """The origin is that of the simulation in use: a reset is an eruption of its own."""
-    assert bench.worker.origin is None
+    assert bench.worker.eruption.origin is None
     origin = Origin('bags/first', 120.0, 7)
-    scene = Scene(TERRAIN, (VENT,))
+    scene = Scene(TERRAIN, (VENT,), lava=Lava())
     bench.run(bench.worker.go_on_with(lambda: bench.make(scene), scene, origin))
-    assert bench.worker.origin == origin
+    assert bench.worker.eruption.origin == origin
     bench.run(bench.worker.set_vents([]))
-    assert bench.worker.origin == origin
+    assert bench.worker.eruption.origin == origin
     bench.run(bench.worker.reset())
-    assert bench.worker.origin is None
+    assert bench.worker.eruption.origin is None

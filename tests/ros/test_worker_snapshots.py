@@ -19,14 +19,14 @@ import time
 import pytest
 
 from lava_ros.ros.worker_status import WorkerState
-from lava_ros.scene import Scene
+from lava_ros.scene import Lava, Scene
 from worker_bench import TERRAIN, VENT
 
 
 @pytest.fixture
 def copying(bench):
     """A simulation half a second old, of which a snapshot is on its way and does not come."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
     go_on(bench, 0.5)
     bench.simulation.is_copied.clear()
     bench.worker.request_snapshot()
@@ -67,7 +67,7 @@ def test_what_is_asked_for_meanwhile_comes_next(copying):
 
 def test_a_flaw_that_shows_late_fails_the_simulation(bench):
     """As one that shows at once; what was shown before stays."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
     last = bench.worker.latest
     bench.simulation.flawed = True
     go_on(bench, 0.5)
@@ -84,7 +84,7 @@ def test_a_flaw_that_shows_late_fails_the_simulation(bench):
 
 def test_a_flaw_of_the_former_simulation_is_none_of_the_next(bench):
     """A reset meanwhile: the new simulation runs, and shows itself."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
     bench.simulation.flawed = True
     go_on(bench, 0.5)
     former = bench.simulation

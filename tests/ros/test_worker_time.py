@@ -20,8 +20,9 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
+from lava_ros.ros import worker_status as speed
 from lava_ros.ros.worker import MAX_LAG
-from lava_ros.ros.worker_status import WorkerState
+from lava_ros.ros.worker_status import LONGEST_TURN, SpeedMeter, WorkerState
 from lava_ros.scene import Lava, Scene
 from worker_bench import Bench, TERRAIN, VENT
 
@@ -89,7 +90,7 @@ def test_a_slow_simulation_does_not_chase_the_clock(bench):
         time.sleep(0.05)
     bench.wait(lambda: bench.worker.status.is_behind)
     # Exactly 5 on an idle machine, less on a busy one.
-    assert 1.0 < bench.worker.status.speed < 6.5
+    assert 0.0 < bench.worker.status.speed < 6.5
     # 100 s were asked for, and are the lag; asking goes on, the target does not move further.
     bench.now += 1000.0
     bench.wait(lambda: len(bench.simulation.advanced_to) > 12)
@@ -144,14 +145,60 @@ def test_reset(bench):
     """A reset makes a new simulation of the scene at time 0; a pause stays."""
     with pytest.raises(LavaError, match='reset'):
         bench.run(bench.worker.reset())
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,))))
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
     bench.now += 0.5
     bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
     bench.run(bench.worker.pause(True))
-    bench.run(bench.worker.set_lava(Lava(viscosity=7.0)))
+    bench.run(bench.worker.set_constants({'lava': Lava(viscosity=7.0)}))
     bench.run(bench.worker.reset())
     assert len(bench.made) == 2
     assert bench.simulation.scene.vents == (VENT,)
     assert bench.simulation.scene.lava.viscosity == 7.0
     assert bench.worker.latest.time == 0.0
     assert bench.worker.status.state is WorkerState.PAUSED
+
+
+def test_what_the_thread_is_at_is_told(bench):
+    """While a command lasts, which one, since when and who waits; of steps the last one counts."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    assert bench.worker.status.hold_up == ''
+    bench.simulation.is_compiled.clear()
+    compiling = bench.worker.set_effects({}, horizon=3600.0)
+    bench.wait(lambda: bench.worker.status.doing == 'effects')
+    reset = bench.worker.reset()
+    before = bench.worker.status
+    bench.wait(lambda: bench.worker.status.turn > before.turn)
+    assert before.waiting == ('reset',)
+    bench.simulation.is_compiled.set()
+    bench.run(compiling)
+    bench.run(reset)
+    bench.simulation.slowness = LONGEST_TURN
+    bench.now += 0.5
+    bench.wait(lambda: bench.worker.status.turn >= LONGEST_TURN)
+    assert bench.worker.status.hold_up.startswith('a step takes 1.')
+    bench.simulation.slowness = 0.0
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(1.0))
+    bench.wait(lambda: bench.worker.status.hold_up == '')
+
+
+def test_the_mean_leaves_pauses_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two runs of 10 s at 3x and 1x with a long pause between them are 2x."""
+    now = 0.0
+    monkeypatch.setattr(speed.time, 'monotonic', lambda: now)
+    meter = SpeedMeter()
+    assert (meter.value, meter.mean) == (0.0, 0.0)
+    meter.note(0.0)
+    now = 10.0
+    meter.note(30.0)
+    meter.clear()
+    now = 500.0
+    meter.note(30.0)
+    now = 507.0
+    meter.note(37.0)
+    now = 510.0
+    meter.note(40.0)
+    assert meter.mean == pytest.approx(2.0)
+    # What is older than the window no longer counts.
+    assert meter.value == pytest.approx(1.0)
+    assert now - 507.0 < speed.SPEED_WINDOW

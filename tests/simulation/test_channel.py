@@ -16,8 +16,8 @@
 
 import pytest
 
-from lava_ros.accuracy import Accuracy
-from lava_ros.verification.cases.channel import channel_velocity
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.verification.cases.confined import channel_velocity
 
 
 @pytest.mark.parametrize(('width', 'spacing'), [(1.0, 0.05), (2.5, 0.125), (5.0, 0.125)])

@@ -17,11 +17,11 @@
 import numpy as np
 import pytest
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
-from lava_ros.presets import preset_accuracy
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.state import FAR
 
 #: Ten cells by ten, 50 m deep.
@@ -46,7 +46,7 @@ def test_no_lava_is_faster_than_its_fall(device, on):
     simulation = Simulation(
         Scene(Terrain(PIT, 10.0), (Vent((150.0, 150.0), 200.0, radius=10.0),), THIN),
         effects=Effects(arrhenius=False, cooling=False, **({on: True} if on else {})),
-        accuracy=preset_accuracy('standard'),
+        accuracy=preset_accuracy('draft'),
         device=device,
     )
     fastest = 0.0
@@ -82,7 +82,9 @@ def test_lava_has_fallen_from_wherever_it_came(device):
     def top(simulation):
         return float(simulation._state.top.numpy()[0] + simulation.scene.terrain.elevation.mean())
 
-    simulation = Simulation(Scene(ground, (vents[305.0],)), particles=lava, device=device)
+    simulation = Simulation(Scene(
+        ground, (vents[305.0],), lava=Lava()
+    ), particles=lava, device=device)
     assert top(simulation) == pytest.approx(60.0)
     simulation.set_vents((vents[105.0],))
     assert top(simulation) == pytest.approx(80.0)
@@ -98,7 +100,7 @@ def test_lava_has_fallen_from_wherever_it_came(device):
 
 def test_bound_of_an_older_checkpoint(device):
     """One that was written before there was a bound goes on without one."""
-    checkpoint = Simulation(Scene(Terrain(PIT, 10.0)), device=device).checkpoint()
+    checkpoint = Simulation(Scene(Terrain(PIT, 10.0), lava=Lava()), device=device).checkpoint()
     del checkpoint.arrays['state.top']
     resumed = Simulation.resume(checkpoint, device=device)
     assert resumed._state.top.numpy()[0] == np.float32(FAR)

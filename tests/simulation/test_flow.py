@@ -19,10 +19,10 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.cases import green_response, sheet_on_slope
 
 BARE = Effects(arrhenius=False, cooling=False, steep=False)
@@ -119,7 +119,7 @@ def test_green_velocity_of_a_uniform_sheet_is_the_local_one(device):
     velocities = []
     for green in (True, False):
         simulation = Simulation(
-            Scene(terrain),
+            Scene(terrain, lava=Lava()),
             effects=Effects(green=green, arrhenius=False, cooling=False, steep=False),
             accuracy=Accuracy(spacing=1.0, thickness=1.0, ratio=4.0),
             particles=Particles(places, 1.0, 1400.0),

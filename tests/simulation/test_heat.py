@@ -18,10 +18,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
 
 FLAT = Terrain(np.zeros((20, 20)), 1.0)
 

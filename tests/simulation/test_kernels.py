@@ -21,7 +21,7 @@ import pytest
 from scipy import special
 import warp as wp
 
-from lava_ros.accuracy import KERNELS
+from lava_ros.simulation.accuracy import KERNELS
 from lava_ros.simulation.kernels import bessel, k0_within, smoothing_kernel, SQUARED_SUPPORT
 
 

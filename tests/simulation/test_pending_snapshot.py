@@ -20,12 +20,12 @@ import numpy as np
 import pytest
 import warp as wp
 
-from lava_ros.accuracy import Accuracy
-from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation import simulation as simulation_module
-from lava_ros.simulation.census import Census, moment_of
-from lava_ros.simulation.streams import Reader
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.streams import Reader
+from lava_ros.simulation.diagnostics import Census, moment_of
 
 VENTS = (Vent((60.0, 155.0), 20.0), Vent((160.0, 155.0), 5.0))
 
@@ -35,7 +35,7 @@ def flow(device):
     y, x = np.mgrid[0:30, 0:40]
     ground = 500.0 - x + 0.05 * (y - 15.0) ** 2
     ground[3:6, 20:30] = np.nan
-    scene = Scene(Terrain(ground, 10.0), VENTS)
+    scene = Scene(Terrain(ground, 10.0), VENTS, lava=Lava())
     forced = {'cooling': True, 'solidification': True}
     return Simulation(scene, effects=forced, accuracy=Accuracy(deterministic=True), device=device)
 
@@ -116,7 +116,7 @@ def test_launches_under_way_change_nothing(monkeypatch):
         monkeypatch.setitem(simulation_module._UNDER_WAY, False, number)
         ground = Terrain(np.tile(900.0 - 5.0 * np.arange(200.0), (30, 1)), 10.0)
         simulation = Simulation(
-            Scene(ground, (Vent((60.0, 155.0), 100.0),)),
+            Scene(ground, (Vent((60.0, 155.0), 100.0),), lava=Lava()),
             accuracy=Accuracy(spacing=5.0, thickness=0.4, deterministic=True),
             effects={'solidification': False},
             device='cpu',

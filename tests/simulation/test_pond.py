@@ -16,8 +16,8 @@
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy
-from lava_ros.verification.cases.pond import ground_at, LEVEL, pond, rough_bowl, stillness
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.verification.cases.confined import ground_at, LEVEL, pond, rough_bowl, stillness
 
 
 def test_the_ground_is_the_surface_whose_gradient_is_sampled():

@@ -21,8 +21,8 @@ import pytest
 import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.lava import Lava
-from lava_ros.simulation.rheology import rheology_of, rheology_type, speed_function
+from lava_ros.effects.laws import law_of, law_type, speed_function
+from lava_ros.scene.lava import Lava
 from lava_ros.verification import exact
 
 WEIGHT = 2500.0 * 9.81
@@ -30,11 +30,11 @@ WEIGHT = 2500.0 * 9.81
 
 def responses(effects, lava, slopes, thickness, device):
     """Mobility and its bound [m/s] from the device function, shape [slopes, 2]."""
-    speed = speed_function(wp.float64, effects)
+    speed = speed_function(wp, wp.float64, law_type(wp.float64), effects)
 
     @wp.kernel(module='unique', enable_backward=False)
     def evaluate(
-        law: rheology_type(wp.float64), depth: wp.float64, slope: wp.array(dtype=wp.float64),
+        law: law_type(wp.float64), depth: wp.float64, slope: wp.array(dtype=wp.float64),
         found: wp.array(dtype=wp.vec2d),
     ):
         i = wp.tid()
@@ -45,7 +45,7 @@ def responses(effects, lava, slopes, thickness, device):
         evaluate,
         dim=len(slopes),
         inputs=[
-            rheology_of(lava), thickness, wp.array(slopes, dtype=wp.float64, device=device)
+            law_of(lava, wp.float64), thickness, wp.array(slopes, dtype=wp.float64, device=device)
         ],
         outputs=[found],
         device=device,
@@ -111,4 +111,5 @@ def test_strength_makes_no_step_shorter(device):
 
 def test_newtonian_lava_has_no_law_of_speed():
     """Without strength or exponent nothing is compiled but the Newtonian balance."""
-    assert speed_function(wp.float32, Effects(crystals=True)) is None
+    law = law_type(wp.float32)
+    assert speed_function(wp, wp.float32, law, Effects(crystals=True)) is None

@@ -19,10 +19,10 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
 
 LAVA = Lava(viscosity=2e3, density=2600.0)
 
@@ -205,7 +205,7 @@ def test_refused_changes_leave_the_simulation_as_it_was():
 def test_wrong_arguments_are_refused_by_name(options, field):
     """A device that does not exist and a particle off the map are named."""
     with pytest.raises(LavaError, match=f'^{field}'):
-        Simulation(Scene(hillside()), **options)
+        Simulation(Scene(hillside(), lava=Lava()), **options)
 
 
 @pytest.mark.parametrize(
@@ -291,7 +291,7 @@ def test_devices_agree(device):
 
 def test_nothing_to_do_is_no_error(device):
     """No vents and no particles: time passes and the map stays dry."""
-    simulation = Simulation(Scene(hillside()), device=device)
+    simulation = Simulation(Scene(hillside(), lava=Lava()), device=device)
     simulation.advance(1e5)
     snapshot = simulation.snapshot()
     assert snapshot.time == 1e5
@@ -308,7 +308,7 @@ def test_effects_change_while_lava_flows(device):
     simulation.set_effects({'helmholtz': True, 'steep': False}, horizon=1.0)
     assert simulation.effects.helmholtz
     assert not (simulation.effects.steep or simulation.effects.cooling)
-    decided = {item.criterion.effect: item.reason for item in simulation.decisions()}
+    decided = {item.name: item.reason for item in simulation.decisions()}
     assert decided['helmholtz'] == decided['steep'] == 'forced'
     assert decided['cooling'].endswith('<= 0.01')
     assert simulation.time == 300.0

@@ -19,11 +19,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
-from lava_ros.presets import preset_accuracy
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import preset_accuracy
 
 SIDE = 40
 BUMPS = np.random.default_rng(8).normal(size=(SIDE, SIDE))

@@ -28,25 +28,25 @@ from lava_ros.simulation.terrain import (
 )
 
 
-def sampled(terrain, points, device='cpu'):
-    """Gradients at points given relative to the terrain's centre."""
+def sampled(terrain, points, device='cpu', *, of='gradient_at', kind=wp.vec2d):
+    """Gradients, or another function of the ground, at points given relative to its centre."""
     staggered = StaggeredTerrain(terrain, 'float64', device)
-    functions = terrain_functions(wp.float64)
+    function = getattr(terrain_functions(wp.float64), of)
 
     @wp.kernel(module='unique')
     def sample(
         height: wp.array2d(dtype=wp.float64),
         frame: terrain_frame(wp.float64),
         at: wp.array(dtype=wp.vec2d),
-        out: wp.array(dtype=wp.vec2d),
+        out: wp.array(dtype=kind),
     ):
         i = wp.tid()
-        out[i] = functions.gradient_at(height, frame, at[i][0], at[i][1])
+        out[i] = function(height, frame, at[i][0], at[i][1])
 
     at = wp.array(points, dtype=wp.vec2d, device=device)
-    out = wp.zeros_like(at)
+    out = wp.zeros(len(points), dtype=kind, device=device)
     wp.launch(
-        sample, dim=len(points), inputs=[staggered.height, staggered.frame, at, out],
+        sample, dim=len(points), inputs=[staggered.height, staggered.frame, at], outputs=[out],
         device=device,
     )  # fmt: skip
     return out.numpy()
@@ -136,24 +136,6 @@ def test_bend_is_the_largest_curvature_of_the_surface(device):
     north = sampled(terrain, points + across) - sampled(terrain, points - across)
     slopes = np.stack([east, north], axis=1) / 0.02
     largest = np.linalg.eigvalsh(0.5 * (slopes + np.swapaxes(slopes, 1, 2)))[:, -1]
-    staggered = StaggeredTerrain(terrain, 'float64', device)
-    functions = terrain_functions(wp.float64)
-
-    @wp.kernel(module='unique')
-    def sample(
-        height: wp.array2d(dtype=wp.float64),
-        frame: terrain_frame(wp.float64),
-        at: wp.array(dtype=wp.vec2d),
-        out: wp.array(dtype=wp.float64),
-    ):
-        i = wp.tid()
-        out[i] = functions.bend_at(height, frame, at[i][0], at[i][1])
-
-    at = wp.array(points, dtype=wp.vec2d, device=device)
-    out = wp.zeros(len(points), dtype=wp.float64, device=device)
-    wp.launch(
-        sample, dim=len(points), inputs=[staggered.height, staggered.frame, at], outputs=[out],
-        device=device,
-    )  # fmt: skip
-    assert out.numpy() == pytest.approx(np.maximum(largest, 0.0), rel=1e-6, abs=1e-9)
-    assert (out.numpy() == 0.0).any() and (out.numpy() > 0.0).any()
+    bends = sampled(terrain, points, device, of='bend_at', kind=wp.float64)
+    assert bends == pytest.approx(np.maximum(largest, 0.0), rel=1e-6, abs=1e-9)
+    assert (bends == 0.0).any() and (bends > 0.0).any()

@@ -19,10 +19,10 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.cases import spread_of_fixed_volume
 
 

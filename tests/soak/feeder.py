@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A process that keeps a node busy: vents and terrains come and go, so do subscribers.
+"""A process that keeps a node busy: vents come and go, in storms too, terrain and subscribers.
 
 Arguments: seconds, seed. Prints one JSON line at the end: how often each thing was done.
 """
@@ -35,7 +35,20 @@ from std_srvs.srv import Trigger
 from ros import graph_publisher
 
 #: Mean times between two of a kind [s].
-EVERY = {'vents': 4.0, 'terrain': 20.0, 'subscriber': 2.0, 'bad message': 30.0, 'reset': 150.0}
+EVERY = {
+    'vents': 4.0,
+    'terrain': 20.0,
+    'subscriber': 2.0,
+    'bad message': 30.0,
+    'storm': 45.0,
+    'reset': 150.0,
+}
+
+#: Messages of a storm, vents in each, time between two [s], and of how many one is bad.
+STORM, VENTS, PAUSE, BAD = 200, (0, 5, 40, 40, 200), 0.005, 10
+
+#: Time after a storm in which its last messages are taken [s]: no next one pushes them out.
+CALM = 1.0
 
 GRIDS = ('height', 'temperature', 'hazard')
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -57,7 +70,23 @@ class Feeder:
 
     def vents(self):
         """Another set of up to five vents, sometimes none."""
-        count = self.chance.choice((0, 1, 1, 2, 3, 5))
+        self._publish_vents(self.chance.choice((0, 1, 1, 2, 3, 5)))
+
+    def storm(self):
+        """Sets of many vents faster than any can be taken, bad ones among them."""
+        for number in range(STORM):
+            if number % BAD:
+                self._publish_vents(self.chance.choice(VENTS))
+            else:
+                wrong = {'discharge': [-1.0], 'radius': [float('nan')], 'x': [1e9]}
+                name = self.chance.choice(list(wrong))
+                self._publish_vents(1, **{name: wrong[name]})
+                self.done['bad in storms'] += 1
+            time.sleep(PAUSE)
+        self.vents()
+        time.sleep(CALM)
+
+    def _publish_vents(self, count, **changes):
         columns = {
             'x': [self.chance.uniform(20.0, 120.0) for _ in range(count)],
             'y': [self.chance.uniform(60.0, 240.0) for _ in range(count)],
@@ -65,6 +94,7 @@ class Feeder:
             'discharge': [self.chance.uniform(0.5, 20.0) for _ in range(count)],
             'temperature': [self.chance.uniform(1000.0, 1150.0) for _ in range(count)],
             'radius': [self.chance.uniform(5.0, 20.0) for _ in range(count)],
+            **changes,
         }
         self.publishers['vents'].publish(graph_publisher.cloud(columns))
 
@@ -105,6 +135,7 @@ class Feeder:
         due = {name: time.monotonic() for name in EVERY}
         due['reset'] += EVERY['reset']
         due['bad message'] += EVERY['bad message']
+        due['storm'] += 0.2 * EVERY['storm']
         while (now := time.monotonic()) < end:
             rclpy.spin_once(self.node, timeout_sec=0.05)
             for name, moment in due.items():

@@ -14,38 +14,13 @@
 
 """Cases that only pretend, and rows of measurements."""
 
-from dataclasses import dataclass
-
 import pytest
 
-from lava_ros.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.verification.cases import Measurement, Run
 from lava_ros.verification.measure import measure
 from lava_ros.verification.rows import Row
 from lava_ros.verification.settings import Setting
-
-
-@dataclass(frozen=True)
-class FakeMeasurement:
-    """A measured number with the error it is given."""
-
-    quantity: str
-    error: float
-    measured: float = 1.0
-    exact: float = 1.0
-    unit: str = 'm'
-
-
-@dataclass(frozen=True)
-class FakeRun:
-    """A run that took the time it is given."""
-
-    case: str
-    measurements: tuple
-    wall_time: float
-    particles: int = 100
-    steps: int = 3
-    evaluations: int = 9
-    simulated_time: float = 1800.0
 
 
 class FakeCase:
@@ -60,10 +35,17 @@ class FakeCase:
         """Count the runs; each takes a little longer than the one before."""
         self.accuracies.append(accuracy)
         scale = accuracy.refinement * accuracy.ratio
-        return FakeRun(
-            self.name,
-            (FakeMeasurement('radius', 1e-3 / scale), FakeMeasurement('profile', 1e-2 / scale)),
-            self.time * scale + 1e-4 * len(self.accuracies),
+        return Run(
+            case=self.name,
+            measurements=(
+                Measurement('radius', 1e-3 / scale, 0.0, 'm', scale=1.0),
+                Measurement('profile', 1e-2 / scale, 0.0, 'm', scale=1.0),
+            ),
+            particles=100,
+            steps=3,
+            evaluations=9,
+            simulated_time=1800.0,
+            wall_time=self.time * scale + 1e-4 * len(self.accuracies),
         )
 
 

@@ -18,8 +18,8 @@ import math
 
 import pytest
 
-from lava_ros.accuracy import Accuracy
-from lava_ros.presets import PRESETS
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import PRESETS
 from lava_ros.verification.bounds import bound, BOUNDED_PRESETS, BOUNDS
 from lava_ros.verification.cases import CASES, Measurement, spread_of_fixed_volume
 
@@ -46,7 +46,11 @@ def test_the_papers_kernel_clumps():
     assert spread.radius.error > 0.01
 
 
-@pytest.mark.parametrize('name', CASES)
+@pytest.mark.parametrize(
+    'name',
+    # its swing is in tests/effects/test_inertia.py too, at fewer particles
+    [pytest.param(name, marks=pytest.mark.nightly if name == 'thacker' else ()) for name in CASES],
+)
 def test_every_case_is_within_the_draft_bounds(name):
     """Every case runs at the cheapest preset, within its bounds, and reports what it did."""
     run = CASES[name].run(PRESETS['draft'].accuracy, 'cpu')

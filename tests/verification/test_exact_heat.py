@@ -28,16 +28,21 @@ from lava_ros.verification.cases import silicone
 CAPACITY = 2500.0 * 1150.0
 
 
-def test_column_on_ground_obeys_duhamels_integral():
-    """The column's rho c h T' is minus the flux that the ground takes for the history of T."""
-    column = exact.ColumnOnGround(
+def column_on_ground(thickness):
+    """A column of lava at 1400 K on ground at 300 K."""
+    return exact.ColumnOnGround(
         initial=1400.0,
         ground=300.0,
         conductivity=2.0,
         diffusivity=7e-7,
         capacity=CAPACITY,
-        thickness=1.0,
+        thickness=thickness,
     )
+
+
+def test_column_on_ground_obeys_duhamels_integral():
+    """The column's rho c h T' is minus the flux that the ground takes for the history of T."""
+    column = column_on_ground(1.0)
     time, step = 1e6, 10.0
     assert column.temperature(0.0) == 1400.0
     assert column.temperature(time) == pytest.approx(
@@ -61,14 +66,7 @@ def test_column_on_ground_obeys_duhamels_integral():
 
 def test_heat_into_ground_is_what_a_thick_column_loses():
     """Early, the mixed column loses what a constant temperature would."""
-    column = exact.ColumnOnGround(
-        initial=1400.0,
-        ground=300.0,
-        conductivity=2.0,
-        diffusivity=7e-7,
-        capacity=CAPACITY,
-        thickness=1000.0,
-    )
+    column = column_on_ground(1000.0)
     lost = CAPACITY * 1000.0 * (1400.0 - column.temperature(3600.0))
     taken = exact.heat_into_ground(1100.0, 3600.0, conductivity=2.0, diffusivity=7e-7)
     assert lost == pytest.approx(taken, rel=1e-3)

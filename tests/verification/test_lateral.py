@@ -18,7 +18,7 @@ import math
 
 import pytest
 
-from lava_ros.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.exact import green_response
 from lava_ros.verification.lateral import FORMS, lateral_experiments, RADII
 

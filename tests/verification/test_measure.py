@@ -21,10 +21,10 @@ import re
 
 import pytest
 
-from lava_ros.accuracy import Accuracy
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.cases import CASES
-from lava_ros.verification.front import pareto_front, points
 from lava_ros.verification.measure import file_stem, machine_name, measure, REPEATED_BELOW
+from lava_ros.verification.rows import pareto_front, points
 from lava_ros.verification.settings import Setting
 
 

@@ -12,10 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The page that puts other lava codes beside this one says what the CSV files say.
-
-Run as a script it writes the tables of the page again.
-"""
+"""The page that puts other lava codes beside this one says what the CSV files say."""
 
 import csv
 import importlib
@@ -23,12 +20,10 @@ import math
 from pathlib import Path
 import re
 import shutil
-from typing import NamedTuple
 
 import pytest
 
 ACCURACY = Path(__file__).parents[2] / 'docs/accuracy'
-PAGE = ACCURACY / 'other_codes.md'
 BENCHMARKS = ACCURACY.parent / 'benchmarks'
 COLUMNS = (
     'case',
@@ -42,144 +37,23 @@ COLUMNS = (
     'source',
 )
 
-#: What codes.csv calls the exact solution as means over the cells.
-EXACT = 'exact solution'
 
-#: What the page shows of ours: case and quantity of our CSV files, and what it calls them.
-OURS = {
-    ('constant_flux', 'radius'): 'Constant flux, R',
-    ('lister', 'x at 100 T'): 'Point source on 5°, x_N',
-    ('dam_break', 'front'): 'Dam break, front',
-    ('fixed_volume', 'edge'): 'Fixed volume, R',
-}
-
-
-class Run(NamedTuple):
-    """A run of a case, ours or not."""
-
-    code: str
-    size: str
-    error: float
-    time: float
-    machine: str
-
-
-def lines_of(name: str | Path) -> list[dict[str, str]]:
-    """The lines of a CSV file, beside the page where its folder is not given."""
-    with (ACCURACY / name).open(newline='', encoding='utf-8') as file:
+def lines_of(path: Path) -> list[dict[str, str]]:
+    """The lines of a CSV file."""
+    with path.open(newline='', encoding='utf-8') as file:
         return list(csv.DictReader(file))
 
 
-def our_runs(stem: str, case: str, quantity: str) -> list[Run]:
-    """What the presets score on a quantity of a case, the coarsest first."""
-    rows = [
-        row
-        for row in lines_of(f'{stem}.csv')
-        if (row['case'], row['quantity']) == (case, quantity)
-        and row['preset'] not in ('', 'as-published')
-    ]
-    assert rows, f'{stem}.csv has no preset with {quantity!r} of {case!r}'
-    return [
-        Run(
-            row['preset'],
-            row['particles'],
-            float(row['measured']) / float(row['exact']) - 1.0,
-            float(row['wall_s']),
-            row['machine'],
-        )
-        for row in sorted(rows, key=lambda row: int(row['particles']))
-    ]
-
-
-def signed(error: float) -> str:
-    """A relative error in per cent, to two digits."""
-    return f'{100.0 * error:+.2g} %' if math.isfinite(error) else 'none'
-
-
-def seconds(time: float) -> str:
-    """A time in seconds, to two digits below a minute."""
-    return f'{time:.0f} s' if time >= 9.95 else f'{time:.2g} s'
-
-
-def table(head: str, lines: list[str]) -> str:
-    """A Markdown table."""
-    return '\n'.join([head, re.sub(r'[^|]+', '---', head), *lines])
-
-
-def grid_table(first: str, quantity: str, title: str) -> str:
-    """What codes score on the same cells, less what the exact solution scores on them."""
-    rows = [row for row in lines_of(BENCHMARKS / 'codes.csv') if row['case'].startswith(first)]
-    scores = {
-        (row['case'], row['code'], row['cell_m'], row['quantity']): float(row['value'])
-        for row in rows
-    }
-    lines = []
-    for row in rows:
-        case, code, cell = row['case'], row['code'], row['cell_m']
-        if row['quantity'] != quantity or code == EXACT:
-            continue
-        score = scores[case, code, cell, quantity] - scores.get((case, EXACT, cell, quantity), 0.0)
-        half = ', half of the plane' if case.endswith('_half') else ''
-        lines.append(
-            f'| {code}{half} | {cell} m | {signed(0.01 * score)} '
-            f'| {scores[case, code, cell, "profile"]:.2g} % | {seconds(float(row["cpu_s"]))} |'
-        )
-    return table(f'| code | cells | {title} | profile | CPU time |', lines)
-
-
-def ours_table() -> str:
-    """The presets on the same quantities."""
-    names = [run.code for run in our_runs('h200', 'fixed_volume', 'edge')]
-    lines = []
-    for (case, quantity), title in OURS.items():
-        for stem in ('cpu', 'h200'):
-            runs = {run.code: run for run in our_runs(stem, case, quantity)}
-            cells = [
-                f'{signed(runs[name].error)} in {seconds(runs[name].time)}' if name in runs else ''
-                for name in names
-            ]
-            machine = next(iter(runs.values())).machine
-            lines.append(f'| {title} | {machine} | {" | ".join(cells)} |')
-    return table(f'| case | machine | {" | ".join(names)} |', lines)
-
-
-def others_table() -> str:
-    """Numbers of other codes on cases that we have not run."""
-    groups: dict[tuple[str, str], list[str]] = {}
-    sources: dict[tuple[str, str], str] = {}
-    for row in lines_of('other_codes.csv'):
-        key = (row['case'], row['quantity'])
-        size = f' with {row["cells_or_particles"]}' if row['cells_or_particles'] else ''
-        unit = ' %' if row['unit'] == '%' else ''
-        time = f' in {seconds(float(row["seconds"]))}' if row['seconds'] else ''
-        value = f'{row["code"]}{size} {float(row["value"]):g}{unit}{time}'
-        groups.setdefault(key, []).append(value)
-        own = row['source'].startswith('our own run')
-        sources[key] = 'our own runs, 2 CPU cores' if own else row['source'].split(',')[0]
-    lines = [
-        f'| {case} | {quantity} | {", ".join(values)} | {sources[case, quantity]} |'
-        for (case, quantity), values in groups.items()
-    ]
-    return table('| case | quantity | codes | source |', lines)
-
-
-TABLES = {
-    'flux': lambda: grid_table('constant_flux', 'radius', 'R'),
-    'valley': lambda: grid_table('valley', 'front', 'front'),
-    'hill': lambda: grid_table('hill', 'area', 'area'),
-    'ours': ours_table,
-    'others': others_table,
-}
-
-
-def marked(name: str) -> re.Pattern[str]:
-    """The table that follows its mark in the page."""
-    return re.compile(rf'(?<=<!-- {name} -->\n)\|.*(?:\n\|.*)*')
+@pytest.fixture
+def scripts(monkeypatch):
+    """Import a script of docs/benchmarks by its name."""
+    monkeypatch.syspath_prepend(str(BENCHMARKS))
+    return importlib.import_module
 
 
 def test_rows_of_other_codes_are_complete():
     """Every line names case, code, quantity, unit and source; its numbers are numbers."""
-    rows = lines_of('other_codes.csv')
+    rows = lines_of(ACCURACY / 'other_codes.csv')
     assert rows
     for row in rows:
         assert tuple(row) == COLUMNS
@@ -192,25 +66,24 @@ def test_rows_of_other_codes_are_complete():
 
 def test_own_runs_name_their_machine():
     """A run of our own says what it ran on, a published one a DOI; a timed one how fine it was."""
-    for row in lines_of('other_codes.csv'):
+    for row in lines_of(ACCURACY / 'other_codes.csv'):
         assert row['source'].startswith('our own run') == (row['machine'] == '2 CPU cores'), row
         assert bool(row['machine']) != ('doi:10.' in row['source']), row
         assert not row['seconds'] or row['cells_or_particles'], row
 
 
-@pytest.mark.parametrize('name', TABLES)
-def test_page_says_what_the_measurements_say(name):
-    """The tables of the page are those that the CSV files give now."""
-    again = 'write them again: python tests/verification/test_other_codes.py'
-    assert marked(name).findall(PAGE.read_text(encoding='utf-8')) == [TABLES[name]()], again
+def test_page_says_what_the_measurements_say(scripts):
+    """The page's tables are the CSV files': python docs/benchmarks/other_codes.py writes them."""
+    script = scripts('other_codes')
+    page = script.PAGE.read_text(encoding='utf-8')
+    assert script.written(page, script.TABLES) == page
 
 
 @pytest.mark.skipif(shutil.which('cc') is None, reason='no C compiler')
 @pytest.mark.parametrize('case', ['constant_flux', 'valley'])
-def test_the_plain_scheme_scores_what_its_rows_say(case, monkeypatch):
+def test_the_plain_scheme_scores_what_its_rows_say(case, scripts):
     """codes.csv is of the finite_volumes.c and the scores that are there now."""
-    monkeypatch.syspath_prepend(str(BENCHMARKS))
-    codes = importlib.import_module('codes')
+    codes = scripts('codes')
     flow = codes.FLOWS[case]
     thickness = codes.plain(flow, 10.0, 1).thickness
     assert thickness.sum() * 100.0 == pytest.approx(codes.DISCHARGE * flow.end)
@@ -232,15 +105,3 @@ def test_the_plain_scheme_is_closer_than_the_presets():
         assert float(plain['cpu_s']) < float(runs['standard']['cpu_s'])
         for preset in ('draft', 'standard', 'fine'):
             assert float(plain['value']) < float(runs[preset]['value'])
-
-
-def write() -> None:
-    """Write the tables of the page again."""
-    text = PAGE.read_text(encoding='utf-8')
-    for name, make in TABLES.items():
-        text = marked(name).sub(make(), text)
-    PAGE.write_text(text, encoding='utf-8')
-
-
-if __name__ == '__main__':
-    write()

@@ -12,13 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The report as Markdown."""
+"""The report as Markdown, and its sections that compare a few settings."""
 
+from dataclasses import replace
 import math
 
-from lava_ros.accuracy import Accuracy
-from lava_ros.verification.report import markdown
-from lava_ros.verification.settings import Setting
+import pytest
+
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.verification.lateral import FORMS, lateral_experiments, RADII
+from lava_ros.verification.report import markdown, studies
+from lava_ros.verification.settings import (
+    convergence,
+    from_paper,
+    gradients,
+    name_of,
+    Setting,
+    STEPPED,
+    stepping,
+)
 
 
 def test_presets_and_front_are_named(fake_case, measured):
@@ -48,3 +61,218 @@ def test_cases_without_presets_are_not_among_them(row):
     text = markdown([row(preset='draft'), row(case='other')], {}, stem='cpu')
     assert text.split('## fixed_volume')[0].count('other') == 0
     assert '## Presets' not in markdown([row(case='other')], {}, stem='cpu')
+
+
+STANDARD = PRESETS['standard'].accuracy
+
+
+def section(rows, title):
+    """Lines of a section, without its title; None when there is none."""
+    text = '\n'.join(studies(rows, {'pond': 'A pond'}))
+    parts = {part.split('\n')[0]: part.split('\n')[1:] for part in text.split('## ')[1:]}
+    return parts.get(title)
+
+
+def table(rows, title):
+    """Cells of a section's table, the head first."""
+    lines = [line for line in section(rows, title) if line.startswith('|')]
+    del lines[1]
+    return [[cell.strip() for cell in line.strip('|').split('|')] for line in lines]
+
+
+@pytest.fixture
+def converging(row):
+    """Errors that fall as the distance, and as its square."""
+    return [
+        row(
+            setting=name_of(accuracy),
+            quantity=quantity,
+            particles=round(8000 * accuracy.refinement**2),
+            error=0.01 / accuracy.refinement**order,
+        )
+        for accuracy in convergence()
+        for quantity, order in (('radius', 1), ('profile', 2))
+    ]
+
+
+def test_orders_of_convergence(converging):
+    """An error like the distance has order 1, one like its square 2, at every doubling."""
+    head, first, *others, last = table(converging, 'Convergence')
+    assert head == ['particles', 'radius', 'order', 'profile', 'order', 'a run took']
+    assert first[:5] == ['2,000', '2 %', '', '4 %', '']
+    assert len(others) == 6
+    assert others[1][:2] == ['8,000', '1 %']
+    for line in others:
+        assert float(line[2]) == pytest.approx(1.0, abs=0.02)
+        assert float(line[4]) == pytest.approx(2.0, abs=0.02)
+    assert last == ['least squares', '', '1.00', '', '2.00', '']
+
+
+def test_an_order_needs_errors(converging):
+    """Without a result there is no order, nor through all of them; one row is no study."""
+    broken = [replace(converging[0], error=math.nan), *converging[1:]]
+    _, first, second, *_, last = table(broken, 'Convergence')
+    assert first[1] == 'none'
+    assert (second[2], last[2]) == ('-', '-')
+    assert last[4] == '2.00'
+    assert section(converging[:2], 'Convergence') is None
+
+
+def test_convergence_is_of_one_case(converging):
+    """The same settings in another case do not mix with it."""
+    others = [replace(item, case='dam_break', error=1.0) for item in converging]
+    assert section(others, 'Convergence') is None
+    assert section(converging + others, 'Convergence') == section(converging, 'Convergence')
+
+
+@pytest.fixture
+def stepped(row):
+    """Euler with 400 evaluations at 8,000 particles, the others with 100 and half the error."""
+    return [
+        row(
+            setting=name_of(accuracy),
+            quantity=quantity,
+            evaluations=400 if accuracy.integrator == 'euler' else 100,
+            error=0.02 if accuracy.integrator == 'euler' else error,
+        )
+        for accuracy in stepping()
+        if accuracy.refinement == STEPPED[0]
+        for quantity, error in (('radius', 0.01), ('profile', 0.0201))
+    ]
+
+
+def test_super_time_stepping_is_held_against_euler(stepped):
+    """The ratio of evaluations, and the errors that are larger by more than rounding."""
+    head, euler, *others = table(stepped, 'Super-time-stepping')
+    column = {name: index for index, name in enumerate(head)}
+    assert euler[column['integrator']] == 'Euler'
+    assert euler[column["Euler's over these"]] == ''
+    assert [line[column['Courant number']] for line in others] == ['0.5', '0.75', '1']
+    for line in others:
+        assert line[column["Euler's over these"]] == '4.0'
+        assert line[column["larger than Euler's"]] == 'none'
+    worse = [
+        replace(item, error=0.03) if (item.quantity, item.error) == ('profile', 0.0201) else item
+        for item in stepped
+    ]
+    _, _, *others = table(worse, 'Super-time-stepping')
+    assert {line[column["larger than Euler's"]] for line in others} == {'profile'}
+
+
+def test_an_error_without_a_value_is_larger(stepped):
+    """A NaN is not within any share of Euler's error."""
+    broken = [
+        replace(item, error=math.nan) if item.setting == name_of(STANDARD) else item
+        for item in stepped
+    ]
+    lines = table(broken, 'Super-time-stepping')
+    assert lines[2][lines[0].index("larger than Euler's")] == 'radius, profile'
+
+
+def test_euler_may_be_missing(stepped):
+    """Where Euler took too long the others stand alone; one alone is no comparison."""
+    euler, others = stepped[:2], stepped[2:]
+    lines = table(others, 'Super-time-stepping')
+    assert {line[lines[0].index("Euler's over these")] for line in lines[1:]} == {'-'}
+    assert section(euler, 'Super-time-stepping') is None
+
+
+@pytest.fixture
+def corrected(row):
+    """The way from the paper's settings, errors falling by a half at each step."""
+    return [
+        row(
+            setting=name_of(accuracy),
+            preset={0: 'as-published', 7: 'standard'}.get(index, ''),
+            quantity=quantity,
+            error=scale * 0.5**index,
+            wall_s_per_simulated_hour=100.0 - index,
+        )
+        for index, accuracy in enumerate(from_paper().values())
+        for quantity, scale in (('radius', 0.1), ('scatter', 1.28))
+    ]
+
+
+def test_the_way_from_the_paper(corrected):
+    """One correction a line, from the paper's settings to the default."""
+    head, *lines = table(corrected, "From the paper's settings to ours")
+    assert head[:3] == ['setting', 'radius', 'scatter']
+    assert [line[0] for line in lines] == list(from_paper())
+    assert lines[0][2] == '128 %'
+    assert lines[-1][2] == '1 %'
+
+
+def test_what_was_too_dear_is_left_out_of_the_way(corrected):
+    """The paper's metre is not run on a CPU; without the paper there is no way from it."""
+    literal = name_of(from_paper()['l = 1 m, as in table 3.1'])
+    rows = [item for item in corrected if item.setting != literal]
+    _, *lines = table(rows, "From the paper's settings to ours")
+    assert len(lines) == len(from_paper()) - 1
+    rows = [item for item in corrected if item.preset != 'as-published']
+    assert section(rows, "From the paper's settings to ours") is None
+
+
+def test_domination_is_at_no_more_time(corrected, row):
+    """What is better and dearer than the paper's settings does not count."""
+    text = '\n'.join(section(corrected, "From the paper's settings to ours"))
+    assert 'standard errs by 1 % at most, in 93 s instead of 100 s' in text
+    assert 'errs by 128 % (scatter): the ratio of the errors is 0.0078.' in text
+    dear = row(setting='dear', error=1e-6, wall_s_per_simulated_hour=101.0)
+    cheap = row(setting='cheap', error=1e-5, wall_s_per_simulated_hour=99.0)
+    title = "From the paper's settings to ours"
+    assert section([*corrected, dear], title) == section(corrected, title)
+    assert 'cheap errs by' in '\n'.join(section([*corrected, dear, cheap], title))
+
+
+def test_gradients_are_compared_by_case(row):
+    """A column for each form, a line for each quantity, where both were run."""
+    forms = gradients()
+    rows = [
+        row(case=case, setting=name_of(accuracy), quantity=quantity, error=error)
+        for case in ('fixed_volume', 'pond')
+        for accuracy, error in zip(forms.values(), (0.02, 0.001, 0.5), strict=False)
+        for quantity in ('speed', 'flatness')
+    ]
+    count = len(forms)
+    errors = ['2 %', '0.1 %', '50 %'][:count]
+    head, *lines = table(rows, 'Gradient forms')
+    assert head == ['case', 'quantity', *forms]
+    assert ['A pond', 'flatness', *errors] in lines
+    assert ['A pond', 'a run took', *(['1 s'] * count)] in lines
+    assert len(lines) == 6
+    assert len(table(rows[:-2], 'Gradient forms')) == 1 + 3
+    assert section(rows[:2], 'Gradient forms') is None
+
+
+def test_kinds_of_lateral_stress_stand_side_by_side(row):
+    """A line for each quantity and radius, and the time: 2 s for 100 evaluations of 8,000."""
+    rows = [
+        row(
+            case='lateral',
+            setting=f'{kind}, l = {radius:g} h',
+            quantity=f'response at {length} h',
+            error=0.01 * radius / length,
+            wall_s=2.0 if kind == 'green' else 4.0,
+            wall_s_per_simulated_hour=math.nan,
+        )
+        for kind in ('green', 'helmholtz')
+        for radius in (2.0, 1.0, 10.0)
+        for length in (4, 20)
+        if (kind, radius) != ('green', 10.0)
+    ]
+    head, *lines = table(rows, 'Lateral stress')
+    assert head == ['quantity', 'l/h', 'green', 'helmholtz']
+    assert lines[0] == ['response at 4 h', '1', '0.25 %', '0.25 %']
+    assert lines[2] == ['response at 4 h', '10', '', '2.5 %']
+    assert [line[1] for line in lines] == ['1', '2', '10'] * 3
+    assert lines[6] == ['time per particle and evaluation', '1', '2,500 ns', '5,000 ns']
+    assert section([row()], 'Lateral stress') is None
+
+
+def test_every_lateral_experiment_has_its_place(row):
+    """The names that the experiments have are those that the section takes apart."""
+    rows = [row(case='lateral', setting=item.setting) for item in lateral_experiments()]
+    head, *lines = table(rows, 'Lateral stress')
+    assert head[2:] == list(FORMS)
+    assert [float(line[1]) for line in lines] == 2 * list(RADII)
+    assert all(cell for line in lines for cell in line)

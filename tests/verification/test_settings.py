@@ -18,8 +18,8 @@ import math
 
 import pytest
 
-from lava_ros.accuracy import Accuracy
-from lava_ros.presets import DEFAULT, PRESETS
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import DEFAULT, PRESETS
 from lava_ros.verification import settings
 from lava_ros.verification.cases import CASES
 from lava_ros.verification.lateral import FORMS, lateral_experiments, NAME

@@ -15,11 +15,9 @@
 """Cases that run the solver where an exact solution is known."""
 
 from lava_ros.verification.cases import (
-    channel,
-    forecast,
+    confined,
     heat,
     inertia,
-    pond,
     rheology,
     sheets,
     silicone,
@@ -46,19 +44,7 @@ __all__ = [
 #: Every case by its name, from the simplest.
 CASES: dict[str, Case] = {
     case.name: case
-    for module in (
-        sheets,
-        heat,
-        silicone,
-        rheology,
-        channel,
-        pond,
-        spreading,
-        slopes,
-        forecast,
-        solid,
-        inertia,
-    )
+    for module in (sheets, heat, silicone, rheology, confined, spreading, slopes, solid, inertia)
     for case in module.CASES
 }
 

@@ -20,10 +20,10 @@ import time as wall_clock
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.field import Field
 
 #: Isothermal lava: nothing but weight and viscosity.
@@ -32,6 +32,7 @@ ISOTHERMAL = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, 
 #: Its kinematic viscosity [m2/s].
 NU = ISOTHERMAL.viscosity / ISOTHERMAL.density
 
+#: That of a scene that does not say it [m/s2].
 GRAVITY = 9.81
 
 #: Where the thickness falls below this, a flow of about 1 m has its front [m].
@@ -40,6 +41,10 @@ FRONT = 0.1
 FLAT = Effects(arrhenius=False, cooling=False, steep=False)
 
 SLOPING = Effects(arrhenius=False, cooling=False, steep=True)
+
+
+#: Smallest x, smallest y, largest x, largest y [m].
+Window = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -114,18 +119,18 @@ class Trial:
         self,
         scene: Scene,
         *,
-        effects: Effects,
         accuracy: Accuracy,
         device: str,
+        effects: Effects = FLAT,
         particles: Particles | None = None,
     ) -> None:
         """Prepare the simulation.
 
         Args:
             scene: Terrain, vents and lava.
-            effects: The physics.
             accuracy: The resolution, spacing and thickness included.
             device: Warp device.
+            effects: The physics.
             particles: Lava that is there at the start.
         """
         # the kernels are compiled for the effects and the accuracy, whatever the scene
@@ -148,7 +153,7 @@ class Trial:
         self.simulation.advance(until)
         self._wall_time += wall_clock.perf_counter() - start
 
-    def field(self, window: tuple[float, float, float, float]) -> Field:
+    def field(self, window: Window) -> Field:
         """The thickness as the output grid shows it, on cells of half a spacing.
 
         Args:
@@ -207,9 +212,29 @@ def joined(case: str, runs: list[Run]) -> Run:
     )
 
 
-def plane(
-    window: tuple[float, float, float, float], cell: float, slope: float = 0.0
-) -> Terrain:
+def mean_difference(
+    measured: np.ndarray, expected: np.ndarray, quantity: str = 'profile'
+) -> Measurement:
+    """Mean of |h - exact| over the mean of the exact thickness [m]."""
+    difference = float(np.abs(measured - expected).mean())
+    return Measurement(quantity, difference, 0.0, 'm', scale=float(expected.mean()))
+
+
+def square(half: float) -> Window:
+    """Smallest x, smallest y, largest x, largest y [m] of a square around (0, 0)."""
+    return (-half, -half, half, half)
+
+
+def lattice(length: float, width: float, spacing: float) -> np.ndarray:
+    """Points [m] of a square lattice that fill a rectangle around (0, 0), shape [count, 2]."""
+    ticks = [
+        (np.arange(count) - 0.5 * (count - 1)) * spacing
+        for count in (max(2, int(length / spacing)), max(2, int(width / spacing)))
+    ]
+    return np.stack(np.meshgrid(*ticks), axis=-1).reshape(-1, 2)
+
+
+def plane(window: Window, cell: float, slope: float = 0.0) -> Terrain:
     """An even slope that falls towards +x.
 
     Args:

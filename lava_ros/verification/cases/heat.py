@@ -23,10 +23,10 @@ import math
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Vent
 from lava_ros.simulation import Particles
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import (
     Case,
@@ -34,10 +34,13 @@ from lava_ros.verification.cases.case import (
     GRAVITY,
     ISOTHERMAL,
     joined,
+    lattice,
     Measurement,
+    NU,
     plane,
     Run,
     SLOPING,
+    square,
     Trial,
 )
 
@@ -54,15 +57,6 @@ HOT, COLD, THICKNESS = 1423.0, 300.0, 2.0
 HOURS = (1.0, 10.0, 100.0)
 
 
-def _lattice(length: float, width: float, spacing: float) -> np.ndarray:
-    """Points of a square lattice that fill a rectangle around the origin, shape [count, 2]."""
-    x, y = (
-        (np.arange(count) - 0.5 * (count - 1)) * spacing
-        for count in (max(2, int(length / spacing)), max(2, int(width / spacing)))
-    )
-    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-
-
 def _cooling_sheet(
     name: str,
     lava: Lava,
@@ -75,10 +69,10 @@ def _cooling_sheet(
     spacing = 4.0 / accuracy.refinement
     side = max(80.0, 8.0 * spacing)
     trial = Trial(
-        Scene(plane((-side, -side, side, side), 10.0), lava=lava, gravity=GRAVITY),
+        Scene(plane(square(side), 10.0), lava=lava),
         effects=effects,
         accuracy=replace(accuracy, spacing=spacing, thickness=THICKNESS, longest_step=600.0),
-        particles=Particles(_lattice(side, side, spacing), THICKNESS * spacing**2, HOT),
+        particles=Particles(lattice(side, side, spacing), THICKNESS * spacing**2, HOT),
         device=device,
     )
     measurements = []
@@ -151,23 +145,16 @@ def _run_viscous(accuracy: Accuracy, device: str) -> Run:
     slope, thickness, side, duration = math.radians(10.0), 1.0, 120.0, 20.0
     spacing = 2.0 / accuracy.refinement
     trial = Trial(
-        Scene(plane((-2 * side, -2 * side, 2 * side, 2 * side), 5.0, slope), lava=lava,
-              gravity=GRAVITY),
+        Scene(plane(square(2.0 * side), 5.0, slope), lava=lava),
         effects=replace(SLOPING, viscous_heating=True),
         accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
-        particles=Particles(_lattice(side, side, spacing), thickness * spacing**2, HOT),
+        particles=Particles(lattice(side, side, spacing), thickness * spacing**2, HOT),
         device=device,
     )
     trial.advance(duration)
     sample = trial.simulation.sample()
     middle = np.abs(sample.position).max(axis=1) < 0.2 * side
-    speed = exact.sheet_velocity(
-        thickness * math.cos(slope),
-        slope,
-        density=lava.density,
-        viscosity=lava.viscosity,
-        gravity=GRAVITY,
-    )
+    speed = exact.sheet_velocity(thickness * math.cos(slope), slope, NU, GRAVITY)
     rise = exact.warming_by_descent(
         speed * math.sin(slope) * duration, gravity=GRAVITY, specific_heat=lava.specific_heat
     )
@@ -184,7 +171,7 @@ def _spreading(lava: Lava, accuracy: Accuracy, device: str) -> Run:
     solution = exact.FixedVolumeSpread(volume, lava.viscosity / lava.density, GRAVITY)
     start, end = solution.time_of_radius(100.0), solution.time_of_radius(160.0)
     trial = Trial(
-        Scene(plane((-250.0, -250.0, 250.0, 250.0), 10.0), lava=lava, gravity=GRAVITY),
+        Scene(plane(square(250.0), 10.0), lava=lava),
         effects=replace(FLAT, viscous_heating=True),
         accuracy=replace(
             accuracy, spacing=math.sqrt(math.pi * 100.0**2 / count), thickness=volume / 3e4
@@ -215,10 +202,10 @@ def _run_conduction(accuracy: Accuracy, device: str) -> Run:
     length, width = 60.0, 14.0
     # as many columns on either side of the step
     spacing = 0.5 * length / round(length * accuracy.refinement)
-    places = _lattice(length, width, spacing)
+    places = lattice(length, width, spacing)
     cold = places[:, 0] < 0.0
     trial = Trial(
-        Scene(plane((-40.0, -15.0, 40.0, 15.0), 1.0), lava=lava, gravity=GRAVITY),
+        Scene(plane((-40.0, -15.0, 40.0, 15.0), 1.0), lava=lava),
         effects=replace(FLAT, conduction=True),
         accuracy=replace(accuracy, spacing=spacing, thickness=THICKNESS),
         particles=Particles(places, THICKNESS * spacing**2, np.where(cold, 1000.0, 1400.0)),
@@ -262,10 +249,9 @@ def _run_current(accuracy: Accuracy, device: str) -> Run:
     side = 4.5 * solution.thermal_radius
     trial = Trial(
         Scene(
-            plane((-side, -side, side, side), 10.0),
+            plane(square(side), 10.0),
             vents=(Vent((0.0, 0.0), discharge, radius=5.0, temperature=HOT),),
             lava=lava,
-            gravity=GRAVITY,
             ambient_temperature=COLD,
         ),
         effects=replace(FLAT, cooling=True),

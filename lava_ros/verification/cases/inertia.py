@@ -19,21 +19,22 @@ import math
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import (
     Case,
     GRAVITY,
+    mean_difference,
     Measurement,
     plane,
     Run,
     strip,
     Trial,
 )
-from lava_ros.verification.cases.pond import ground_at
+from lava_ros.verification.cases.confined import ground_at
 from lava_ros.verification.field import front
 
 #: Momentum and drag alone.
@@ -70,7 +71,7 @@ def _run_sheet(accuracy: Accuracy, device: str) -> Run:
     run_out = sheet.final_speed * times[-1]
     window = (-2.0 * half, -2.0 * half, 2.0 * half + run_out, 2.0 * half)
     trial = Trial(
-        Scene(plane(window, 0.05 * half, slope), lava=lava, gravity=GRAVITY),
+        Scene(plane(window, 0.05 * half, slope), lava=lava),
         effects=replace(INERTIAL, steep=True),
         accuracy=replace(
             accuracy,
@@ -113,9 +114,7 @@ class Break:
     thickness: np.ndarray
 
 
-def broken_dams(
-    bed: float, ahead: float, *, accuracy: Accuracy, device: str = 'cpu'
-) -> Break:
+def broken_dams(bed: float, ahead: float, *, accuracy: Accuracy, device: str = 'cpu') -> Break:
     """Let a block collapse on both sides, on a bed that reaches as far as its own end is not felt.
 
     The sides are as far from the band as what they feel comes. Where the tip of a break onto a dry
@@ -135,7 +134,9 @@ def broken_dams(
     else:
         outer, inner = half, half - 0.1 * REACH
         parts = [
-            (-half, -inner, HEIGHT, 2.0), (-inner, inner, HEIGHT, 1.0), (inner, half, HEIGHT, 2.0)
+            (-half, -inner, HEIGHT, 2.0),
+            (-inner, inner, HEIGHT, 1.0),
+            (inner, half, HEIGHT, 2.0),
         ]
     area = sum((end - start) * fineness**2 for start, end, _, fineness in parts) * 2.0 * side
     spacing = math.sqrt(area / PARTICLES) / accuracy.refinement
@@ -147,7 +148,7 @@ def broken_dams(
         volumes.append(np.full(count, thickness * (end - start) * 2.0 * side / count))
     far = max(outer, half + 2.2 * REACH)
     trial = Trial(
-        Scene(plane((-far, -2.0 * side, far, 2.0 * side), 1.0), lava=THIN, gravity=GRAVITY),
+        Scene(plane((-far, -2.0 * side, far, 2.0 * side), 1.0), lava=THIN),
         effects=INERTIAL,
         accuracy=replace(accuracy, spacing=spacing, thickness=HEIGHT),
         particles=Particles(np.concatenate(places), np.concatenate(volumes), 1400.0),
@@ -166,13 +167,7 @@ def _difference(
     """Mean of |h - exact| from where the fan begins to ``ahead`` [m], over the mean thickness."""
     inside = (broken.distance > -REACH) & (broken.distance < ahead)
     expected = solution.thickness(broken.distance[inside], broken.trial.simulation.time)
-    return Measurement(
-        'thickness',
-        float(np.abs(broken.thickness[inside] - expected).mean()),
-        0.0,
-        'm',
-        scale=float(expected.mean()),
-    )
+    return mean_difference(broken.thickness[inside], expected, 'thickness')
 
 
 def _run_ritter(accuracy: Accuracy, device: str) -> Run:
@@ -263,7 +258,7 @@ def swing(
     distance, angle = narrow * np.sqrt(index / count), index * math.pi * (3.0 - math.sqrt(5.0))
     thickness = solution.thickness(distance, 0.0)
     trial = Trial(
-        Scene(Terrain(bowl, cell, origin=(-half, -half)), lava=THIN, gravity=GRAVITY),
+        Scene(Terrain(bowl, cell, origin=(-half, -half)), lava=THIN),
         effects=INERTIAL,
         accuracy=replace(
             accuracy,

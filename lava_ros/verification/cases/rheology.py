@@ -19,10 +19,10 @@ import math
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene
 from lava_ros.simulation import Particles
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import (
     Case,
@@ -30,14 +30,17 @@ from lava_ros.verification.cases.case import (
     GRAVITY,
     ISOTHERMAL,
     joined,
+    lattice,
+    mean_difference,
     Measurement,
     plane,
     Run,
     SLOPING,
+    square,
     strip,
     Trial,
 )
-from lava_ros.verification.field import front
+from lava_ros.verification.field import half_width
 
 #: Weight of a volume [N/m3].
 WEIGHT = ISOTHERMAL.density * GRAVITY
@@ -88,15 +91,12 @@ def _sheet(
 ) -> Trial:
     """A square sheet on a slope [rad], its thickness [m] normal to it."""
     spacing = 2.0 / accuracy.refinement
-    count = max(2, int(SIDE / spacing))
-    ticks = (np.arange(count) - 0.5 * (count - 1)) * spacing
-    places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
     vertical = thickness / math.cos(slope)
     return Trial(
-        Scene(plane((-SIDE, -SIDE, SIDE, SIDE), 5.0, slope), lava=lava, gravity=GRAVITY),
+        Scene(plane(square(SIDE), 5.0, slope), lava=lava),
         effects=effects,
         accuracy=replace(accuracy, spacing=spacing, thickness=vertical, longest_step=1e6),
-        particles=Particles(places, vertical * spacing**2, temperature),
+        particles=Particles(lattice(SIDE, SIDE, spacing), vertical * spacing**2, temperature),
         device=device,
     )
 
@@ -117,87 +117,106 @@ def _speed(trial: Trial, slope: float, duration: float) -> float:
     return float(np.mean(speeds)) / math.cos(slope)
 
 
+def _compared(
+    case: str,
+    quantity: str,
+    lava: Lava,
+    accuracy: Accuracy,
+    device: str,
+    *,
+    viscosity: float,
+    strength: float,
+    duration: float | None = None,
+    temperature: float = REFERENCE,
+    **switched: bool,
+) -> Run:
+    """Speed of a sheet 1 m thick whose viscosity [Pa s] and strength [Pa] are known.
+
+    It is watched for a duration [s], in which it moves on by its thickness when left out.
+    """
+    trial = _sheet(
+        lava,
+        replace(SLOPING, **switched),
+        slope=SLOPE,
+        thickness=1.0,
+        accuracy=accuracy,
+        device=device,
+        temperature=temperature,
+    )
+    right = exact.herschel_bulkley_velocity(
+        1.0,
+        SLOPE,
+        density=lava.density,
+        consistency=viscosity,
+        strength=strength,
+        index=lava.flow_index,
+        gravity=GRAVITY,
+    )
+    measured = _speed(trial, SLOPE, duration or 1.0 / right)
+    return trial.run(case, Measurement(quantity, measured, right, 'm/s'))
+
+
 def _run_sheets(accuracy: Accuracy, device: str) -> Run:
-    runs = []
+    case, runs = 'herschel_bulkley', []
     for quantity, switched, index in SHEETS:
         strength = STRENGTH * WEIGHT * math.sin(SLOPE) if 'yielding' in switched else 0.0
         lava = replace(ISOTHERMAL, viscosity=4e3, yield_strength=strength, flow_index=index)
-        trial = _sheet(
-            lava,
-            replace(SLOPING, **switched),
-            slope=SLOPE,
-            thickness=1.0,
-            accuracy=accuracy,
-            device=device,
-        )
-        right = exact.herschel_bulkley_velocity(
-            1.0,
-            SLOPE,
-            density=lava.density,
-            consistency=lava.viscosity,
-            strength=strength,
-            index=index,
-            gravity=GRAVITY,
-        )
-        measured = _speed(trial, SLOPE, 4.0)
         runs.append(
-            trial.run('herschel_bulkley', Measurement(quantity, measured, right, 'm/s'))
+            _compared(
+                case,
+                quantity,
+                lava,
+                accuracy,
+                device,
+                viscosity=lava.viscosity,
+                strength=strength,
+                duration=4.0,
+                **switched,
+            )
         )
-    return joined('herschel_bulkley', runs)
+    return joined(case, runs)
 
 
 def _run_critical(accuracy: Accuracy, device: str) -> Run:
     """The thickness at which a sheet starts to move, and how far a thinner one creeps."""
-    runs = []
+    case, runs = 'critical_thickness', []
+
+    def sheet(thickness: float, slope: float) -> Trial:
+        return _sheet(
+            replace(ISOTHERMAL, yield_strength=WEIGHT * math.sin(slope)),
+            replace(SLOPING, yielding=True),
+            slope=slope,
+            thickness=thickness,
+            accuracy=accuracy,
+            device=device,
+        )
+
     for degrees in (3.0, 10.0, 25.0):
         slope = math.radians(degrees)
-        lava = replace(ISOTHERMAL, yield_strength=WEIGHT * math.sin(slope))
-
-        def sheet(thickness: float, lava: Lava = lava, slope: float = slope) -> Trial:
-            return _sheet(
-                lava,
-                replace(SLOPING, yielding=True),
-                slope=slope,
-                thickness=thickness,
-                accuracy=accuracy,
-                device=device,
-            )
-
+        strength = WEIGHT * math.sin(slope)
         right = exact.critical_thickness(
-            lava.yield_strength, slope, density=lava.density, gravity=GRAVITY
+            strength, slope, density=ISOTHERMAL.density, gravity=GRAVITY
         )
         low, high = 0.97 * right, 1.03 * right
-        trial = sheet(high)
-        if not _middle(trial)[1].any() or _middle(sheet(low))[1].any():
+        trial = sheet(high, slope)
+        if not _middle(trial)[1].any() or _middle(sheet(low, slope))[1].any():
             low = high = math.nan
         while high - low > 1e-4 * right:
             thickness = 0.5 * (low + high)
-            trial = sheet(thickness)
+            trial = sheet(thickness, slope)
             if _middle(trial)[1].any():
                 high = thickness
             else:
                 low = thickness
-        found = Measurement(
-            f'thickness at {degrees:g} degrees', 0.5 * (low + high), right, 'm'
-        )
-        runs.append(trial.run('critical_thickness', found))
-    slope = SLOPE
-    trial = _sheet(
-        replace(ISOTHERMAL, yield_strength=WEIGHT * math.sin(slope)),
-        replace(SLOPING, yielding=True),
-        slope=slope,
-        thickness=0.99,
-        accuracy=accuracy,
-        device=device,
-    )
+        found = Measurement(f'thickness at {degrees:g} degrees', 0.5 * (low + high), right, 'm')
+        runs.append(trial.run(case, found))
+    trial = sheet(0.99, SLOPE)
     start = np.sort(_middle(trial)[0])
     trial.advance(1e5)
     end = np.sort(_middle(trial)[0])
     way = float(np.abs(end - start).max()) if len(end) == len(start) else math.nan
     creep = Measurement('creep of 0.99 of it', way, 0.0, 'm', scale=1.0)
-    return joined(
-        'critical_thickness', [*runs, trial.run('critical_thickness', creep)]
-    )
+    return joined(case, [*runs, trial.run(case, creep)])
 
 
 def _run_dome(accuracy: Accuracy, device: str) -> Run:
@@ -213,15 +232,12 @@ def _run_dome(accuracy: Accuracy, device: str) -> Run:
     radius = solution.radius
     area = math.pi * radius**2
     half = 1.3 * radius
-    window = (-half, -half, half, half)
+    window = square(half)
     trial = Trial(
-        Scene(plane(window, 0.05 * half), lava=lava, gravity=GRAVITY),
+        Scene(plane(window, 0.05 * half), lava=lava),
         effects=replace(FLAT, yielding=True),
         accuracy=replace(
-            accuracy,
-            spacing=math.sqrt(area / count),
-            thickness=volume / area,
-            longest_step=1e6,
+            accuracy, spacing=math.sqrt(area / count), thickness=volume / area, longest_step=1e6
         ),
         particles=Particles(
             solution.particles(count, SQUEEZE * radius), volume / count, REFERENCE
@@ -235,16 +251,8 @@ def _run_dome(accuracy: Accuracy, device: str) -> Run:
     thin = 0.1 * volume / area
     return trial.run(
         'bingham_dome',
-        Measurement(
-            'radius', math.sqrt(float((distance**2).mean())), solution.rms_radius, 'm'
-        ),
-        Measurement(
-            'profile',
-            float(np.abs(sample.thickness - expected).mean()),
-            0.0,
-            'm',
-            scale=float(expected.mean()),
-        ),
+        Measurement('radius', math.sqrt(float((distance**2).mean())), solution.rms_radius, 'm'),
+        mean_difference(sample.thickness, expected),
         Measurement(
             'edge',
             trial.field(window).mean_radius(thin, half),
@@ -273,12 +281,9 @@ def _run_ridge(accuracy: Accuracy, device: str) -> Run:
         Scene(
             plane((-0.6 * length, -2.0 * half, 0.7 * length, 2.0 * half), half / 8.0, slope),
             lava=lava,
-            gravity=GRAVITY,
         ),
         effects=replace(SLOPING, yielding=True),
-        accuracy=replace(
-            accuracy, spacing=spacing, thickness=0.5 * held / half, longest_step=1e6
-        ),
+        accuracy=replace(accuracy, spacing=spacing, thickness=0.5 * held / half, longest_step=1e6),
         particles=Particles(np.column_stack([x, y]), held * length / len(x), REFERENCE),
         device=device,
     )
@@ -288,28 +293,21 @@ def _run_ridge(accuracy: Accuracy, device: str) -> Run:
     expected = solution.thickness(np.abs(sample.position[middle, 1])) / math.cos(slope)
     grid = trial.field((-0.15 * length, -2.0 * half, 0.15 * length, 2.0 * half))
     line, thin = grid.thickness.mean(axis=1), 0.1 * solution.critical
-    edges = [front(grid.y, line, thin), front(-grid.y[::-1], line[::-1], thin)]
     return trial.run(
         'ridge',
         Measurement(
             'half-width',
-            float(np.mean(edges)),
+            half_width(grid.y, line, thin),
             solution.distance_of_thickness(thin * math.cos(slope)),
             'm',
         ),
-        Measurement(
-            'profile',
-            float(np.abs(sample.thickness[middle] - expected).mean()),
-            0.0,
-            'm',
-            scale=float(expected.mean()),
-        ),
+        mean_difference(sample.thickness[middle], expected),
     )
 
 
 def _run_laws(accuracy: Accuracy, device: str) -> Run:
     """Sheets at several temperatures, whose speed says what viscosity and strength are there."""
-    runs = []
+    case, runs = 'material_laws', []
 
     def compare(
         quantity: str,
@@ -319,27 +317,19 @@ def _run_laws(accuracy: Accuracy, device: str) -> Run:
         strength: float = 0.0,
         **switched: bool,
     ) -> None:
-        trial = _sheet(
-            lava,
-            replace(SLOPING, **switched),
-            slope=SLOPE,
-            thickness=1.0,
-            accuracy=accuracy,
-            device=device,
-            temperature=temperature,
+        runs.append(
+            _compared(
+                case,
+                quantity,
+                lava,
+                accuracy,
+                device,
+                viscosity=viscosity,
+                strength=strength,
+                temperature=temperature,
+                **switched,
+            )
         )
-        right = exact.herschel_bulkley_velocity(
-            1.0,
-            SLOPE,
-            density=lava.density,
-            consistency=viscosity,
-            strength=strength,
-            index=1.0,
-            gravity=GRAVITY,
-        )
-        # the sheet moves on by about its thickness
-        measured = _speed(trial, SLOPE, 1.0 / right)
-        runs.append(trial.run('material_laws', Measurement(quantity, measured, right, 'm/s')))
 
     a, b, c = VFT
     for temperature in (1400.0, 1200.0):
@@ -351,9 +341,7 @@ def _run_laws(accuracy: Accuracy, device: str) -> Run:
             vft=True,
         )
     for law, exponent in CRYSTAL_EXPONENTS.items():
-        lava = replace(
-            ISOTHERMAL, solidus=1273.0, liquidus=1473.0, crystal_law=law, crystals=0.5
-        )
+        lava = replace(ISOTHERMAL, solidus=1273.0, liquidus=1473.0, crystal_law=law, crystals=0.5)
         # three quarters of the way to the solidus
         factor = exact.crystal_factor(0.375, lava.packing, exponent)
         compare(law, lava, 1323.0, lava.viscosity * factor, crystals=True)
@@ -369,7 +357,7 @@ def _run_laws(accuracy: Accuracy, device: str) -> Run:
         2.0 * lava.yield_strength,
         yielding=True,
     )
-    return joined('material_laws', runs)
+    return joined(case, runs)
 
 
 CASES = (
@@ -379,9 +367,7 @@ CASES = (
         'Herschel & Bulkley 1926',
         _run_sheets,
     ),
-    Case(
-        'critical_thickness', 'sheets about to move', 'Hulme 1974', _run_critical
-    ),
+    Case('critical_thickness', 'sheets about to move', 'Hulme 1974', _run_critical),
     Case(
         'material_laws',
         'viscosity and strength at several temperatures',

@@ -19,10 +19,10 @@ import math
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene
 from lava_ros.simulation import Particles
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import (
     Case,
@@ -30,10 +30,13 @@ from lava_ros.verification.cases.case import (
     GRAVITY,
     ISOTHERMAL,
     joined,
+    lattice,
     Measurement,
+    NU,
     plane,
     Run,
     SLOPING,
+    square,
     Trial,
 )
 
@@ -47,24 +50,13 @@ WAVELENGTHS = (4.0, 8.0, 20.0)
 HOURS = (1.0, 10.0, 24.0)
 
 
-def _lattice(side: float, spacing: float) -> np.ndarray:
-    """Points of a square lattice that fill a square around the origin, shape [count, 2]."""
-    count = max(2, int(side / spacing))
-    ticks = (np.arange(count) - 0.5 * (count - 1)) * spacing
-    return np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
-
-
-def _square(half: float) -> tuple[float, float, float, float]:
-    return (-half, -half, half, half)
-
-
 def _sheet_trial(slope: float, accuracy: Accuracy, device: str) -> tuple[Trial, Measurement]:
     spacing, thickness, side, duration = 2.0 / accuracy.refinement, 1.0, 120.0, 4.0
     trial = Trial(
-        Scene(plane(_square(2.0 * side), 5.0, slope), lava=ISOTHERMAL, gravity=GRAVITY),
+        Scene(plane(square(2.0 * side), 5.0, slope), lava=ISOTHERMAL),
         effects=SLOPING,
         accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
-        particles=Particles(_lattice(side, spacing), thickness * spacing**2, 1400.0),
+        particles=Particles(lattice(side, side, spacing), thickness * spacing**2, 1400.0),
         device=device,
     )
     speeds = []
@@ -76,13 +68,7 @@ def _sheet_trial(slope: float, accuracy: Accuracy, device: str) -> tuple[Trial, 
     return trial, Measurement(
         f'speed at {math.degrees(slope):g} degrees',
         float(np.mean(speeds)) / math.cos(slope),
-        exact.sheet_velocity(
-            thickness * math.cos(slope),
-            slope,
-            density=ISOTHERMAL.density,
-            viscosity=ISOTHERMAL.viscosity,
-            gravity=GRAVITY,
-        ),
+        exact.sheet_velocity(thickness * math.cos(slope), slope, NU, GRAVITY),
         'm/s',
     )
 
@@ -114,16 +100,16 @@ def _green_trials(
     spacing = radius / accuracy.ratio
     side = 2.0 * wavelength + 4.0 * radius
     q = 2.0 * math.pi / wavelength
-    terrain = plane(_square(0.6 * side), min(spacing, wavelength / 40.0))
+    terrain = plane(square(0.6 * side), min(spacing, wavelength / 40.0))
     x = terrain.origin[0] + (np.arange(terrain.shape[1]) + 0.5) * terrain.resolution
     wavy = replace(terrain, elevation=np.tile(0.01 * np.sin(q * x), (terrain.shape[0], 1)))
     trials, speeds = [], []
     for green in (True, False):
         trial = Trial(
-            Scene(wavy, lava=ISOTHERMAL, gravity=GRAVITY),
+            Scene(wavy, lava=ISOTHERMAL),
             effects=replace(FLAT, green=green),
             accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
-            particles=Particles(_lattice(side, spacing), thickness * spacing**2, 1400.0),
+            particles=Particles(lattice(side, side, spacing), thickness * spacing**2, 1400.0),
             device=device,
         )
         trials.append(trial)
@@ -188,10 +174,10 @@ def _run_radiating(accuracy: Accuracy, device: str) -> Run:
         thickness=thickness,
     )
     trial = Trial(
-        Scene(plane(_square(side), 10.0), lava=lava, gravity=GRAVITY),
+        Scene(plane(square(side), 10.0), lava=lava),
         effects=Effects(arrhenius=False, cooling=True, steep=False),
         accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
-        particles=Particles(_lattice(side, spacing), thickness * spacing**2, 1423.0),
+        particles=Particles(lattice(side, side, spacing), thickness * spacing**2, 1423.0),
         device=device,
     )
     measurements = []

@@ -27,18 +27,10 @@ import math
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.scene import Lava, Scene, Vent
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
-from lava_ros.verification.cases.case import (
-    Case,
-    FLAT,
-    GRAVITY,
-    Measurement,
-    plane,
-    Run,
-    Trial,
-)
+from lava_ros.verification.cases.case import Case, FLAT, GRAVITY, Measurement, plane, Run, Trial
 
 #: What comes out [m3/s], through a hole of a radius [m] (2 to 4 mm).
 DISCHARGE, HOLE = 2.2e-8, 0.003
@@ -80,7 +72,6 @@ def _run_oil(accuracy: Accuracy, device: str) -> Run:
                 emissivity=0.0,
                 convection=LOSS,
             ),
-            gravity=GRAVITY,
             ambient_temperature=COLD,
         ),
         effects=replace(FLAT, cooling=True),
@@ -114,9 +105,7 @@ def _run_oil(accuracy: Accuracy, device: str) -> Run:
         )
     least = 0.5e-3
     front = trial.field((-half, -half, half, half)).mean_radius(least, half)
-    measured.append(
-        Measurement('front', front, spread.radius_of_thickness(least, time), 'm')
-    )
+    measured.append(Measurement('front', front, spread.radius_of_thickness(least, time), 'm'))
     return trial.run('silicone_oil', *measured)
 
 

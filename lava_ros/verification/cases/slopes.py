@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Cases of lava that flows down an even slope.
+"""Cases of lava that flows down an even slope, and when it arrives, said long before.
 
 Solutions are along the slope, the simulation in plan: x = x_plan / cos b, h = h_vertical cos b.
 """
@@ -22,9 +22,10 @@ import math
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy
+from lava_ros.forecast.lookahead import LookAhead
 from lava_ros.scene import Scene, Vent
 from lava_ros.simulation import Particles
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import (
     Case,
@@ -37,11 +38,9 @@ from lava_ros.verification.cases.case import (
     SLOPING,
     strip,
     Trial,
+    Window,
 )
-from lava_ros.verification.field import front, slope_of
-
-#: Smallest x, smallest y, largest x, largest y.
-Window = tuple[float, float, float, float]
+from lava_ros.verification.field import front, half_width, slope_of
 
 #: Discharge of the point sources [m3/s].
 DISCHARGE = 10.0
@@ -69,7 +68,7 @@ def _run_fixed_area(accuracy: Accuracy, device: str) -> Run:
     x = solution.length(start) * share ** (2.0 / 3.0) * cosine
     window = (-8.0 * run_out, -width, (last + 8.0 * run_out) * cosine, width)
     trial = Trial(
-        Scene(plane(window, 1.5 * run_out, slope), lava=ISOTHERMAL, gravity=GRAVITY),
+        Scene(plane(window, 1.5 * run_out, slope), lava=ISOTHERMAL),
         effects=SLOPING,
         accuracy=replace(accuracy, spacing=spacing, thickness=mean),
         # a plan area holds as much as the slope's: h_vertical dx_plan = h dx
@@ -85,26 +84,35 @@ def _run_fixed_area(accuracy: Accuracy, device: str) -> Run:
     )
 
 
-def _run_flux(accuracy: Accuracy, device: str) -> Run:
-    """A fissure across 20 degrees, and when the front arrives 10 run-outs h cot b below it."""
+def _fissure(
+    last: float, accuracy: Accuracy, device: str
+) -> tuple[exact.SlopeFlux, Window, Trial]:
+    """A fissure across 20 degrees, on ground down to past ``last`` run-outs h cot b below it."""
     slope, flux = math.radians(20.0), 0.5
     solution = exact.SlopeFlux(flux, slope, NU, GRAVITY)
     run_out, cosine = solution.run_out, math.cos(slope)
-    gauge = 10.0 * run_out
     width = 24.0 * run_out
-    threshold = 0.1 * solution.thickness
-    arrival = solution.arrival(gauge, threshold)
-    window = (-6.0 * run_out, -width, (gauge + 8.0 * run_out) * cosine, width)
-    spacing = 0.2 * run_out / accuracy.refinement
-    vent = Vent(
-        (0.0, -0.5 * width), flux * width, radius=0.2 * run_out, end=(0.0, 0.5 * width)
-    )
+    window = (-6.0 * run_out, -width, (last * run_out + 8.0 * run_out) * cosine, width)
+    vent = Vent((0.0, -0.5 * width), flux * width, radius=0.2 * run_out, end=(0.0, 0.5 * width))
     trial = Trial(
-        Scene(plane(window, 0.6 * run_out, slope), (vent,), ISOTHERMAL, gravity=GRAVITY),
+        Scene(plane(window, 0.6 * run_out, slope), (vent,), ISOTHERMAL),
         effects=SLOPING,
-        accuracy=replace(accuracy, spacing=spacing, thickness=solution.thickness / cosine),
+        accuracy=replace(
+            accuracy,
+            spacing=0.2 * run_out / accuracy.refinement,
+            thickness=solution.thickness / cosine,
+        ),
         device=device,
     )
+    return solution, window, trial
+
+
+def _run_flux(accuracy: Accuracy, device: str) -> Run:
+    """When the front of a fissure's flow arrives 10 run-outs h cot b below it."""
+    solution, window, trial = _fissure(10.0, accuracy, device)
+    run_out, cosine = solution.run_out, math.cos(math.radians(20.0))
+    gauge, threshold = 10.0 * run_out, 0.1 * solution.thickness
+    arrival = solution.arrival(gauge, threshold)
     times = arrival * np.linspace(0.5, 1.1, 7)
     fronts = []
     for time in times:
@@ -121,14 +129,56 @@ def _run_flux(accuracy: Accuracy, device: str) -> Run:
     )
 
 
+def _run_ahead(accuracy: Accuracy, device: str) -> Run:
+    """A fissure across 20 degrees, forked when the front is 3 of 10 run-outs h cot b below it.
+
+    Compared are the cells from 5 to 10 run-outs down, in a band whose distance from the fissure's
+    ends is 8: the last one measures as well the time that the map's cells and the looks take from
+    what is known.
+    """
+    solution, _, trial = _fissure(10.0, accuracy, device)
+    run_out, cosine = solution.run_out, math.cos(math.radians(20.0))
+    last, threshold = 10.0 * run_out, 0.1 * solution.thickness
+    end = solution.arrival(last, threshold)
+    start = 0.3 * end
+    trial.advance(start)
+    ahead = LookAhead(
+        trial.simulation.checkpoint(),
+        horizon=1.1 * end - start,
+        threshold=threshold / cosine,
+        device=device,
+    )
+    forecast = ahead.run()
+    terrain = forecast.terrain
+    rows, columns = (np.arange(count) + 0.5 for count in terrain.elevation.shape)
+    x = (terrain.origin[0] + columns * terrain.resolution) / cosine
+    y = terrain.origin[1] + rows * terrain.resolution
+    here = np.ix_(np.abs(y) < 4.0 * run_out, (x > 0.5 * last) & (x < last))
+    cell = terrain.resolution / cosine
+    measured = start + forecast.arrival[here].astype(np.float64)
+    exactly = np.broadcast_to(
+        [solution.mean_arrival(place, threshold, cell) for place in x[here[1][0]]], measured.shape
+    )
+    # NaN, an error, where the front did not arrive
+    worst = np.unravel_index(np.argmax(np.abs(measured / exactly - 1.0)), measured.shape)
+    run = trial.run(
+        'look_ahead',
+        Measurement('arrival', float(measured.mean()), float(exactly.mean()), 's'),
+        Measurement('worst cell', float(measured[worst]), float(exactly[worst]), 's'),
+    )
+    return replace(
+        run,
+        particles=forecast.particle_count,
+        steps=ahead.steps.count,
+        evaluations=ahead.steps.evaluations,
+        simulated_time=forecast.time + forecast.horizon,
+        wall_time=run.wall_time + forecast.duration,
+    )
+
+
 def _scaled(window: Window, unit: float) -> Window:
     x0, y0, x1, y1 = window
     return (unit * x0, unit * y0, unit * x1, unit * y1)
-
-
-def _width(place: np.ndarray, thickness: np.ndarray, threshold: float) -> float:
-    """Distance between the outermost fronts on both sides [m]."""
-    return front(place, thickness, threshold) + front(-place[::-1], thickness[::-1], threshold)
 
 
 def _source_trial(
@@ -146,9 +196,7 @@ def _source_trial(
     unit = scales.length
     vent = Vent((0.0, 0.0), DISCHARGE, radius=radius * unit)
     return Trial(
-        Scene(
-            plane(_scaled(window, unit), cell * unit, slope), (vent,), ISOTHERMAL, gravity=GRAVITY
-        ),
+        Scene(plane(_scaled(window, unit), cell * unit, slope), (vent,), ISOTHERMAL),
         effects=SLOPING,
         accuracy=replace(
             accuracy,
@@ -174,7 +222,7 @@ def _run_lister(accuracy: Accuracy, device: str) -> Run:
         thickness = grid.thickness * cosine
         length = front(grid.x, thickness.max(axis=0), threshold) / cosine
         widest = thickness.max(axis=1)
-        half = 0.5 * _width(grid.y, widest, threshold)
+        half = half_width(grid.y, widest, threshold)
         x, y = exact.LISTER_REFERENCE[time]
         measurements.append(Measurement(f'x at {time:g} T', length / scales.length, x, 'L'))
         measurements.append(Measurement(f'y at {time:g} T', half / scales.length, y, 'L'))
@@ -208,7 +256,7 @@ def _run_smith(accuracy: Accuracy, device: str) -> Run:
         grid = trial.field(_scaled(window, unit))
         band = np.abs(grid.x / cosine - x) < 2.0 * unit
         across = grid.thickness[:, band].mean(axis=1) * cosine
-        halves.append(0.5 * _width(grid.y, across, threshold))
+        halves.append(half_width(grid.y, across, threshold))
         axes.append(across[np.abs(grid.y) < 0.5 * unit].mean())
         position = trial.simulation.sample().position
         here = position[np.abs(position[:, 0] / cosine - x) < 2.0 * unit]
@@ -217,9 +265,7 @@ def _run_smith(accuracy: Accuracy, device: str) -> Run:
         squares.append(np.mean(np.square(shares)))
     return trial.run(
         'smith',
-        Measurement(
-            'half-width', float(np.mean(halves)), solution.half_width(x, threshold), 'm'
-        ),
+        Measurement('half-width', float(np.mean(halves)), solution.half_width(x, threshold), 'm'),
         # the profile 1 - s^2 has a mean square of s of 1/5
         Measurement(
             'spread',
@@ -236,4 +282,5 @@ CASES = (
     Case('slope_flux', 'constant flux down a slope', 'Huppert 1982 (Nature)', _run_flux),
     Case('lister', 'point source on a slope', 'Lister 1992', _run_lister),
     Case('smith', 'steady point source on a slope', 'Smith 1973', _run_smith),
+    Case('look_ahead', 'arrival times said ahead', 'Huppert 1982 (Nature)', _run_ahead),
 )

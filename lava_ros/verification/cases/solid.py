@@ -18,21 +18,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene
 from lava_ros.simulation import Particles
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
-from lava_ros.verification.cases.case import Case, GRAVITY, Measurement, plane, Run, Trial
+from lava_ros.verification.cases.case import (
+    Case,
+    mean_difference,
+    Measurement,
+    plane,
+    Run,
+    square,
+    Trial,
+)
 
 #: Too stiff to flow, it cools by convection alone.
 STIFF = Lava(
-    density=2600.0,
-    viscosity=1e9,
-    arrhenius=0.0,
-    emissivity=0.0,
-    convection=25.0,
-    solidus=1300.0,
+    density=2600.0, viscosity=1e9, arrhenius=0.0, emissivity=0.0, convection=25.0, solidus=1300.0
 )
 
 #: Temperature of the lava at the start and of the air [K].
@@ -56,13 +59,13 @@ def _run(accuracy: Accuracy, device: str) -> Run:
         ambient=AMBIENT,
     )
     spacing = 3.0 / accuracy.refinement
-    terrain = plane((-HALF, -HALF, HALF, HALF), spacing)
+    terrain = plane(square(HALF), spacing)
     ticks = np.arange(-HALF, HALF, spacing) + 0.5 * spacing
     places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
     thickness = lens.thickness(np.hypot(*places.T))
     wet = thickness > 0.0
     trial = Trial(
-        Scene(terrain, lava=STIFF, gravity=GRAVITY, ambient_temperature=AMBIENT),
+        Scene(terrain, lava=STIFF, ambient_temperature=AMBIENT),
         effects=Effects(arrhenius=False, cooling=True, steep=False, solidification=True),
         accuracy=replace(accuracy, spacing=spacing, thickness=0.5 * lens.depth),
         particles=Particles(places[wet], thickness[wet] * spacing**2, FIRST),
@@ -91,23 +94,11 @@ def _run(accuracy: Accuracy, device: str) -> Run:
     )
     solid = lens.thickness(np.hypot(x, y))
     measured.append(
-        Measurement(
-            'frozen in the end', snapshot.budget.frozen / snapshot.budget.emitted, 1.0, ''
-        )
+        Measurement('frozen in the end', snapshot.budget.frozen / snapshot.budget.emitted, 1.0, '')
     )
-    measured.append(
-        Measurement(
-            'deposit',
-            float(np.abs(snapshot.frozen - solid).mean()),
-            0.0,
-            'm',
-            scale=float(solid.mean()),
-        )
-    )
+    measured.append(mean_difference(snapshot.frozen, solid, 'deposit'))
     # all has frozen, no particle is left
     return replace(trial.run('freezing_lens', *measured), particles=int(wet.sum()))
 
 
-CASES = (
-    Case('freezing_lens', 'lava at rest that freezes from its rim', 'Newton cooling', _run),
-)
+CASES = (Case('freezing_lens', 'lava at rest that freezes from its rim', 'Newton cooling', _run),)

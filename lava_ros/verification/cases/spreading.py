@@ -19,10 +19,10 @@ import math
 
 import numpy as np
 
-from lava_ros.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene, Vent
 from lava_ros.simulation import Particles
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import (
     Case,
@@ -30,14 +30,16 @@ from lava_ros.verification.cases.case import (
     FRONT,
     GRAVITY,
     ISOTHERMAL,
+    mean_difference,
     Measurement,
     NU,
     plane,
     Run,
+    square,
     strip,
     Trial,
 )
-from lava_ros.verification.field import front, slope_of
+from lava_ros.verification.field import half_width, slope_of
 
 
 @dataclass(frozen=True)
@@ -98,9 +100,9 @@ def spread_of_fixed_volume(
     radius = solution.radius(end)
     area = math.pi * radius**2
     half = 1.5 * radius
-    window = (-half, -half, half, half)
+    window = square(half)
     trial = Trial(
-        Scene(plane(window, 0.05 * half), lava=ISOTHERMAL, gravity=GRAVITY),
+        Scene(plane(window, 0.05 * half), lava=ISOTHERMAL),
         effects=effects or FLAT,
         accuracy=replace(accuracy, spacing=math.sqrt(area / count), thickness=volume / area),
         particles=Particles(solution.particles(count, start), volume / count, 1400.0),
@@ -117,13 +119,7 @@ def spread_of_fixed_volume(
         solution.rms_radius(end),
         'm',
     )
-    profile = Measurement(
-        'profile',
-        float(np.abs(sample.thickness - expected).mean()),
-        0.0,
-        'm',
-        scale=float(expected.mean()),
-    )
+    profile = mean_difference(sample.thickness, expected)
     edge = Measurement(
         'edge',
         trial.field(window).mean_radius(FRONT, half),
@@ -152,15 +148,10 @@ def _run_constant_flux(accuracy: Accuracy, device: str) -> Run:
     discharge, end = 10.0, 3600.0
     solution = exact.ConstantFluxSpread(discharge, NU, GRAVITY)
     half = 1.3 * solution.radius(end)
-    window = (-half, -half, half, half)
+    window = square(half)
     spacing = 2.8 / accuracy.refinement
     trial = Trial(
-        Scene(
-            plane(window, 8.0),
-            (Vent((0.0, 0.0), discharge, radius=10.0),),
-            ISOTHERMAL,
-            gravity=GRAVITY,
-        ),
+        Scene(plane(window, 8.0), (Vent((0.0, 0.0), discharge, radius=10.0),), ISOTHERMAL),
         effects=FLAT,
         accuracy=replace(accuracy, spacing=spacing, thickness=1.15),
         device=device,
@@ -200,12 +191,9 @@ def _run_plane_fixed_area(accuracy: Accuracy, device: str) -> Run:
     held = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
     x = first * np.interp(share, held / held[-1], places)
     trial = Trial(
-        Scene(plane(window, 0.05 * length), lava=ISOTHERMAL, gravity=GRAVITY),
-        effects=FLAT,
+        Scene(plane(window, 0.05 * length), lava=ISOTHERMAL),
         accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
-        particles=Particles(
-            np.column_stack([x, y]), 2.0 * area * width / len(share), 1400.0
-        ),
+        particles=Particles(np.column_stack([x, y]), 2.0 * area * width / len(share), 1400.0),
         device=device,
     )
     trial.advance(end - start)
@@ -214,19 +202,11 @@ def _run_plane_fixed_area(accuracy: Accuracy, device: str) -> Run:
     expected = solution.thickness(np.abs(sample.position[middle, 0]), end)
     grid = trial.field(window)
     line = grid.along_x(0.2 * length)
-    fronts = [front(grid.x, line, FRONT), front(-grid.x[::-1], line[::-1], FRONT)]
+    reach = half_width(grid.x, line, FRONT)
     return trial.run(
         'plane_fixed_area',
-        Measurement(
-            'front', float(np.mean(fronts)), solution.length_of_thickness(FRONT, end), 'm'
-        ),
-        Measurement(
-            'profile',
-            float(np.abs(sample.thickness[middle] - expected).mean()),
-            0.0,
-            'm',
-            scale=float(expected.mean()),
-        ),
+        Measurement('front', reach, solution.length_of_thickness(FRONT, end), 'm'),
+        mean_difference(sample.thickness[middle], expected),
     )
 
 
@@ -243,10 +223,9 @@ def _run_dam_break(accuracy: Accuracy, device: str) -> Run:
     share, y = strip(2.0 * half, round((2.0 * half / spacing) ** 2))
     x = (2.0 * share - 1.0) * half
     outer = half + reach
-    window = (-outer, -outer, outer, outer)
+    window = square(outer)
     trial = Trial(
-        Scene(plane(window, 3.0), lava=ISOTHERMAL, gravity=GRAVITY),
-        effects=FLAT,
+        Scene(plane(window, 3.0), lava=ISOTHERMAL),
         accuracy=replace(accuracy, spacing=spacing, thickness=height),
         particles=Particles(
             np.column_stack([x, y]), height * (2.0 * half) ** 2 / len(share), 1400.0
@@ -257,22 +236,18 @@ def _run_dam_break(accuracy: Accuracy, device: str) -> Run:
     grid = trial.field(window)
     band = 0.5 * reach
     line = grid.along_x(band)
-    fronts = [front(grid.x, line, FRONT), front(-grid.x[::-1], line[::-1], FRONT)]
     sample = trial.simulation.sample()
     past = (np.abs(sample.position[:, 1]) < band) & (np.abs(sample.position[:, 0]) > half)
     return trial.run(
         'dam_break',
         Measurement(
             'front',
-            float(np.mean(fronts)) - half,
+            half_width(grid.x, line, FRONT) - half,
             solution.front_of_thickness(FRONT, end),
             'm',
         ),
         Measurement(
-            'passed',
-            float(sample.volume[past].sum()) / (4.0 * band),
-            solution.passed(end),
-            'm2',
+            'passed', float(sample.volume[past].sum()) / (4.0 * band), solution.passed(end), 'm2'
         ),
     )
 

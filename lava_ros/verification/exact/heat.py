@@ -12,15 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Exact solutions of lava that gains and loses heat."""
 
+from dataclasses import dataclass
 import math
 
 import numpy as np
 
 from lava_ros.verification.exact.sheets import STEFAN_BOLTZMANN
-from lava_ros.verification.exact.spreading import ConstantFluxSpread
+from lava_ros.verification.exact.spreading import ConstantFluxSpread, runge_kutta
 
 
 class ColumnOnGround:
@@ -42,16 +42,7 @@ class ColumnOnGround:
         capacity: float,
         thickness: float,
     ) -> None:
-        """Set the case.
-
-        Args:
-            initial: T0 [K].
-            ground: Tg [K].
-            conductivity: kg [W/(m K)].
-            diffusivity: a [m2/s].
-            capacity: rho c of the column [J/(m3 K)].
-            thickness: h [m].
-        """
+        """Set T0 [K], Tg [K], kg [W/(m K)], a [m2/s], rho c of the column [J/(m3 K)] and h [m]."""
         self.initial = initial
         self.ground = ground
         self.rate = conductivity / (math.sqrt(diffusivity) * capacity * thickness)
@@ -122,9 +113,7 @@ class ConvectingSlab:
             )
             low, high = np.where(below, middle, low), np.where(below, high, middle)
         self._squares = middle**2
-        self._weights = 2.0 * biot**2 / (
-            self._squares * (self._squares + biot**2 + biot)
-        )
+        self._weights = 2.0 * biot**2 / (self._squares * (self._squares + biot**2 + biot))
         self._rate = conductivity / (capacity * thickness**2)
 
     def temperature(self, time: float) -> float:
@@ -246,16 +235,7 @@ class CoolingCurrent:
         capacity: float,
         discharge: float,
     ) -> None:
-        """Set the case.
-
-        Args:
-            initial: T0 [K].
-            ambient: Ta [K].
-            emissivity: eps.
-            convection: lambda [W/(m2 K)].
-            capacity: rho c [J/(m3 K)].
-            discharge: Q [m3/s].
-        """
+        """Set T0 [K], Ta [K], eps, lambda [W/(m2 K)], rho c [J/(m3 K)] and Q [m3/s]."""
         self.initial = initial
         self.ambient = ambient
         self._emissivity = emissivity
@@ -307,40 +287,24 @@ class CoolingSpread:
     OLDEST = 1e7
 
     def __init__(self, spread: ConstantFluxSpread, *, loss: float, capacity: float) -> None:
-        """Set the case.
-
-        Args:
-            spread: The flow.
-            loss: lambda [W/(m2 K)].
-            capacity: rho c [J/(m3 K)].
-        """
+        """Set the flow, lambda [W/(m2 K)] and rho c [J/(m3 K)]."""
         self._spread = spread
         self._rate = loss / capacity
-        # even in the logarithms of s - 1 and, further on, of s: Runge and Kutta's steps
+        # even in the logarithms of s - 1 and, further on, of s
         self._ages = 1.0 + np.concatenate(
             [np.geomspace(1e-9, 1.0, 1500), np.geomspace(1.0, self.OLDEST, 1500)[1:]]
         )
         area = math.pi * spread.coefficient**2
 
-        def rates(age: float, square: float) -> np.ndarray:
+        def rates(age: float, state: np.ndarray) -> np.ndarray:
             # the flow is similar to itself: as at one second
-            place = np.array(spread.coefficient * math.sqrt(max(square, 0.0) / age))
+            place = np.array(spread.coefficient * math.sqrt(max(state[0], 0.0) / age))
             height = max(float(spread.thickness(place, 1.0)), 1e-12)
             flux = float(spread.flux(place, 1.0))
             return np.array([flux / (area * height), 1.0 / height])
 
-        state, states = np.zeros(2), []
-        last = 1.0
-        for age in self._ages:
-            step = age - last
-            k1 = rates(last, state[0])
-            k2 = rates(last + 0.5 * step, state[0] + 0.5 * step * k1[0])
-            k3 = rates(last + 0.5 * step, state[0] + 0.5 * step * k2[0])
-            k4 = rates(age, state[0] + step * k3[0])
-            state = state + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-            states.append(state)
-            last = age
-        squares, self._falls = np.array(states).T
+        states = runge_kutta(rates, np.concatenate([[1.0], self._ages]), np.zeros(2))
+        squares, self._falls = states[1:].T
         self._shares = np.sqrt(squares / self._ages)
 
     def difference(self, distance: np.ndarray, time: float) -> np.ndarray:
@@ -359,3 +323,58 @@ class CoolingSpread:
         lost = self._rate * np.exp(-self._rate * born * self._falls) / np.maximum(height, 1e-12)
         lost[height <= 0.0] = 0.0
         return float((0.5 * (lost[1:] + lost[:-1]) * -np.diff(born)).sum())
+
+
+@dataclass(frozen=True)
+class FreezingLens:
+    """A paraboloid of lava at rest that freezes from its rim inwards.
+
+    The thickness is h(r) = D (1 - r^2 / R^2). Every column cools through its surface by
+    rho c h dT/dt = -lambda (T - Ta), so T - Ta = (T0 - Ta) exp(-lambda t / (rho c h)), and reaches
+    the solidus Ts at
+
+        t(h) = (rho c h / lambda) ln((T0 - Ta) / (Ts - Ta)),
+
+    which is proportional to its thickness. At time t all is frozen that is thinner than
+    D t / t(D), the ring r^2 > s R^2 with s = 1 - t / t(D). What is fluid has the volume
+
+        integral over 0..s of D (1 - s') pi R^2 ds' = pi R^2 D (s - s^2 / 2),
+
+    of all, pi R^2 D / 2, the share 2 s - s^2. So the share (1 - s)^2 = (t / t(D))^2 is frozen.
+
+    Attributes:
+        depth: Thickness D in the middle [m].
+        radius: Radius R of the rim [m].
+        heat_capacity: rho c [J/(m3 K)].
+        transfer: lambda [W/(m2 K)].
+        first: Temperature T0 at the start [K].
+        solidus: Temperature Ts [K].
+        ambient: Temperature Ta of the air [K].
+    """
+
+    depth: float
+    radius: float
+    heat_capacity: float
+    transfer: float
+    first: float
+    solidus: float
+    ambient: float
+
+    @property
+    def volume(self) -> float:
+        """Volume of the lava [m3]."""
+        return 0.5 * math.pi * self.radius**2 * self.depth
+
+    @property
+    def end(self) -> float:
+        """Time at which the middle freezes, the last to do so [s]."""
+        span = math.log((self.first - self.ambient) / (self.solidus - self.ambient))
+        return self.heat_capacity * self.depth / self.transfer * span
+
+    def thickness(self, r: np.ndarray) -> np.ndarray:
+        """Thickness at a distance from the axis [m]."""
+        return self.depth * np.maximum(1.0 - (r / self.radius) ** 2, 0.0)
+
+    def frozen_share(self, time: float) -> float:
+        """Share of the volume that is frozen at a time [s]."""
+        return min(1.0, time / self.end) ** 2

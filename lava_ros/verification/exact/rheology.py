@@ -141,14 +141,7 @@ class Ridge:
     """
 
     def __init__(self, fullness: float, strength: float, slope: float, weight: float) -> None:
-        """Set the case.
-
-        Args:
-            fullness: Thickness in the middle over dc, at most 1.
-            strength: tau_y [Pa].
-            slope: b [rad].
-            weight: rho g [N/m3].
-        """
+        """Set Thickness in the middle over dc, at most 1, tau_y [Pa], b [rad] and rho g [N/m3]."""
         self._tan = math.tan(slope)
         self._angle = math.asin(fullness)
         self.critical = strength / (weight * math.sin(slope))

@@ -20,10 +20,8 @@ import math
 STEFAN_BOLTZMANN = 5.670374419e-8
 
 
-def sheet_velocity(
-    thickness: float, slope: float, *, density: float, viscosity: float, gravity: float
-) -> float:
-    """Depth-averaged speed along the slope of a uniform sheet, rho g h^2 sin(b) / (3 mu) [m/s].
+def sheet_velocity(thickness: float, slope: float, nu: float, gravity: float) -> float:
+    """Depth-averaged speed along the slope of a uniform sheet, g h^2 sin(b) / (3 nu) [m/s].
 
     From the balance of weight and drag, mu d2u/dz2 = -rho g sin(b), no slip below and no stress
     on top.
@@ -31,11 +29,10 @@ def sheet_velocity(
     Args:
         thickness: Thickness normal to the slope [m].
         slope: Angle of the slope [rad].
-        density: Density [kg/m3].
-        viscosity: Dynamic viscosity [Pa s].
+        nu: Kinematic viscosity [m2/s].
         gravity: Acceleration of gravity [m/s2].
     """
-    return density * gravity * thickness**2 * math.sin(slope) / (3.0 * viscosity)
+    return gravity * thickness**2 * math.sin(slope) / (3.0 * nu)
 
 
 def green_response(wave_number: float, thickness: float) -> float:
@@ -82,16 +79,7 @@ class RadiatingSheet:
         specific_heat: float,
         thickness: float,
     ) -> None:
-        """Set the case.
-
-        Args:
-            initial: T0 [K].
-            ambient: Ta [K].
-            emissivity: eps.
-            density: rho [kg/m3].
-            specific_heat: c [J/(kg K)].
-            thickness: h [m].
-        """
+        """Set T0 [K], Ta [K], eps, rho [kg/m3], c [J/(kg K)] and h [m]."""
         self.initial = initial
         self.ambient = ambient
         self.rate = emissivity * STEFAN_BOLTZMANN / (density * specific_heat * thickness)

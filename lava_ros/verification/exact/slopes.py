@@ -34,14 +34,7 @@ class SlopeFixedArea:
     def __init__(
         self, area: float, slope: float, kinematic_viscosity: float, gravity: float
     ) -> None:
-        """Set the case.
-
-        Args:
-            area: A [m2].
-            slope: b [rad].
-            kinematic_viscosity: nu [m2/s].
-            gravity: g [m/s2].
-        """
+        """Set A [m2], b [rad], nu [m2/s] and g [m/s2]."""
         self.area = area
         self._rate = gravity * math.sin(slope) / kinematic_viscosity
 
@@ -77,22 +70,11 @@ class SlopeFlux:
     def __init__(
         self, flux: float, slope: float, kinematic_viscosity: float, gravity: float
     ) -> None:
-        """Set the case.
-
-        Args:
-            flux: q [m2/s].
-            slope: b [rad].
-            kinematic_viscosity: nu [m2/s].
-            gravity: g [m/s2].
-        """
+        """Set q [m2/s], b [rad], nu [m2/s] and g [m/s2]."""
         drive = gravity * math.sin(slope) / (3.0 * kinematic_viscosity)
         self.thickness = float(np.cbrt(flux / drive))
         self.speed = flux / self.thickness
         self.run_out = self.thickness / math.tan(slope)
-
-    def toe_of_step(self, time: float) -> float:
-        """The sharp step's front [m] at a time [s]: volume over thickness."""
-        return self.speed * time
 
     def toe(self, time: float) -> float:
         """Where the thickness is 0 [m], the source at x = 0, at a time [s]."""
@@ -147,17 +129,12 @@ class SteadySource:
     def __init__(
         self, discharge: float, slope: float, kinematic_viscosity: float, gravity: float
     ) -> None:
-        """Set the case.
-
-        Args:
-            discharge: Q [m3/s].
-            slope: b [rad].
-            kinematic_viscosity: nu [m2/s].
-            gravity: g [m/s2].
-        """
+        """Set Q [m3/s], b [rad], nu [m2/s] and g [m/s2]."""
         self._tangent = math.tan(slope)
         self._scale = (
-            kinematic_viscosity * discharge * math.cos(slope) ** 3
+            kinematic_viscosity
+            * discharge
+            * math.cos(slope) ** 3
             / (gravity * math.sin(slope) ** 4)
         ) ** (1.0 / 7.0)
 
@@ -182,14 +159,7 @@ class ListerScales:
     def __init__(
         self, discharge: float, slope: float, kinematic_viscosity: float, gravity: float
     ) -> None:
-        """Set the case.
-
-        Args:
-            discharge: Q [m3/s].
-            slope: b [rad].
-            kinematic_viscosity: nu [m2/s].
-            gravity: g [m/s2].
-        """
+        """Set Q [m3/s], b [rad], nu [m2/s] and g [m/s2]."""
         drive = 3.0 * kinematic_viscosity / gravity
         self.thickness = (drive * discharge / math.cos(slope)) ** 0.25
         self.length = self.thickness / math.tan(slope)

@@ -20,11 +20,36 @@ variables. The coefficients are eigenvalues of ordinary differential equations, 
 integrate anew.
 """
 
+from collections.abc import Callable
 from functools import cached_property
 from itertools import pairwise
 import math
 
 import numpy as np
+
+
+def runge_kutta(
+    rates: Callable[[float, np.ndarray], np.ndarray], places: np.ndarray, state: np.ndarray
+) -> np.ndarray:
+    """Integrate y' = rates(x, y) by steps of the fourth order.
+
+    Args:
+        rates: The equation.
+        places: x, shape [count].
+        state: y at the first of them, shape [size].
+
+    Returns:
+        y at each place, shape [count, size].
+    """
+    states = [state]
+    for place, end in pairwise(places):
+        step, state = end - place, states[-1]
+        k1 = rates(place, state)
+        k2 = rates(place + 0.5 * step, state + 0.5 * step * k1)
+        k3 = rates(place + 0.5 * step, state + 0.5 * step * k2)
+        k4 = rates(end, state + step * k3)
+        states.append(state + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
+    return np.array(states)
 
 
 class FixedVolumeSpread:
@@ -41,13 +66,7 @@ class FixedVolumeSpread:
     HEIGHT = 4.0 / (3.0 * math.pi * RADIUS**2)
 
     def __init__(self, volume: float, kinematic_viscosity: float, gravity: float) -> None:
-        """Set the case.
-
-        Args:
-            volume: V [m3].
-            kinematic_viscosity: nu [m2/s].
-            gravity: g [m/s2].
-        """
+        """Set V [m3], nu [m2/s] and g [m/s2]."""
         self.volume = volume
         self.nu = kinematic_viscosity
         self.gravity = gravity
@@ -106,13 +125,7 @@ class ConstantFluxSpread:
     INNERMOST = 1e-3
 
     def __init__(self, discharge: float, kinematic_viscosity: float, gravity: float) -> None:
-        """Set the case.
-
-        Args:
-            discharge: Q [m3/s].
-            kinematic_viscosity: nu [m2/s].
-            gravity: g [m/s2].
-        """
+        """Set Q [m3/s], nu [m2/s] and g [m/s2]."""
         alpha = gravity / (3.0 * kinematic_viscosity)
         self._discharge = discharge
         self._length = (alpha * discharge**3) ** 0.125
@@ -140,16 +153,14 @@ class ConstantFluxSpread:
     def flux(self, distance: np.ndarray, time: float) -> np.ndarray:
         """What flows through circles of radii [m], -2 pi r alpha h^3 dh/dr [m3/s]."""
         places, _, fluxes = self._profile
-        return self._discharge * np.interp(
-            self._place(distance, time), places, fluxes, right=0.0
-        )
+        return self._discharge * np.interp(self._place(distance, time), places, fluxes, right=0.0)
 
     def _place(self, distance: np.ndarray, time: float) -> np.ndarray:
         return np.maximum(np.asarray(distance) / self.radius(time), self.INNERMOST)
 
     @cached_property
     def _profile(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rising eta / eta_N, f and -2 pi eta f^3 f' there: Runge and Kutta's steps inwards."""
+        """Rising eta / eta_N, f and -2 pi eta f^3 f' there, integrated inwards."""
         behind = np.concatenate(
             [np.geomspace(1e-6, 0.5, 1000), 1.0 - np.geomspace(0.5, self.INNERMOST, 1000)[1:]]
         )
@@ -160,15 +171,8 @@ class ConstantFluxSpread:
             return np.array([fall, -0.5 * eta**2 * fall])
 
         front = (1.5 * self.RADIUS * (self.RADIUS - places[0])) ** (1.0 / 3.0)
-        states = [np.array([front, -0.5 * self.RADIUS**2 * front])]
-        for eta, end in pairwise(places):
-            step, state = end - eta, states[-1]
-            k1 = rates(eta, state)
-            k2 = rates(eta + 0.5 * step, state + 0.5 * step * k1)
-            k3 = rates(eta + 0.5 * step, state + 0.5 * step * k2)
-            k4 = rates(end, state + step * k3)
-            states.append(state + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
-        f, flux = np.array(states[::-1]).T
+        states = runge_kutta(rates, places, np.array([front, -0.5 * self.RADIUS**2 * front]))
+        f, flux = states[::-1].T
         return places[::-1] / self.RADIUS, f, -2.0 * math.pi * flux
 
 
@@ -186,13 +190,7 @@ class PlaneFixedArea:
     LENGTH = (10.0 / 3.0 / SHAPE**3) ** 0.2
 
     def __init__(self, area: float, kinematic_viscosity: float, gravity: float) -> None:
-        """Set the case.
-
-        Args:
-            area: A [m2], of one of the two sides.
-            kinematic_viscosity: nu [m2/s].
-            gravity: g [m/s2].
-        """
+        """Set A [m2], of one of the two sides, nu [m2/s] and g [m/s2]."""
         self.area = area
         self._scale = gravity * area**3 / (3.0 * kinematic_viscosity)
 
@@ -228,13 +226,7 @@ class PlaneConstantFlux:
     LENGTH = 1.00101
 
     def __init__(self, flux: float, kinematic_viscosity: float, gravity: float) -> None:
-        """Set the case.
-
-        Args:
-            flux: q [m2/s], to one of the two sides.
-            kinematic_viscosity: nu [m2/s].
-            gravity: g [m/s2].
-        """
+        """Set q [m2/s], to one of the two sides, nu [m2/s] and g [m/s2]."""
         self._scale = (gravity * flux**3 / (3.0 * kinematic_viscosity)) ** 0.2
 
     def length(self, time: float) -> float:
@@ -255,13 +247,7 @@ class DamBreak:
     PASSED = 0.25732
 
     def __init__(self, height: float, kinematic_viscosity: float, gravity: float) -> None:
-        """Set the case.
-
-        Args:
-            height: h0 [m].
-            kinematic_viscosity: nu [m2/s].
-            gravity: g [m/s2].
-        """
+        """Set h0 [m], nu [m2/s] and g [m/s2]."""
         self.height = height
         self._diffusivity = gravity * height**3 / (3.0 * kinematic_viscosity)
 

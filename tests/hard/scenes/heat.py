@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 
 from hard.case import block, CELL, HardScene, material, plane, scene, vent
-from lava_ros.lava import Lava
+from lava_ros.scene.lava import Lava
 from lava_ros.simulation import Particles
 
 #: A basalt that freezes, with a crust and ground that takes heat.

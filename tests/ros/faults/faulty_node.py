@@ -31,9 +31,9 @@ import time
 
 import numpy as np
 
-from lava_ros.ros import operation
+from lava_ros.ros import active_node as operation
+from lava_ros.ros.active_node import Operation
 from lava_ros.ros.node import main
-from lava_ros.ros.operation import Operation
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.snapshot import PendingSnapshot
 from lava_ros.simulation.state import State

@@ -73,7 +73,6 @@ def recovered(graph, bag):
         (item.topic.removeprefix('/'), item.publish_ns, sha256(item.data).hexdigest())
         for item in reader.messages()
     ]
-    time.sleep(0.2)
     said = [process.line(5.0) for _ in range(2 + len(reader.topics))]
     return said, messages
 
@@ -115,9 +114,10 @@ def check_kill(graph, directory, delay):
 
 
 @pytest.mark.parametrize('index', range(KILLS))
-def test_a_killed_recording_is_recovered(graph, tmp_path, index):
+def test_a_killed_recording_is_recovered(graph, tmp_path, index, trial):
     """After kill -9 everything is there but, at most, the frame at hand."""
-    check_kill(graph, tmp_path, 0.5 + 0.01 * index)
+    with trial('kills'):
+        check_kill(graph, tmp_path, 0.5 + 0.01 * index)
 
 
 @pytest.mark.parametrize('limit', ['any file', *['the file'] * (KILLS > 1)])

@@ -16,7 +16,6 @@
 
 from pathlib import Path
 import signal
-import time
 
 import pytest
 
@@ -100,7 +99,7 @@ def test_a_fault_is_told_and_the_last_maps_stay(faulty, fault, words):
     assert status['level'] == ERROR
     assert all(word in status['message'] for word in words), status['message']
     # The pipe of the log is another than the graph.
-    time.sleep(0.2)
+    faulty.node.wait_for_log('[ERROR]')
     error = [line for line in faulty.node.log.splitlines() if '[ERROR]' in line][-1]
     assert all(word in error for word in words), error
     assert '~/reset' in error
@@ -146,4 +145,21 @@ def test_the_limit_of_particles(faulty):
     assert faulty.publisher.set(max_particles=100_000, time_scale=20.0)['success']
     assert faulty.publisher.call('reset')['success']
     faulty.status(lambda status: status['state'] == 'running')
+    faulty.wait_for_lava()
+
+
+def test_a_step_that_does_not_end_is_told(faulty):
+    """In diagnostics, in the log once, and to whoever asks for something; then all goes on."""
+    faulty.begin('slow')
+    status = faulty.status(lambda status: 'a step takes' in status['message'])
+    assert (status['state'], status['level']) == ('running', 1)
+    answer = faulty.publisher.call('reset')
+    assert answer['success']
+    assert answer['message'].startswith('starting again at time 0, but later: a step takes')
+    faulty.status(lambda status: 'waiting for it: ' in status['message'])
+    faulty.status(lambda status: 'reset' in status['message'])
+    said = [line for line in faulty.node.log.splitlines() if 'a step takes' in line]
+    assert len(said) == 1 and '[WARN]' in said[0], said
+    faulty.end()
+    faulty.status(lambda status: 'a step takes' not in status['message'])
     faulty.wait_for_lava()

@@ -1,0 +1,195 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Scores of sets of constants on mapped eruptions, as a table.
+
+python docs/benchmarks/eruptions.py OUT.csv --case DIR [--case DIR ...] [--set NAME ...]
+    [--calibration DIR] [--preset P] [--runs N] [--device D]
+
+Each row is a set on a case: what half of the runs cover, and the runs alone. Rows are written as
+they come; a set that the table has at that preset is not run again. Sets of a calibration
+(``lava calibrate``) are its best one, and for each case the best one for the other cases.
+"""
+
+import argparse
+from collections.abc import Mapping
+import csv
+from dataclasses import dataclass, fields
+from pathlib import Path
+import platform
+import subprocess
+import time
+
+import numpy as np
+
+import lava_ros
+from lava_ros.hindcast.calibration import leave_one_out, near_best, read_trials
+from lava_ros.hindcast.case import load_case
+from lava_ros.hindcast.replicates import agreement, directions, run_together
+from lava_ros.hindcast.run import Settings
+from lava_ros.hindcast.unknowns import changed, unknowns_of
+from lava_ros.simulation.defaults import device_of
+from lava_ros.simulation.presets import PRESETS
+
+#: A lava of ``lava materials`` and constants in place of its own, by the name of the set.
+SETS: dict[str, tuple[str, Mapping[str, float]]] = {
+    'etna_basalt': ('etna_basalt', {}),
+    'published, well crusted': ('etna_magflow', {}),
+    'published, poorly insulated': (
+        'etna_magflow', {'crust_cover': 0.9, 'crust_cover_decay': 0.16},
+    ),
+    'published, well crusted, latent heat': ('etna_magflow', {'latent_heat': 3.5e5}),
+    'published, bare surface': ('etna_magflow', {'crust_cover': 0.0}),
+    'published, crust that thickens': (
+        'etna_magflow', {'crust_cover': 0.0, 'crust': 1.0, 'conductivity': 1.0},
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A set of constants on a case: a line of the CSV."""
+
+    constants: str
+    case: str
+    preset: str
+    spacing_m: float
+    runs: int
+    majority: float
+    single: float
+    single_deviation: float
+    recall: float
+    precision: float
+    area_ratio: float
+    length_ratio: float
+    seconds: float
+    values: str
+    device: str
+    machine: str
+    version: str
+    command: str
+
+
+def version() -> str:
+    """The version of the package, with the commit where there is a repository."""
+    told = subprocess.run(
+        ['git', 'describe', '--always', '--dirty'], capture_output=True, text=True, check=False
+    )
+    return f'{lava_ros.__version__}+{told.stdout.strip()}'.rstrip('+')
+
+
+def sets_of(calibration: Path, cases: list[str]) -> dict[str, tuple[str, Mapping[str, float]]]:
+    """The best set of a calibration, and those that leave a case out."""
+    table = calibration / 'runs.csv'
+    with table.open(encoding='utf-8') as file:
+        header = next(csv.reader(file))
+    material = load_case(cases[0], material='etna_basalt')
+    names = tuple(header[: header.index('case')])
+    unknowns = unknowns_of(material, names, dict.fromkeys(names, (0.1, 1e9)))
+    trials = read_trials(table, unknowns, [Path(case).name for case in cases])
+    found = {f'calibrated, {calibration.name}': ('etna_basalt', near_best(trials)[0].values)}
+    for item in leave_one_out(trials):
+        name = f'calibrated without {item.case}, {calibration.name}'
+        found[name] = ('etna_basalt', item.values)
+    return found
+
+
+def scored(
+    name: str, folders: list[str], material: str, values: Mapping[str, float],
+    settings: Settings, runs: int, command: str, machine: str,
+) -> list[Row]:
+    """Run a set on every case."""
+    cases = [load_case(folder, material=material) for folder in folders]
+    crust = {key: bool(value) for key, value in values.items() if key == 'crust'}
+    rest = {key: value for key, value in values.items() if key != 'crust'}
+    cases = [changed(case, rest).with_lava(crust) for case in cases]
+    started = time.monotonic()
+    results = run_together(
+        [(case, way) for case in cases for way in directions(runs)], settings
+    )
+    seconds = time.monotonic() - started
+    rows = []
+    for number, case in enumerate(cases):
+        own = results[number * runs : (number + 1) * runs]
+        found = agreement(case, [result.snapshot.thickness for result in own])
+        single = np.array([score.jaccard for score in found.scores])
+        rows.append(
+            Row(
+                constants=name,
+                case=case.name,
+                preset=settings.preset,
+                spacing_m=own[0].resolution.spacing,
+                runs=runs,
+                majority=found.majority.jaccard,
+                single=float(single.mean()),
+                single_deviation=float(single.std(ddof=1)),
+                recall=found.majority.recall,
+                precision=found.majority.precision,
+                area_ratio=1.0 + found.majority.area_error,
+                length_ratio=1.0 + found.majority.length_error,
+                seconds=seconds,
+                values=' '.join(f'{key}={value:.6g}' for key, value in values.items()),
+                device=own[0].device,
+                machine=machine,
+                version=version(),
+                command=command,
+            )
+        )
+    return rows
+
+
+def main() -> None:
+    """Run what the arguments name."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('output', type=Path)
+    parser.add_argument('--case', action='append', required=True, metavar='DIR')
+    parser.add_argument('--set', action='append', default=[], choices=tuple(SETS), dest='sets')
+    parser.add_argument('--calibration', type=Path, metavar='DIR')
+    parser.add_argument('--preset', choices=tuple(PRESETS), default='standard')
+    parser.add_argument('--runs', type=int, default=8)
+    parser.add_argument('--device')
+    parser.add_argument('--machine', default=platform.processor() or platform.machine())
+    args = parser.parse_args()
+    chosen = {name: SETS[name] for name in args.sets}
+    if args.calibration:
+        chosen |= sets_of(args.calibration, args.case)
+    names = [field.name for field in fields(Row)]
+    rows: list[dict[str, object]] = []
+    if args.output.is_file():
+        with args.output.open(newline='', encoding='utf-8') as file:
+            rows = list(csv.DictReader(file))
+    done = {(row['constants'], row['preset']) for row in rows}
+    command = f'python docs/benchmarks/eruptions.py --preset {args.preset} --runs {args.runs}'
+    settings = Settings(args.preset, device=str(device_of(args.device)), maps=1)
+    for name, (material, values) in chosen.items():
+        if (name, args.preset) in done:
+            continue
+        for row in scored(
+            name, args.case, material, values, settings, args.runs, command, args.machine
+        ):
+            print(
+                f'{name}, {row.case}, {row.preset}: majority {row.majority:.3f}, single '
+                f'{row.single:.3f}, area x{row.area_ratio:.2f}, length x{row.length_ratio:.2f}, '
+                f'{row.seconds:.0f} s',
+                flush=True,
+            )
+            rows.append(vars(row))
+        with args.output.open('w', newline='', encoding='utf-8') as file:
+            writer = csv.DictWriter(file, names, lineterminator='\n')
+            writer.writeheader()
+            writer.writerows(rows)
+
+
+if __name__ == '__main__':
+    main()

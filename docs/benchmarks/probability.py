@@ -1,0 +1,216 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How good an ensemble's probabilities are on mapped eruptions, from published ranges alone.
+
+python docs/benchmarks/probability.py OUT.csv --case DIR [--case DIR ...] --folder DIR
+    [--members N] [--preset P] [--spacing M] [--device D] [--machine NAME]
+
+The members are those of ``lava ensemble DIR``, scored against the map. Then each member is held as
+the truth once: the others forecast it, first all alike, then weighed by its outline at a third of
+the time. The table gets a row at 16 members, 32, 64 and so on, as they come; the same command
+again goes on. OUT.png is the reliability diagram of the last rows.
+"""
+
+import argparse
+import csv
+from dataclasses import dataclass, fields
+from functools import partial
+from pathlib import Path
+import platform
+import time
+
+from eruptions import version
+import matplotlib
+import numpy as np
+
+from lava_ros.forecast.assimilation import jaccard, Outline, weigh
+from lava_ros.forecast.ensemble import run_ensemble, run_here
+from lava_ros.forecast.members import Plan
+from lava_ros.forecast.probability import Footprint, reached_by
+from lava_ros.forecast.sampling import draw_members
+from lava_ros.forecast.scores import brier_parts
+from lava_ros.forecast.store import Store
+from lava_ros.hindcast.case import load_case
+from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
+from lava_ros.hindcast.run import Settings
+
+matplotlib.use('Agg')
+
+#: Fewest members of a row.
+FIRST = 16
+
+#: Share of the time at which an outline is seen.
+SEEN = 1.0 / 3.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """An ensemble of a case: a line of the CSV. Skills, rates, gaps and indices are shares."""
+
+    case: str
+    members: int
+    preset: str
+    spacing_m: float
+    cell_m: float
+    brier_score: float
+    base_rate: float
+    brier_skill: float
+    brier_skill_of_terrain: float
+    largest_gap: float | None
+    single_jaccard: float
+    half_jaccard: float
+    twin_skill: float
+    twin_skill_with_outline: float
+    twins_better_with_outline: float
+    effective_members_with_outline: float
+    reliability: str
+    seconds: float | None
+    device: str
+    machine: str
+    version: str
+    command: str
+
+
+def twins(plan: Plan, members: list[Footprint]) -> dict[str, float]:
+    """What an outline adds where a member is the truth and the others forecast it."""
+    at = SEEN * plan.horizon
+    early = np.stack([reached_by(item, plan, at) for item in members])
+    late = np.stack([reached_by(item, plan, plan.horizon) for item in members])
+    said, came, better, effective = ([], []), [], [], []
+    for truth in range(len(members)):
+        others = np.arange(len(members)) != truth
+        outline = Outline(at, early[truth], plan.scene.terrain.has_data)
+        weights = weigh([jaccard(item, outline) for item in early[others]])
+        effective.append(weights.effective_members)
+        near = late[others].any(axis=0) | late[truth]
+        came.append(late[truth][near])
+        for values, share in zip(said, (None, weights.values), strict=True):
+            values.append(np.average(late[others][:, near], axis=0, weights=share))
+        scores = [brier_parts(values[-1], came[-1]).score for values in said]
+        better.append(scores[1] < scores[0])
+    before, after = (brier_parts(np.concatenate(v), np.concatenate(came)) for v in said)
+    return {
+        'twin_skill': before.skill,
+        'twin_skill_with_outline': after.skill,
+        'twins_better_with_outline': float(np.mean(better)),
+        'effective_members_with_outline': float(np.mean(effective)),
+    }
+
+
+def rows_of(folder: str, args: argparse.Namespace, command: str):
+    """Run a case, and give a row at each number of members."""
+    case = load_case(folder)
+    plan = plan_of(case, Settings(args.preset, args.spacing, args.device))
+    came = mapped_on(case, plan)
+    seen = Outline(plan.horizon, came, plan.scene.terrain.has_data)
+    store = Store(args.folder / case.name, plan)
+    sizes = [FIRST << power for power in range(16) if FIRST << power < args.members]
+    seconds, done = 0.0, 0
+    for size in (*sizes, args.members):
+        started = time.monotonic()
+        runner = partial(run_here, device=args.device)
+        said = run_ensemble(plan, draw_members(plan.scene, size), store, runner=runner)
+        # of members that were there nobody knows how long they took
+        seconds = seconds + time.monotonic() - started if said.resumed == done else None
+        done = size if seconds is not None else -1
+        members = list(store.finished(size))
+        found = chances_of(said.maps.probability, came)
+        bins = found.pop('reliability')
+        found.pop('cells')
+        alone = [jaccard(reached_by(item, plan, plan.horizon), seen) for item in members]
+        yield Row(
+            case=case.name,
+            members=size,
+            preset=args.preset,
+            spacing_m=plan.accuracy.spacing,
+            cell_m=plan.scene.terrain.resolution,
+            **found,
+            single_jaccard=float(np.mean(alone)),
+            half_jaccard=jaccard(np.nan_to_num(said.maps.probability) >= 50.0, seen),
+            **twins(plan, members),
+            reliability=' '.join(
+                f'{item["forecast"]:.3f}:{item["observed"]:.3f}:{item["count"]}' for item in bins
+            ),
+            seconds=seconds,
+            device=args.device,
+            machine=args.machine,
+            version=version(),
+            command=command,
+        )
+
+
+def draw(rows: list[dict[str, str]], path: Path) -> None:
+    """Draw the reliability of the last row of each case; areas of points are cells, to 3000."""
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=(5.0, 4.4), layout='constrained')
+    axes.plot([0, 100], [0, 100], color='0.7', linewidth=1)
+    for row in {row['case']: row for row in rows}.values():
+        points = [point.split(':') for point in row['reliability'].split()]
+        said, came, count = np.array(points, dtype=float).T
+        label = f'{row["case"]}, {row["members"]} members, {float(row["spacing_m"]):.2g} m'
+        (line,) = axes.plot(100 * said, 100 * came, label=label)
+        size = np.minimum(count / 20.0, 150.0)
+        axes.scatter(100 * said, 100 * came, s=size, color=line.get_color(), alpha=0.6)
+    axes.set_xlabel('probability that was said [%]')
+    axes.set_ylabel('share of the cells that was mapped [%]')
+    axes.legend(frameon=False)
+    figure.savefig(path, dpi=110)
+    pyplot.close(figure)
+
+
+def main() -> None:
+    """Run what the arguments name."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('output', type=Path)
+    parser.add_argument('--case', action='append', required=True, metavar='DIR')
+    parser.add_argument('--folder', type=Path, required=True, metavar='DIR')
+    parser.add_argument('--members', type=int, default=64)
+    parser.add_argument('--preset', default='draft')
+    parser.add_argument('--spacing', type=float, metavar='M')
+    parser.add_argument('--device', default='cuda:0')
+    parser.add_argument('--machine', default=platform.processor() or platform.machine())
+    args = parser.parse_args()
+    command = f'python docs/benchmarks/probability.py --preset {args.preset}'
+    command += f' --members {args.members}'
+    command += '' if args.spacing is None else f' --spacing {args.spacing:g}'
+    rows: list[dict[str, object]] = []
+    if args.output.is_file():
+        with args.output.open(newline='', encoding='utf-8') as file:
+            rows = list(csv.DictReader(file))
+    for folder in args.case:
+        for row in rows_of(folder, args, command):
+            print(
+                f'{row.case}, {row.members} members: skill {row.brier_skill:.2f}, of the terrain '
+                f'{row.brier_skill_of_terrain:.2f}; twins {row.twin_skill:.2f}, with an outline '
+                f'{row.twin_skill_with_outline:.2f}; gap {row.largest_gap:.2f}',
+                flush=True,
+            )
+            same = {name: str(vars(row)[name]) for name in ('case', 'members')}
+            rows = [old for old in rows if {k: str(old[k]) for k in same} != same] + [vars(row)]
+            with args.output.open('w', newline='', encoding='utf-8') as file:
+                names = [field.name for field in fields(Row)]
+                writer = csv.DictWriter(file, names, lineterminator='\n')
+                writer.writeheader()
+                writer.writerows(
+                    {k: f'{v:.6g}' if isinstance(v, float) else v for k, v in item.items()}
+                    for item in rows
+                )
+            with args.output.open(newline='', encoding='utf-8') as file:
+                draw(list(csv.DictReader(file)), args.output.with_suffix('.png'))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,117 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Writes the tables of docs/VALIDATION.md from the CSV files beside this script.
+
+python docs/benchmarks/validation.py
+
+A table stands between ``<!-- table: NAME -->`` and ``<!-- end -->``.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+import csv
+from pathlib import Path
+import re
+
+HERE = Path(__file__).parent
+PAGE = HERE.parent / 'VALIDATION.md'
+
+#: The cells of a line of a table.
+Line = tuple[str, ...]
+
+
+def lines_of(name: str | Path) -> list[dict[str, str]]:
+    """The lines of a CSV file, beside this script where its folder is not given."""
+    with (HERE / name).open(newline='', encoding='utf-8') as file:
+        return list(csv.DictReader(file))
+
+
+def scores() -> Iterator[Line]:
+    """Sets of constants on the mapped flows."""
+    yield ('constants', 'flow', 'preset', 'majority', 'single runs', 'area', 'length')
+    for row in lines_of('eruptions_h200.csv'):
+        yield (
+            row['constants'],
+            row['case'].removeprefix('etna'),
+            f'`{row["preset"]}`, {float(row["spacing_m"]):.2g} m, {row["runs"]} runs',
+            f'**{float(row["majority"]):.2f}**',
+            f'{float(row["single"]):.2f} ± {float(row["single_deviation"]):.2f}',
+            f'x {float(row["area_ratio"]):.2f}',
+            f'x {float(row["length_ratio"]):.2f}',
+        )
+
+
+def codes() -> Iterator[Line]:
+    """What other codes score on the same data."""
+    yield ('code', 'flow', 'Jaccard', 'parameters')
+    for row in sorted(lines_of('eruptions_codes.csv'), key=lambda row: -float(row['jaccard'])):
+        flow = row['case'].removeprefix('etna')
+        yield row['code'], flow, row['jaccard'], f'{row["constants"]}; {row["source"]}'
+
+
+def convergence() -> Iterator[Line]:
+    """How far presets agree on the mapped flows."""
+    yield ('flow, preset', 'spacing', 'Jaccard with `fine`', 'two halves of equal runs',
+           'area, length over those of `fine`', 'a run')
+    for row in lines_of('convergence_h200.csv'):
+        if row['scene'].startswith('etna'):
+            is_last = row['preset'] == 'fine'
+            yield (
+                f'{row["scene"].removeprefix("etna")} `{row["preset"]}`',
+                f'{float(row["spacing_m"]):.2g} m',
+                '' if is_last else f'{float(row["jaccard"]):.2f}',
+                f'{float(row["noise"]):.2f}',
+                '' if is_last else
+                f'{float(row["area_ratio"]):.2f}, {float(row["length_ratio"]):.2f}',
+                f'{float(row["seconds"]):.2g} s',
+            )
+
+
+def chances() -> Iterator[Line]:
+    """How good probabilities are: the largest ensemble of each case on each machine."""
+    yield ('flow', 'ensemble', 'Brier score', 'skill where lava could come',
+           'skill over all of the ground', 'largest gap', 'a member as the truth: skill',
+           'with its outline at a third')
+    for path in sorted(HERE.glob('probability_*.csv')):
+        for row in {row['case']: row for row in lines_of(path.name)}.values():
+            yield (
+                row['case'].removeprefix('etna'),
+                f'{row["members"]} members, {float(row["spacing_m"]):.2g} m, {row["machine"]}',
+                f'{float(row["brier_score"]):.3f}',
+                f'**{float(row["brier_skill"]):.2f}**',
+                f'**{float(row["brier_skill_of_terrain"]):.2f}**',
+                f'{100.0 * float(row["largest_gap"]):.0f} points',
+                f'{float(row["twin_skill"]):.2f}',
+                f'{float(row["twin_skill_with_outline"]):.2f}',
+            )
+
+
+TABLES = {'scores': scores, 'codes': codes, 'convergence': convergence, 'chances': chances}
+
+
+def written(page: str, tables: Mapping[str, Callable[[], Iterator[Line]]] = TABLES) -> str:
+    """A page with its tables written again."""
+    for name, rows in tables.items():
+        head, *rest = rows()
+        lines = [head, ('---',) * len(head), *rest]
+        text = '\n'.join(f'| {" | ".join(line)} |' for line in lines)
+        pattern = rf'(<!-- table: {name} -->\n).*?(<!-- end -->)'
+        page, count = re.subn(pattern, rf'\g<1>\n{text}\n\n\g<2>', page, flags=re.DOTALL)
+        if count != 1:
+            raise ValueError(f'the page has {count} tables {name}, expected one')
+    return page
+
+
+if __name__ == '__main__':
+    PAGE.write_text(written(PAGE.read_text(encoding='utf-8')), encoding='utf-8')

@@ -1,0 +1,186 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What commands print and write: progress, nothing that a terminal obeys, nothing over inputs."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import json
+import os
+from pathlib import Path
+import sys
+import time
+from typing import Any, TextIO
+
+from lava_ros.errors import LavaError, printable
+from lava_ros.files import file_to_write, write_output
+
+#: Arguments that name what a command writes, wherever it has them.
+OUTPUTS = ('json', 'output', 'picture')
+
+
+class Printable:
+    """A text stream that shows control characters in place of passing them on.
+
+    Names and texts in bags, cases and graphs are written by anyone.
+
+    Attributes:
+        raw: The stream behind it.
+    """
+
+    def __init__(self, stream: TextIO) -> None:
+        """Stand before a stream."""
+        self.raw: TextIO = stream.raw if isinstance(stream, Printable) else stream
+
+    def write(self, text: str) -> int:
+        """Write a text."""
+        return self.raw.write(printable(text))
+
+    def __getattr__(self, name: str) -> Any:
+        """Be the stream in all else."""
+        return getattr(self.raw, name)
+
+
+def terminal(stream: TextIO | None = None, **options: Any) -> Any:
+    """A rich console that draws past ``Printable``: give it no text from elsewhere as it is.
+
+    Args:
+        stream: Where it draws, stdout when left out.
+        options: What ``rich.console.Console`` takes.
+    """
+    from rich.console import Console
+
+    stream = sys.stdout if stream is None else stream
+    return Console(file=stream.raw if isinstance(stream, Printable) else stream, **options)
+
+
+def check_outputs(args: argparse.Namespace) -> None:
+    """Refuse to write over what the arguments name beside, and JSON over what is no JSON.
+
+    Raises:
+        LavaError: An output is such a file, or ``--json`` no file that can be written.
+    """
+    named = {name: value for name, value in vars(args).items() if isinstance(value, str)}
+    if named.get('json', '-') != '-':
+        file_to_write('--json', named['json'], ('.json',))
+    for output in named.keys() & set(OUTPUTS):
+        for name, value in named.items():
+            if name != output and _is_same(named[output], value):
+                right = f'another file than {name}'
+                raise LavaError(f'--{output}', named[output], right)
+
+
+def write_json(data: Any, *names: str | Path | None) -> None:
+    """Write data as JSON to files, to stdout for ``-``, and nowhere for None.
+
+    Raises:
+        LavaError: A file cannot be written.
+    """
+    # ASCII: a terminal may obey characters from 128 on
+    text = json.dumps(data, indent=1) + '\n'
+    for name in names:
+        if name == '-':
+            print(text, end='')
+        elif name is not None:
+            write_output('--json', name, text)
+
+
+def made_folder(name: str | Path) -> Path:
+    """The folder that ``--output`` names, made where it does not exist.
+
+    Raises:
+        LavaError: It cannot be made.
+    """
+    folder = Path(name)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LavaError('--output', str(name), f'a folder to write to ({error})') from error
+    return folder
+
+
+def _is_same(one: str, other: str) -> bool:
+    try:
+        return os.path.samefile(one, other)
+    except (OSError, ValueError):
+        return False
+
+
+class Progress:
+    """A bar with the time that is left in a terminal, a line for every tenth elsewhere."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        """Begin.
+
+        Args:
+            stream: Where it is shown, stdout when left out.
+        """
+        self._stream = sys.stdout if stream is None else stream
+        self._tenths = -1
+        self._started = time.monotonic()
+        self._bar = None
+        if self._stream.isatty():
+            try:
+                from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+                from rich.progress import Progress as Bar
+            except ImportError:
+                # a bare machine: the lines do
+                return
+            self._bar = Bar(
+                TextColumn('{task.description}'),
+                BarColumn(bar_width=None),
+                TextColumn('{task.percentage:3.0f} %'),
+                TimeRemainingColumn(compact=True),
+                console=terminal(self._stream),
+                transient=True,
+                # where stdout goes elsewhere, prints are not to follow the bar
+                redirect_stdout=sys.stdout.isatty(),
+            )
+            self._task = self._bar.add_task('compiling', total=1.0)
+
+    def __enter__(self) -> Progress:
+        """Show the bar."""
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Take it away."""
+        if self._bar is not None:
+            self._bar.stop()
+
+    def show(self, what: str, share: float) -> None:
+        """Show what begins, and the share of the work that is done."""
+        if self._bar is not None:
+            self._bar.update(self._task, completed=share, description=what)
+            return
+        tenths = int(10.0 * share)
+        if tenths > self._tenths:
+            self._tenths = tenths
+            elapsed = time.monotonic() - self._started
+            left = f', {elapsed / share - elapsed:.0f} s left' if 0.05 < share < 1.0 else ''
+            print(f'{10 * tenths:3d} %  {what}{left}', file=self._stream, flush=True)
+
+
+@contextmanager
+def in_terminal() -> Iterator[Callable[[str, float], None] | None]:
+    """A bar for what takes seconds; None where stdout is no terminal."""
+    if not sys.stdout.isatty():
+        yield None
+        return
+    with Progress() as progress:
+        yield progress.show

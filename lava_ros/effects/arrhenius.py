@@ -1,0 +1,71 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Viscosity that rises as lava cools: the Arrhenius law of 3.26.
+
+The paper multiplies f(theta) = K_e exp(alpha (theta_e - theta)) by another constant mu of the same
+100 Pa s; that counts the viscosity twice, so f alone is the viscosity here.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any, TYPE_CHECKING
+
+from lava_ros.effects.effect import Effect, number
+
+if TYPE_CHECKING:
+    from lava_ros.effects.scales import Scales
+
+
+def _stiffening(scales: 'Scales') -> float:
+    """Logarithm of the largest ratio of viscosities: by cooling, or of vents and reference."""
+    lava = scales.lava
+    end = lava.viscosity_at(scales.end_temperature) / lava.viscosity
+    return max(abs(math.log(end)), abs(math.log(scales.viscosity / lava.viscosity)))
+
+
+EFFECT = Effect(
+    rank=40,
+    title='viscosity by temperature (Arrhenius)',
+    symbol='ln of the viscosity ratio',
+    number=_stiffening,
+    threshold=0.03,
+    admits='3 % of the speed',
+    source='speed is as 1 / mu',
+    exists=lambda lava: lava.arrhenius > 0.0,
+    is_default=True,
+    # 8e-3 is the paper's, 0.04 is usual in the field (Dragoni 1989)
+    constants={
+        'arrhenius': number(
+            8e-3, 'Rate of the Arrhenius law of viscosity; 0: constant', 0.0, 1.0, '1/K'
+        ),
+    },
+    law={'arrhenius': lambda lava: lava.arrhenius},
+    benchmark={'arrhenius': 0.02},
+)
+
+#: Largest exponent of the law either way: a ratio of 1e26.
+_LARGEST = 60.0
+
+
+@lru_cache
+def viscosity(wp: Any, real: Any, law_type: Any) -> Any:
+    """Return the device function mu(T) [Pa s]."""
+
+    @wp.func
+    def arrhenius(law: law_type, temperature: real) -> real:
+        power = real(law.arrhenius) * (real(law.reference_temperature) - temperature)
+        return real(law.viscosity) * wp.exp(wp.clamp(power, real(-_LARGEST), real(_LARGEST)))
+
+    return arrhenius

@@ -1,0 +1,50 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Lateral conduction of heat: what it is on the host. See ``device.py``."""
+
+import math
+from typing import TYPE_CHECKING
+
+from lava_ros.effects.effect import Array, Effect
+
+if TYPE_CHECKING:
+    from lava_ros.effects.scales import Scales
+
+
+def _reach(scales: 'Scales') -> float:
+    """Distance that heat goes up to the horizon over the distance of particles."""
+    lava = scales.lava
+    diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
+    return math.sqrt(diffusivity * scales.horizon) / scales.spacing
+
+
+EFFECT = Effect(
+    rank=160,
+    title='heat from column to column',
+    symbol='reach of heat over spacing',
+    number=_reach,
+    threshold=0.3,
+    admits='1 % of a step in temperature two spacings away',
+    source='error function',
+    exists=lambda lava: lava.conductivity > 0.0,
+    arrays={
+        # rate at which each ordered particle exchanges heat [1/s], its temperature before [K]
+        'exchange': Array('real'),
+        'warmth': Array('real'),
+        # time since the last exchange, and that of the one at hand, 0 for none [s]
+        'waited': Array('float64', 2, is_saved=True),
+    },
+    benchmark={'conductivity': 2.0},
+)

@@ -1,0 +1,97 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A crust that covers a part of the surface, the less the faster lava flows (FLOWGO).
+
+A share f = f0 exp(-a u) of the surface is crust at a constant temperature Tc, the rest is as hot
+as the column (Harris & Rowland 2001, Bulletin of Volcanology 63, 20-44: f0 = 0.9, a = 0.16 s/m for
+flows that are poorly insulated, f0 = 1, a = 0.00756 s/m for well crusted ones):
+
+    rho c h dT/dt = -f q(Tc) - (1 - f) q(T), q(T) = eps sigma (T^4 - Ta^4) + lambda (T - Ta).
+
+Their convection takes one temperature for the whole surface, a mean to the power of 4/3; here each
+part loses its own. Lava colder than Tc is as cold as its crust. The crust is renewed as the lava
+moves, so its temperature does not depend on age: where lava stays, ``crust`` is the right effect.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+from lava_ros.effects.effect import Effect, number
+
+EFFECT = Effect(
+    rank=110,
+    title='radiation from a surface that a crust covers in part',
+    symbol='heat lost',
+    number=lambda scales: scales.heat_lost,
+    threshold=0.01,
+    admits='1 % of the temperature or 3 % of the speed',
+    source='column at rest',
+    exists=lambda lava: lava.radiates and lava.crust_cover > 0.0,
+    excludes={'crust': 'they are one effect'},
+    replaces=('cooling',),
+    constants={
+        'crust_cover': number(
+            0.0, 'Share of the surface of lava at rest that a crust covers; 0: no crust', 0.0, 1.0
+        ),
+        'crust_cover_decay': number(
+            0.0, 'Rate at which that share falls with the speed of the lava', 0.0, 1e3, 's/m'
+        ),
+        'crust_temperature': number(
+            773.15, 'Temperature of the surface of that crust', 1.0, 5000.0, 'K'
+        ),
+    },
+    heat={
+        'cover': lambda scene: scene.lava.crust_cover,
+        'cover_decay': lambda scene: scene.lava.crust_cover_decay,
+        'crust': lambda scene: scene.lava.crust_temperature,
+    },
+    is_surface=True,
+    needs_speed=True,
+)
+
+
+@lru_cache
+def terms(wp: Any, real: Any, constants_type: Any) -> Any:
+    """Return the device function that gives s [1/s] and s Ta [K/s]."""
+    vec2 = wp.types.vector(2, real)
+
+    @wp.func
+    def transfer(constants: constants_type, surface: real) -> real:
+        """Heat loss of a surface over its excess temperature and rho c [m/s]."""
+        ambient = real(constants.ambient)
+        square = surface * surface + ambient * ambient
+        radiation = real(constants.radiation) * square * (surface + ambient)
+        return radiation + real(constants.convection)
+
+    @wp.func
+    def cover(
+        constants: constants_type,
+        thickness: real,
+        temperature: real,
+        age: real,
+        drop: real,
+        speed: real,
+    ) -> vec2:
+        ambient = real(constants.ambient)
+        share = real(constants.cover) * wp.exp(-real(constants.cover_decay) * speed)
+        bare = transfer(constants, temperature)
+        crusted = bare
+        crust = wp.max(real(constants.crust), ambient)
+        if temperature > crust:
+            crusted = transfer(constants, crust) * (crust - ambient) / (temperature - ambient)
+        rate = (share * crusted + (real(1.0) - share) * bare) / thickness
+        return vec2(rate, rate * ambient)
+
+    return cover

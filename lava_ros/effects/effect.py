@@ -1,0 +1,157 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the file of an effect declares: constants, the number that decides, arrays, exclusions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, TYPE_CHECKING
+
+from lava_ros import validation
+
+if TYPE_CHECKING:
+    from lava_ros.effects.scales import Scales
+    from lava_ros.scene import Lava, Scene
+
+
+def number(default: float, text: str, least: float, most: float, unit: str = '') -> Any:
+    """A field that is a number within limits; its text goes to the node's parameter."""
+    return field(
+        default=default, metadata={'text': text, 'limits': (least, most), 'unit': unit}
+    )
+
+
+def choice(default: str, text: str, choices: Iterable[str]) -> Any:
+    """A field that is one of some texts."""
+    choices = tuple(choices)
+    metadata = {'text': f'{text}: {", ".join(choices)}', 'choices': choices}
+    return field(default=default, metadata=metadata)
+
+
+def flag(default: bool, text: str) -> Any:
+    """A field that is true or false."""
+    return field(default=default, metadata={'text': text})
+
+
+def check_fields(label: str, item: Any) -> None:
+    """Validate the fields of a dataclass that ``number``, ``choice`` and ``flag`` describe.
+
+    Args:
+        label: What messages call the whole.
+        item: The dataclass; its numbers become floats.
+
+    Raises:
+        LavaError: A field is not usable.
+    """
+    for one in fields(item):
+        name, value = f'{label}.{one.name}', getattr(item, one.name)
+        if 'limits' in one.metadata:
+            least, most = one.metadata['limits']
+            value = validation.number(
+                name, value, at_least=least, at_most=most, unit=one.metadata['unit']
+            )
+            object.__setattr__(item, one.name, value)
+        elif 'choices' in one.metadata:
+            validation.choice(name, value, one.metadata['choices'])
+        elif 'text' in one.metadata:
+            validation.flag(name, value)
+
+
+def with_fields(more: Mapping[str, Any]) -> Callable[[type], type]:
+    """A decorator that gives a class more fields, by name, before it becomes a dataclass."""
+
+    def extended(kind: type) -> type:
+        for name, value in more.items():
+            kind.__annotations__[name] = type(value.default)
+            setattr(kind, name, value)
+        return kind
+
+    return extended
+
+
+@dataclass(frozen=True)
+class Array:
+    """An array that an effect keeps on the device.
+
+    Attributes:
+        dtype: ``real``, ``vec2`` or ``vec4`` of the state's precision, ``int32`` or ``float64``.
+        count: Items, None for one of each particle.
+        is_carried: Whether particles take it along from step to step.
+        is_total: Whether it is a sum that goes on when effects are chosen anew.
+        is_saved: Whether a checkpoint has it; what is carried and totals always are in it.
+        has_spare: Whether sums over neighbours read it, some items beyond the last.
+    """
+
+    dtype: str
+    count: int | None = None
+    is_carried: bool = False
+    is_total: bool = False
+    is_saved: bool = False
+    has_spare: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Effect:
+    """An effect, as its file declares it; the equations are in the file itself.
+
+    Attributes:
+        rank: Where it stands among the others: in tables, in sums and in passes.
+        title: What it is, in a few words.
+        symbol: The number that decides, as a formula.
+        number: Computes it; above ``threshold`` the effect is on. None: only when asked for.
+        threshold: Where the effect begins to matter; infinite if it is only on when asked for.
+        admits: What leaving the effect out below the threshold costs.
+        source: Where threshold and cost are from.
+        exists: Whether a lava has such a thing at all. One with an ``environment`` needs a number
+            of it that is not 0 besides.
+        is_default: Whether ``Effects()`` has it.
+        constants: Fields of ``Lava`` that are its own, by name.
+        environment: Fields of ``Scene`` that are its own, by name.
+        check: Refuses constants that do not go together.
+        excludes: Effects beside which it cannot be on, and why, by name.
+        replaces: Effects whose part it takes over.
+        law: What the laws of flow need on the device beside the constants of all lavas, by name.
+        heat: What the heat balance needs on the device, by name: what several give is added.
+        is_surface: Whether its heat goes from a bare surface to the air at any age.
+        needs_age: Whether its terms depend on the age of a column.
+        needs_speed: Whether they depend on its speed.
+        arrays: What it keeps on the device, by name.
+        leaves_empty: Whether particles lose all their volume to it, and are dropped then.
+        benchmark: Constants of lava, or of the scene, with which it matters, by name.
+    """
+
+    rank: int
+    title: str
+    symbol: str = ''
+    number: Callable[[Scales], float] | None = None
+    threshold: float = 0.0
+    admits: str = ''
+    source: str = ''
+    exists: Callable[[Lava], bool] = lambda lava: True
+    is_default: bool = False
+    constants: Mapping[str, Any] = field(default_factory=dict)
+    environment: Mapping[str, Any] = field(default_factory=dict)
+    check: Callable[[Lava], None] = lambda lava: None
+    excludes: Mapping[str, str] = field(default_factory=dict)
+    replaces: tuple[str, ...] = ()
+    law: Mapping[str, Callable[[Lava], float]] = field(default_factory=dict)
+    heat: Mapping[str, Callable[[Scene], float]] = field(default_factory=dict)
+    is_surface: bool = False
+    needs_age: bool = False
+    needs_speed: bool = False
+    arrays: Mapping[str, Array] = field(default_factory=dict)
+    leaves_empty: bool = False
+    benchmark: Mapping[str, Any] = field(default_factory=dict)

@@ -1,0 +1,399 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Lateral viscous stress by the Green's function of the velocity equation (3.37 to 3.44).
+
+With u' = h^3 u the depth-averaged balance is lap u' - k^2 u' = b, and its Green's function in the
+plane is -K0(k r) / (2 pi). The velocity is the K0-weighted mean of the driving term b.
+Where the paper's print is inconsistent this is what is computed:
+
+* k = sqrt(3) / h: from 3.37, with the isotropic Newtonian stress tau = 2 mu eps in place of the
+  paper's tau = mu eps (whose k is sqrt(3/2) / h).
+* K0 takes k r, r the distance of two particles (3.38 prints |u|, 3.41 drops the k).
+* the mean of b is divided by k^2 h^3, as u = u' / h^3 and the integral of the Green's function is
+  1 / k^2 (3.40 multiplies by h^3). With b = k^2 h^3 u_local, k^2 = 3 / h^2, that is the weighted
+  mean of h u_local over the particle's own h.
+* a particle's own weight is the mean of K0 over its own area (the paper takes K0(0.001)).
+* the weights are divided by their own sum: inside the flow that is the disc's integral
+  (2 pi / k^2)(1 - k l K1(k l)) up to the error of the sum, and at a free edge it leaves out the
+  part of the disc that holds no lava.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any
+
+import warp as wp
+
+from lava_ros.simulation.backend.compiled import (
+    after_the_former,
+    counted_from,
+    load1,
+    load4,
+    past_the_cache,
+    quick_kernel,
+    sum_over,
+    unseen_one,
+    wait_for,
+)
+from lava_ros.simulation.backend.simd import over_neighbors
+from lava_ros.simulation.backend.threads import launch_over, LEAST_SUMS
+from lava_ros.simulation.cells import cell_frame, cell_functions, NEIGHBORS_AT_ONCE
+from lava_ros.simulation.fall import fall_function
+from lava_ros.simulation.flow import flow_constants_of
+from lava_ros.simulation.fused_stage import Direction, DIRECTORS
+from lava_ros.simulation.kernels import (
+    bessel,
+    k0_within,
+    LEAST_SQUARED,
+    SQUARED_SUPPORT,
+    WIDE_K0,
+)
+from lava_ros.simulation.motion import motion_of
+from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.state import PARTICLES, State
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
+from lava_ros.simulation.timestep import pace_type
+from lava_ros.simulation.vents import Outlets
+
+#: The squared distance within which K0 is that at it, half of the radius of a particle's own disc,
+#: over the disc's area.
+_NEAR = 0.25 / math.pi
+
+#: Fewest particles that are worth a part on the CPU: K0 takes as long as three other kernels.
+_LEAST_PART = LEAST_SUMS // 2
+
+
+@lru_cache
+def _sums_function(real: Any, lanes: int, is_short: bool) -> Any:
+    """Return the device function of the K0-weighted sums of area and of volume times velocity.
+
+    Distances are in the units of ``K0Within``, ``least`` the least square of one, ``powers`` what
+    K0 needs of k.
+    """
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    range_in = cell_functions(real).range_in
+    load, load_number = load4(real), load1(real)
+    within = k0_within(real)
+    k0, k0_powers = within.at, within.powers
+    at_once = NEIGHBORS_AT_ONCE[is_short]
+
+    @wp.func
+    def added(
+        sums: vec3,
+        p: vec4,
+        other: vec4,
+        size: real,
+        powers: k0_powers,
+        least: real,
+        counts: bool,
+    ) -> vec3:
+        dx = p[0] - other[0]
+        dy = p[1] - other[1]
+        square = dx * dx + dy * dy
+        weight = k0(powers, wp.max(square, least))
+        if not counts or square >= real(SQUARED_SUPPORT):
+            weight = real(0.0)
+        return sums + weight * vec3(size, other[2], other[3])
+
+    @wp.func
+    def sums_around(
+        lane: int,
+        source: wp.array(dtype=vec4),
+        area: wp.array(dtype=real),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        box: wp.vec4i,
+        p: vec4,
+        powers: k0_powers,
+        least: real,
+    ) -> vec3:
+        sums = vec3()
+        near = range_in(cells, starts, wp.min(box[0] + lane, box[1] - 1), box)
+        for r in range(box[0] + lane, box[1], lanes):
+            following = near
+            if wp.static(is_short):
+                following = range_in(cells, starts, wp.min(r + lanes, box[1] - 1), box)
+            else:
+                near = range_in(cells, starts, r, box)
+            j = near[0]
+            while j < near[1]:
+                for n in range(at_once):
+                    other = load(source, j + n)
+                    size = load_number(area, j + n)
+                    # what comes after the last is of the next row, or nothing
+                    sums = added(sums, p, other, size, powers, least, j + n < near[1])
+                j += at_once * unseen_one()
+            near = following
+        return sums
+
+    return sums_around
+
+
+@lru_cache
+def _wide_sums_function() -> Any:
+    """Return the same device function of float32 for a CPU."""
+    k0_powers = k0_within(wp.float32).powers
+
+    @wp.func_native(
+        over_neighbors(f"""
+            wide size;
+            __builtin_memcpy(&size, area.data + place, 32);
+            const wide dx = p[0] - other_0;
+            const wide dy = p[1] - other_1;
+            const wide square = dx * dx + dy * dy;
+            const wide squares = square > least ? square : none + least;
+            {WIDE_K0}
+            const whole counts = is_in & (square < {SQUARED_SUPPORT!r}f);
+            sum_0 += counts ? weights * size : none;
+            sum_1 += counts ? weights * other_2 : none;
+            sum_2 += counts ? weights * other_3 : none;
+        """)
+    )
+    def sums_around(
+        lane: int,
+        values: wp.array(dtype=wp.vec4),
+        area: wp.array(dtype=wp.float32),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(wp.float32),
+        box: wp.vec4i,
+        p: wp.vec4,
+        powers: k0_powers,
+        least: wp.float32,
+    ) -> wp.vec3: ...
+
+    return sums_around
+
+
+@lru_cache
+def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> Any:
+    """Return the device function from a particle's local velocity to its velocity.
+
+    A particle has as many threads as lanes, and only the first one's result counts.
+    """
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    cells_around = cell_functions(real).cells_around
+    x_k1 = bessel(real).x_k1
+    within = k0_within(real)
+    powers_of, k0 = within.powers_of, within.at
+    sum_up = sum_over(real, lanes)
+    sums_around = _wide_sums_function() if is_wide else _sums_function(real, lanes, is_short)
+
+    @wp.func
+    def velocity_of(
+        lane: int,
+        here: vec4,
+        p: vec4,
+        own: real,
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        support: real,
+        source: wp.array(dtype=vec4),
+        area: wp.array(dtype=real),
+    ) -> vec3:
+        """Thickness and velocity."""
+        height = here[2] / own
+        k = real(wp.static(math.sqrt(3.0))) / height
+        powers = powers_of(k * support)
+        # inside its own disc K0 takes the value at that disc's edge
+        unit = real(wp.static(math.sqrt(SQUARED_SUPPORT))) / support
+        least = wp.max(own * real(_NEAR) * unit * unit, real(LEAST_SQUARED))
+        box = cells_around(cells, here[0], here[1], support)
+        sums = sums_around(lane, source, area, starts, cells, box, p, powers, least)
+        total = sum_up(sums[0])
+        x = sum_up(sums[1])
+        y = sum_up(sums[2])
+        # k times the radius of the disc of area V / h
+        ka = k * wp.sqrt(own / real(wp.pi))
+        # in place of what it counted as its own neighbour
+        weight = real(2.0) / (ka * ka) * (real(1.0) - x_k1(ka)) - k0(powers, least)
+        total += weight * own
+        x += weight * p[2]
+        y += weight * p[3]
+        return vec3(height, x / (total * height), y / (total * height))
+
+    return velocity_of
+
+
+@lru_cache
+def _velocity_kernel(real: Any, lanes: int, is_short: bool, is_wide: bool) -> Any:
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    load, load_number = load4(real), load1(real)
+    velocity_of = _velocity_function(real, lanes, is_short, is_wide)
+    fallen = fall_function(real)
+
+    @quick_kernel
+    def green_velocity(
+        ordered: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        support: real,
+        source: wp.array(dtype=vec4),
+        area: wp.array(dtype=real),
+        constants: flow_constants_of(real),
+        top: wp.array(dtype=real),
+        elevation: wp.array2d(dtype=real),
+        terrain: terrain_frame(real),
+        flow: wp.array(dtype=vec3),
+        first: int,
+    ):
+        thread = counted_from(first, wp.tid())
+        i = thread // lanes
+        lane = thread % lanes
+        after_the_former()
+        if i < counts[PARTICLES]:
+            here, p, own = load(ordered, i), load(source, i), load_number(area, i)
+            f = velocity_of(lane, here, p, own, starts, cells, support, source, area)
+            if lane == 0:
+                u = fallen(
+                    vec2(f[1], f[2]), f[0], here[0], here[1], real(constants.gravity), top,
+                    elevation, terrain,
+                )
+                flow[i] = vec3(f[0], u[0], u[1])
+
+    return green_velocity
+
+
+@lru_cache
+def _motion_kernel(
+    real: Any,
+    lanes: int,
+    is_short: bool,
+    is_wide: bool,
+    motion: Any,
+    direct: Any,
+    bounds: tuple[int, int] | None,
+) -> Any:
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    load, load_number = load4(real), load1(real)
+    velocity_of = _velocity_function(real, lanes, is_short, is_wide)
+    fallen = fall_function(real)
+
+    @quick_kernel(bounds=bounds)
+    def green_motion(
+        starts: wp.array(dtype=wp.int32),
+        support: real,
+        source: wp.array(dtype=vec4),
+        area: wp.array(dtype=real),
+        pace: pace_type(real),
+        outlets: Outlets,
+        way: journey_type(real),
+        first: int,
+    ):
+        thread = counted_from(first, wp.tid())
+        after_the_former()
+        if wp.static(direct is not None):
+            if thread < wp.static(DIRECTORS):
+                direct(thread, pace, outlets, way)
+                return
+            thread -= wp.static(DIRECTORS)
+        i = thread // lanes
+        lane = thread % lanes
+        if i >= past_the_cache(way.counts, PARTICLES):
+            return
+        here, driven, own = load(way.ordered, i), load(source, i), load_number(area, i)
+        f = velocity_of(lane, here, driven, own, starts, way.cells, support, source, area)
+        if lane > 0:
+            return
+        if wp.static(direct is not None):
+            wait_for(pace.chosen)
+        # read again: it would take registers from the sums
+        p = load(way.ordered, i)
+        u = fallen(
+            vec2(f[1], f[2]), f[0], p[0], p[1], real(way.constants.gravity), way.top,
+            way.elevation, way.terrain,
+        )
+        motion(i, p, vec3(f[0], u[0], u[1]), way)
+
+    return green_motion
+
+
+def move_particles(
+    state: State, neighbors: NeighborGrid, support: float, way: Any, direction: Direction
+) -> None:
+    """Move the ordered particles over the stage by the Green's function's velocity.
+
+    Args:
+        state: The particles; ``source`` and ``area`` of it are filled.
+        neighbors: Their neighbour grid, built.
+        support: Radius at which the Green's function is cut off [m], at most the cells' size.
+        way: Their journey (motion_arguments.py).
+        direction: What is chosen and emitted meanwhile.
+    """
+    launch_over(
+        state,
+        _motion_kernel(
+            state.real,
+            state.lanes,
+            state.is_short,
+            state.is_wide,
+            motion_of(state),
+            direction.function,
+            direction.bounds,
+        ),
+        inputs=[
+            neighbors.starts,
+            support,
+            state.source,
+            state.area,
+            direction.pace,
+            direction.outlets,
+        ],
+        outputs=[way],
+        least=_LEAST_PART,
+        lanes=state.lanes,
+        ahead=direction.threads,
+    )
+    neighbors.is_binned = state.bins_in_motion
+
+
+def spread_velocity(
+    state: State, neighbors: NeighborGrid, terrain: StaggeredTerrain, constants: Any
+) -> None:
+    """Replace the local velocity in ``state.flow`` by the Green's function's.
+
+    Args:
+        state: The particles; ``source`` and ``area`` of it are filled.
+        neighbors: Their neighbour grid, built.
+        terrain: The ground.
+        constants: The flow's; at the kernel's radius the Green's function is cut off.
+    """
+    launch_over(
+        state,
+        _velocity_kernel(state.real, state.lanes, state.is_short, state.is_wide),
+        inputs=[
+            state.ordered,
+            state.counts,
+            neighbors.starts,
+            neighbors.frame,
+            constants.radius,
+            state.source,
+            state.area,
+            constants,
+            state.top,
+            terrain.height,
+            terrain.frame,
+        ],
+        outputs=[state.flow],
+        least=_LEAST_PART,
+        lanes=state.lanes,
+    )

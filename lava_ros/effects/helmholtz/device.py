@@ -1,0 +1,327 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Lateral viscous stress by solving the depth-integrated momentum balance on the particles.
+
+3 mu u / h - div(mu h grad u) = -rho g h grad S, or (3 / h) u - div(h grad u) = (3 / h) u_local
+for a viscosity that varies little over a thickness. On a uniform layer its response to sin(q x)
+is 1 / (1 + q^2 h^2 / 3), k^2 = 3 / h^2, which the Green's function approximates; its natural
+boundary is free of stress, as the edge of a flow is.
+
+The Laplacian is the SPH one of Brookshaw (1985): with F = -2 W'(r) / r the sum over neighbours of
+A_j h_ij F_ij (u_i - u_j), h_ij the mean thickness. The matrix is symmetric and diagonally
+dominant; Chebyshev iteration with the diagonal as preconditioner needs no dot product, so nothing
+is read back and a fixed number of sweeps is part of a CUDA graph.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any
+
+import warp as wp
+
+from lava_ros.simulation.backend.compiled import (
+    after_the_former,
+    counted_from,
+    load2,
+    load4,
+    quick_kernel,
+    store4,
+    sum_over,
+)
+from lava_ros.simulation.backend.simd import over_neighbors
+from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
+from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.fall import fall_function
+from lava_ros.simulation.kernels import smoothing_kernel, SmoothingKernel
+from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.state import PARTICLES, State
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
+
+#: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
+REDUCTION = 1e-4
+
+#: The diagonal's share of a row, times this, bounds the eigenvalues from above (Gershgorin).
+LARGEST_EIGENVALUE = 2.0
+
+
+@lru_cache
+def _sums_function(real: Any, kernel: SmoothingKernel, lanes: int) -> Any:
+    """Return the device function of the sums over the neighbours of A_j h_ij F_ij and its pull.
+
+    F is left over ``norm``, ``factor`` and l^4, the pull is that of the velocities u_j - u_i. The
+    particle itself is a neighbour of its own.
+    """
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    terms = kernel.terms
+    _, _, _, range_in = cell_functions(real)
+    load, load_pair = load4(real), load2(real)
+
+    @wp.func
+    def sums_around(
+        lane: int,
+        layer: wp.array(dtype=vec4),
+        solution: wp.array(dtype=vec2),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        box: wp.vec4i,
+        p: vec4,
+        u: vec2,
+        inverse: real,
+    ) -> vec3:
+        diagonal = real(0.0)
+        pull = vec2()
+        for r in range(box[0] + lane, box[1], lanes):
+            near = range_in(cells, starts, r, box)
+            for j in range(near[0], near[1]):
+                other = load(layer, j)
+                dx = p[0] - other[0]
+                dy = p[1] - other[1]
+                # A_j h_ij with h_ij = (h_i + h_j) / 2, twice
+                amount = other[2] * (p[3] + other[3])
+                weight = terms(amount, wp.sqrt(dx * dx + dy * dy), inverse)[1]
+                diagonal += weight
+                pull += weight * (load_pair(solution, j) - u)
+        return vec3(diagonal, pull.x, pull.y)
+
+    return sums_around
+
+
+@lru_cache
+def _wide_sums_function(wide_terms: str) -> Any:
+    """Return the same device function of float32 for a CPU."""
+
+    @wp.func_native(
+        over_neighbors(f"""
+            wide early, late;
+            __builtin_memcpy(&early, solution.data + place, 32);
+            __builtin_memcpy(&late, solution.data + place + 4, 32);
+            const wide there_x = __builtin_shufflevector(early, late, 0, 2, 4, 6, 8, 10, 12, 14);
+            const wide there_y = __builtin_shufflevector(early, late, 1, 3, 5, 7, 9, 11, 13, 15);
+            const wide dx = p[0] - other_0;
+            const wide dy = p[1] - other_1;
+            const wide distance = __builtin_elementwise_sqrt(dx * dx + dy * dy);
+            const wide volume = other_2 * (p[3] + other_3);
+            {wide_terms}
+            sum_0 += is_in ? slopes : none;
+            sum_1 += is_in ? slopes * (there_x - u[0]) : none;
+            sum_2 += is_in ? slopes * (there_y - u[1]) : none;
+        """)
+    )
+    def sums_around(
+        lane: int,
+        values: wp.array(dtype=wp.vec4),
+        solution: wp.array(dtype=wp.vec2),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(wp.float32),
+        box: wp.vec4i,
+        p: wp.vec4,
+        u: wp.vec2,
+        inverse: wp.float32,
+    ) -> wp.vec3: ...
+
+    return sums_around
+
+
+@lru_cache
+def _kernels(
+    real: Any, kernel_name: str, ratio: float, lanes: int, is_wide: bool
+) -> tuple[Any, Any, Any]:
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    kernel = smoothing_kernel(kernel_name, real, ratio)
+    factor = -kernel.norm * kernel.factors[1]
+    terms = kernel.terms
+    cells_around = cell_functions(real).cells_around
+    load, store, total = load4(real), store4(real), sum_over(real, lanes)
+    fallen = fall_function(real)
+    sums_around = _sums_function(real, kernel, lanes)
+    if is_wide and kernel.wide_terms:
+        sums_around = _wide_sums_function(kernel.wide_terms)
+
+    @quick_kernel
+    def start(
+        ordered: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        flow: wp.array(dtype=vec3),
+        layer: wp.array(dtype=vec4),
+        solution: wp.array(dtype=vec2),
+        correction: wp.array(dtype=vec2),
+        first: int,
+    ):
+        """Begin with the local velocity; what a sweep needs of a neighbour lies together."""
+        i = counted_from(first, wp.tid())
+        after_the_former()
+        if i < counts[PARTICLES]:
+            p = load(ordered, i)
+            f = flow[i]
+            store(layer, i, vec4(p[0], p[1], p[2] / f[0], f[0]))
+            solution[i] = vec2(f[1], f[2])
+            correction[i] = vec2()
+
+    @quick_kernel
+    def sweep(
+        counts: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        radius: wp.float64,
+        momentum: wp.float64,
+        relaxation: wp.float64,
+        layer: wp.array(dtype=vec4),
+        flow: wp.array(dtype=vec3),
+        solution: wp.array(dtype=vec2),
+        correction: wp.array(dtype=vec2),
+        next_solution: wp.array(dtype=vec2),
+        first: int,
+    ):
+        """One Chebyshev sweep: the residual over the diagonal, and the momentum of the last."""
+        thread = counted_from(first, wp.tid())
+        i = thread // lanes
+        lane = thread % lanes
+        after_the_former()
+        if i >= counts[PARTICLES]:
+            return
+        p = load(layer, i)
+        u = solution[i]
+        inverse = real(1.0) / real(radius)
+        box = cells_around(cells, p[0], p[1], real(radius))
+        sums = sums_around(lane, layer, solution, starts, cells, box, p, u, inverse)
+        diagonal = total(sums[0])
+        pull = vec2(total(sums[1]), total(sums[2]))
+        if lane > 0:
+            return
+        f = flow[i]
+        scale = real(wp.static(factor)) * inverse * inverse * inverse * inverse
+        drag = real(3.0) / f[0]
+        # it counted as a neighbour of its own
+        own = terms(p[2] * (p[3] + p[3]), real(0.0), inverse)[1]
+        diagonal = drag + scale * (diagonal - own)
+        pull = drag * (vec2(f[1], f[2]) - u) + scale * pull
+        change = real(momentum) * correction[i] + real(relaxation) / diagonal * pull
+        correction[i] = change
+        next_solution[i] = u + change
+
+    @quick_kernel
+    def finish(
+        counts: wp.array(dtype=wp.int32),
+        layer: wp.array(dtype=vec4),
+        solution: wp.array(dtype=vec2),
+        gravity: wp.float64,
+        top: wp.array(dtype=real),
+        elevation: wp.array2d(dtype=real),
+        terrain: terrain_frame(real),
+        flow: wp.array(dtype=vec3),
+    ):
+        i = wp.tid()
+        after_the_former()
+        if i < counts[PARTICLES]:
+            p = load(layer, i)
+            u = fallen(solution[i], p[3], p[0], p[1], real(gravity), top, elevation, terrain)
+            flow[i] = vec3(p[3], u[0], u[1])
+
+    return start, sweep, finish
+
+
+def condition_number(thickness: float, radius: float) -> float:
+    """Bound on the largest over the smallest eigenvalue of the preconditioned matrix.
+
+    The neighbours' sum over the drag 3 / h is 28 h^2 / (3 l^2) for Wendland C2: the integral of
+    F is 28 / l^2. The smallest eigenvalue is one over one plus that.
+    """
+    return LARGEST_EIGENVALUE * (1.0 + 28.0 * thickness**2 / (3.0 * radius**2))
+
+
+def sweeps_for(thickness: float, radius: float) -> int:
+    """Chebyshev sweeps that reduce the error by ``REDUCTION``, for thickness and radius [m]."""
+    root = math.sqrt(condition_number(thickness, radius))
+    return max(2, math.ceil(0.5 * root * math.log(2.0 / REDUCTION)))
+
+
+@lru_cache
+def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
+    """Momentum and relaxation of each sweep, for thickness and radius [m]."""
+    smallest = LARGEST_EIGENVALUE / condition_number(thickness, radius)
+    centre = 0.5 * (LARGEST_EIGENVALUE + smallest)
+    half = 0.5 * (LARGEST_EIGENVALUE - smallest)
+    rho = half / centre
+    weights = [(0.0, 1.0 / centre)]
+    while len(weights) < sweeps_for(thickness, radius):
+        new_rho = 1.0 / (2.0 * centre / half - rho)
+        weights.append((new_rho * rho, 2.0 * new_rho / half))
+        rho = new_rho
+    return weights
+
+
+def solve_velocity(
+    state: State,
+    neighbors: NeighborGrid,
+    terrain: StaggeredTerrain,
+    *,
+    gravity: float,
+    radius: float,
+    thickness: float,
+    kernel: str,
+    ratio: float,
+) -> None:
+    """Replace the local velocity in ``state.flow`` by the solution of the balance.
+
+    Args:
+        state: The particles.
+        neighbors: Their neighbour grid, built.
+        terrain: The ground.
+        gravity: Acceleration of gravity [m/s2].
+        radius: Kernel radius [m].
+        thickness: Thickness up to which the sweeps converge as far as ``REDUCTION`` says [m].
+        kernel: Name of the smoothing kernel.
+        ratio: Kernel radius over particle spacing.
+    """
+    start, sweep, finish = _kernels(state.real, kernel, ratio, state.lanes, state.is_wide)
+    launch_over(
+        state,
+        start,
+        inputs=[state.ordered, state.counts, state.flow],
+        outputs=[state.layer, state.solution, state.correction],
+        least=LEAST_MOVES,
+    )
+    current, following = state.solution, state.next_solution
+    for momentum, relaxation in _schedule(thickness, radius):
+        launch_over(
+            state,
+            sweep,
+            inputs=[
+                state.counts,
+                neighbors.starts,
+                neighbors.frame,
+                radius,
+                momentum,
+                relaxation,
+                state.layer,
+                state.flow,
+                current,
+            ],
+            outputs=[state.correction, following],
+            lanes=state.lanes,
+        )
+        current, following = following, current
+    state.launches(
+        finish,
+        dim=state.capacity,
+        inputs=[
+            state.counts, state.layer, current, gravity, state.top, terrain.height, terrain.frame
+        ],
+        outputs=[state.flow],
+    )

@@ -1,0 +1,390 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Inertia: lava has momentum and takes time to reach the speed its weight can drive.
+
+Du/Dt = -g grad S - gamma u, gamma = 3 mu / (rho h^2) for Newtonian lava (MODEL.md, section 4).
+
+* Drag. A layer that moves at the speed u bears the stress rho g h s of the slope s on which that
+  speed is the local balance's, u = M(s) s, whatever the law of flow (``rheology.py``). It is taken
+  at the end of a kick of length k: u' = M s with |u'| + k g s = |u + k a|, solved for s. That is
+  u' = (u + k a) / (1 + k gamma) for Newtonian lava; any steady state is the local balance's; and
+  lava with a strength stops, exactly, where k tau_y / (rho h) >= |u + k a|.
+* Time. Velocities are those of the middle of a step (leapfrog, in other words forward-backward: a
+  is -g grad S at the new positions): a kick takes half of the former step and half of this one.
+  What is reported is half a step further, where the positions are. A wave of number q is stable
+  for dt^2 g h q^2 <= 4 + 2 gamma dt, and the largest q^2 W^(q) is the kernel's stiffness. With
+  gamma dt large that is the explicit viscous limit: the drag, though implicit, does not lift it.
+* Bores. Two particles that approach at v = -u_ij . e_ij > 0 exchange momentum as over a wave
+  between them, with the limiter of Zhang, Hu & Adams (2017, J. Comput. Phys. 335):
+  du_i/dt = -sum_j V_j P_ij grad W_ij, P_ij = v min(``STRENGTH`` v, c) / h, c and h their means of
+  wave speed and thickness. It takes out energy, never momentum; it is of second order in the
+  spacing where the flow is smooth, and nothing where lava spreads.
+* Pressure. The energy sum V_i h_i / 2 has a gradient of sum V_j grad W_ij where h is the kernel's
+  sum s; h is that without its excess e = c (V / (s l^2))^p, which makes a term
+  (1 + (p - 1) (e_i + e_j) / 2) of each. Where lava thins out waves would else be too slow.
+* Energy. So the force is the gradient of what is counted as energy, and what is left is that of
+  leapfrog: it conserves an energy that differs from it by parts of (w dt)^2 / 8, w the motion's
+  frequency, and with it the energy swings to and fro. Reported velocities leave out the term of e
+  for the last half of a step: they are exact where that is short.
+* Steep slopes. On a map the acceleration down a slope b is g tan b cos^2 b: along a wall lava
+  takes as long as its fall does. The drag is that of the layer in ``steep.py``, that
+  of lava which climbs a wall that of a layer as steep as it.
+"""
+
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.effects import load as load_effect
+from lava_ros.effects.laws import law_type, speed_function, viscosity_function
+from lava_ros.simulation.backend.compiled import (
+    after_the_former,
+    counted_from,
+    load4,
+    quick_kernel,
+    raise_to,
+)
+from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
+from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.flow import flow_constants_of
+from lava_ros.simulation.kernels import smoothing_kernel
+from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.state import ADVECTION, DIFFUSION, FORMER_STEP, PARTICLES, State, STEP
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
+
+#: Wave speed of the dissipation over the speed of approach, until it reaches c.
+STRENGTH = 3.0
+
+#: The slope of the drag is solved for to this part of it, in so many iterations at most.
+_CHANGE, _ITERATIONS = 1e-6, 40
+
+#: The excess of a kernel's sum (``kernels.py``) goes with this power of V / (h l^2).
+_EXCESS_POWERS = {'wendland': 2.5, 'spiky': 1.5}
+
+
+class _Kernels(NamedTuple):
+    synchronize: Any
+    accelerate: Any
+    adopt: Any
+
+
+@lru_cache
+def _drag_function(real: Any, effects: Effects) -> Any:
+    """Return the device function that slows a velocity down over a time."""
+    vec2 = wp.types.vector(2, real)
+    viscosity = viscosity_function(wp, real, law_type(real), effects)
+    speed = speed_function(wp, real, law_type(real), effects)
+    along = load_effect('steep').along(real) if 'steep' in effects else None
+    up = load_effect('steep').along(real, climbs=True) if 'steep' in effects else None
+
+    @wp.func
+    def slowed(
+        velocity: vec2,
+        fall: real,
+        height: real,
+        temperature: real,
+        ground: vec2,
+        law: law_type(real),
+        weight: real,
+    ) -> vec2:
+        """The velocity after the time in which a slope of 1 changes it by ``fall`` [m/s]."""
+        pace = wp.length(velocity)
+        if pace == real(0.0) or fall == real(0.0):
+            return velocity
+        layer = vec2(height, real(1.0))
+        if wp.static('steep' in effects):
+            layer = along(height, velocity / pace, ground)
+            if wp.dot(velocity, ground) > real(0.0):
+                layer = up(height, velocity / pace, ground)
+        if wp.static(speed is None):
+            mobility = weight * layer[0] * layer[0] / (real(3.0) * viscosity(law, temperature))
+        else:
+            # Newton's method from above: the bound of du/ds keeps it there
+            slope = pace / fall
+            response = speed(law, weight, layer[0], layer[1] * slope, temperature)
+            for _ in range(_ITERATIONS):
+                change = (slope * (response[0] + fall) - pace) / (response[1] + fall)
+                slope -= change
+                response = speed(law, weight, layer[0], layer[1] * slope, temperature)
+                if change <= real(_CHANGE) * slope:
+                    break
+            mobility = response[0]
+        return velocity * (mobility / (mobility + fall))
+
+    return slowed
+
+
+@lru_cache
+def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Kernels:
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    kernel = smoothing_kernel(kernel_name, real, ratio)
+    norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
+    power = _EXCESS_POWERS.get(kernel_name, 1.0)
+    gradient_at, bend_at, height_at, *_ = terrain_functions(real)
+    _, _, cells_around, range_in = cell_functions(real)
+    raised = raise_to(real)
+    load = load4(real)
+    viscosity = viscosity_function(wp, real, law_type(real), effects)
+    is_newtonian = speed_function(wp, real, law_type(real), effects) is None
+    slowed = _drag_function(real, effects)
+    steep, heats = 'steep' in effects, 'viscous_heating' in effects
+
+    @wp.func
+    def of_sum(e: real) -> real:
+        """The excess at the sum s, from that at h = s (1 - e_s): e_s = e (1 - e_s)^p."""
+        rest = real(1.0) - e / (real(1.0) + real(power) * e)
+        if wp.static(power == 2.5):
+            return e * rest * rest * wp.sqrt(rest)
+        if wp.static(power == 1.5):
+            return e * rest * wp.sqrt(rest)
+        return e
+
+    @wp.func
+    def share_of(ground: vec2) -> real:
+        """The part of g that acts on a map, cos^2 b."""
+        if wp.static(steep):
+            return real(1.0) / (real(1.0) + wp.dot(ground, ground))
+        return real(1.0)
+
+    @quick_kernel
+    def synchronize(
+        ordered: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        clock: wp.array(dtype=wp.float64),
+        elevation: wp.array2d(dtype=real),
+        terrain: terrain_frame(real),
+        law: law_type(real),
+        constants: flow_constants_of(real),
+        gravity: wp.float64,
+        number: wp.float64,
+        velocity: wp.array(dtype=vec2),
+        flow: wp.array(dtype=vec3),
+        kick: wp.array(dtype=vec2),
+        rates: wp.array(dtype=real),
+        first: int,
+    ):
+        """Acceleration from the slope, the velocity half a step after the stored one, limits."""
+        i = counted_from(first, wp.tid())
+        after_the_former()
+        if i >= counts[PARTICLES]:
+            return
+        p = load(ordered, i)
+        height = flow[i][0]
+        ground = gradient_at(elevation, terrain, p[0], p[1])
+        weight = real(constants.weight)
+        g = real(gravity) * share_of(ground)
+        fall = -g * vec2(flow[i][1], flow[i][2])
+        kick[i] = fall
+        half = real(wp.float64(0.5) * clock[STEP])
+        u = slowed(
+            velocity[i] + half * fall, half * g, height, p[3], ground, law, weight
+        )
+        flow[i] = vec3(height, u[0], u[1])
+        # dt^2 w^2 <= d^2 + d gamma dt: d is 2 at the limit of stability
+        square = g * height * real(constants.stiffness)
+        square += g * bend_at(elevation, terrain, p[0], p[1]) * real(constants.share)
+        mobility = real(1.0)
+        drag = real(0.0)
+        if wp.static(is_newtonian):
+            mobility = weight * height * height / (real(3.0) * viscosity(law, p[3]))
+            drag = g
+        root = wp.sqrt(
+            drag * drag + real(4.0) * real(number) * square * mobility * mobility
+        )
+        advection = wp.length(u) / real(constants.reach)
+        raised(rates, DIFFUSION, real(2.0) * square * mobility / (drag + root) + advection)
+        raised(rates, ADVECTION, advection)
+
+    @quick_kernel
+    def accelerate(
+        ordered: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        clock: wp.array(dtype=wp.float64),
+        elevation: wp.array2d(dtype=real),
+        terrain: terrain_frame(real),
+        law: law_type(real),
+        constants: flow_constants_of(real),
+        gravity: wp.float64,
+        flow: wp.array(dtype=vec3),
+        kick: wp.array(dtype=vec2),
+        old: wp.array(dtype=vec2),
+        velocity: wp.array(dtype=vec2),
+        slope: wp.array(dtype=vec2),
+        first: int,
+    ):
+        i = counted_from(first, wp.tid())
+        after_the_former()
+        if i >= counts[PARTICLES]:
+            return
+        p = load(ordered, i)
+        f = flow[i]
+        inverse = real(1.0) / real(constants.radius)
+        g = real(gravity)
+        push = vec2()
+        lift = vec2()
+        own = of_sum(excess(p[2] * inverse * inverse / f[0]))
+        box = cells_around(cells, p[0], p[1], real(constants.radius))
+        for r in range(box[0], box[1]):
+            near = range_in(cells, starts, r, box)
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
+                d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
+                square = wp.dot(d, d)
+                if square < real(1.0) and square > real(0.0):
+                    there = flow[j]
+                    q = wp.sqrt(square)
+                    pull = other[2] * derivative(q)
+                    both = own + of_sum(excess(other[2] * inverse * inverse / there[0]))
+                    lift += pull * both * d
+                    approach = -(d[0] * (f[1] - there[1]) + d[1] * (f[2] - there[2])) / q
+                    if approach > real(0.0):
+                        height = real(0.5) * (f[0] + there[0])
+                        pace = wp.min(real(STRENGTH) * approach, wp.sqrt(g * height))
+                        push -= pull * approach * pace / height * d
+        scale = real(wp.static(norm)) * inverse * inverse * inverse
+        # 1/2 (power - 1) (e_i + e_j) of g V_j grad W_ij
+        lift *= -g * scale * real(wp.static(0.5 * (power - 1.0)))
+        ground = gradient_at(elevation, terrain, p[0], p[1])
+        step = real(clock[STEP])
+        time = real(0.5) * (real(clock[FORMER_STEP]) + step)
+        free = old[i] + time * (kick[i] + lift) + step * scale * push
+        fall = time * g * share_of(ground)
+        new = slowed(free, fall, f[0], p[3], ground, law, real(constants.weight))
+        velocity[i] = new
+        if wp.static(heats):
+            # the slope that the drag takes up: what heats is its work, not the weight's
+            slope[i] = vec2()
+            if fall > real(0.0):
+                slope[i] = (new - free) / fall
+                # and no more than weight and motion give: speeds on the map do not know that
+                # lava which runs from level ground into a wall has to turn
+                way = step * new
+                surface = -kick[i] / (g * share_of(ground))
+                given = height_at(elevation, terrain, p[0], p[1])
+                given -= height_at(elevation, terrain, p[0] + way.x, p[1] + way.y)
+                given += wp.dot(ground - surface, way)
+                given += real(0.5) * (wp.dot(old[i], old[i]) - wp.dot(new, new)) / g
+                given = wp.max(given, real(0.0))
+                work = -wp.dot(slope[i], way)
+                if work > given:
+                    slope[i] *= given / work
+
+    @quick_kernel
+    def adopt(
+        counts: wp.array(dtype=wp.int32),
+        velocity: wp.array(dtype=vec2),
+        flow: wp.array(dtype=vec3),
+    ):
+        i = wp.tid()
+        after_the_former()
+        if i < counts[PARTICLES]:
+            flow[i] = vec3(flow[i][0], velocity[i][0], velocity[i][1])
+
+    return _Kernels(synchronize, accelerate, adopt)
+
+
+class Momentum:
+    """The momentum balance of a simulation on its terrain."""
+
+    def __init__(
+        self,
+        terrain: StaggeredTerrain,
+        law: Any,
+        constants: Any,
+        *,
+        gravity: float,
+        number: float,
+        kernel: str,
+        ratio: float,
+        effects: Effects,
+    ) -> None:
+        """Prepare the balance.
+
+        Args:
+            terrain: The ground.
+            law: Constants of the laws of flow.
+            constants: Constants of the flow's equations.
+            gravity: Acceleration of gravity [m/s2].
+            number: ``Accuracy.diffusion_number``: 2 at the limit of stability.
+            kernel: Name of the smoothing kernel.
+            ratio: Kernel radius over particle spacing.
+            effects: The physics.
+        """
+        self._terrain = terrain
+        self._law = law
+        self._constants = constants
+        self._gravity = gravity
+        self._number = number
+        self._of = (kernel, ratio, effects)
+
+    def synchronize(self, state: State) -> None:
+        """Turn the slopes in ``state.flow`` into velocities at the particles' time.
+
+        ``state.kick`` gets the accelerations, ``state.rates`` is raised.
+        """
+        launch_over(
+            state,
+            _kernels(state.real, *self._of).synchronize,
+            inputs=[
+                state.ordered,
+                state.counts,
+                state.clock,
+                self._terrain.height,
+                self._terrain.frame,
+                self._law,
+                self._constants,
+                self._gravity,
+                self._number,
+                state.ordered_velocity,
+            ],
+            outputs=[state.flow, state.kick, state.rates],
+            least=LEAST_MOVES,
+        )
+
+    def accelerate(self, state: State, neighbors: NeighborGrid) -> None:
+        """Bring the velocities to the middle of the step that was chosen."""
+        kernels = _kernels(state.real, *self._of)
+        launch_over(
+            state,
+            kernels.accelerate,
+            inputs=[
+                state.ordered,
+                state.counts,
+                neighbors.starts,
+                neighbors.frame,
+                state.clock,
+                self._terrain.height,
+                self._terrain.frame,
+                self._law,
+                self._constants,
+                self._gravity,
+                state.flow,
+                state.kick,
+                state.ordered_velocity,
+            ],
+            outputs=[state.velocity, *state.optional('slope')],
+        )
+        state.launches(
+            kernels.adopt,
+            dim=state.capacity,
+            inputs=[state.counts, state.velocity],
+            outputs=[state.flow],
+        )

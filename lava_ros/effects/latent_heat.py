@@ -1,0 +1,139 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Latent heat: crystals that form between liquidus and solidus give heat.
+
+Crystallisation is linear in temperature, so the heat content over rho c h is
+T + (L / c) F with the melt fraction F = (T - solidus) / (liquidus - solidus) between 0 and 1, and
+within the interval temperature changes 1 + L / (c (liquidus - solidus)) times more slowly. A step
+is solved piece by piece: up to the end of the interval, across it, and on from there. So the heat
+content changes by exactly what was lost, for any step.
+"""
+
+from functools import lru_cache
+from typing import Any, TYPE_CHECKING
+
+from lava_ros.effects.effect import Effect, number
+from lava_ros.errors import LavaError
+
+if TYPE_CHECKING:
+    from lava_ros.effects.scales import Scales
+    from lava_ros.scene import Lava
+
+
+def _released(scales: 'Scales') -> float:
+    lava = scales.lava
+    if scales.end_temperature >= lava.liquidus:
+        return 0.0
+    return float(lava.latent_heat / (lava.specific_heat * scales.warmth))
+
+
+def _check(lava: 'Lava') -> None:
+    if lava.latent_heat > 0.0 and not lava.solidus:
+        raise LavaError('lava.solidus', lava.solidus, 'above 0 K beside lava.latent_heat')
+
+
+EFFECT = Effect(
+    rank=150,
+    title='latent heat',
+    symbol='L / c over the heat',
+    number=_released,
+    threshold=0.01,
+    admits='1 % of the temperature',
+    source='heat balance',
+    exists=lambda lava: lava.latent_heat > 0.0,
+    constants={
+        'latent_heat': number(
+            0.0, 'Latent heat between liquidus and solidus; 0: none', 0.0, 1e7, 'J/kg'
+        ),
+    },
+    check=_check,
+    # L / c [K]
+    heat={'latent': lambda scene: scene.lava.latent_heat / scene.lava.specific_heat},
+    benchmark={'latent_heat': 3e5},
+)
+
+
+@lru_cache
+def relaxed(wp: Any, real: Any, constants_type: Any, relaxation: Any) -> Any:
+    """Return the device function that gives the temperature after a step at constant s and f."""
+
+    @wp.func
+    def relaxed(
+        constants: constants_type, temperature: real, rate: real, source: real, step: real
+    ) -> real:
+        solidus = real(constants.solidus)
+        liquidus = real(constants.liquidus)
+        slower = real(1.0) + real(constants.latent) / (liquidus - solidus)
+        falls = source < rate * temperature
+        result = temperature
+        remaining = step
+        for _ in range(3):
+            if remaining > real(0.0):
+                end = real(0.0)
+                factor = real(1.0)
+                if falls:
+                    if result > liquidus:
+                        end = liquidus
+                    elif result > solidus:
+                        end = solidus
+                        factor = slower
+                else:
+                    end = real(1.0e9)
+                    if result < solidus:
+                        end = solidus
+                    elif result < liquidus:
+                        end = liquidus
+                        factor = slower
+                reached = relaxation(result, rate / factor, source / factor, remaining)
+                passed = reached > end
+                if falls:
+                    passed = reached < end
+                if passed:
+                    # of the time, the part it takes to the end of the piece
+                    share = (result - end) / (result - reached)
+                    x = rate * remaining / factor
+                    if x > real(1.0e-6):
+                        equilibrium = source / rate
+                        share = wp.log((result - equilibrium) / (end - equilibrium)) / x
+                    remaining *= wp.clamp(real(1.0) - share, real(0.0), real(1.0))
+                    result = end
+                else:
+                    result = reached
+                    remaining = real(0.0)
+        return result
+
+    return relaxed
+
+
+@lru_cache
+def warmed(wp: Any, real: Any, constants_type: Any) -> Any:
+    """Return the device function that gives the temperature after heat worth a rise is added."""
+
+    @wp.func
+    def warmed(constants: constants_type, temperature: real, rise: real) -> real:
+        solidus = real(constants.solidus)
+        latent = real(constants.latent)
+        width = real(constants.liquidus) - solidus
+        melt = wp.clamp((temperature - solidus) / width, real(0.0), real(1.0))
+        # heat content above the solidus
+        heat = temperature - solidus + latent * melt + rise
+        if heat <= real(0.0):
+            return solidus + heat
+        if heat >= width + latent:
+            return solidus + heat - latent
+        return solidus + heat * width / (width + latent)
+
+    return warmed

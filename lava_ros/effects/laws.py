@@ -1,0 +1,209 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The laws of flow and of heat loss, from the effects' files: for the device, and on the host.
+
+Each law is written once. On the host the same lines are run by Python, with ``HOST`` in the place
+of Warp and floats in the place of its scalars.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+import math
+from types import SimpleNamespace
+from typing import Any, TYPE_CHECKING
+
+from lava_ros.effects import EFFECTS, Effects, excluded_by, possible, without_replaced
+
+if TYPE_CHECKING:
+    from lava_ros.scene import Lava, Scene
+
+#: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018).
+STEFAN_BOLTZMANN = 5.670374419e-8
+
+#: Constants that the laws of flow of every lava have, and those of its heat balance.
+_FLOW = ('viscosity', 'reference_temperature', 'liquidus', 'solidus')
+_HEAT = ('radiation', 'convection', 'ambient', 'solidus', 'liquidus')
+
+
+class _Host:
+    """What laws use of Warp, in Python."""
+
+    exp, log, sqrt, pow = math.exp, math.log, math.sqrt, math.pow
+    min, max, float64 = min, max, float
+    types = SimpleNamespace(vector=lambda length, real: lambda *items: items or (0.0,) * length)
+
+    @staticmethod
+    def func(function: Any) -> Any:
+        return function
+
+    @staticmethod
+    def clamp(value: float, least: float, most: float) -> float:
+        return min(max(value, least), most)
+
+
+HOST = _Host()
+
+
+@lru_cache
+def structure(name: str, names: tuple[str, ...], real: Any) -> Any:
+    """Return a Warp struct of scalars of these names."""
+    import warp as wp
+
+    body = {'__annotations__': dict.fromkeys(names, real), '__module__': __name__}
+    return wp.struct(type(name, (), body))
+
+
+def law_values(lava: 'Lava') -> dict[str, float]:
+    """The constants of the laws of flow, by name."""
+    values: dict[str, float] = {name: getattr(lava, name) for name in _FLOW}
+    for effect in EFFECTS.values():
+        values |= {name: value(lava) for name, value in effect.law.items()}
+    return values
+
+
+@lru_cache
+def law_type(real: Any) -> Any:
+    """Return the struct of the constants of the laws of flow."""
+    more = [name for effect in EFFECTS.values() for name in effect.law]
+    return structure('Rheology', (*_FLOW, *more), real)
+
+
+def law_of(lava: 'Lava', real: Any) -> Any:
+    """Collect the constants of the laws of flow for the device."""
+    return _filled(law_type(real)(), law_values(lava))
+
+
+@lru_cache
+def viscosity_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> Any:
+    """Return the function mu(T) [Pa s]: an effect's law, or a constant; with crystals."""
+
+    @wp.func
+    def constant(law: law_type, temperature: real) -> real:
+        return real(law.viscosity)
+
+    viscosity = constant
+    for module in effects.having('viscosity').values():
+        viscosity = module.viscosity(wp, real, law_type)
+    for module in effects.having('stiffening').values():
+        viscosity = module.stiffening(wp, real, law_type, viscosity)
+    return viscosity
+
+
+@lru_cache
+def speed_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> Any:
+    """Return the function of lava whose speed is not proportional to the slope.
+
+    Of rho g, thickness, slope s and temperature it gives the mobility u / s and a bound of u / s
+    and du/ds [m/s]: times the thickness they are diffusivities across and along the slope. None
+    when lava is Newtonian: both are then rho g h^2 / (3 mu).
+    """
+    viscosity = viscosity_function(wp, real, law_type, effects)
+    strength, speed = None, None
+    for module in effects.having('strength').values():
+        strength = module.strength(wp, real, law_type)
+    # the last of them is the most general
+    for module in effects.having('speed').values():
+        speed = module.speed(wp, real, law_type, viscosity, strength)
+    return speed
+
+
+@lru_cache
+def _on_host(lava: 'Lava') -> tuple[Any, Any, Any]:
+    """The constants, mu(T) and tau_y(T) of a lava."""
+    names = (name for name in possible(lava) if EFFECTS[name].law)
+    values, effects = SimpleNamespace(**law_values(lava)), _all_of(without_replaced(names))
+    strength = None
+    for module in effects.having('strength').values():
+        strength = module.strength(HOST, float, object)
+    return values, viscosity_function(HOST, float, object, effects), strength
+
+
+def viscosity_at(lava: 'Lava', temperature: float) -> float:
+    """Viscosity [Pa s] at a temperature [K], crystals included."""
+    values, viscosity, _ = _on_host(lava)
+    return float(viscosity(values, temperature))
+
+
+def strength_at(lava: 'Lava', temperature: float) -> float:
+    """Yield strength [Pa] at a temperature [K]."""
+    values, _, strength = _on_host(lava)
+    return 0.0 if strength is None else float(strength(values, temperature))
+
+
+def _all_of(names: tuple[str, ...]) -> Effects:
+    """Those of some effects that can be on at once, the first of two."""
+    on: list[str] = []
+    for name in names:
+        if not any(excluded_by(name, other) for other in on):
+            on.append(name)
+    return Effects(**{name: name in on for name in EFFECTS})
+
+
+def heat_values(scene: 'Scene', names: tuple[str, ...]) -> dict[str, float]:
+    """The constants of the heat balance with the effects of these names on, by name.
+
+    ``radiation`` is eps sigma / (rho c), ``convection`` lambda / (rho c), ``ambient`` Ta [K]; what
+    an effect adds is in its file.
+    """
+    lava = scene.lava
+    capacity = lava.density * lava.specific_heat
+    values = {
+        'radiation': lava.emissivity * STEFAN_BOLTZMANN / capacity,
+        'convection': lava.convection / capacity,
+        'ambient': scene.ambient_temperature,
+        'solidus': lava.solidus,
+        'liquidus': lava.liquidus,
+    }
+    for name, effect in EFFECTS.items():
+        for key, value in effect.heat.items():
+            values[key] = values.get(key, 0.0) + (value(scene) if name in names else 0.0)
+    return values
+
+
+@lru_cache
+def heat_type(real: Any) -> Any:
+    """Return the struct of the constants of the heat balance."""
+    names = [*_HEAT, *(key for effect in EFFECTS.values() for key in effect.heat)]
+    return structure('HeatConstants', tuple(dict.fromkeys(names)), real)
+
+
+def heat_of(scene: 'Scene', effects: Effects, real: Any) -> Any:
+    """Collect the constants of the heat balance for the device."""
+    return _filled(heat_type(real)(), heat_values(scene, tuple(effects)))
+
+
+def heat_loss(scene: 'Scene') -> Callable[[float], float]:
+    """Heat [W/m2] that lava at rest loses to the air from a bare surface, by temperature [K]."""
+    lava = possible(scene.lava)
+    names = without_replaced(name for name in lava if EFFECTS[name].is_surface)
+    values = SimpleNamespace(**heat_values(scene, names))
+    capacity = scene.lava.density * scene.lava.specific_heat
+    modules = _all_of(names).having('terms').values()
+    every = [module.terms(HOST, float, object) for module in modules]
+
+    def loss(temperature: float) -> float:
+        result = 0.0
+        for terms in every:
+            rate, source = terms(values, 1.0, temperature, math.inf, 0.0, 0.0)
+            result += capacity * (rate * temperature - source)
+        return float(result)
+
+    return loss
+
+
+def _filled(target: Any, values: dict[str, float]) -> Any:
+    for name, value in values.items():
+        setattr(target, name, value)
+    return target

@@ -1,0 +1,377 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Merging and splitting: as many particles as the kernel needs, wherever the lava is.
+
+A particle of volume V stands for the area V / h. Where lava is thicker than expected, that is less
+than the square of the spacing: a kernel holds more neighbours than it needs. There two particles,
+each the other's nearest, become one, if it still stands for no more than the square of the
+spacing. Where lava has thinned out again a particle splits into halves, which go apart across the
+line to the nearest neighbour, down to the volume that vents emit.
+
+Volume is exact to the last bit: particles merge only where the sum of their volumes has no
+rounding, as that of equal ones has none, and halves have none. The sums of V x, V T and, with
+inertia, V u are kept to rounding, and so is that of V times age.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.compiled import after_the_former, load4, quick_kernel
+from lava_ros.simulation.backend.scan import Scan
+from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.state import ADVECTION, FULL, IS_LAST, PARTICLES, State, STEP
+from lava_ros.simulation.terrain import StaggeredTerrain
+
+#: Displacement of the fastest particle, over the longest in a step, from one pass to the next.
+EVERY = 1.5
+
+#: Distance over the spacing around two particles below which they merge.
+CLOSE = 1.1
+
+#: Area of a merged particle over the squared spacing, at most.
+WIDEST = 1.6
+
+#: Area of a particle over the squared spacing above which it splits.
+STRETCHED = 2.5
+
+
+@lru_cache
+def _kernels(
+    real: Any, has_velocity: bool, has_age: bool, is_ordered: bool, threads: int
+) -> tuple[Any, ...]:
+    vec2 = wp.types.vector(2, real)
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    vec2d = wp.types.vector(2, wp.float64)
+    _, _, cells_around, range_in = cell_functions(real)
+    load = load4(real)
+
+    @quick_kernel
+    def wait(
+        counts: wp.array(dtype=wp.int32),
+        clock: wp.array(dtype=wp.float64),
+        rates: wp.array(dtype=real),
+        every: wp.float64,
+        moved: wp.array(dtype=wp.float64),
+        slots: wp.array(dtype=wp.int32),
+    ):
+        """Add up how far the fastest particle goes; ``moved[1]`` is 1 when it is far enough."""
+        after_the_former()
+        moved[1] = wp.float64(0.0)
+        slots[0] = 0
+        if counts[IS_LAST] == 1 and clock[STEP] > wp.float64(0.0):
+            moved[0] = moved[0] + wp.float64(rates[ADVECTION]) * clock[STEP]
+            if moved[0] >= every:
+                moved[0] = wp.float64(0.0)
+                moved[1] = wp.float64(1.0)
+
+    @wp.func
+    def seek(
+        i: int,
+        ordered: wp.array(dtype=vec4),
+        particle: wp.array(dtype=vec4),
+        flow: wp.array(dtype=vec3),
+        counts: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        radius: wp.float64,
+        area: wp.float64,
+        least: wp.float64,
+        partner: wp.array(dtype=wp.int32),
+        births: wp.array(dtype=wp.int32),
+    ):
+        """Find who a particle would merge with, or, to split, its nearest neighbour."""
+        births[i] = 0
+        partner[i] = -1
+        if i >= counts[PARTICLES]:
+            return
+        p = particle[i]
+        if p[2] == real(0.0):
+            return
+        own = p[2] / flow[i][0]
+        splits = own > real(wp.static(STRETCHED)) * real(area) and p[2] >= real(least + least)
+        if not splits and own > real(wp.static(WIDEST)) * real(area):
+            return
+        here = load(ordered, i)
+        nearest = partner[i]
+        shortest = real(0.0)
+        box = cells_around(cells, here[0], here[1], real(radius))
+        for r in range(box[0], box[1]):
+            near = range_in(cells, starts, r, box)
+            for j in range(near[0], near[1]):
+                other = particle[j]
+                if j != i and other[2] > real(0.0):
+                    dx = other[0] - p[0]
+                    dy = other[1] - p[1]
+                    square = dx * dx + dy * dy
+                    fits = bool(splits)
+                    if not splits:
+                        both = p[2] + other[2]
+                        around = both / (flow[i][0] + flow[j][0])
+                        fits = (
+                            square < real(wp.static(CLOSE * CLOSE)) * around
+                            and real(2.0) * around < real(wp.static(WIDEST)) * real(area)
+                            and both - p[2] == other[2]
+                            and both - other[2] == p[2]
+                        )
+                    if fits and (nearest < 0 or square < shortest):
+                        nearest = j
+                        shortest = square
+        if splits:
+            births[i] = 1
+            # below -1: not to merge with
+            partner[i] = -2 - wp.where(nearest < 0, i, nearest)
+        else:
+            partner[i] = nearest
+
+    @quick_kernel
+    def choose(
+        ordered: wp.array(dtype=vec4),
+        particle: wp.array(dtype=vec4),
+        flow: wp.array(dtype=vec3),
+        counts: wp.array(dtype=wp.int32),
+        moved: wp.array(dtype=wp.float64),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        radius: wp.float64,
+        area: wp.float64,
+        least: wp.float64,
+        partner: wp.array(dtype=wp.int32),
+        births: wp.array(dtype=wp.int32),
+    ):
+        after_the_former()
+        if moved[1] > wp.float64(0.0):
+            for i in range(wp.tid(), births.shape[0], threads):
+                seek(
+                    i, ordered, particle, flow, counts, starts, cells, radius, area, least,
+                    partner, births
+                )
+
+    @wp.func
+    def unite(
+        i: int,
+        j: int,
+        particle: wp.array(dtype=vec4),
+        remainder: wp.array(dtype=vec2),
+        velocity: wp.array(dtype=vec2),
+        age: wp.array(dtype=real),
+    ):
+        """Make one of two; the other is left without volume."""
+        p = particle[i]
+        o = particle[j]
+        both = p[2] + o[2]
+        a = wp.float64(p[2]) / wp.float64(both)
+        b = wp.float64(o[2]) / wp.float64(both)
+        place = vec2d(
+            a * wp.float64(p[0]) + b * wp.float64(o[0]),
+            a * wp.float64(p[1]) + b * wp.float64(o[1]),
+        )
+        if wp.static(real is wp.float32):
+            rest = a * vec2d(remainder[i]) + b * vec2d(remainder[j])
+            place += rest
+            remainder[i] = vec2(
+                real(place[0] - wp.float64(real(place[0]))),
+                real(place[1] - wp.float64(real(place[1]))),
+            )
+        if wp.static(has_velocity):
+            velocity[i] = real(a) * velocity[i] + real(b) * velocity[j]
+        if wp.static(has_age):
+            age[i] = real(a) * age[i] + real(b) * age[j]
+        temperature = a * wp.float64(p[3]) + b * wp.float64(o[3])
+        particle[i] = vec4(real(place[0]), real(place[1]), both, real(temperature))
+        particle[j] = vec4(o[0], o[1], real(0.0), o[3])
+
+    @quick_kernel
+    def merge(
+        counts: wp.array(dtype=wp.int32),
+        moved: wp.array(dtype=wp.float64),
+        partner: wp.array(dtype=wp.int32),
+        particle: wp.array(dtype=vec4),
+        remainder: wp.array(dtype=vec2),
+        velocity: wp.array(dtype=vec2),
+        age: wp.array(dtype=real),
+    ):
+        """Unite those that chose each other."""
+        after_the_former()
+        if moved[1] > wp.float64(0.0):
+            for i in range(wp.tid(), counts[PARTICLES], threads):
+                j = partner[i]
+                # no index below 0 is read
+                if j > i and partner[wp.max(j, 0)] == i:
+                    unite(i, j, particle, remainder, velocity, age)
+
+    @wp.func
+    def halve(
+        i: int,
+        counts: wp.array(dtype=wp.int32),
+        flow: wp.array(dtype=vec3),
+        slots: wp.array(dtype=wp.int32),
+        partner: wp.array(dtype=wp.int32),
+        particle: wp.array(dtype=vec4),
+        remainder: wp.array(dtype=vec2),
+        velocity: wp.array(dtype=vec2),
+        age: wp.array(dtype=real),
+    ):
+        """Halve a particle; the second half goes behind the particles there are."""
+        slot = counts[PARTICLES]
+        if wp.static(is_ordered):
+            slot += slots[i]
+        else:
+            slot += wp.atomic_add(slots, 0, 1)
+        if slot >= particle.shape[0]:
+            # it splits when the host has made room
+            counts[FULL] = 1
+            return
+        p = particle[i]
+        other = particle[-2 - partner[i]]
+        d = vec2(p[1] - other[1], other[0] - p[0])
+        length = wp.length(d)
+        if length > real(0.0):
+            d /= length
+        else:
+            d = vec2(real(1.0), real(0.0))
+        d *= real(0.35) * wp.sqrt(p[2] / flow[i][0])
+        half = real(0.5) * p[2]
+        particle[i] = vec4(p[0] + d[0], p[1] + d[1], half, p[3])
+        particle[slot] = vec4(p[0] - d[0], p[1] - d[1], half, p[3])
+        if wp.static(real is wp.float32):
+            remainder[slot] = remainder[i]
+        if wp.static(has_velocity):
+            velocity[slot] = velocity[i]
+        if wp.static(has_age):
+            age[slot] = age[i]
+
+    @quick_kernel
+    def split(
+        counts: wp.array(dtype=wp.int32),
+        moved: wp.array(dtype=wp.float64),
+        flow: wp.array(dtype=vec3),
+        births: wp.array(dtype=wp.int32),
+        slots: wp.array(dtype=wp.int32),
+        partner: wp.array(dtype=wp.int32),
+        particle: wp.array(dtype=vec4),
+        remainder: wp.array(dtype=vec2),
+        velocity: wp.array(dtype=vec2),
+        age: wp.array(dtype=real),
+    ):
+        after_the_former()
+        if moved[1] > wp.float64(0.0):
+            for i in range(wp.tid(), births.shape[0], threads):
+                if births[i] > 0:
+                    halve(
+                        i, counts, flow, slots, partner, particle, remainder, velocity, age
+                    )
+
+    @quick_kernel
+    def count(
+        moved: wp.array(dtype=wp.float64),
+        births: wp.array(dtype=wp.int32),
+        slots: wp.array(dtype=wp.int32),
+        counts: wp.array(dtype=wp.int32),
+    ):
+        after_the_former()
+        if moved[1] == wp.float64(0.0):
+            return
+        last = births.shape[0] - 1
+        new = slots[0]
+        if wp.static(is_ordered):
+            new = slots[last] + births[last]
+        counts[PARTICLES] = wp.min(counts[PARTICLES] + new, last + 1)
+
+    return wait, choose, merge, split, count
+
+
+class AfterStep:
+    """The pass that merges and splits particles."""
+
+    def __init__(
+        self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
+    ) -> None:
+        """Take the spacing and the volume that particles are meant to have."""
+        assert accuracy.spacing is not None and accuracy.thickness is not None
+        self._radius = accuracy.ratio * accuracy.spacing
+        self._area = accuracy.spacing**2
+        self._least = float(np.float32(self._area * accuracy.thickness))
+        self._scan: Scan | None = None
+
+    def apply(self, state: State, neighbors: NeighborGrid) -> None:
+        """Merge what has come together and split what has been stretched."""
+        wait, choose, merge, split, count = _kernels(
+            state.real,
+            state.has_velocity,
+            state.has_age,
+            state.is_deterministic,
+            state.rare_threads,
+        )
+        carried = state.optional('remainder', 'velocity', 'age')
+        state.launches(
+            wait,
+            dim=1,
+            inputs=[state.counts, state.clock, state.rates, EVERY],
+            outputs=[state.moved, state.slots],
+        )
+        state.launches(
+            choose,
+            dim=state.rare_threads,
+            inputs=[
+                state.ordered,
+                state.particle,
+                state.flow,
+                state.counts,
+                state.moved,
+                neighbors.starts,
+                neighbors.frame,
+                self._radius,
+                self._area,
+                self._least,
+            ],
+            outputs=[state.partner, state.births],
+        )
+        state.launches(
+            merge,
+            dim=state.rare_threads,
+            inputs=[state.counts, state.moved, state.partner],
+            outputs=[state.particle, *carried],
+        )
+        if state.is_deterministic:
+            # in the order of the particles, not of the threads
+            if self._scan is None or self._scan.length != state.capacity:
+                self._scan = Scan(state.capacity, state.device)
+            self._scan(state.launches, state.births, state.slots)
+        state.launches(
+            split,
+            dim=state.rare_threads,
+            inputs=[
+                state.counts,
+                state.moved,
+                state.flow,
+                state.births,
+                state.slots,
+                state.partner,
+            ],
+            outputs=[state.particle, *carried],
+        )
+        state.launches(
+            count,
+            dim=1,
+            inputs=[state.moved, state.births, state.slots],
+            outputs=[state.counts],
+        )

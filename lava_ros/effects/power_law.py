@@ -1,0 +1,102 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Stress that follows a power of the strain rate: Herschel-Bulkley, tau = tau_y + K (du/dz)^n.
+
+With tau_b = rho g h s at the base, s = |grad S|, and y = 1 - tau_y / tau_b the sheared part of the
+thickness, the strain rate at the base is G = ((tau_b - tau_y) / K)^(1/n) and the depth average
+
+    u = G h F(y),   F = n / (n + 1) y (1 - n / (2 n + 1) y),
+
+which is 0 for y <= 0. n = 1 is Bingham flow; tau_y = 0 gives y = 1 and u = n / (2 n + 1) G h. As
+d(y^(1/n) F)/dy = y^(1/n) (1 - n / (n + 1) y),
+
+    du/ds = (G h / s) (F / n + (1 - y) (1 - n / (n + 1) y)),   u / s = (G h / s) F
+
+are the diffusivities along and across the slope over h. With max(1, 1/n) in place of 1/n the first
+is never below either of the two. K(T) is the viscosity of its law, tau_y(T) is yielding's.
+
+Lava with n > 1 has no viscosity at rest: on a level surface u / s is infinite. Below
+``LEAST_SLOPE`` K is therefore taken with the strain rate of that slope.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+from lava_ros.effects.effect import Effect, number
+
+EFFECT = Effect(
+    rank=30,
+    title='strain rate as a power of stress',
+    symbol='|n - 1|',
+    number=lambda scales: abs(scales.lava.flow_index - 1.0),
+    admits='nothing',
+    source='identity at n = 1',
+    exists=lambda lava: lava.flow_index != 1.0,
+    constants={
+        'flow_index': number(
+            1.0, 'Exponent n of Herschel-Bulkley flow; 1: Newtonian or Bingham', 0.1, 5.0
+        ),
+    },
+    law={'flow_index': lambda lava: lava.flow_index},
+    benchmark={'flow_index': 0.8},
+)
+
+#: Slope below which lava with n > 1 gets no easier to move.
+LEAST_SLOPE = 1e-3
+
+#: The same for n <= 1, where nothing becomes infinite: it only keeps 0 / 0 out.
+_NO_SLOPE = 1e-12
+
+
+@lru_cache
+def speed(wp: Any, real: Any, law_type: Any, viscosity: Any, strength: Any) -> Any:
+    """Return the device function that gives u / s and a bound of u / s and du/ds [m/s].
+
+    Args:
+        wp: Warp.
+        real: Scalar type to compute in.
+        law_type: Struct of the laws' constants.
+        viscosity: Device function K(T).
+        strength: Device function tau_y(T), None without yielding.
+    """
+    vec2 = wp.types.vector(2, real)
+    has_strength = strength is not None
+
+    @wp.func
+    def herschel_bulkley(
+        law: law_type, weight: real, depth: real, slope: real, temperature: real
+    ) -> vec2:
+        one = real(1.0)
+        n = real(law.flow_index)
+        least = real(_NO_SLOPE)
+        if n > one:
+            least = real(LEAST_SLOPE)
+        sheared = one
+        if wp.static(has_strength):
+            stress = weight * depth * slope
+            resisted = strength(law, temperature)
+            if stress <= resisted:
+                return vec2()
+            sheared = (stress - resisted) / stress
+        fall = wp.max(slope, least)
+        excess = weight * depth * fall * sheared
+        rate = wp.pow(excess / viscosity(law, temperature), one / n) * depth / fall
+        across = n / (n + one) * sheared * (one - n / (n + n + one) * sheared)
+        along = wp.max(one, one / n) * across
+        if wp.static(has_strength):
+            along += (one - sheared) * (one - n / (n + one) * sheared)
+        return rate * vec2(across, along)
+
+    return herschel_bulkley

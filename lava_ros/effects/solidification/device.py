@@ -1,0 +1,345 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Solidification: a column colder than the solidus stops being fluid and becomes terrain.
+
+At the end of a step the volume V of such a column is spread onto the staggered heights,
+
+    raise_c = V w_c / (A sum w),    w_c = B((x_c - x) / d) B((y_c - y) / d),
+
+A the area of a cell, B the quadratic B-spline that the surface is made of, and the sum over the
+cells with data, so that the raised cells hold V wherever the column is. The width d is the side of
+the column's own area, sqrt(V / h): an even layer freezes into an even one. It is at least a cell,
+or the surface would show the column's place in the cell, and 0.65 of what reaches as far as the
+kernel did, or columns that lie at random would freeze into bumps that their neighbours had never
+seen, and which of them freezes first would decide where the lava after them turns; it reaches at
+most the kernel radius. The column leaves the set of particles; what froze is summed in
+``State.frozen``.
+
+What has frozen is kept apart from the ground in whole parts of 2^-44 m: sums of integers have no
+order, so runs are the same to the bit, and a float32 of the elevation does not wear off deposits.
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache
+import math
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from lava_ros.errors import LavaError
+from lava_ros.scene import Scene, Terrain
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.compiled import after_the_former, quick_kernel
+from lava_ros.simulation.backend.streams import read
+from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.state import BORDER, HOLES, PARTICLES, State
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
+
+#: Least width over the largest: wider smooths what freezes by more than the bounds of its case
+#: allow, narrower runs that differ in their last digits part sooner.
+_LEAST = 0.65
+
+#: What the frozen lava's thickness is counted in [m]; its largest thickness is 2^63 of them.
+_PART = 2.0**-44
+
+
+@lru_cache
+def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    is_known = terrain_functions(real).is_known
+
+    @wp.func
+    def width_of(
+        volume: real, thickness: real, frame: terrain_frame(wp.float64), widest: wp.float64
+    ):
+        side = wp.sqrt(wp.float64(volume) / wp.float64(thickness))
+        least = wp.max(wp.float64(_LEAST) * widest, frame.resolution)
+        return wp.max(wp.min(side, widest), least)
+
+    @wp.func
+    def spline(t: wp.float64) -> wp.float64:
+        u = wp.abs(t)
+        if u < wp.float64(0.5):
+            return wp.float64(0.75) - u * u
+        rest = wp.max(wp.float64(1.5) - u, wp.float64(0.0))
+        return wp.float64(0.5) * rest * rest
+
+    @wp.func
+    def weight_of(
+        frame: terrain_frame(wp.float64), x: real, y: real, width: wp.float64, i: int, j: int
+    ):
+        """Weight of cell [i, j]; the ring around the grid is at -1 and past the last."""
+        half = wp.float64(0.5)
+        cell_x = frame.x0 + (wp.float64(j) + half) * frame.resolution
+        cell_y = frame.y0 + (wp.float64(i) + half) * frame.resolution
+        return spline((cell_x - wp.float64(x)) / width) * spline((cell_y - wp.float64(y)) / width)
+
+    @wp.func
+    def patch_of(
+        frame: terrain_frame(wp.float64), x: real, y: real, width: wp.float64
+    ) -> wp.vec4i:
+        """First column and the one after the last, first row and the one after the last."""
+        reach = wp.float64(1.5) * width
+        one = wp.float64(1.0)
+        west = (wp.float64(x) - reach - frame.x0) / frame.resolution
+        east = (wp.float64(x) + reach - frame.x0) / frame.resolution
+        south = (wp.float64(y) - reach - frame.y0) / frame.resolution
+        north = (wp.float64(y) + reach - frame.y0) / frame.resolution
+        return wp.vec4i(
+            wp.max(int(wp.floor(west)), -1),
+            wp.min(int(wp.floor(east + one)), frame.columns + 1),
+            wp.max(int(wp.floor(south)), -1),
+            wp.min(int(wp.floor(north + one)), frame.rows + 1),
+        )
+
+    @wp.func
+    def lay_down(
+        i: int,
+        p: vec4,
+        height: real,
+        widest: wp.float64,
+        known: wp.array2d(dtype=wp.uint8),
+        frame: terrain_frame(wp.float64),
+        particle: wp.array(dtype=vec4),
+        deposit: wp.array2d(dtype=wp.int64),
+        frozen: wp.array(dtype=wp.float64),
+    ):
+        width = width_of(p[2], height, frame, widest)
+        patch = patch_of(frame, p[0], p[1], width)
+        total = wp.float64(0.0)
+        for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
+            for column in range(wp.max(patch[0], 0), wp.min(patch[1], frame.columns)):
+                if known[row, column] != wp.uint8(0):
+                    total += weight_of(frame, p[0], p[1], width, row, column)
+        parts = wp.float64(p[2]) / (frame.resolution * frame.resolution * total)
+        parts /= wp.float64(wp.static(_PART))
+        # cells without data and the ring are raised as well, lest the deposit end in a cliff there
+        for row in range(patch[2], patch[3]):
+            for column in range(patch[0], patch[1]):
+                share = parts * weight_of(frame, p[0], p[1], width, row, column)
+                wp.atomic_add(deposit, row + 1, column + 1, wp.int64(wp.round(share)))
+        wp.atomic_add(frozen, 0, wp.float64(p[2]))
+        particle[i] = vec4(p[0], p[1], -p[2], p[3])
+
+    @quick_kernel
+    def freeze(
+        flow: wp.array(dtype=vec3),
+        counts: wp.array(dtype=wp.int32),
+        cold: wp.array(dtype=wp.int32),
+        solidus: wp.float64,
+        widest: wp.float64,
+        known: wp.array2d(dtype=wp.uint8),
+        terrain: terrain_frame(real),
+        frame: terrain_frame(wp.float64),
+        particle: wp.array(dtype=vec4),
+        deposit: wp.array2d(dtype=wp.int64),
+        frozen: wp.array(dtype=wp.float64),
+    ):
+        """Lay down what is colder than the solidus; its volume turns negative until it is seen."""
+        after_the_former()
+        if cold[0] == 0:
+            return
+        for i in range(wp.tid(), counts[PARTICLES], threads):
+            p = particle[i]
+            # what is off the terrain has left
+            if wp.float64(p[3]) < solidus and is_known(known, terrain, p[0], p[1]):
+                lay_down(i, p, flow[i][0], widest, known, frame, particle, deposit, frozen)
+
+    @quick_kernel
+    def raise_ground(
+        flow: wp.array(dtype=vec3),
+        counts: wp.array(dtype=wp.int32),
+        cold: wp.array(dtype=wp.int32),
+        widest: wp.float64,
+        frame: terrain_frame(wp.float64),
+        ground: wp.array2d(dtype=real),
+        deposit: wp.array2d(dtype=wp.int64),
+        particle: wp.array(dtype=vec4),
+        height: wp.array2d(dtype=real),
+    ):
+        """Renew the heights under what has just frozen, and empty it."""
+        after_the_former()
+        if cold[0] == 0:
+            return
+        for i in range(wp.tid(), counts[PARTICLES], threads):
+            p = particle[i]
+            if p[2] < real(0.0):
+                width = width_of(-p[2], flow[i][0], frame, widest)
+                patch = patch_of(frame, p[0], p[1], width)
+                for row in range(patch[2] + 1, patch[3] + 1):
+                    for column in range(patch[0] + 1, patch[1] + 1):
+                        parts = wp.float64(deposit[row, column])
+                        top = wp.float64(ground[row, column]) + parts * wp.float64(_PART)
+                        height[row, column] = real(top)
+                particle[i] = vec4(p[0], p[1], real(0.0), p[3])
+
+    return freeze, raise_ground
+
+
+@wp.kernel(module='unique', enable_backward=False)
+def _show(
+    deposit: wp.array2d(dtype=wp.int64),
+    known: wp.array2d(dtype=wp.uint8),
+    solidus: wp.float32,
+    thickness: wp.array2d(dtype=wp.float32),
+    temperature: wp.array2d(dtype=wp.float32),
+    frozen: wp.array2d(dtype=wp.float32),
+):
+    """Add what has frozen to a map; where all has, it has the solidus."""
+    i, j = wp.tid()
+    if known[i, j] == wp.uint8(0):
+        frozen[i, j] = wp.float32(wp.nan)
+        return
+    parts = wp.float64(deposit[i + 1, j + 1])
+    solid = wp.float32(parts * wp.float64(wp.static(_PART)))
+    frozen[i, j] = solid
+    thickness[i, j] = thickness[i, j] + solid
+    if solid > wp.float32(0.0) and wp.isnan(temperature[i, j]):
+        temperature[i, j] = solidus
+
+
+class AfterStep:
+    """The frozen lava on a terrain, and the pass that adds to it."""
+
+    def __init__(
+        self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
+    ) -> None:
+        """Begin with a terrain on which nothing has frozen."""
+        assert accuracy.spacing is not None
+        self._solidus = scene.lava.solidus
+        self._widest = accuracy.ratio * accuracy.spacing / 1.5
+        self._scene_terrain = scene.terrain
+        self._terrain = terrain
+        self._ground = wp.clone(terrain.height)
+        self._deposit = wp.zeros(terrain.height.shape, dtype=wp.int64, device=state.device)
+
+    def apply(self, state: State, neighbors: NeighborGrid) -> None:
+        """Turn the columns that are colder than the solidus into terrain."""
+        freeze, raise_ground = _kernels(state.real, state.rare_threads)
+        state.launches(
+            freeze,
+            dim=state.rare_threads,
+            inputs=[
+                state.flow,
+                state.counts,
+                state.cold,
+                self._solidus,
+                self._widest,
+                self._terrain.known,
+                self._terrain.frame,
+                self._terrain.exact_frame,
+            ],
+            outputs=[state.particle, self._deposit, state.frozen],
+        )
+        state.launches(
+            raise_ground,
+            dim=state.rare_threads,
+            inputs=[
+                state.flow,
+                state.counts,
+                state.cold,
+                self._widest,
+                self._terrain.exact_frame,
+                self._ground,
+                self._deposit,
+            ],
+            outputs=[state.particle, self._terrain.height],
+        )
+
+    def show(self, grids: Any) -> None:
+        """Add the frozen lava to a map.
+
+        Args:
+            grids: Thickness [m] and temperature [K] of the fluid lava, to be made those of all,
+                and the thickness of what has frozen [m], to be filled; float32, on the device.
+        """
+        wp.launch(
+            _show,
+            dim=grids.shape[1:],
+            inputs=[self._deposit, self._terrain.known, self._solidus],
+            outputs=[grids[0], grids[1], grids[2]],
+            device=grids.device,
+        )
+
+    def thickness(self) -> np.ndarray:
+        """Thickness of the frozen lava [m], float64, shape [rows, columns]."""
+        parts: np.ndarray = read(self._deposit)[1:-1, 1:-1]
+        return np.where(self._scene_terrain.has_data, parts * _PART, 0.0)
+
+    def take_over(self, former: 'AfterStep', state: State) -> None:
+        """Lay the frozen lava of the terrain before onto this one.
+
+        Cells that do not coincide share by the area they have in common. What lies outside this
+        terrain or on cells without data has left.
+        """
+        terrain = self._scene_terrain
+        before = former.thickness()
+        thickness = before
+        for axis in (0, 1):
+            thickness = _shared(thickness, former._scene_terrain, terrain, axis)
+        on_map = thickness.sum() * terrain.resolution**2
+        lost = np.zeros(2)
+        lost[BORDER] = before.sum() * former._scene_terrain.resolution**2 - on_map
+        lost[HOLES] = thickness[~terrain.has_data].sum() * terrain.resolution**2
+        thickness[~terrain.has_data] = 0.0
+        frozen, left = state.frozen.numpy(), state.left.numpy()
+        # less is rounding
+        if abs(lost.sum()) > 1e-9 * frozen[0]:
+            state.frozen.assign(frozen - lost.sum())
+            state.left.assign(left + lost)
+        self._lay(np.rint(np.pad(thickness, 1, mode='edge') / _PART).astype(np.int64))
+
+    def save(self) -> dict[str, np.ndarray]:
+        """Copy what has frozen."""
+        return {'deposit': self._deposit.numpy().copy()}
+
+    def load(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Lay what ``save`` has copied onto a terrain on which nothing has frozen.
+
+        Raises:
+            LavaError: It is not of this terrain.
+        """
+        parts = arrays.get('deposit')
+        shape = self._deposit.shape
+        if parts is None or (parts.shape, parts.dtype) != (shape, np.int64):
+            found = 'missing' if parts is None else f'{parts.dtype} of shape {parts.shape}'
+            raise LavaError('checkpoint.solidification.deposit', found, f'int64 of shape {shape}')
+        self._lay(parts)
+
+    def _lay(self, parts: np.ndarray) -> None:
+        self._deposit.assign(parts)
+        self._terrain.height.assign(self._ground.numpy().astype(np.float64) + parts * _PART)
+
+
+def _shared(values: np.ndarray, before: Terrain, after: Terrain, axis: int) -> np.ndarray:
+    """Means of a terrain's cells over another's, along rows (axis 0) or columns."""
+    side = 1 - axis
+    offset = (after.origin[side] - before.origin[side]) / before.resolution
+    ratio = after.resolution / before.resolution
+    edges = offset + ratio * np.arange(after.shape[axis] + 1)
+    # cells that coincide but for rounding do
+    edges = np.where(np.abs(edges - np.rint(edges)) < 1e-6, np.rint(edges), edges)
+    values = np.moveaxis(values, axis, 0)
+    start, end = edges[:-1], edges[1:]
+    first = np.floor(start).astype(int)
+    shared = np.zeros((len(start), values.shape[1]))
+    for step in range(math.ceil(ratio) + 1):
+        cell = first + step
+        common = np.minimum(end, cell + 1) - np.maximum(start, cell)
+        common[(cell < 0) | (cell >= len(values))] = 0.0
+        shared += np.maximum(common, 0.0)[:, None] * values[np.clip(cell, 0, len(values) - 1)]
+    return np.moveaxis(shared / ratio, 0, axis)

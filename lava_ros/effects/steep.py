@@ -1,0 +1,116 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Steep slopes: thickness and speed are vertical and horizontal, the physics is along the slope.
+
+On a slope b a layer of vertical thickness h is h cos b thick across the flow. Its speed along the
+slope is rho g (h cos b)^2 sin b / (3 mu), and the horizontal part of that is
+rho g h^2 tan b cos^4 b / (3 mu): cos^4 b of what a map shows.
+
+That is of a layer that lies on its slope. On a wall lava tears off and falls; as a layer it would
+have to be h = d / cos b thick on the map to pass on what reaches the edge, a dam on top of a high
+cliff. So b, wherever its cosine is taken, is no steeper than ``STEEPEST``; the surface's slope is
+what it is.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any, TYPE_CHECKING
+
+from lava_ros.effects.effect import Effect
+from lava_ros.effects.scales import FREEZES
+
+if TYPE_CHECKING:
+    from lava_ros.effects.scales import Scales
+
+#: Slope of the side of what freezes, in thicknesses over kernel radii: a column freezes into a
+#: quadratic B-spline at least 0.65 / 1.5 of the radius wide, and the step that a layer ends in,
+#: smoothed with that, is as steep as its greatest value, 0.75 thicknesses over its width.
+FROZEN_SIDE = 0.75 * 1.5 / 0.65
+
+
+def _steepness(scales: 'Scales') -> float:
+    """Largest slope of the ground, which what freezes becomes a part of."""
+    if scales.lava.solidus <= 0.0 or scales.freezing <= FREEZES:
+        return scales.steepest
+    return max(scales.steepest, FROZEN_SIDE * scales.thickness / scales.kernel_radius)
+
+
+EFFECT = Effect(
+    rank=10,
+    title='thickness along steep slopes',
+    symbol='slope',
+    number=_steepness,
+    threshold=math.tan(math.radians(5.0)),
+    admits='up to 1.5 % of the speed: 1 - cos^4',
+    source='docs/MODEL.md, steep slopes; the sides of frozen lava count',
+    is_default=True,
+)
+
+#: Steepest ground on which lava lies as a layer [deg]. The speed on the map is largest at 30 and a
+#: third of that at 60: a layer is 1.44 times as thick there, and thinner again on what is steeper.
+STEEPEST = 60.0
+
+#: The square of its gradient.
+_LARGEST = math.tan(math.radians(STEEPEST)) ** 2
+
+
+@lru_cache
+def factor(real: Any) -> Any:
+    """Return the device function cos^4 b of the ground's gradient."""
+    import warp as wp
+
+    vec2 = wp.types.vector(2, real)
+
+    @wp.func
+    def steep(ground: vec2) -> real:
+        square = real(1.0) / (real(1.0) + wp.min(wp.dot(ground, ground), real(_LARGEST)))
+        return square * square
+
+    return steep
+
+
+@lru_cache
+def along(real: Any, *, climbs: bool = False) -> Any:
+    """Return the device function that gives a thickness and a slope whose laws hold on the level.
+
+    Let the surface's gradient be (s, r), down the ground's slope and across it. In a layer
+    h cos b thick the stress at the base is rho g (h cos^2 b) (s, r cos b), that of a layer
+    h cos^2 b thick on the slope sqrt(s^2 + r^2 cos^2 b): rho g (h cos b) sin b in a sheet, where
+    s = tan b and r = 0. The velocity is along it; on the map its part down the slope is cos b
+    times as long, which leaves it along (s, r), with the mobility of that layer on that slope.
+    With the ground's gradient G the slope is cos b (|grad S|^2 + (grad S . G)^2)^(1/2).
+
+    Args:
+        real: Warp scalar type to compute in.
+        climbs: Whether lava runs up the slope: then it is on it, however steep.
+    """
+    import warp as wp
+
+    vec2 = wp.types.vector(2, real)
+    largest = math.inf if climbs else _LARGEST
+
+    @wp.func
+    def layer(height: real, surface: vec2, ground: vec2) -> vec2:
+        rise = wp.dot(ground, ground)
+        down = wp.dot(surface, ground)
+        down *= down
+        if rise > real(largest):
+            # G is that of the steepest layer
+            down *= real(largest) / rise
+            rise = real(largest)
+        square = real(1.0) / (real(1.0) + rise)
+        return vec2(height * square, wp.sqrt(square * (wp.dot(surface, surface) + down)))
+
+    return layer

@@ -1,0 +1,72 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Viscosity that rises as lava cools: log10 mu = A + B / (T - C), Vogel, Fulcher and Tammann.
+
+Giordano, Russell & Dingwell (2008, Earth Planet. Sci. Lett. 271) give A = -4.55 and B and C from
+the composition. The law is of the melt, and infinite at C: temperatures within ``LEAST_DISTANCE``
+of C or below count as if they were that far above it, and mu never exceeds 10^``LARGEST`` Pa s.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any
+
+from lava_ros.effects.effect import Effect, number
+
+EFFECT = Effect(
+    rank=50,
+    title='viscosity by temperature (VFT)',
+    symbol='B',
+    number=lambda scales: float(scales.lava.vft_b),
+    admits='nothing: it is the viscosity',
+    source='Giordano et al. 2008',
+    exists=lambda lava: lava.vft_b > 0.0,
+    excludes={'arrhenius': 'they are one effect'},
+    replaces=('arrhenius',),
+    constants={
+        'vft_a': number(-4.55, 'Constant A of the VFT law: log10 Pa s', -20.0, 20.0),
+        'vft_b': number(
+            0.0, 'Constant B of the VFT law, which replaces viscosity; 0: not used', 0.0, 1e5, 'K'
+        ),
+        'vft_c': number(0.0, 'Constant C of the VFT law', 0.0, 2000.0, 'K'),
+    },
+    law={
+        'vft_a': lambda lava: lava.vft_a,
+        'vft_b': lambda lava: lava.vft_b,
+        'vft_c': lambda lava: lava.vft_c,
+    },
+    benchmark={'vft_b': 9000.0, 'vft_c': 600.0},
+)
+
+#: Decimal logarithm of the largest viscosity [Pa s].
+LARGEST = 15.0
+
+#: Smallest temperature above C [K] that the law is evaluated at.
+LEAST_DISTANCE = 1.0
+
+_LOG_10 = math.log(10.0)
+
+
+@lru_cache
+def viscosity(wp: Any, real: Any, law_type: Any) -> Any:
+    """Return the device function mu(T) [Pa s]."""
+
+    @wp.func
+    def vft(law: law_type, temperature: real) -> real:
+        distance = wp.max(temperature - real(law.vft_c), real(LEAST_DISTANCE))
+        power = wp.min(real(law.vft_a) + real(law.vft_b) / distance, real(LARGEST))
+        return wp.exp(real(_LOG_10) * power)
+
+    return vft

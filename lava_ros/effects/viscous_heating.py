@@ -1,0 +1,71 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Viscous heating: the work of gravity turns into heat.
+
+Where nothing accelerates, shear dissipates what gravity does: rho g h |grad S| |u| per area, for
+Newtonian lava 3 mu u^2 / h, for any other law the same. Over a step a column falls by
+-grad S . dx, which warms it by g / c times that: 8.5 K in 1000 m. The sum over all columns is the
+potential energy that the flow loses. Under lateral stress or inertia a column's heat appears where
+gravity does the work; the sum is the same, but for the kinetic energy.
+"""
+
+from functools import lru_cache
+from typing import Any, TYPE_CHECKING
+
+from lava_ros.effects.effect import Array, Effect
+
+if TYPE_CHECKING:
+    from lava_ros.effects.scales import Scales
+
+
+def _warming(scales: 'Scales') -> float:
+    """Warming by a fall through the whole relief over the heat of the lava."""
+    warming = scales.scene.gravity * scales.relief / scales.lava.specific_heat
+    return scales.matters(warming / scales.warmth)
+
+
+EFFECT = Effect(
+    rank=140,
+    title='viscous heating',
+    symbol='heat of the fall',
+    number=_warming,
+    threshold=0.01,
+    admits='1 % of the temperature or 3 % of the speed',
+    source='energy of the fall',
+    # g / c [K/m]
+    heat={'fall': lambda scene: scene.gravity / scene.lava.specific_heat},
+    # gradient of the surface at each ordered particle
+    arrays={'slope': Array('vec2')},
+)
+
+
+@lru_cache
+def terms(wp: Any, real: Any, constants_type: Any) -> Any:
+    """Return the device function that gives s = 0 and the warming [K/s]."""
+    vec2 = wp.types.vector(2, real)
+
+    @wp.func
+    def heating(
+        constants: constants_type,
+        thickness: real,
+        temperature: real,
+        age: real,
+        drop: real,
+        speed: real,
+    ) -> vec2:
+        return vec2(real(0.0), real(constants.fall) * drop)
+
+    return heating

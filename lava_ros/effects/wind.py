@@ -1,0 +1,64 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Wind: forced convection carries heat from the surface, beside what rises by itself.
+
+q = CH rho_a c_a U (T - Ta), linear in the wind's speed U (Keszthelyi, Harris & Dehn 2003, Geophys.
+Res. Lett. 30, 1989): CH = 0.0036 over lava (Greeley & Iversen 1987), with air of 0.4412 kg/m3 and
+1099 J/(kg K), as it is above lava, in the flow models (Harris & Rowland 2001, Bulletin of
+Volcanology 63, 20-44). That is 1.75 W/(m2 K) for 1 m/s. It raises the convection that ``cooling``,
+``cover`` and ``crust`` lose heat by. A ``convection`` that is itself a wind's, such as FLOWGO's
+8.73 W/(m2 K) for 5 m/s, is then to be 0.
+"""
+
+from typing import TYPE_CHECKING
+
+from lava_ros.effects.effect import Effect, number
+
+if TYPE_CHECKING:
+    from lava_ros.effects.scales import Scales
+    from lava_ros.scene import Scene
+
+#: Heat transfer over the speed of the wind [J/(m3 K)].
+TRANSFER = 0.0036 * 0.4412 * 1099.0
+
+
+def _share(scales: 'Scales') -> float:
+    """Share of its heat that the wind takes from a column up to the horizon."""
+    lava = scales.lava
+    taken = TRANSFER * scales.scene.wind_speed * scales.horizon
+    return scales.matters(min(taken / (lava.density * lava.specific_heat * scales.thickness), 1.0))
+
+
+def _convection(scene: 'Scene') -> float:
+    """Heat transfer over rho c [m/s]."""
+    return float(TRANSFER * scene.wind_speed / (scene.lava.density * scene.lava.specific_heat))
+
+
+EFFECT = Effect(
+    rank=125,
+    title='forced convection by wind',
+    symbol='heat taken',
+    number=_share,
+    threshold=0.01,
+    admits='1 % of the temperature or 3 % of the speed',
+    source='column at rest',
+    exists=lambda lava: lava.radiates,
+    environment={
+        'wind_speed': number(0.0, 'Speed of the wind over the lava; 0: still', 0.0, 100.0, 'm/s'),
+    },
+    heat={'convection': _convection},
+    is_surface=True,
+    benchmark={'wind_speed': 10.0},
+)

@@ -1,0 +1,158 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Files that users name: which are opened, and how new ones take the place of what was there."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+import errno
+import logging
+import os
+from pathlib import Path
+import secrets
+import stat
+from typing import Any, BinaryIO
+
+from lava_ros.errors import LavaError
+
+_LOG = logging.getLogger(__name__)
+
+#: Most cells of a grid that is read from a file: 10,000 x 10,000.
+MOST_CELLS = 10**8
+
+#: Suffixes of pictures.
+PICTURES = ('.png', '.pdf', '.svg')
+
+
+def open_input(path: str | Path) -> BinaryIO:
+    """Open a file for reading bytes.
+
+    Raises:
+        OSError: It cannot be read, or is no regular file: who opens a pipe waits for its writer,
+            and a device may never end.
+    """
+    try:
+        _check_regular(os.stat(path), path)
+        # what is there by now may be another thing: it is not waited for, and looked at again
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except ValueError as error:
+        raise OSError(errno.EINVAL, str(error), str(path)) from error
+    try:
+        _check_regular(os.fstat(descriptor), path)
+        return os.fdopen(descriptor, 'rb')
+    except OSError:
+        os.close(descriptor)
+        raise
+
+
+def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) -> Path:
+    """Return ``value`` as the path of a file to write; that it replaces one is logged.
+
+    What is there stays as it is until ``replacing`` is done.
+
+    Args:
+        field: What errors call it.
+        value: The path.
+        endings: Ends that its name may have, such as ``.json``: what is written never takes the
+            place of a file of another kind. Any when left out.
+
+    Raises:
+        LavaError: The name ends otherwise; it is a folder, a pipe or a device, in no folder that
+            exists, or not to be written.
+    """
+    path = Path(value)
+    if endings and path.suffix.lower() not in endings:
+        raise LavaError(field, str(value), f'a file whose name ends with {" or ".join(endings)}')
+    try:
+        place = _target(path)
+        is_there = os.path.lexists(place)
+        if is_there:
+            _check_regular(os.stat(place), place)
+        # a folder that is no folder has nothing in it
+        os.stat(os.path.join(place.parent, ''))
+        for item in (place, place.parent) if is_there else (place.parent,):
+            if not os.access(item, os.W_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(item))
+    except (OSError, ValueError) as error:
+        raise LavaError(field, str(value), f'a file to write ({error})') from error
+    if is_there:
+        _LOG.info('%s is there and will be replaced', path)
+    return path
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A new, empty file beside ``path``, of the same suffix, that takes its place at the end.
+
+    When something is raised meanwhile it is removed, and what was there stays.
+
+    Raises:
+        OSError: It cannot be made, or not take its place.
+    """
+    path = _target(path)
+    partial = path.with_name(f'.{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}')
+    mode = stat.S_IMODE(path.stat().st_mode) if path.exists() else 0o666
+    # nothing that somebody has put there is written to
+    os.close(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, mode))
+    try:
+        yield partial
+        with partial.open('rb') as written:
+            # some file systems say only now that they are full
+            os.fsync(written.fileno())
+        os.replace(partial, path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_output(field: str, path: str | Path, data: str | bytes) -> None:
+    """Write a file, a text in UTF-8: afterwards it is there as a whole, or as it was.
+
+    Args:
+        field: What errors call it.
+        path: The file.
+        data: What it is to hold.
+
+    Raises:
+        LavaError: It cannot be written.
+    """
+    try:
+        with replacing(Path(path)) as partial:
+            partial.write_bytes(data.encode() if isinstance(data, str) else data)
+    except (OSError, ValueError) as error:
+        raise LavaError(field, str(path), f'a file to write ({error})') from error
+
+
+def save_picture(figure: Any, path: str | Path) -> None:
+    """Write a figure of matplotlib; the suffix of its name chooses the format.
+
+    Raises:
+        LavaError: It cannot be written.
+    """
+    try:
+        with replacing(Path(path)) as partial:
+            figure.savefig(partial)
+    except (OSError, ValueError) as error:
+        raise LavaError('output', str(path), f'a picture to write ({error})') from error
+
+
+def _target(path: Path) -> Path:
+    """The file itself, also where the path is a link to it."""
+    return Path(os.path.realpath(path))
+
+
+def _check_regular(status: os.stat_result, path: str | Path) -> None:
+    if stat.S_ISDIR(status.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError(errno.EINVAL, 'no regular file but a pipe, socket or device', str(path))

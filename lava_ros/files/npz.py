@@ -1,0 +1,64 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""npz files from anywhere -> arrays of bounded size. All npz of this package is read here."""
+
+from pathlib import Path
+from zipfile import ZipFile
+
+import numpy as np
+from numpy.lib import format as npy
+
+from lava_ros.errors import LavaError
+from lava_ros.files import MOST_CELLS, open_input
+
+#: Most bytes of all arrays together: those of that grid in double precision, and some more.
+MOST_BYTES = 9 * MOST_CELLS
+
+_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+
+
+def read_arrays(field: str, path: str | Path) -> dict[str, np.ndarray]:
+    """Read the arrays of a file by name; nothing in it is executed.
+
+    Args:
+        field: What errors call the file.
+        path: The file.
+
+    Raises:
+        LavaError: The file cannot be read, or its arrays are larger than is allowed, or than what
+            is there of them.
+    """
+    try:
+        with open_input(path) as file, ZipFile(file) as archive:
+            size = sum(item.file_size for item in archive.infolist())
+            if size > MOST_BYTES:
+                raise ValueError(f'{size} bytes of arrays, more than {MOST_BYTES}')
+            for item in archive.infolist():
+                # numpy takes the memory that a header asks for before it reads on
+                with archive.open(item) as member:
+                    shape, _, dtype = _HEADERS[npy.read_magic(member)](member)
+                asked = dtype.itemsize
+                for side in shape:
+                    asked *= side
+                if min(shape, default=0) < 0 or asked > item.file_size:
+                    raise ValueError(f'{item.filename} of shape {shape} in {item.file_size} bytes')
+            file.seek(0)
+            with np.load(file, allow_pickle=False) as stored:
+                return {name: stored[name] for name in stored.files}
+    # zip, compression and header are parsed by libraries, which may raise anything for them
+    except Exception as error:
+        raise LavaError(
+            field, str(path), f'a readable .npz file ({type(error).__name__}: {error})'
+        ) from error

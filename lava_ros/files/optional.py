@@ -1,0 +1,58 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Packages that not every installation has: which extra of this one brings them."""
+
+from importlib import import_module
+
+from lava_ros.errors import LavaError
+
+#: The extra that brings a package.
+_EXTRAS = {
+    'bokeh': 'watch',
+    'distributed': 'ensemble',
+    'fiona': 'gis',
+    'matplotlib': 'plot',
+    'mcap_ros2': 'plot',
+    'rasterio': 'terrain',
+    'scipy': 'hindcast',
+    'shtab': 'completion',
+    'xarray': 'gis',
+}
+
+
+def is_installed(package: str) -> bool:
+    """Whether a package can be imported."""
+    try:
+        import_module(package)
+    except ImportError:
+        return False
+    return True
+
+
+def require(package: str, field: str, value: object = None) -> None:
+    """Refuse what needs a package that cannot be imported.
+
+    Args:
+        package: Its name, or that of a part of it.
+        field: What asks for it.
+        value: What that was.
+
+    Raises:
+        LavaError: It cannot be imported; the message says how to get it.
+    """
+    if not is_installed(package):
+        name = package.partition('.')[0]
+        right = f"{name}, which pip install 'lava_ros[{_EXTRAS[name]}]' brings"
+        raise LavaError(field, value, right)

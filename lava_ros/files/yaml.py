@@ -1,0 +1,151 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""YAML and JSON from anywhere -> plain data of bounded size. What others write is read here."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from lava_ros.errors import LavaError, LONGEST_VALUE, one_line
+from lava_ros.files import open_input
+
+#: Longest text that is read [bytes].
+MOST_BYTES = 16 * 2**20
+
+#: Most values, those behind an alias counted wherever it stands.
+MOST_VALUES = 500_000
+
+#: Most levels of lists and mappings in each other.
+MOST_LEVELS = 50
+
+#: Most characters of a number.
+MOST_DIGITS = 100
+
+
+def read_yaml(field: str, path: str | Path, expected: str = 'a readable YAML file') -> Any:
+    """Read a file.
+
+    Args:
+        field: What errors call the file.
+        path: The file.
+        expected: What errors say would be right; the reason follows in brackets.
+
+    Raises:
+        LavaError: The file cannot be read, or ``parse_yaml`` refuses it.
+    """
+    try:
+        with open_input(path) as file:
+            text = file.read(MOST_BYTES + 1).decode()
+    except (OSError, ValueError) as error:
+        raise LavaError(field, str(path), f'{expected} ({error})') from error
+    return parse_yaml(field, text, expected, value=str(path))
+
+
+def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | None = None) -> Any:
+    """Turn a text into plain data.
+
+    Args:
+        field: What errors call the text.
+        text: The text.
+        expected: What errors say would be right; the reason follows in brackets.
+        value: What errors show, the text when left out.
+
+    Raises:
+        LavaError: The text is not YAML, has tags of Python, a value that its tag does not fit or
+            a value that holds itself, or is longer, larger or deeper than is allowed.
+    """
+    value = text if value is None else value
+    if len(text) > MOST_BYTES:
+        raise LavaError(field, value, f'{expected} (at most {MOST_BYTES} bytes)')
+    try:
+        return yaml.load(text, _Loader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, 'problem_mark', None)
+        where = f' in line {mark.line + 1}, column {mark.column + 1}' if mark else ''
+        parts = (getattr(error, 'context', None), getattr(error, 'problem', None))
+        reason = one_line(', '.join(filter(None, parts)) or str(error), LONGEST_VALUE)
+        raise LavaError(field, value, f'{expected} ({reason}{where})') from error
+
+
+def parse_json(field: str, text: str | bytes) -> Any:
+    """Turn a text into plain data.
+
+    Args:
+        field: What errors call the text.
+        text: The text.
+
+    Raises:
+        LavaError: The text is not JSON, has a number that is none or has too many digits, or is
+            too deep.
+    """
+    try:
+        # without aliases it is as large as its text
+        return json.loads(text, parse_int=_integer, parse_constant=_integer)
+    except (ValueError, RecursionError) as error:
+        raise LavaError(field, text, f'JSON ({error})') from error
+
+
+def _integer(text: str) -> int:
+    if len(text) > MOST_DIGITS:
+        raise ValueError(f'a number of more than {MOST_DIGITS} characters')
+    # NaN and Infinity are none
+    return int(text)
+
+
+class _Loader(yaml.SafeLoader):
+    """The safe loader, which stops where a text would become more than is allowed."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = self._deepest = self._values = 0
+        # values and levels of what has an anchor, once its end is read
+        self._sizes: dict[str, tuple[int, int]] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event: Any = self.peek_event()
+        is_alias = isinstance(event, yaml.AliasEvent)
+        if is_alias and event.anchor in self.anchors and event.anchor not in self._sizes:
+            right = 'an alias inside of what it names'
+            raise yaml.composer.ComposerError(None, None, right, event.start_mark)
+        values, levels = self._sizes.get(event.anchor, (1, 1)) if is_alias else (1, 1)
+        before, outer = self._values, self._deepest
+        self._values += values
+        self._deepest = self._depth + levels
+        if self._values > MOST_VALUES:
+            right = f'more than {MOST_VALUES} values, those behind aliases counted each time,'
+            raise yaml.composer.ComposerError(None, None, right, event.start_mark)
+        if self._deepest > MOST_LEVELS:
+            right = f'more than {MOST_LEVELS} levels of lists and mappings'
+            raise yaml.composer.ComposerError(None, None, right, event.start_mark)
+        self._depth += 1
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if event.anchor and not is_alias:
+            self._sizes[event.anchor] = self._values - before, self._deepest - self._depth
+        self._deepest = max(self._deepest, outer)
+        return node
+
+    def construct_object(self, node: Any, deep: bool = False) -> Any:
+        kind = node.tag.rpartition(':')[2]
+        if kind in ('int', 'float') and len(node.value) > MOST_DIGITS:
+            right = f'a number of more than {MOST_DIGITS} characters'
+            raise yaml.constructor.ConstructorError(None, None, right, node.start_mark)
+        try:
+            return super().construct_object(node, deep)
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            right = f'a value that is no {kind}'
+            raise yaml.constructor.ConstructorError(None, None, right, node.start_mark) from error

@@ -1,0 +1,424 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The accuracy one can afford: spacing, preset and members for a scene, a horizon and a time.
+
+Nothing is known of a scene's cost before some of it has been run, so coarse pilots are, each
+finer than the one before, until one takes a good part of the time there is. extrapolation.py says
+what they tell of the cost and the error of a finer run; the error is of the method alone, not of
+terrain, discharge and material.
+
+What they say of the cost is good enough to begin with. The run that is planned is then begun
+itself, with the effects (selection.py) that it calls for, and stopped after a seventh of the time;
+how the coarse ones went on says how long it would take. Where that is not what was foreseen, the
+plan is changed and begun again. Once it is, the run is made as a whole, and one somewhat coarser:
+what these differ by says more of the error than all before. Where effects do not fit and much of
+the time is left, a plan may go on for a while without them, if it is let.
+
+Members of an ensemble share the time. The probability that n of them give has a sampling error of
+up to 1 / (2 sqrt(n)). Where n is left open, it is the one with which both errors are least.
+"""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
+import math
+import time as wall_clock
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.forecast.extrapolation import completed, cost_at, error_law, ErrorLaw
+from lava_ros.forecast.pilots import accuracy_at, Pilot, preset_below, run_at, spacing_at
+from lava_ros.scene import Scene
+from lava_ros.simulation.selection import effects_for
+
+__all__ = ['FINEST', 'Affordable', 'afford', 'sampling_error']
+
+#: Refinement of the first pilot, and how much finer each is than the one before: twice where there
+#: is time for that.
+FIRST, FINER, MUCH_FINER = 0.2, 1.4, 2.0
+
+#: Refinements that a plan may have.
+COARSEST, FINEST = FIRST, 8.0
+
+#: How much finer than the finest pilot a plan may be.
+REACH = 2.0
+
+#: Pilots that are run to the horizon where there is time for them: two say nothing of how errors
+#: fall.
+AT_LEAST = 3
+
+#: Share of the time that the last of them takes, that all take before one much finer than the one
+#: before is too dear, and that all take at most.
+ENOUGH, MUCH_CLIMBING, MOST_CLIMBING = 0.15, 0.4, 0.9
+
+#: Share of the time after which a planned run is stopped that was begun to see what it takes, the
+#: share that all take then at most, and how many are begun at most.
+BEGINNING, MOST_BEGINNING, MOST_BEGUN = 0.15, 1.25, 6
+
+#: How far a plan may be from a run that was begun, as factors of the refinement and of the time.
+NEAR, ALIKE = 1.08, 1.35
+
+#: Share of the time after which a whole run is stopped too, how many there are at most, and how
+#: far a plan may be from one, as a factor of the refinement.
+PATIENCE, MOST_WHOLE, NEAR_WHOLE = 1.1, 2, 1.2
+
+#: How much coarser the run is that tells the error, and how much finer or coarser than that one
+#: that was made already may be.
+COARSER, ABOUT = 1.45, 1.2
+
+#: Share of the time that a plan uses, rather below the middle of a half and 1.1: of what may
+#: happen beside a run, nothing makes it faster.
+USED = 0.7
+
+#: Share of the time below which a plan rather uses more than ``USED``, and how much then.
+LEAST_USED, MOST_USED = 0.6, 0.9
+
+#: How much finer a plan may be without the effects that are called for there: without the lateral
+#: stress, on a ridge, lava then covers as much other ground as with a vent 3 cm away.
+WITHOUT = 2.0
+
+#: Most members worth having: 1 % of sampling error.
+_MOST_MEMBERS = 2500
+
+
+@dataclass(frozen=True)
+class Affordable:
+    """What to run.
+
+    A run is what ``run_at`` does: it builds a simulation, advances it to the horizon and takes a
+    snapshot, in a process in which, or on a machine where, its kernels are compiled. Its time is
+    foreseen to be ``USED`` of what there is; docs/benchmarks/plan.csv has how well that and the
+    error are kept.
+
+    Attributes:
+        preset: Name of the preset that is nearest below.
+        spacing: Distance between particles [m].
+        refinement: The terrain's resolution over it.
+        members: Members of an ensemble, 1 for a single run.
+        wall_time: How long all of it will take [s].
+        error: Share of the covered area (``pilots.COVERED`` or thicker at the horizon) that is
+            wrong for being coarse: one less the Jaccard index with a run of the same scene at the
+            limit of fine spacing, expected of a single run.
+        sampling_error: Standard error of a probability of one half, 0 for a single run.
+        is_finest: Whether more time would not make it finer.
+        pilots: Pilots that were run.
+        spent: How long they took, without compiling kernels [s].
+        forced: Effects that are on or off in it other than the scene calls for at this spacing.
+    """
+
+    preset: str
+    spacing: float
+    refinement: float
+    members: int
+    wall_time: float
+    error: float
+    sampling_error: float
+    is_finest: bool
+    pilots: int
+    spent: float
+    forced: dict[str, bool] = field(default_factory=dict)
+
+
+def afford(
+    scene: Scene,
+    *,
+    within: float,
+    horizon: float,
+    members: int | None = 1,
+    device: str | None = None,
+    may_force: bool = False,
+    on_pilot: Callable[[Pilot], None] = lambda _: None,
+    clock: Callable[[], float] = wall_clock.monotonic,
+) -> Affordable:
+    """Find the finest runs that fit into a time, by pilots that take one to three times as long.
+
+    Args:
+        scene: The scene; of an ensemble the one in the middle.
+        within: Wall time there is [s].
+        horizon: How far each run goes [s].
+        members: Runs, one after the other; None for the number with the smallest error.
+        device: Warp device; the first CUDA device when there is one, else the CPU.
+        may_force: Whether a plan may go without effects that do not fit (``Affordable.forced``)
+            where most of the time would be left otherwise.
+        on_pilot: Called after each pilot.
+        clock: What tells the time [s]; ``time.process_time`` on a CPU that others use too.
+
+    Returns:
+        What to run, its expected time and its expected error. ``preset_accuracy(
+        plan.preset, spacing=plan.spacing)`` is its accuracy, ``plan.forced`` its effects.
+
+    Raises:
+        LavaError: An argument is not usable, or the time is too short for the coarsest run.
+    """
+    within = validation.number('within', within, above=0.0, unit='s')
+    horizon = validation.number('horizon', horizon, above=0.0, unit='s')
+    if members is not None and members < 1:
+        raise LavaError('members', members, 'at least 1')
+    search = _Search(scene, within, horizon, members, device, may_force, on_pilot, clock)
+    search.climb()
+    best = search.choose()
+    refinement, count = best.refinement, best.members
+    wall_time = count * search.cost(refinement, best.effects)
+    if wall_time > within:
+        right = f'about {wall_time:.2g} s: that is what the coarsest {count} take'
+        raise LavaError('within', within, right)
+    return Affordable(
+        preset=preset_below(refinement),
+        spacing=spacing_at(scene, refinement, horizon),
+        refinement=refinement,
+        members=count,
+        wall_time=wall_time,
+        error=search.law.at(refinement),
+        sampling_error=sampling_error(count),
+        is_finest=refinement >= 0.999 * FINEST,
+        forced=search.forced(best),
+        pilots=len(search.runs),
+        spent=search.spent,
+    )
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """A plan for now: a refinement, the members, the effects and the share of the time."""
+
+    refinement: float
+    members: int
+    effects: Effects
+    used: float
+
+
+_Cost = Callable[[float, Effects], float]
+
+
+@dataclass
+class _Search:
+    """The pilots that are run for a plan, and what they say."""
+
+    scene: Scene
+    within: float
+    horizon: float
+    members: int | None
+    device: str | None
+    may_force: bool
+    on_pilot: Callable[[Pilot], None]
+    clock: Callable[[], float]
+    runs: list[Pilot] = field(default_factory=list)
+    bands: list[tuple[float, Effects]] = field(default_factory=list)
+
+    @property
+    def pilots(self) -> list[Pilot]:
+        """Those that came to the horizon, from the coarsest."""
+        done = [run for run in self.runs if run.is_done]
+        return sorted(done, key=lambda pilot: pilot.refinement)
+
+    @property
+    def spent(self) -> float:
+        """Time of all pilots [s]."""
+        return sum(pilot.spent for pilot in self.runs)
+
+    @property
+    def share(self) -> float:
+        """Time there is for a member, for a single run where their number is open [s]."""
+        return self.within / (self.members or 1)
+
+    @property
+    def law(self) -> ErrorLaw:
+        """The law of errors; begun runs with the effects of other refinements do not enter."""
+        return error_law([
+            run
+            for run in self.runs
+            if run.is_done or run.effects == self._effects(run.refinement)
+        ])
+
+    def climb(self) -> None:
+        """Run pilots to the horizon, each finer than the one before."""
+        refinement = FIRST
+        while refinement <= FINEST:
+            left = MOST_CLIMBING * self.within - self.spent
+            if not self._run(refinement, left if len(self.pilots) >= 2 else self.within, None):
+                # finer physics, or a busy machine: what has been seen will do
+                break
+            last = self.pilots[-1]
+            # those of few members may be finer than what all can have
+            if last.wall_time >= ENOUGH * self.share and len(self.pilots) >= AT_LEAST:
+                break
+            step = MUCH_FINER
+            if self._with(step * refinement) > MUCH_CLIMBING * self.within:
+                step = FINER
+            is_dear = self._with(step * refinement) > MOST_CLIMBING * self.within
+            if is_dear and len(self.pilots) >= 2:
+                break
+            refinement *= step
+        if len(self.pilots) < 2:
+            raise LavaError('within', self.within, 'longer: the coarsest runs take more')
+        self.bands = _bands(self.scene, self.horizon)
+
+    def choose(self) -> _Choice:
+        """Refinement, members and effects that fit into the time with the smallest error."""
+        for _ in range(MOST_BEGUN):
+            best = self._best(self._guess)
+            is_dear = self.spent + BEGINNING * self.within > MOST_BEGINNING * self.within
+            if is_dear or self._is_known(best):
+                break
+            self._run(best.refinement, BEGINNING * self.within, best.effects)
+        for _ in range(MOST_WHOLE):
+            best = self._best(self.cost)
+            if self._is_whole(best.refinement, best.effects, NEAR_WHOLE):
+                break
+            self._run(best.refinement, PATIENCE * self.within / best.members, best.effects)
+        best = self._best(self.cost)
+        if not self._is_whole(best.refinement / COARSER, None, ABOUT):
+            self._run(best.refinement / COARSER, self.within, best.effects)
+        return best
+
+    def cost(self, refinement: float, effects: Effects) -> float:
+        """Wall time of a run [s], infinite where no pilot had its physics."""
+        alike = [pilot for pilot in self.runs if pilot.effects == effects]
+        known = [pilot for pilot in alike if not _is_superseded(pilot, alike)]
+        known.sort(key=lambda pilot: pilot.refinement)
+        return cost_at(known, refinement) if known else math.inf
+
+    def _is_whole(self, refinement: float, effects: Effects | None, near: float) -> bool:
+        """Whether a run near to a refinement came to the horizon."""
+        return any(
+            pilot.is_done
+            and effects in (None, pilot.effects)
+            and 1.0 / near <= pilot.refinement / refinement <= near
+            for pilot in self.runs
+        )
+
+    def _is_known(self, best: _Choice) -> bool:
+        """Whether a run near to a choice took the time that is predicted for it."""
+        cost = self.cost(best.refinement, best.effects)
+        return any(
+            pilot.effects == best.effects
+            and 1.0 / NEAR <= best.refinement / pilot.refinement <= NEAR
+            and 1.0 / ALIKE <= cost / pilot.wall_time <= ALIKE
+            for pilot in self.runs
+        )
+
+    def _with(self, refinement: float) -> float:
+        """Time of all pilots with one more [s]."""
+        return self.spent + self.cost(refinement, self.pilots[-1].effects)
+
+    def _guess(self, refinement: float, effects: Effects) -> float:
+        """Wall time of a run [s]; physics that have not been seen yet may cost no more."""
+        cost = self.cost(refinement, effects)
+        return cost if math.isfinite(cost) else self.cost(refinement, self.pilots[-1].effects)
+
+    def forced(self, best: _Choice) -> dict[str, bool]:
+        """What the scene does not choose by itself."""
+        own, given = asdict(self._effects(best.refinement)), asdict(best.effects)
+        return {name: is_on for name, is_on in given.items() if own[name] != is_on}
+
+    def _run(self, refinement: float, patience: float, effects: Effects | None) -> bool:
+        """Run a pilot for some time [s]; whether it came to the horizon."""
+        pilot = run_at(
+            self.scene, refinement, self.horizon, device=self.device, wall_limit=patience,
+            effects=effects, clock=self.clock,
+        )
+        if not pilot.is_done:
+            alike = [run for run in self.runs if run.is_done and run.effects == pilot.effects]
+            if not self.pilots:
+                raise LavaError('within', self.within, 'longer: the coarsest run takes more')
+            pilot = completed(pilot, (alike or self.pilots)[-1])
+        self.runs.append(pilot)
+        self.on_pilot(pilot)
+        return pilot.is_done
+
+    def _effects(self, refinement: float) -> Effects:
+        """The effects that the scene calls for at a refinement."""
+        return [effects for start, effects in self.bands if start <= refinement][-1]
+
+    def _candidates(self, cost: _Cost) -> list[float]:
+        """Refinements of finite cost, from the coarsest."""
+        finest = min(FINEST, REACH * max(pilot.refinement for pilot in self.runs))
+        known = [float(item) for item in np.geomspace(COARSEST, finest, 400)]
+        # not so near to other effects that rounding decides
+        clear = [item for item in known if self._effects(item) == self._effects(1.001 * item)]
+        return [item for item in clear if math.isfinite(cost(item, self._effects(item)))]
+
+    def _best(self, cost: _Cost) -> _Choice:
+        law = self.law
+        candidates = self._candidates(cost)
+        coarsest = candidates[0]
+        best = _Choice(coarsest, self.members or 1, self._effects(coarsest), 0.0)
+        least = math.inf
+        for refinement in candidates:
+            effects = self._effects(refinement)
+            each = max(cost(refinement, effects), 1e-9)
+            # where other effects make a leap in cost, rather too near to the time than half of it
+            is_leap = 0.0 < best.used < LEAST_USED and not self.may_force
+            most = MOST_USED if is_leap else USED
+            fitting = int(min(most * self.within / each, _MOST_MEMBERS))
+            count = fitting if self.members is None else self.members
+            if not 1 <= count <= fitting:
+                continue
+            error = math.hypot(law.at(refinement), sampling_error(count))
+            # errors below the least one are alike: finer is better
+            if error <= least:
+                best = _Choice(refinement, count, effects, count * each / self.within)
+                least = error
+        return self._without(best) if self.may_force and best.used < LEAST_USED else best
+
+    def _without(self, best: _Choice) -> _Choice:
+        """The finest that fits with the effects of a choice, also where others are called for."""
+        finest = min(FINEST, WITHOUT * best.refinement)
+        for refinement in np.geomspace(best.refinement, finest, 50):
+            used = best.members * self.cost(float(refinement), best.effects) / self.within
+            if used <= USED:
+                best = replace(best, refinement=float(refinement), used=used)
+        return best
+
+
+def _is_superseded(pilot: Pilot, others: list[Pilot]) -> bool:
+    """Whether a run that was stopped has one near to it that was not, or much later."""
+    return not pilot.is_done and any(
+        (other.is_done or other.spent > 2.0 * pilot.spent)
+        and 1.0 / NEAR_WHOLE <= other.refinement / pilot.refinement <= NEAR_WHOLE
+        for other in others
+    )
+
+
+def _bands(scene: Scene, horizon: float) -> list[tuple[float, Effects]]:
+    """Refinements from which on the scene calls for some effects, with these."""
+
+    def at(refinement: float) -> Effects:
+        accuracy = accuracy_at(scene, refinement, horizon)
+        return effects_for(scene, {}, accuracy=accuracy)
+
+    # few of them: each looks at the slopes of the whole terrain
+    grid = [float(item) for item in np.geomspace(COARSEST, FINEST, 25)]
+    bands = [(grid[0], at(grid[0]))]
+    for low, high in pairwise(grid):
+        above = at(high)
+        if above == bands[-1][1]:
+            continue
+        while high > 1.0005 * low:
+            middle = math.sqrt(low * high)
+            if at(middle) == above:
+                high = middle
+            else:
+                low = middle
+        bands.append((high, above))
+    return bands
+
+
+def sampling_error(members: int) -> float:
+    """Standard error of a probability of one half from independent members, 0 for a single run."""
+    return 0.5 / math.sqrt(members) if members > 1 else 0.0

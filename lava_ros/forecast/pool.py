@@ -1,0 +1,136 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Work for processes of this machine, which get it over pipes: nobody else can give them any."""
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import as_completed, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+import multiprocessing
+from multiprocessing.connection import Connection
+import os
+import signal
+import threading
+from typing import Any, Generic, TypeVar
+
+from lava_ros.errors import LavaError
+
+#: Rounds in which a process may die and no job end, before the jobs are to blame.
+DEATHS = 3
+
+Job = TypeVar('Job')
+Result = TypeVar('Result')
+
+_SPAWN = multiprocessing.get_context('spawn')
+
+# of a process of a pool: what it does with a job, and which one it is
+_work: Callable[[Any], Any]
+_number = 0
+
+
+class Pool(Generic[Job, Result]):
+    """Processes that do the same with job after job; they end with the pool and with this one."""
+
+    def __init__(self, work: Callable[[Job], Result], processes: int) -> None:
+        """Start no process yet.
+
+        Args:
+            work: What is done with a job: can be pickled, and goes to each process once.
+            processes: How many, each as much as a core does.
+        """
+        self._work = work
+        self._processes = processes
+        self._executor: ProcessPoolExecutor | None = None
+        self._lifelines: tuple[Connection, ...] = ()
+
+    def __call__(self, jobs: Sequence[Job]) -> Iterator[tuple[int, Result]]:
+        """Do jobs, and give the number and the result of each as they end, in any order.
+
+        What a process that dies was about is done again.
+
+        Raises:
+            LavaError: Processes die, and no job ends.
+            Exception: What the work raised.
+        """
+        left = dict(enumerate(jobs))
+        deaths = 0
+        while left:
+            before = len(left)
+            executor = self._started()
+            try:
+                running = {executor.submit(_do, job): number for number, job in left.items()}
+            except BrokenProcessPool:
+                running = {}
+            for future in as_completed(list(running)):
+                number = running.pop(future)
+                if not isinstance(future.exception(), BrokenProcessPool):
+                    result = future.result()
+                    del left[number]
+                    yield number, result
+            if left:
+                self.close()
+                deaths = deaths + 1 if len(left) == before else 0
+            if deaths > DEATHS:
+                right = f'what a process survives; {deaths} died of it, for want of memory?'
+                raise LavaError('jobs', list(left.values())[: self._processes], right)
+
+    def close(self) -> None:
+        """End the processes, whatever they are about."""
+        for end in self._lifelines:
+            end.close()
+        self._lifelines = ()
+        if self._executor is not None:
+            self._executor.shutdown(cancel_futures=True)
+            self._executor = None
+
+    def _started(self) -> ProcessPoolExecutor:
+        if self._executor is None:
+            numbers = _SPAWN.SimpleQueue()
+            for number in range(self._processes):
+                numbers.put(number)
+            self._lifelines = _SPAWN.Pipe(duplex=False)
+            self._executor = ProcessPoolExecutor(
+                self._processes,
+                mp_context=_SPAWN,
+                initializer=_begin,
+                initargs=(self._work, numbers, self._lifelines[0]),
+            )
+        return self._executor
+
+
+def process_number() -> int:
+    """Which process of its pool this one is, from 0 on."""
+    return _number
+
+
+def _begin(work: Callable[[Any], Any], numbers: Any, lifeline: Connection) -> None:
+    from lava_ros.simulation.backend.threads import use_threads
+
+    global _work, _number
+    # Ctrl+C is for the process that has the pool, which then ends the others
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
+    use_threads(1)
+    _work, _number = work, numbers.get()
+
+
+def _end_with(lifeline: Connection) -> None:
+    try:
+        lifeline.recv()
+    except EOFError:
+        os._exit(1)
+
+
+def _do(job: Any) -> Any:
+    return _work(job)

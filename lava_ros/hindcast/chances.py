@@ -1,0 +1,102 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Ensembles of a case: how likely lava comes where, and how good that was against the map."""
+
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+
+from lava_ros.errors import LavaError
+from lava_ros.forecast.assimilation import Mask, outline_on
+from lava_ros.forecast.members import make_plan, Plan
+from lava_ros.forecast.scores import brier_parts, reliability
+from lava_ros.hindcast.case import Case
+from lava_ros.hindcast.coarse import coarsened
+from lava_ros.hindcast.run import FORCED, Settings
+from lava_ros.hindcast.unknowns import published_uncertainty
+from lava_ros.scene.uncertainty import Uncertainty
+from lava_ros.simulation.accuracy import COVERED
+
+#: Fewest cells of a bin of the reliability diagram whose gap counts.
+CELLS = 200
+
+
+def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Plan:
+    """What the members of a case have in common: they run as its hindcast does, to its end.
+
+    Args:
+        case: The case. Where it does not say what is uncertain, everything is that has a
+            published range.
+        settings: How it is run; each map is a look of the ensemble.
+        threshold: Thickness from which on lava has come [m].
+
+    Raises:
+        LavaError: The case has events, or an argument is not usable.
+    """
+    if case.events:
+        right = 'none beside an ensemble: its members all run on the first ground'
+        raise LavaError('case.events', len(case.events), right)
+    scene = case.scene
+    if scene.uncertainty == Uncertainty():
+        scene = replace(scene, uncertainty=published_uncertainty(case))
+    return make_plan(
+        replace(scene, terrain=coarsened(scene.terrain, settings.coarseness(case))),
+        horizon=case.duration,
+        accuracy=settings.accuracy(case),
+        effects={**FORCED, **settings.forced},
+        threshold=threshold,
+        looks=settings.maps,
+    )
+
+
+def mapped_on(case: Case, plan: Plan) -> np.ndarray:
+    """What was mapped on the cells of a plan, bool, shape [rows, columns]."""
+    terrain = case.scene.terrain
+    mask = Mask(case.footprint, terrain.has_data, terrain.resolution, terrain.origin)
+    return outline_on(plan.scene.terrain, mask, plan.horizon).lava
+
+
+def chances_of(probability: np.ndarray, came: np.ndarray) -> dict[str, Any]:
+    """Score a map of probability against what came.
+
+    The ground that the forecast gave no chance and that stayed dry is easy to be right about: the
+    skill is that of the rest, and beside it that of the whole terrain.
+
+    Args:
+        probability: From 0 to 100 %, NaN where there is no ground, shape [rows, columns].
+        came: Where lava came, bool, same shape.
+
+    Returns:
+        Brier score, its skill against the base rate, this rate, the bins of the reliability
+        diagram and the largest gap in one of at least ``CELLS`` cells (None: there is none).
+
+    Raises:
+        LavaError: The shapes differ, or there is no cell with a probability.
+    """
+    said = np.asarray(probability, dtype=np.float64) / 100.0
+    near = np.where((said > 0.0) | came, said, np.nan)
+    # of cells chosen by what came, those without a chance would all have it: all count here
+    parts, bins = brier_parts(near, came), reliability(said, came)
+    gaps = [abs(item.forecast - item.observed) for item in bins if item.count >= CELLS]
+    return {
+        'cells': int(np.isfinite(near).sum()),
+        'base_rate': float(came[np.isfinite(near)].mean()),
+        'brier_score': parts.score,
+        'brier_skill': parts.skill,
+        'brier_skill_of_terrain': brier_parts(said, came).skill,
+        'largest_gap': max(gaps) if gaps else None,
+        'reliability': [asdict(item) for item in bins if item.count],
+    }

@@ -1,0 +1,290 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Several runs of a case at once, turned and mirrored, and what they agree on.
+
+A flow forks where decimetres decide, and which way it goes depends on the last digits of a sum.
+Which cells half of the runs cover does not, and those of a case and of the same case turned are
+the same: a run for each quarter turn, mirrored or not, makes the same set for both.
+
+They take turns on a GPU, which one of them would not keep busy; on the CPU one follows the other.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.hindcast.case import Case
+from lava_ros.hindcast.run import Result, Run, Settings
+from lava_ros.hindcast.score import judge, Score
+from lava_ros.scene import Terrain
+from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.batch import interleave
+from lava_ros.simulation.defaults import device_of
+
+#: Most runs.
+MOST = 64
+
+#: How far vents are moved for runs beyond the eight directions [m]: any length is a new draw.
+_MOVED = 1e-3
+
+
+#: Places are multiples of it [m], so that turning back and forth loses no digit: a flow that forks
+#: would tell.
+_STEP = 2.0**-20
+
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Direction:
+    """How a run lies to the case.
+
+    Attributes:
+        quarters: How often it is turned by 90 degrees, counterclockwise.
+        mirror: Whether east and west are exchanged before.
+        moved: How far its vents are moved along the rows as they lie then [m].
+    """
+
+    quarters: int
+    mirror: bool
+    moved: float
+
+
+def directions(runs: int) -> list[Direction]:
+    """Directions of some runs: as it is, turned, mirrored and turned, and all of them again."""
+    return [Direction(n % 4, n // 4 % 2 == 1, n // 8 * _MOVED) for n in range(runs)]
+
+
+@dataclass(frozen=True, eq=False)
+class Agreement:
+    """The results of several runs.
+
+    Attributes:
+        scores: The comparison of each run with the map.
+        share: Share of the runs that cover each cell, float64, shape [rows, columns].
+        thickness: Mean thickness, where at least half of the runs cover a cell, 0 elsewhere [m].
+        majority: The comparison of where at least half of them do.
+    """
+
+    scores: tuple[Score, ...]
+    share: np.ndarray
+    thickness: np.ndarray
+    majority: Score
+
+    def as_dict(self) -> dict[str, Any]:
+        """The numbers."""
+        found = np.array([item.jaccard for item in self.scores])
+        return {
+            'count': len(found),
+            'jaccard': [float(value) for value in found],
+            'mean': float(found.mean()),
+            'standard_deviation': float(found.std(ddof=1)) if len(found) > 1 else 0.0,
+            'lowest': float(found.min()),
+            'highest': float(found.max()),
+            'length_error': [item.length_error for item in self.scores],
+            'majority': self.majority.as_dict(),
+        }
+
+
+def run_several(
+    case: Case,
+    settings: Settings,
+    runs: int,
+    *,
+    folder: Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> list[Result]:
+    """Run a case in several directions, or go on where that was cut off.
+
+    Args:
+        case: The case.
+        settings: How it is run.
+        runs: How many there are.
+        folder: Where what is needed to go on is kept, None for nowhere.
+        progress: Is told the share that is simulated, at each map.
+
+    Returns:
+        The result of each run, put back on the cells of the case.
+
+    Raises:
+        LavaError: A setting is not usable, or the folder is of another case or other settings.
+    """
+    runs = validation.whole('--runs', runs, at_least=2, at_most=MOST)
+    jobs = [(case, direction) for direction in directions(runs)]
+    return run_together(jobs, settings, folder=folder, progress=progress)
+
+
+def run_together(
+    jobs: Sequence[tuple[Case, Direction]],
+    settings: Settings,
+    *,
+    folder: Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> list[Result]:
+    """Run cases, each in a direction; arguments and result as those of ``run_several``."""
+    shares = np.zeros(len(jobs))
+    results: dict[int, Result] = {}
+
+    def route(number: int, case: Case, direction: Direction) -> Iterator[None]:
+        kept = None if folder is None else folder / f'run_{number:02d}'
+        # the spacing is that of the case, whichever way it lies
+        same = replace(settings, spacing=settings.accuracy(case).spacing)
+        run = Run(directed(case, direction), same, folder=kept)
+        for snapshot in run.parts():
+            if snapshot is not None:
+                shares[number] = snapshot.time / case.duration
+                if progress is not None:
+                    progress(float(shares.mean()))
+            yield
+        results[number] = _put_back(case, run.result(), direction)
+
+    routes = (route(number, *job) for number, job in enumerate(jobs))
+    interleave(routes, str(device_of(settings.device)))
+    return [results[number] for number in range(len(jobs))]
+
+
+def turned(case: Case, quarters: int, *, mirror: bool = False) -> Case:
+    """Turn ground, vents and footprint counterclockwise; the map frame's origin stays a corner.
+
+    Args:
+        case: The case.
+        quarters: How often by 90 degrees.
+        mirror: Whether east and west are exchanged before.
+    """
+    if mirror:
+        case = _changed(case, lambda x, y, width, _: (width - x, y), _mirror)
+    else:
+        case = _changed(case, lambda x, y, *_: (x, y), np.ascontiguousarray)
+    for _ in range(quarters % 4):
+        case = _changed(case, lambda x, y, _, height: (height - y, x), _quarter)
+    return case
+
+
+def restored(values: np.ndarray, quarters: int, *, mirror: bool = False) -> np.ndarray:
+    """Put a map of a turned case back, shape [rows, columns] of the case."""
+    values = np.rot90(values, quarters)
+    return np.ascontiguousarray(_mirror(values) if mirror else values)
+
+
+def _changed(
+    case: Case,
+    change: Callable[[float, float, float, float], Place],
+    grid: Callable[[np.ndarray], np.ndarray],
+) -> Case:
+    """Change places, as (x, y) from the corner of ground of a width and a height, and grids."""
+    x0, y0, x1, y1 = case.scene.terrain.extent
+
+    def place(point: Place) -> Place:
+        from_corner = (_rounded(point[0] - x0), _rounded(point[1] - y0))
+        x, y = change(*from_corner, x1 - x0, y1 - y0)
+        return (x0 + _rounded(x), y0 + _rounded(y))
+
+    def terrain(ground: Terrain) -> Terrain:
+        return replace(ground, elevation=grid(ground.elevation))
+
+    vents = tuple(
+        replace(
+            vent,
+            position=place(vent.position),
+            end=None if vent.end is None else place(vent.end),
+        )
+        for vent in case.scene.vents
+    )
+    return replace(
+        case,
+        scene=replace(case.scene, terrain=terrain(case.scene.terrain), vents=vents),
+        footprint=grid(case.footprint),
+        events=tuple(replace(event, terrain=terrain(event.terrain)) for event in case.events),
+    )
+
+
+def _rounded(length: float) -> float:
+    return round(length / _STEP) * _STEP
+
+
+def _quarter(values: np.ndarray) -> np.ndarray:
+    """Row 0 is in the south: to numpy the picture is upside down, and turns the other way."""
+    return np.ascontiguousarray(np.rot90(values, -1))
+
+
+def _mirror(values: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(values[:, ::-1])
+
+
+def directed(case: Case, direction: Direction) -> Case:
+    """A case as a run of it lies: a turned case has the same runs, in another order."""
+    case = turned(case, direction.quarters, mirror=direction.mirror)
+    if not direction.moved:
+        return case
+    vents = tuple(
+        replace(
+            vent,
+            position=(vent.position[0] + direction.moved, vent.position[1]),
+            end=vent.end and (vent.end[0] + direction.moved, vent.end[1]),
+        )
+        for vent in case.scene.vents
+    )
+    return replace(case, scene=replace(case.scene, vents=vents))
+
+
+def _put_back(case: Case, result: Result, direction: Direction) -> Result:
+    """A result on the cells of the case."""
+
+    def back(values: np.ndarray) -> np.ndarray:
+        return restored(values, direction.quarters, mirror=direction.mirror)
+
+    snapshot = result.snapshot
+    return replace(
+        result,
+        snapshot=replace(
+            snapshot,
+            terrain=case.scene.terrain,
+            thickness=back(snapshot.thickness),
+            temperature=back(snapshot.temperature),
+            frozen=None if snapshot.frozen is None else back(snapshot.frozen),
+        ),
+        peak=back(result.peak),
+        arrival=back(result.arrival),
+    )
+
+
+def agreed(maps: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Share of some maps that cover each cell, and mean thickness where at least half do [m]."""
+    covered = [np.nan_to_num(thickness) >= COVERED for thickness in maps]
+    share = np.mean(covered, axis=0)
+    mean = np.mean([np.nan_to_num(thickness) for thickness in maps], axis=0)
+    # a mean over runs that leave it dry may be less than what counts as covered
+    return share, np.where(share >= 0.5, np.maximum(mean, COVERED), 0.0)
+
+
+def agreement(case: Case, maps: list[np.ndarray]) -> Agreement:
+    """Compare runs with the map of their case, each and together.
+
+    Args:
+        case: The case.
+        maps: Thickness of each run [m], shape [rows, columns].
+    """
+    share, thickness = agreed(maps)
+    return Agreement(
+        scores=tuple(judge(case, thickness) for thickness in maps),
+        share=share,
+        thickness=thickness,
+        majority=judge(case, thickness),
+    )

@@ -1,0 +1,325 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The frames of a bag as a moving picture: GIF, or MP4 where there is ffmpeg."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import chain
+import math
+from pathlib import Path
+import shutil
+import subprocess
+import tempfile
+from typing import Any
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.files import file_to_write, replacing
+from lava_ros.files.optional import require
+from lava_ros.maps.frames import Frame, LayerFrame, Recording
+from lava_ros.maps.layers import SOURCES
+from lava_ros.maps.plot import (
+    bounds_of,
+    draw_colour_bar,
+    draw_contours,
+    draw_north,
+    draw_scale_bar,
+    draw_ticks,
+    duration,
+    extent_of,
+    LEAST_CELLS,
+    picture_of,
+    scale_of,
+    shaded_ground,
+    STYLES,
+    VENT,
+    window_of,
+)
+
+#: Most pictures that are made: those of a GIF are in memory until it is written.
+MOST_FRAMES = 300
+
+#: How long the last picture stays [s].
+STAY = 2.0
+
+FORMATS = ('.gif', '.mp4')
+
+_MAP = (0.075, 0.07, 0.79, 0.835)
+_BAR = (0.875, 0.07, 0.02, 0.835)
+
+Progress = Callable[[str, float], None]
+
+
+def animate_bag(
+    path: str | Path,
+    output: str | Path,
+    *,
+    source: str = 'thickness',
+    seconds: float = 10.0,
+    fps: float = 12.0,
+    width: int = 800,
+    progress: Progress | None = None,
+) -> int:
+    """Draw the frames of a bag over shaded relief, evenly spread over its simulated time.
+
+    Args:
+        path: The bag's directory, or an .mcap file.
+        output: The animation: .gif or .mp4.
+        source: The layer: ``thickness``, ``temperature`` or ``hazard``.
+        seconds: How long the animation lasts [s]; the last picture stays for two more.
+        fps: Pictures per second.
+        width: Width of the pictures [pixels].
+        progress: Is told what is being done, and the share that is done.
+
+    Returns:
+        How many different frames it shows.
+
+    Raises:
+        LavaError: The bag cannot be read, an argument is not usable, or a program or library that
+            writes the format is missing.
+    """
+    output = file_to_write('output', output, FORMATS)
+    validation.choice('layer', source, SOURCES)
+    validation.number('fps', fps, at_least=1.0, at_most=60.0)
+    most = MOST_FRAMES / fps
+    seconds = validation.number('seconds', seconds, at_least=0.5, at_most=most, unit='s')
+    width = int(validation.number('width', width, at_least=200, at_most=3840, unit='pixels'))
+    encoder = None if output.suffix.lower() == '.gif' else ffmpeg()
+    recording = Recording(path)
+    survey = _survey(recording, source)
+    count = max(2, round(seconds * fps))
+    moments = np.linspace(survey.start, survey.end, count)
+    canvas = _Canvas(survey, width)
+    pictures = _pictures(recording, canvas, moments, progress)
+    peak = canvas.draw(survey.frame)
+    try:
+        with replacing(output) as partial:
+            if encoder is None:
+                return _write_gif(pictures, partial, fps, peak)
+            return _write_mp4(pictures, partial, fps, encoder, peak.shape)
+    except OSError as error:
+        raise LavaError('output', str(output), f'a file to write ({error})') from error
+
+
+def ffmpeg() -> str:
+    """Path of the program that makes MP4.
+
+    Raises:
+        LavaError: It is not installed.
+    """
+    found = shutil.which('ffmpeg')
+    if found is None:
+        right = 'ffmpeg on the path: apt install ffmpeg; a .gif needs none'
+        raise LavaError('format', '.mp4', right)
+    return found
+
+
+@dataclass(frozen=True)
+class _Survey:
+    """What all pictures have in common: the place, the colours and the times.
+
+    Attributes:
+        frame: The last frame, with the largest value each cell ever had as its layer.
+        item: That layer.
+        start: Time of the first frame [s].
+        end: Time of the last [s].
+    """
+
+    frame: Frame
+    item: LayerFrame
+    start: float
+    end: float
+
+
+def _survey(recording: Recording, source: str) -> _Survey:
+    most: np.ndarray | None = None
+    last, item = None, None
+    start, is_saturated = 0.0, False
+    for frame in recording.frames():
+        shown = frame.layers.get(source)
+        if shown is None or frame.time is None:
+            continue
+        if most is None or most.shape != shown.values.shape:
+            most, start = shown.values, frame.time
+        most = np.fmax(most, shown.values)
+        is_saturated |= shown.is_saturated
+        last, item = frame, shown
+    if last is None or item is None or last.time is None or most is None:
+        right = f'a layer the bag has with its simulated times; it has {_names(recording)}'
+        raise LavaError('layer', source, right)
+    peak = LayerFrame(item.layer, most, is_saturated)
+    return _Survey(replace(last, layers={source: peak}), peak, start, last.time)
+
+
+def _names(recording: Recording) -> str:
+    return ', '.join(sorted({layer.source for layer in recording.layers.values()}))
+
+
+class _Canvas:
+    """The drawing, of which only the map and the title change."""
+
+    def __init__(self, survey: _Survey, width: int) -> None:
+        require('matplotlib.figure', 'animate', survey.item.layer.source)
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        self._source = survey.item.layer.source
+        item = survey.item
+        self._scale = scale_of(self._source, item.values, is_saturated=item.is_saturated)
+        # Video codecs want even sides.
+        pixels = (2 * (width // 2), 2 * round(0.8 * width / 2))
+        dpi = width / 7.6
+        figure = Figure(figsize=(pixels[0] / dpi, pixels[1] / dpi), dpi=dpi, facecolor='white')
+        self._canvas = FigureCanvasAgg(figure)
+        axes = figure.add_axes(_MAP)
+        aspect = _MAP[2] * pixels[0] / (_MAP[3] * pixels[1])
+        frame = survey.frame
+        bounds = bounds_of(frame, np.isfinite(item.values))
+        least = LEAST_CELLS * frame.resolution
+        window = window_of(bounds, extent_of(frame), aspect, least)
+        self._part, extent = _part(frame, window)
+        # Half the memory of what it comes as.
+        self._ground = shaded_ground(frame)[self._part].astype(np.float32)
+        self._image = axes.imshow(
+            self._ground,
+            extent=extent,
+            origin='lower',
+            interpolation='nearest',
+        )
+        (self._vents,) = axes.plot([], [], **VENT)
+        axes.set_facecolor('#ededed')
+        axes.set_xlim(window[0], window[2])
+        axes.set_ylim(window[1], window[3])
+        draw_contours(axes, frame, window)
+        draw_ticks(axes)
+        draw_scale_bar(axes, window)
+        draw_north(axes)
+        draw_colour_bar(figure, figure.add_axes(_BAR), self._scale)
+        self._title = figure.text(_MAP[0], 0.955, '', fontsize=13, weight='bold', va='center')
+        self._shape = frame.elevation.shape
+
+    def shows(self, frame: Frame) -> bool:
+        """Whether a frame has the layer, on the terrain that is drawn."""
+        shown = frame.layers.get(self._source)
+        return shown is not None and shown.values.shape == self._shape
+
+    def draw(self, frame: Frame) -> np.ndarray:
+        """Draw a frame with a time: RGB, uint8, shape [height, width, 3]."""
+        values = frame.layers[self._source].values[self._part]
+        picture = picture_of(values, self._ground, self._scale)
+        self._image.set_data((255.0 * picture).astype(np.uint8))
+        self._vents.set_data(frame.vents[:, 0], frame.vents[:, 1])
+        title = STYLES[self._source].title
+        self._title.set_text(f'{title} after {duration(frame.time or 0.0)}')
+        self._canvas.draw()
+        return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
+
+
+def _part(
+    frame: Frame, window: tuple[float, float, float, float]
+) -> tuple[tuple[slice, slice], tuple[float, float, float, float]]:
+    """The cells that are in a window, and their edges: left, right, bottom, top [m]."""
+    ends: list[float] = []
+    slices = []
+    for axis, size in ((0, frame.elevation.shape[1]), (1, frame.elevation.shape[0])):
+        start = frame.origin[axis]
+        first = math.floor((window[axis] - start) / frame.resolution)
+        last = math.ceil((window[axis + 2] - start) / frame.resolution)
+        first, last = max(0, first), min(size, last)
+        slices.append(slice(first, last))
+        ends += [start + first * frame.resolution, start + last * frame.resolution]
+    return (slices[1], slices[0]), (ends[0], ends[1], ends[2], ends[3])
+
+
+def _pictures(
+    recording: Recording, canvas: _Canvas, moments: np.ndarray, progress: Progress | None
+) -> Iterator[tuple[np.ndarray, int]]:
+    """Each frame that is the newest at some of the moments, drawn, and at how many it is."""
+    newest: Frame | None = None
+    done = 0
+    shown = (item for item in recording.frames() if item.time is not None and canvas.shows(item))
+    for frame in chain(shown, [None]):
+        end = len(moments) if frame is None else int(np.searchsorted(moments, frame.time or 0.0))
+        if newest is not None and end > done:
+            yield canvas.draw(newest), end - done
+            done = end
+            if progress is not None:
+                progress('drawing', done / len(moments))
+        newest = frame
+
+
+def _write_gif(
+    pictures: Iterator[tuple[np.ndarray, int]], path: Path, fps: float, colours: np.ndarray
+) -> int:
+    from PIL import Image
+
+    # One palette for all: what does not change from picture to picture then takes no space.
+    # Few pixels have the colours of the lava: their count must not decide.
+    palette = Image.fromarray(colours).quantize(256, Image.Quantize.MAXCOVERAGE)
+    images: list[Any] = []
+    durations: list[int] = []
+    for picture, count in pictures:
+        image = Image.fromarray(picture)
+        images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
+        durations.append(count * round(1000.0 / fps))
+    durations[-1] += round(1000.0 * STAY)
+    images[0].save(
+        path,
+        format='GIF',
+        save_all=True,
+        append_images=images[1:],
+        duration=durations,
+        loop=0,
+    )
+    return len(images)
+
+
+def _write_mp4(
+    pictures: Iterator[tuple[np.ndarray, int]],
+    path: Path,
+    fps: float,
+    encoder: str,
+    shape: tuple[int, ...],
+) -> int:
+    height, width = shape[:2]
+    command = [encoder, '-y', '-loglevel', 'error', '-f', 'rawvideo', '-pix_fmt', 'rgb24']
+    command += ['-s', f'{width}x{height}', '-r', f'{fps:g}', '-i', '-', '-an']
+    # yuv420p plays everywhere; the index goes to the front, so that it plays while it loads.
+    command += ['-c:v', 'libx264', '-crf', '20', '-pix_fmt', 'yuv420p', '-movflags', '+faststart']
+    with tempfile.TemporaryFile() as errors:
+        process = subprocess.Popen(
+            [*command, str(path)], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors
+        )
+        assert process.stdin is not None
+        drawn = 0
+        try:
+            for picture, count in pictures:
+                drawn += 1
+                for _ in range(count):
+                    process.stdin.write(picture.tobytes())
+            for _ in range(round(STAY * fps)):
+                process.stdin.write(picture.tobytes())
+        except BrokenPipeError:
+            # It has ended: its status says so, and its words why.
+            process.stdin = None
+        finally:
+            process.communicate()
+        errors.seek(0)
+        said = errors.read().decode(errors='replace').strip()
+    if process.returncode != 0:
+        raise LavaError('output', str(path), f'an MP4 that ffmpeg can write ({said[-300:]})')
+    return drawn

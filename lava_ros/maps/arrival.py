@@ -1,0 +1,120 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""When lava came to each cell, and how thick it got, from the frames of a bag."""
+
+import math
+
+import numpy as np
+
+from lava_ros.errors import LavaError
+from lava_ros.maps.frames import Frame
+from lava_ros.maps.layers import IMAGE, Layer
+from lava_ros.simulation.accuracy import COVERED
+
+THICKNESS = 'thickness'
+
+
+class Arrival:
+    """First times and largest thicknesses, gathered frame by frame.
+
+    Times are those that the simulation noted at its steps, where the bag has them for this
+    threshold. Else a frame shows lava that came since the frame before: it is at most
+    ``longest_gap`` older than the time of its cell. Frames on another terrain than the newest do
+    not count.
+
+    Attributes:
+        threshold: Thickness from which on lava has arrived [m].
+        times: Simulated time [s] at which lava that thick came, at the latest, float64, shape
+            [rows, columns]; NaN where there was none. None before the first frame.
+        peak: Largest thickness [m], float32, same shape; 0 without lava.
+        is_saturated: Whether a thickness was the largest that its grid can hold.
+        longest_gap: Longest time from one frame to the next [s].
+        is_noted: Whether the simulation noted the times.
+        frame_count: Frames with a thickness so far.
+        frame: The newest of them, None before the first.
+    """
+
+    def __init__(self, threshold: float) -> None:
+        """Begin without frames.
+
+        Args:
+            threshold: Thickness from which on lava has arrived [m].
+        """
+        self.threshold = threshold
+        self._grid: tuple[object, ...] | None = None
+        self.times: np.ndarray | None = None
+        self.peak: np.ndarray | None = None
+        self.is_saturated = False
+        self.longest_gap = 0.0
+        self.is_noted = False
+        self.frame_count = 0
+        self.frame: Frame | None = None
+
+    def add(self, frame: Frame) -> None:
+        """Take a frame, later than the one before; one without thickness or time is passed over.
+
+        Raises:
+            LavaError: The frame's layer leaves out lava that is as thick as the threshold.
+        """
+        shown = frame.layers.get(THICKNESS)
+        if shown is None or frame.time is None:
+            return
+        check_threshold(self.threshold, shown.layer)
+        grid = (frame.resolution, frame.origin, shown.values.shape)
+        if grid != self._grid or self.times is None or self.peak is None:
+            self._grid = grid
+            self.times = np.full(shown.values.shape, np.nan)
+            self.peak = np.zeros(shown.values.shape, dtype=np.float32)
+            self.is_saturated = self.is_noted = False
+            self.longest_gap, self.frame_count = 0.0, 0
+            self.frame = None
+        # What is rounded to the threshold counts as being there. NaN compares as False.
+        least = self.threshold - 1e-5 * max(1.0, self.threshold)
+        self.times[np.isnan(self.times) & (shown.values >= least)] = frame.time
+        if frame.arrived is not None and math.isclose(self.threshold, COVERED):
+            noted = frame.arrived.astype(float)
+            self.is_noted |= bool(np.isfinite(noted).any())
+            # what no map shows as thick was thick in a part of a cell
+            np.fmin(self.times, noted, out=self.times, where=np.isfinite(self.times))
+        np.fmax(self.peak, shown.values, out=self.peak)
+        self.is_saturated |= shown.is_saturated
+        if self.frame is not None and self.frame.time is not None:
+            self.longest_gap = max(self.longest_gap, frame.time - self.frame.time)
+        self.frame = frame
+        self.frame_count += 1
+
+
+def check_threshold(threshold: float, layer: Layer) -> None:
+    """Refuse a threshold below what a layer of thickness shows.
+
+    Raises:
+        LavaError: Thinner lava than the layer shows would have to be seen.
+    """
+    if threshold <= 0.0 or threshold < layer.threshold * (1.0 - 1e-6):
+        right = f'at least {layer.threshold:g} m: the layer {layer.name} shows no thinner lava'
+        if layer.threshold <= 0.0:
+            right = 'above 0 m'
+        raise LavaError('threshold', threshold, right)
+
+
+def rounding(layer: Layer) -> float:
+    """Half the step between the values a layer can show, in its unit; 0 where it is not rounded.
+
+    Values beyond the layer's range are at its ends, however far beyond they are.
+    """
+    if layer.message == IMAGE or layer.range is None:
+        return 0.0
+    first, last = layer.scale
+    return 0.5 * (layer.range[1] - layer.range[0]) / abs(last - first)

@@ -1,0 +1,323 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The maps of a bag -> GeoTIFF, and what else GIS programs read."""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.files.optional import require
+from lava_ros.maps import gis
+from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
+from lava_ros.maps.frames import Frame, LayerFrame, Recording
+from lava_ros.simulation.accuracy import COVERED
+
+#: What can be exported.
+MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
+
+#: What maps are written as: GeoTIFF with styles of QGIS, outline and isochrones as GeoJSON or as
+#: layers of a GeoPackage, all maps in a NetCDF.
+FORMATS = ('tif', 'geojson', 'gpkg', 'nc')
+
+_SOURCES = {'height': THICKNESS, 'temperature': 'temperature', 'hazard': 'hazard'}
+
+#: Units and meanings of the maps.
+_MEANINGS = {
+    'height': ('m', 'thickness of the lava; no data: no lava'),
+    'temperature': ('degC', 'temperature of the lava; no data: no lava'),
+    'hazard': ('1', 'hazard; 0: no lava, 1 to 99: burial and heat combined, 100: lethal'),
+    'arrival': (
+        's', 'simulated time at which lava as thick as the threshold came; no data: it did not'
+    ),
+    'peak_height': ('m', 'largest thickness of the lava in any map; no data: no lava'),
+}
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where the map frame is in the world.
+
+    Attributes:
+        epsg: EPSG code of the projected coordinate system, None where nobody knows it.
+        offset: Easting and northing [m] of the map frame's origin in it.
+    """
+
+    epsg: int | None
+    offset: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written.
+
+    Attributes:
+        files: The files.
+        placement: Where in the world they are.
+    """
+
+    files: tuple[Path, ...]
+    placement: Placement
+
+
+def export_bag(
+    path: str | Path,
+    directory: str | Path,
+    *,
+    maps: Collection[str] = MAPS,
+    formats: Collection[str] = ('tif',),
+    time: float | None = None,
+    every: bool = False,
+    threshold: float = COVERED,
+    epsg: int | None = None,
+    offset: tuple[float, float] | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Exported:
+    """Write maps of a bag as GeoTIFF files, north up, with coordinate system, units and nodata.
+
+    Arrival and peak height are those of all maps up to the time. Maps the bag has no layer for
+    are left out.
+
+    Args:
+        path: The bag's directory, or an .mcap file.
+        directory: Where the files go; made when it is not there, otherwise it has to be empty.
+        maps: What to write, of ``MAPS``.
+        formats: What to write it as, of ``FORMATS``; of several frames only GeoTIFF has all.
+        time: Simulated time [s] to show the newest maps up to; None for the last ones.
+        every: Whether height, temperature and hazard are written for every frame up to the time.
+        threshold: Thickness from which on lava has arrived [m].
+        epsg: EPSG code for a bag that has none.
+        offset: Easting and northing [m] of the map frame's origin, for a bag without EPSG code.
+        progress: Is told what is being done, and the share of the frames that is done.
+
+    Raises:
+        LavaError: The bag cannot be read, an argument is not usable or contradicts the bag, or a
+            file cannot be written.
+    """
+    for name in maps:
+        validation.choice('maps', name, MAPS)
+    for name in formats:
+        validation.choice('formats', name, FORMATS)
+    threshold = validation.number('threshold', threshold, above=0.0, unit='m')
+    require('rasterio', 'GeoTIFF', str(directory))
+    recording = Recording(path)
+    placement = placement_of(recording.scene, epsg=epsg, offset=offset)
+    _check_time(recording, time)
+    wants_history = bool({'arrival', 'peak_height'} & set(maps))
+    thickness = [item for item in recording.layers.values() if item.source == THICKNESS]
+    if wants_history and thickness:
+        check_threshold(threshold, min(thickness, key=lambda layer: layer.threshold))
+    crs = gis.coordinate_system(placement.epsg)
+    gis.require_formats(formats, Path(directory), crs)
+    target = _empty_directory(Path(directory))
+    writer = _Writer(target, crs, placement.offset, Path(path).name, threshold, formats)
+    current = [name for name in MAPS if name in maps and name in _SOURCES]
+    history = Arrival(threshold)
+    last: Frame | None = None
+    for index, frame in enumerate(recording.frames()):
+        if time is not None and frame.time is not None and frame.time > time:
+            break
+        if progress is not None:
+            progress('maps', recording.share_at(frame))
+        if wants_history:
+            history.add(frame)
+        last = frame
+        if every:
+            seconds = 'unknown' if frame.time is None else f'{frame.time:.0f}'
+            for name in current:
+                writer.write_layer(name, frame, f'{name}_{index:04d}_{seconds}s.tif')
+    if last is None:
+        # nobody looks for what failed in an empty folder
+        target.rmdir()
+        raise recording.lack(time, 'terrain and a map')
+    if not every:
+        for name in current:
+            writer.write_layer(name, last, f'{name}.tif')
+    for name in ('arrival', 'peak_height'):
+        if name in maps and history.frame is not None:
+            writer.write_history(name, history.frame, history)
+    writer.finish()
+    if not writer.written:
+        have = sorted({layer.source for layer in recording.layers.values()})
+        raise LavaError('maps', ', '.join(maps), f'maps of what the bag has: {", ".join(have)}')
+    return Exported(tuple(writer.written), placement)
+
+
+def placement_of(
+    scene: Mapping[str, Any],
+    *,
+    epsg: int | None = None,
+    offset: tuple[float, float] | None = None,
+) -> Placement:
+    """Find out where the map frame of a bag is.
+
+    Args:
+        scene: What the bag says about its scene.
+        epsg: EPSG code for a bag that has none.
+        offset: Easting and northing [m] of the map frame's origin, for a bag without EPSG code.
+
+    Raises:
+        LavaError: The bag says otherwise, or what it says is not usable.
+    """
+    terrain = scene.get('terrain')
+    terrain = terrain if isinstance(terrain, Mapping) else {}
+    known = terrain.get('epsg')
+    if known is not None and (isinstance(known, bool) or not isinstance(known, int)):
+        raise LavaError("the bag's terrain.epsg", known, 'an EPSG code such as 32633')
+    own = validation.pair("the bag's terrain.offset", terrain.get('offset', (0.0, 0.0)))
+    if known is None:
+        return Placement(epsg, own if offset is None else offset)
+    if epsg not in (None, known):
+        raise LavaError('epsg', epsg, f'{known}, as the bag says')
+    if offset is not None and offset != own:
+        raise LavaError('offset', offset, f'{own}, as the bag says')
+    return Placement(known, own)
+
+
+def _check_time(recording: Recording, time: float | None) -> None:
+    if time is None:
+        return
+    run = recording.timeline.last_run
+    if not run or not run[0].time <= time <= run[-1].time:
+        raise LavaError('time', time, recording.timeline.span)
+
+
+def _empty_directory(directory: Path) -> Path:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        is_empty = not any(directory.iterdir())
+    except OSError as error:
+        raise LavaError('output', str(directory), f'a folder to write to ({error})') from error
+    if not is_empty:
+        raise LavaError('output', str(directory), 'a folder that is new or empty')
+    return directory
+
+
+class _Writer:
+    """Writes the files, and lists them in ``written``."""
+
+    def __init__(
+        self,
+        directory: Path,
+        crs: Any,
+        offset: tuple[float, float],
+        bag: str,
+        threshold: float,
+        formats: Collection[str],
+    ) -> None:
+        self._formats = formats
+        self._newest: dict[str, tuple[np.ndarray, str, str]] = {}
+        self._place: gis.Place | None = None
+        self._directory = directory
+        self._crs = crs
+        self._offset = offset
+        self._bag = bag
+        self._threshold = threshold
+        self.written: list[Path] = []
+
+    def write_layer(self, name: str, frame: Frame, file_name: str) -> None:
+        """Write a layer of a frame, when it has it."""
+        shown = frame.layers.get(_SOURCES[name])
+        if shown is None:
+            return
+        ground = np.isfinite(frame.elevation)
+        if name == 'hazard':
+            # 0 says that there is no lava.
+            cells = np.clip(np.rint(np.nan_to_num(shown.values)), 1, 100)
+            values = np.where(np.isfinite(shown.values), cells, 0).astype(np.uint8)
+            values[~ground] = gis.NODATA_BYTE
+        else:
+            values = np.where(ground, shown.values, np.float32(np.nan))
+        tags = _layer_tags(shown)
+        if frame.time is not None:
+            tags['simulated_time_s'] = repr(frame.time)
+        self._write(name, values, frame, file_name, tags)
+
+    def write_history(self, name: str, frame: Frame, history: Arrival) -> None:
+        """Write arrival or peak height."""
+        shown = frame.layers[THICKNESS]
+        assert history.times is not None and history.peak is not None
+        tags = _layer_tags(shown) | {'maps': str(history.frame_count)}
+        if frame.time is not None:
+            tags['maps_up_to_s'] = repr(frame.time)
+        if name == 'arrival':
+            tags['threshold_m'] = repr(self._threshold)
+            if history.is_noted:
+                tags['note'] = 'times are those of the steps of the simulation'
+            else:
+                tags['longest_time_between_maps_s'] = repr(history.longest_gap)
+                tags['note'] = 'lava may have come earlier, by the time between two maps at most'
+            values = history.times.astype(np.float32)
+        else:
+            tags['saturated'] = 'yes' if history.is_saturated else 'no'
+            values = np.where(history.peak > 0.0, history.peak, np.float32(np.nan))
+        self._write(name, values, frame, f'{name}.tif', tags)
+
+    def _write(
+        self, name: str, values: np.ndarray, frame: Frame, file_name: str, tags: dict[str, str]
+    ) -> None:
+        corner = (self._offset[0] + frame.origin[0], self._offset[1] + frame.origin[1])
+        place = self._place = gis.Place(corner, frame.resolution, self._crs)
+        known = values
+        if values.dtype == np.uint8:
+            known = np.where(values == gis.NODATA_BYTE, np.float32(np.nan), values)
+        unit, meaning = _MEANINGS[name]
+        self._newest[name] = known, unit, meaning
+        if 'tif' not in self._formats:
+            return
+        path = self._directory / file_name
+        tags = {'bag': self._bag, **tags}
+        gis.write_map(path, values, place, name=name, unit=unit, meaning=meaning, tags=tags)
+        self.written.append(path)
+        gis.write_style(path, name, known)
+
+    def finish(self) -> None:
+        """Write the newest maps in the formats that have them in one file."""
+        if self._place is None:
+            return
+        layers: dict[str, list[dict[str, Any]]] = {}
+        if 'height' in self._newest:
+            covered = np.nan_to_num(self._newest['height'][0]) >= COVERED
+            layers['outline'] = gis.area(covered, self._place, from_m=COVERED)
+        if 'arrival' in self._newest:
+            layers['isochrones'] = gis.isochrones(self._newest['arrival'][0], self._place)
+        self.written += gis.write_formats(
+            self._directory, self._formats, layers, self._newest, self._place,
+            f'lava flow of {self._bag}',
+        )
+
+
+def _layer_tags(shown: LayerFrame) -> dict[str, str]:
+    """What a file says about the layer it comes from, in the layer's unit."""
+    layer = shown.layer
+    half = rounding(layer)
+    tags = {
+        'layer': layer.name,
+        'thinnest_lava_shown_m': repr(layer.threshold),
+        'quantisation': 'none: recorded as float32',
+    }
+    if half and layer.range is not None:
+        low, high = layer.range
+        tags['quantisation'] = (
+            f'recorded in steps of {2.0 * half:g} from {low:g} to {high:g}, true to {half:g}; '
+            'values beyond are at the ends'
+        )
+        if layer.source != 'hazard':
+            tags['saturated'] = 'yes' if shown.is_saturated else 'no'
+    return tags

@@ -1,0 +1,165 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What comes: arrival, thickness and heat that a look ahead or an ensemble forecasts."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lava_ros.scene import Terrain
+
+#: What ``Layer.raw_values`` gives for the arrival in cells of which nothing is known [s].
+UNKNOWN = -1.0
+
+#: Shares of the members whose arrival times are shown.
+QUANTILES = (0.1, 0.5, 0.9)
+
+#: Smallest share of an occupancy grid's cell with some probability, and largest below certainty.
+_LEAST, _MOST = 1, 99
+
+
+@dataclass(frozen=True, eq=False)
+class Forecast:
+    """A look ahead from one moment of a simulation, on the cells of its terrain.
+
+    Attributes:
+        time: Simulated time at its start [s].
+        horizon: How far ahead it looks [s].
+        threshold: Thickness from which on lava has arrived [m].
+        terrain: The ground, which the arrays belong to.
+        arrival: Simulated time from the start until lava is that thick [s], float32, shape [rows,
+            columns]; 0 where it was at the start, NaN where it will not be within the horizon.
+        thickness: Largest thickness within the horizon [m], float32, same shape; 0 where there
+            is no lava, NaN where nothing is known: outside the terrain, and after a withdrawal.
+        temperature: Highest depth-averaged temperature within the horizon [K], float32, same
+            shape; NaN without lava.
+        duration: Wall time it took [s].
+        particle_count: Particles at its end.
+    """
+
+    time: float
+    horizon: float
+    threshold: float
+    terrain: Terrain
+    arrival: np.ndarray
+    thickness: np.ndarray
+    temperature: np.ndarray
+    duration: float
+    particle_count: int
+
+    def withdrawn(self) -> 'Forecast':
+        """The same forecast, in which nothing is known of any cell."""
+        unknown = np.full(self.arrival.shape, np.nan, dtype=np.float32)
+        return replace(self, arrival=unknown, thickness=unknown, temperature=unknown)
+
+
+@dataclass(frozen=True, eq=False)
+class HazardMaps:
+    """What an ensemble says about each cell of the terrain.
+
+    All arrays are float32 and of the terrain's shape, with NaN where the terrain has no data.
+
+    Attributes:
+        probability: Probability that lava comes up to the horizon, 0 to 100.
+        arrival: Time [s] by which 10, 50 and 90 % of the members had lava here, by the share of
+            ``QUANTILES``; NaN where fewer than that had any up to the horizon.
+        thickness: Mean over all members of the largest thickness [m].
+        members: Members that are in it.
+        effective_members: Members of equal weight that would say as much: (sum w)^2 / sum w^2.
+        arrival_error: Arrival times are known to this [s], half the time between two looks.
+    """
+
+    probability: np.ndarray
+    arrival: dict[float, np.ndarray]
+    thickness: np.ndarray
+    members: int
+    effective_members: float
+    arrival_error: float
+
+    @property
+    def sampling_error(self) -> float:
+        """Largest standard error of the probability that is due to few members, 0 to 100.
+
+        It is the binomial one at even odds; points of a sequence do better, not worse.
+        """
+        return 50.0 / float(self.effective_members**0.5)
+
+
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    """An ensemble that went on from one moment, on the cells of its terrain.
+
+    Attributes:
+        time: Simulated time at its start [s].
+        horizon: How far ahead it looks [s].
+        threshold: Thickness from which on lava has arrived [m].
+        terrain: The ground, which the maps belong to.
+        maps: Probability, arrival times and thickness.
+        asked: Members that were asked for; ``maps.members`` are in it.
+        is_done: Whether no more are to come.
+        outlines: Outlines that the members have been weighed by.
+        duration: Wall time from the fork until the maps were there [s].
+    """
+
+    time: float
+    horizon: float
+    threshold: float
+    terrain: Terrain
+    maps: HazardMaps
+    asked: int
+    is_done: bool
+    outlines: int
+    duration: float
+
+    def forecast(self, share: float) -> Forecast:
+        """What a forecast would say: arrival by a share of the members, mean thickness.
+
+        Args:
+            share: One of ``QUANTILES``.
+        """
+        thickness = self.maps.thickness
+        return Forecast(
+            time=self.time,
+            horizon=self.horizon,
+            threshold=self.threshold,
+            terrain=self.terrain,
+            arrival=self.maps.arrival[share],
+            thickness=thickness,
+            temperature=np.full_like(thickness, np.nan),
+            duration=self.duration,
+            particle_count=0,
+        )
+
+    def withdrawn(self) -> 'Outlook':
+        """The same, in which nothing is known of any cell."""
+        unknown = np.full_like(self.maps.thickness, np.nan)
+        maps = replace(
+            self.maps,
+            probability=unknown,
+            arrival=dict.fromkeys(self.maps.arrival, unknown),
+            thickness=unknown,
+        )
+        return replace(self, maps=maps)
+
+
+def occupancy(probability: np.ndarray) -> np.ndarray:
+    """Probability [0 to 100, NaN: unknown] as cells of an occupancy grid.
+
+    Returns:
+        int8, same shape: 0 only where no member had lava, 100 only where all had, -1 unknown.
+    """
+    cells = np.clip(np.rint(probability), _LEAST, _MOST)
+    cells = np.where(probability <= 0.0, 0, np.where(probability >= 100.0, 100, cells))
+    return np.where(np.isnan(probability), -1, cells).astype(np.int8)

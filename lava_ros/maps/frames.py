@@ -1,0 +1,399 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A recorded bag -> the maps it holds, moment by moment, in physical units. Needs no ROS."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lava_ros.bag import BagReader
+from lava_ros.bag.decoding import Decoder, read_grid
+from lava_ros.bag.reader import BagMessage
+from lava_ros.bag.timeline import Timeline
+from lava_ros.errors import LavaError
+from lava_ros.files.resources import share_path
+from lava_ros.files.yaml import parse_yaml
+from lava_ros.maps.layer_files import layers_from_dict, load_layers
+from lava_ros.maps.layers import ARRIVAL, ARRIVED, IMAGE, Layer
+from lava_ros.maps.message_arrays import cloud_columns, image_array
+from lava_ros.scene import MAX_COORDINATE, Terrain
+from lava_ros.simulation.accuracy import COVERED
+
+# Resolution and origin (x, y) of a grid [m].
+_Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class LayerFrame:
+    """One layer at one moment.
+
+    Attributes:
+        layer: What the layer is.
+        values: Thickness [m], temperature [Celsius] or hazard 0..100, float32, shape
+            [rows, columns]; NaN where there is no lava and outside the terrain.
+        is_saturated: Whether a cell has the largest value the grid can hold.
+    """
+
+    layer: Layer
+    values: np.ndarray
+    is_saturated: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The maps of a bag at one moment.
+
+    Attributes:
+        elevation: Ground elevation [m], float32, shape [rows, columns], NaN without data; row 0
+            has the smallest y.
+        resolution: Side of a cell [m].
+        origin: Map position (x, y) [m] of the lower-left corner of cell [0, 0].
+        layers: The newest of each source, by source: thickness, temperature, hazard. Where a grid
+            and an image are of the same time, the image, which is not rounded.
+        vents: Map positions [m] of the vents with a discharge, shape [vents, 2].
+        time: Simulated time [s], None when the bag does not say.
+        scene: What the bag says about its scene, as ``scene_to_dict`` gives it.
+        arrived: Simulated time [s] of the step with which lava from ``COVERED`` on came to a cell,
+            float32, shape [rows, columns], NaN where it has not; None when the bag does not say.
+    """
+
+    elevation: np.ndarray
+    resolution: float
+    origin: tuple[float, float]
+    layers: Mapping[str, LayerFrame]
+    vents: np.ndarray
+    time: float | None
+    scene: Mapping[str, Any]
+    arrived: np.ndarray | None = None
+
+    @property
+    def covered(self) -> np.ndarray:
+        """Cells with lava, from ``COVERED`` on where its thickness is known, bool."""
+        thickness = self.layers.get('thickness')
+        if thickness is not None:
+            # what is rounded to it counts; NaN does not
+            return thickness.values >= np.float32(COVERED * (1.0 - 1e-5))
+        wet = [np.isfinite(item.values) for item in self.layers.values()]
+        return np.logical_or.reduce([np.zeros(self.elevation.shape, dtype=bool), *wet])
+
+    @property
+    def area(self) -> float:
+        """Ground that is ``covered`` [m2]."""
+        return float(self.covered.sum()) * self.resolution**2
+
+    @property
+    def thickest(self) -> float:
+        """Largest thickness [m]; NaN without lava, or where the bag does not say."""
+        thickness = self.layers.get('thickness')
+        if thickness is None or not np.isfinite(thickness.values).any():
+            return math.nan
+        return float(np.nanmax(thickness.values))
+
+
+def read_frame(path: str | Path, time: float | None = None) -> Frame:
+    """Read the maps of a bag.
+
+    Args:
+        path: The bag's directory, or an .mcap file.
+        time: Simulated time [s]: the newest maps up to then are read; None for the last ones.
+
+    Raises:
+        LavaError: The bag cannot be read or lacks what is asked for.
+    """
+    return Recording(path).frame_at(time)
+
+
+class Recording:
+    """A bag with the maps of a simulation: what it holds, its times and its frames.
+
+    Attributes:
+        bag: The bag.
+        decoder: Decodes its messages.
+        timeline: Which simulated time was shown when.
+        layers: The layers whose maps it has, by topic name.
+        terrain, terrain_info, vents: Topic names of the ground, its description and the vents;
+            None for vents that the bag has not.
+        scene: What it says about its scene, as ``scene_to_dict`` gives it.
+    """
+
+    def __init__(self, path: str | Path, *, more: Sequence[Layer] = ()) -> None:
+        """Find out what the bag holds.
+
+        Args:
+            path: The bag's directory, or an .mcap file.
+            more: Layers to read, where the bag has them, beside those that it says it has.
+
+        Raises:
+            LavaError: The bag cannot be read, or has no maps or no terrain.
+        """
+        self.bag = bag = BagReader(path)
+        self.decoder = Decoder(bag)
+        shown = [*filter(_is_map, _layers(bag)), *more]
+        named = {_topic(bag, item.topic, item.message): item for item in shown}
+        self.layers = {name: item for name, item in named.items() if name}
+        if not self.layers:
+            raise LavaError('bag', str(path), 'a bag with the layers of a simulation')
+        self.timeline = Timeline(bag, self.decoder)
+        self.terrain = _required(bag, 'terrain', IMAGE)
+        self.terrain_info = _required(bag, 'terrain_info', 'nav_msgs/msg/MapMetaData')
+        self.vents = _topic(bag, 'vents', 'sensor_msgs/msg/PointCloud2')
+        scene = _yaml(bag, 'scene')
+        self.scene: Mapping[str, Any] = scene if isinstance(scene, Mapping) else {}
+        if not isinstance(self.scene.get('terrain', {}), Mapping):
+            field = f'custom_data scene.terrain of {path}'
+            raise LavaError(field, self.scene['terrain'], 'a mapping')
+
+    @property
+    def topics(self) -> set[str]:
+        """Names of the topics that make a frame."""
+        names = {self.terrain, self.terrain_info, self.vents, *self.layers}
+        return {name for name in names if name is not None}
+
+    def frame_at(self, time: float | None = None) -> Frame:
+        """Read the newest maps up to a simulated time [s], None for the last ones.
+
+        Raises:
+            LavaError: The bag is damaged or lacks what is asked for.
+        """
+        stamp = self.timeline.stamp_at(time)
+        if stamp is None:
+            if time is not None:
+                raise LavaError('time', time, self.timeline.span)
+            stamp = self.bag.end_ns or 0
+        if time is not None and time > max(item.time for item in self.timeline.moments):
+            raise LavaError('time', time, self.timeline.span)
+        assembly = _Assembly(self)
+        for message in self.bag.newest(self.topics, stamp + 1):
+            assembly.take(message)
+        if not assembly.has_ground:
+            raise self.lack(time, 'terrain')
+        if not assembly.has_layers:
+            raise self.lack(time, 'map')
+        return assembly.frame()
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames of the last run, oldest first; memory holds one at a time.
+
+        A run ends where the simulation was set back to an earlier time. A frame is there for each
+        time a layer was published; layers that were not have their newest map before. Frames that
+        the bag knows no simulated time of are left out, unless it knows none at all.
+
+        Raises:
+            LavaError: The bag is damaged.
+        """
+        run = self.timeline.last_run
+        start = run[0].stamp_ns if run else 0
+        assembly = _Assembly(self)
+        seen: dict[str, int] = {}
+        stamp, is_due = 0, False
+        for message in self.bag.messages(self.topics):
+            # Each file of a bag begins with what was latched when it did.
+            if seen.get(message.topic) == message.publish_ns:
+                continue
+            seen[message.topic] = message.publish_ns
+            if is_due and message.publish_ns != stamp:
+                yield from self._due(assembly)
+                is_due = False
+            is_layer = message.topic in self.layers
+            if not is_layer or message.publish_ns >= start:
+                assembly.take(message)
+                stamp, is_due = message.publish_ns, is_due or is_layer
+        if is_due:
+            yield from self._due(assembly)
+
+    def lack(self, time: float | None, what: str) -> LavaError:
+        """The error of what is not there up to a simulated time [s], None for all of the bag."""
+        if time is None:
+            return LavaError('bag', str(self.bag.path), f'a bag with a {what} before its end')
+        return LavaError('time', time, f'a time from the first {what} of the bag on')
+
+    def share_at(self, frame: Frame) -> float:
+        """Share of the last run that has passed with a frame; 0 where times are unknown."""
+        run = self.timeline.last_run
+        if frame.time is None or not run or run[-1].time <= run[0].time:
+            return 0.0
+        return (frame.time - run[0].time) / (run[-1].time - run[0].time)
+
+    def _due(self, assembly: '_Assembly') -> Iterator[Frame]:
+        if assembly.has_ground and assembly.has_layers:
+            frame = assembly.frame()
+            if frame.time is not None or not self.timeline.moments:
+                yield frame
+
+
+class _Assembly:
+    """The newest message of each topic, and the frame they make."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self._newest: dict[str, BagMessage] = {}
+        self._decoded: dict[str, tuple[BagMessage, Any]] = {}
+        # the newest description and elevations, and what they make
+        self._ground: tuple[_Place, np.ndarray, Terrain] | None = None
+
+    def take(self, message: BagMessage) -> None:
+        """Let a message replace the one before on its topic."""
+        self._newest[message.topic] = message
+
+    @property
+    def has_ground(self) -> bool:
+        """Whether terrain and its description are there."""
+        return {self._recording.terrain, self._recording.terrain_info} <= set(self._newest)
+
+    @property
+    def has_layers(self) -> bool:
+        """Whether there is a map."""
+        return bool(self._layer_names())
+
+    def frame(self) -> Frame:
+        """Make the frame; maps of another terrain than the newest are left out."""
+        recording = self._recording
+        place = self._get(recording.terrain_info, _place)
+        elevation = self._get(recording.terrain, _image)
+        if self._ground is None or self._ground[0] != place or self._ground[1] is not elevation:
+            # The shortest decimal number the float32 stands for: 0.1, not 0.10000000149.
+            resolution = float(str(np.float32(place[0])))
+            self._ground = place, elevation, Terrain(elevation, resolution, place[1:])
+        terrain = self._ground[2]
+        layers: dict[str, LayerFrame] = {}
+        for name in sorted(self._layer_names(), key=self._rank):
+            layer = recording.layers[name]
+            # A grid and an image of the same source show the same thing: the first will do.
+            if layer.source not in layers:
+                shown, where = self._get(name, partial(_map, layer))
+                if shown.values.shape == terrain.shape and where in (place, None):
+                    layers[layer.source] = shown
+        arrived = layers.pop(ARRIVED, None)
+        has_vents = recording.vents in self._newest
+        stamp = max(self._newest[name].publish_ns for name in self._layer_names())
+        return Frame(
+            elevation=terrain.elevation,
+            resolution=terrain.resolution,
+            origin=terrain.origin,
+            layers=layers,
+            vents=self._get(recording.vents, _vents) if has_vents else np.empty((0, 2)),
+            time=recording.timeline.time_at(stamp),
+            scene=recording.scene,
+            arrived=None if arrived is None else arrived.values,
+        )
+
+    def _layer_names(self) -> list[str]:
+        return [name for name in self._recording.layers if name in self._newest]
+
+    def _rank(self, name: str) -> tuple[int, bool]:
+        """Newer maps come first, and of the same time what is not rounded."""
+        is_rounded = self._recording.layers[name].message != IMAGE
+        return (-self._newest[name].publish_ns, is_rounded)
+
+    def _get(self, name: Any, convert: Callable[[Decoder, BagMessage], Any]) -> Any:
+        """What a topic's newest message says; each is decoded once."""
+        message = self._newest[name]
+        known = self._decoded.get(name)
+        if known is None or known[0] is not message:
+            known = (message, convert(self._recording.decoder, message))
+            self._decoded[name] = known
+        return known[1]
+
+
+def _is_map(layer: Layer) -> bool:
+    """Whether quantities can be read from a layer: a mask or a margin around lava hides them."""
+    return layer.message == IMAGE or (layer.range is not None and layer.margin == 0.0)
+
+
+def _layers(bag: BagReader) -> tuple[Layer, ...]:
+    """The layers as they were when the bag was recorded; the default ones for a foreign bag."""
+    data = _yaml(bag, 'msg_config')
+    if data is not None:
+        return layers_from_dict(data)
+    return load_layers(share_path('msg_configs/default.yaml'))
+
+
+def _yaml(bag: BagReader, name: str) -> Any:
+    """What a text of the bag's custom data says, None without one."""
+    return parse_yaml(f'custom_data {name} of {bag.path}', bag.custom_data.get(name, ''))
+
+
+def _topic(bag: BagReader, name: str, message_type: str) -> str | None:
+    """Full name of a topic with messages by its relative name, whatever the namespace."""
+    for topic in bag.topics.values():
+        is_it = topic.name.endswith(f'/{name}') and topic.message_type == message_type
+        # rosbag2 lists what it subscribed to, also where nothing came
+        if is_it and topic.count != 0:
+            return topic.name
+    return None
+
+
+def _required(bag: BagReader, name: str, message_type: str) -> str:
+    topic = _topic(bag, name, message_type)
+    if topic is None:
+        right = f'a bag with messages on the topic {name} ({message_type})'
+        raise LavaError('bag', str(bag.path), right)
+    return topic
+
+
+def _image(decoder: Decoder, item: BagMessage) -> np.ndarray:
+    """Pixels of an image, float32, shape [rows, columns]."""
+    return decoder.decode(item, lambda image: image_array(image, item.topic).astype(np.float32))
+
+
+def _place(decoder: Decoder, item: BagMessage) -> _Place:
+    def take(info: Any) -> _Place:
+        origin = info.origin.position
+        return (float(info.resolution), float(origin.x), float(origin.y))
+
+    return decoder.decode(item, take)
+
+
+def _map(layer: Layer, decoder: Decoder, message: BagMessage) -> tuple[LayerFrame, _Place | None]:
+    """A map, and the place it is at, None where it does not say."""
+    if layer.message == IMAGE:
+        return image_frame(layer, _image(decoder, message)), None
+    grid = read_grid(message)
+    return grid_frame(layer, grid.cells), (grid.resolution, *grid.origin)
+
+
+def image_frame(layer: Layer, pixels: np.ndarray) -> LayerFrame:
+    """A layer from the pixels of its image; an arrival of 0 is there already, not nowhere."""
+    values = pixels.astype(np.float32)
+    is_there = values >= 0.0 if layer.source == ARRIVAL else values > 0.0
+    return LayerFrame(layer, np.where(is_there & np.isfinite(values), values, np.nan), False)
+
+
+def grid_frame(layer: Layer, cells: np.ndarray) -> LayerFrame:
+    """A layer from the cells of its occupancy grid, int8; without a range as they are."""
+    first, last = layer.scale
+    low, high = layer.range or (first, last)
+    gain = np.float32((high - low) / (last - first))
+    values = np.float32(low) + (cells.astype(np.float32) - np.float32(first)) * gain
+    return LayerFrame(layer, np.where(cells > 0, values, np.nan), bool((cells == last).any()))
+
+
+def _vents(decoder: Decoder, item: BagMessage) -> np.ndarray:
+    """Map positions of the vents that emit, float64, shape [vents, 2]."""
+    names = ('x', 'y', 'discharge')
+    columns = decoder.decode(item, lambda cloud: cloud_columns(cloud, item.topic, names))
+    points = np.stack([columns[name] for name in names], axis=-1)
+    # NaN is neither 0 nor within
+    points = points[~(points[:, 2] <= 0.0)]
+    beyond = points[~(np.abs(points) <= MAX_COORDINATE)]
+    if beyond.size:
+        right = f'coordinates and discharges, at most {MAX_COORDINATE:g} from 0'
+        raise LavaError(f'{item.topic}.data', float(beyond[0]), right)
+    return points[:, :2]

@@ -1,0 +1,439 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Maps as what GIS programs read: GeoTIFF with styles of QGIS, GeoJSON, GeoPackage, NetCDF."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+import json
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+import lava_ros
+from lava_ros.errors import LavaError
+from lava_ros.files import replacing, write_output
+from lava_ros.files.optional import require
+from lava_ros.maps.plot import duration, STYLES
+from lava_ros.scene import Terrain
+
+#: Value of cells without data in files of floating-point numbers, and in those of bytes.
+NODATA, NODATA_BYTE = -9999.0, 255
+
+#: Times between isochrones [s], and most isochrones.
+_STEPS = (60, 300, 600, 1800, 3600, 7200, 6 * 3600, 12 * 3600, 24 * 3600, 7 * 24 * 3600)
+MOST_ISOCHRONES = 12
+
+#: Probabilities that contours are drawn at [%].
+PROBABILITIES = (10.0, 50.0, 90.0)
+
+#: What a map is drawn as, by its name: a style of ``plot.py``.
+_DRAWN = {
+    'height': 'thickness',
+    'peak_height': 'thickness',
+    'expected_thickness': 'thickness',
+    'temperature': 'temperature',
+    'hazard': 'hazard',
+    'inundation_probability': 'probability',
+    'arrival': 'arrival',
+}
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the cells of a map are.
+
+    Attributes:
+        corner: Easting and northing [m] of the lower-left corner of cell [0, 0].
+        resolution: Side of a cell [m].
+        crs: What ``coordinate_system`` gives.
+    """
+
+    corner: tuple[float, float]
+    resolution: float
+    crs: Any
+
+
+def coordinate_system(epsg: int | None) -> Any:
+    """What rasterio calls a coordinate system, None for None.
+
+    Raises:
+        LavaError: GDAL does not know it.
+    """
+    from rasterio.crs import CRS
+    from rasterio.errors import CRSError
+
+    if epsg is None:
+        return None
+    try:
+        return CRS.from_epsg(epsg)
+    except CRSError as error:
+        raise LavaError('epsg', epsg, f'a coordinate system GDAL knows ({error})') from error
+
+
+def place_of(terrain: Terrain) -> Place:
+    """Where the cells of a terrain are.
+
+    Raises:
+        LavaError: GDAL does not know its coordinate system.
+    """
+    corner = (terrain.offset[0] + terrain.origin[0], terrain.offset[1] + terrain.origin[1])
+    return Place(corner, terrain.resolution, coordinate_system(terrain.epsg))
+
+
+def write_map(
+    path: Path,
+    values: np.ndarray,
+    place: Place,
+    *,
+    name: str,
+    unit: str,
+    meaning: str,
+    tags: Mapping[str, str],
+) -> None:
+    """Write a map as GeoTIFF, north up; the file is there whole or not at all.
+
+    Args:
+        path: The file.
+        values: Floating-point numbers, NaN without data, or uint8 with ``NODATA_BYTE``, shape
+            [rows, columns]; row 0 is the southernmost.
+        place: Where the cells are.
+        name: Name of the band.
+        unit: Its unit.
+        meaning: What its numbers are, in words.
+        tags: What else is to be known, by name.
+
+    Raises:
+        LavaError: The file cannot be written.
+    """
+    from rasterio.errors import RasterioError
+    from rasterio.io import MemoryFile
+    from rasterio.transform import from_origin
+
+    rows, columns = values.shape
+    side, (east, south) = place.resolution, place.corner
+    is_byte = values.dtype == np.uint8
+    if not is_byte:
+        values = np.where(np.isfinite(values), values, NODATA).astype(np.float32)
+    try:
+        # GDAL only prints that a disk is full: it writes into memory, and we write the file
+        with MemoryFile() as memory, memory.open(
+            driver='GTiff',
+            width=columns,
+            height=rows,
+            count=1,
+            dtype=values.dtype.name,
+            crs=place.crs,
+            transform=from_origin(east, south + rows * side, side, side),
+            nodata=NODATA_BYTE if is_byte else NODATA,
+            compress='deflate',
+            predictor=2 if is_byte else 3,
+            bigtiff='if_safer',
+        ) as file:
+            # Row 0 is the southernmost here and the northernmost in the file.
+            file.write(values[::-1], 1)
+            file.set_band_description(1, name)
+            file.set_band_unit(1, unit)
+            file.update_tags(
+                TIFFTAG_SOFTWARE=f'lava_ros {lava_ros.__version__}',
+                TIFFTAG_IMAGEDESCRIPTION=f'{name} [{unit}]: {meaning}',
+                **tags,
+            )
+            file.close()
+            write_output('output', path, memory.read())
+    except (OSError, RasterioError) as error:
+        raise LavaError('output', str(path), f'a file to write ({error})') from error
+
+
+def write_grid(
+    path: Path, values: np.ndarray, terrain: Terrain, *, unit: str, meaning: str
+) -> Path:
+    """Write numbers on the cells of a terrain as GeoTIFF; the band has the name of the file.
+
+    Args:
+        path: The file.
+        values: As of ``write_map``.
+        terrain: The grid they are on.
+        unit: Their unit.
+        meaning: What they are, in a few words.
+
+    Returns:
+        The file.
+
+    Raises:
+        LavaError: rasterio is not installed, or the file cannot be written.
+    """
+    require('rasterio', 'GeoTIFF', str(path))
+    place = place_of(terrain)
+    write_map(path, values, place, name=path.stem, unit=unit, meaning=meaning, tags={})
+    return path
+
+
+def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, Any]]:
+    """Cells as a feature of GeoJSON, in the map's own coordinates; none without cells.
+
+    Args:
+        cells: Those that belong to it, bool, shape [rows, columns]; row 0 is the southernmost.
+        place: Where they are.
+        properties: What is to be known of it, by name.
+    """
+    from rasterio.features import shapes
+    from rasterio.transform import Affine
+
+    if not cells.any():
+        return []
+    side, (east, north) = place.resolution, place.corner
+    found = shapes(
+        cells.astype(np.uint8), cells, transform=Affine(side, 0.0, east, 0.0, side, north)
+    )
+    geometry = {'type': 'MultiPolygon', 'coordinates': [item['coordinates'] for item, _ in found]}
+    known = {**properties, 'area_m2': float(cells.sum()) * side**2}
+    return [{'type': 'Feature', 'properties': known, 'geometry': geometry}]
+
+
+def isochrones(times: np.ndarray, place: Place) -> list[dict[str, Any]]:
+    """What lava has reached by round times, each with all that was reached before.
+
+    Args:
+        times: When it came [s], NaN where it did not, shape [rows, columns].
+        place: Where the cells are.
+    """
+    if not np.isfinite(times).any():
+        return []
+    last = float(np.nanmax(times))
+    longest = max(_STEPS[-1], last / MOST_ISOCHRONES)
+    step = next((item for item in _STEPS if last <= item * MOST_ISOCHRONES), longest)
+    ends = step * np.arange(1, int(np.ceil(last / step)) + 1)
+    return [
+        feature
+        for end in ends
+        for feature in area(
+            np.nan_to_num(times, nan=np.inf) <= end,
+            place,
+            time_s=float(end),
+            time=duration(float(end)),
+        )
+    ]
+
+
+def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
+    """Where lava comes at least as likely as ``PROBABILITIES``; NaN is unknown."""
+    return [
+        feature
+        for least in PROBABILITIES
+        for feature in area(np.nan_to_num(percent) >= least, place, probability_percent=least)
+    ]
+
+
+def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
+    """Do nothing where maps can be written in some formats.
+
+    Raises:
+        LavaError: A library is missing, or nobody knows where the maps are.
+    """
+    if 'geojson' in formats:
+        require_geojson(crs)
+    if 'gpkg' in formats:
+        require('fiona', 'GeoPackage', str(folder))
+    if 'nc' in formats:
+        require('xarray', 'NetCDF', str(folder))
+        require('scipy', 'NetCDF', str(folder))
+
+
+def write_formats(
+    folder: Path,
+    formats: Collection[str],
+    layers: Mapping[str, Sequence[Mapping[str, Any]]],
+    maps: Mapping[str, tuple[np.ndarray, str, str]],
+    place: Place,
+    title: str,
+) -> list[Path]:
+    """Write what has one file for all of a map, or for all maps.
+
+    Args:
+        folder: Where the files go.
+        formats: ``geojson`` and ``gpkg`` for the layers, ``nc`` for the maps; others are ignored.
+        layers: Features by the name of their layer.
+        maps: As of ``write_netcdf``.
+        place: Where the cells are.
+        title: What it is.
+
+    Returns:
+        The files.
+
+    Raises:
+        LavaError: As of ``require_formats``, or a file cannot be written.
+    """
+    written = []
+    if 'geojson' in formats:
+        written = [folder / f'{name}.geojson' for name in layers]
+        for path, features in zip(written, layers.values(), strict=True):
+            write_geojson(path, features, place)
+    if 'gpkg' in formats:
+        written.append(folder / 'lava.gpkg')
+        write_geopackage(written[-1], layers, place)
+    if 'nc' in formats:
+        written.append(folder / 'maps.nc')
+        write_netcdf(written[-1], maps, place, title)
+    return written
+
+
+def require_geojson(crs: Any) -> None:
+    """Do nothing where it is known where in the world a map is.
+
+    Raises:
+        LavaError: It is not.
+    """
+    if crs is None:
+        right = 'the EPSG code of the map: GeoJSON has longitudes and latitudes'
+        raise LavaError('epsg', None, right)
+
+
+def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Place) -> None:
+    """Write features in longitude and latitude, as RFC 7946 has it.
+
+    Raises:
+        LavaError: Nobody knows where the map is, or the file cannot be written.
+    """
+    from rasterio.warp import transform_geom
+
+    require_geojson(place.crs)
+    turned = [
+        {**item, 'geometry': transform_geom(place.crs, 'EPSG:4326', item['geometry'], precision=7)}
+        for item in features
+    ]
+    text = json.dumps({'type': 'FeatureCollection', 'features': turned})
+    write_output('output', path, text + '\n')
+
+
+def write_geopackage(
+    path: Path, layers: Mapping[str, Sequence[Mapping[str, Any]]], place: Place
+) -> None:
+    """Write layers of features in the coordinate system of the map; empty ones are left out.
+
+    Raises:
+        LavaError: fiona is not installed, or the file cannot be written.
+    """
+    require('fiona', 'GeoPackage', str(path))
+    import fiona
+
+    try:
+        with replacing(path) as partial:
+            # an empty file is no GeoPackage to add a layer to
+            partial.unlink()
+            for name, features in layers.items():
+                if not features:
+                    continue
+                kinds = {
+                    key: 'str' if isinstance(value, str) else 'float'
+                    for key, value in features[0]['properties'].items()
+                }
+                with fiona.open(
+                    partial,
+                    'w',
+                    driver='GPKG',
+                    layer=name,
+                    schema={'geometry': 'MultiPolygon', 'properties': kinds},
+                    crs_wkt=place.crs.to_wkt() if place.crs else None,
+                ) as file:
+                    file.writerecords(features)
+    except Exception as error:
+        # what GDAL and SQLite say has no class in common
+        raise LavaError('output', str(path), f'a file to write ({error})') from error
+
+
+def write_netcdf(
+    path: Path, maps: Mapping[str, tuple[np.ndarray, str, str]], place: Place, title: str
+) -> None:
+    """Write maps into one file that keeps the CF conventions.
+
+    Args:
+        path: The file.
+        maps: Values (NaN without data), unit and meaning, by name.
+        place: Where the cells are.
+        title: What it is.
+
+    Raises:
+        LavaError: xarray or scipy is not installed, or the file cannot be written.
+    """
+    require('xarray', 'NetCDF', str(path))
+    require('scipy', 'NetCDF', str(path))
+    import xarray
+
+    axes = {}
+    shape = next(iter(maps.values()))[0].shape
+    for name, start, count in zip('xy', place.corner, shape[::-1], strict=True):
+        middles = start + (np.arange(count) + 0.5) * place.resolution
+        known = {'units': 'm', 'standard_name': f'projection_{name}_coordinate'}
+        axes[name] = ((name,), middles, {**known, 'axis': name.upper()})
+    variables: dict[str, Any] = {}
+    where = {}
+    if place.crs is not None:
+        wkt = place.crs.to_wkt()
+        variables['crs'] = ((), np.int32(0), {'crs_wkt': wkt, 'spatial_ref': wkt})
+        where = {'grid_mapping': 'crs'}
+    for name, (values, unit, meaning) in maps.items():
+        known = {'units': unit, 'long_name': meaning, **where}
+        variables[name] = (('y', 'x'), values.astype(np.float32), known)
+    data = xarray.Dataset(
+        variables,
+        axes,
+        {
+            'Conventions': 'CF-1.11',
+            'title': title,
+            'source': f'lava_ros {lava_ros.__version__}',
+        },
+    )
+    encoding = {name: {'_FillValue': np.float32(np.nan)} for name in maps}
+    made = data.to_netcdf(engine='scipy', format='NETCDF3_64BIT', encoding=encoding)
+    write_output('output', path, bytes(made))
+
+
+def write_style(path: Path, name: str, values: np.ndarray) -> None:
+    """Write the style that QGIS takes for a GeoTIFF of the same name; none for an unknown map.
+
+    Args:
+        path: The GeoTIFF.
+        name: Name of the map.
+        values: Its values, NaN without data.
+
+    Raises:
+        LavaError: The file cannot be written.
+    """
+    if name not in _DRAWN or not np.isfinite(values).any():
+        return
+    colours = STYLES[_DRAWN[name]].colours
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    if _DRAWN[name] in ('hazard', 'probability'):
+        low, high = 1.0, 100.0
+    elif _DRAWN[name] == 'thickness':
+        low = 0.0
+    root = ElementTree.Element('qgis', version='3.28')
+    pipe = ElementTree.SubElement(root, 'pipe')
+    drawn = ElementTree.SubElement(
+        pipe, 'rasterrenderer', type='singlebandpseudocolor', band='1', opacity='0.8'
+    )
+    drawn.set('classificationMin', repr(low))
+    drawn.set('classificationMax', repr(high))
+    shader = ElementTree.SubElement(drawn, 'rastershader')
+    shader = ElementTree.SubElement(shader, 'colorrampshader', colorRampType='INTERPOLATED')
+    for value, colour in zip(np.linspace(low, high, len(colours)), colours, strict=True):
+        item = {'value': repr(float(value)), 'color': colour, 'alpha': '255'}
+        ElementTree.SubElement(shader, 'item', item, label=f'{value:.4g}')
+    ElementTree.indent(root)
+    text = ElementTree.tostring(root, encoding='unicode')
+    head = "<!DOCTYPE qgis PUBLIC 'http://mrcc.com/qgis.dtd' 'SYSTEM'>\n"
+    write_output('output', path.with_suffix('.qml'), head + text + '\n')

@@ -1,0 +1,261 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Files of msg_configs/ -> layers."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+import re
+from typing import Any
+
+from lava_ros import validation
+from lava_ros.bag.qos import LATCHED, QosProfile
+from lava_ros.errors import LavaError
+from lava_ros.files.yaml import read_yaml
+from lava_ros.maps.layers import (
+    ARRIVAL,
+    ARRIVED,
+    DURABILITIES,
+    ENSEMBLE_SOURCES,
+    FORECAST_SOURCES,
+    GRID_MAP,
+    HazardLimits,
+    IMAGE,
+    LAVA,
+    Layer,
+    MESSAGES,
+    MOST_MARGIN,
+    OCCUPANCY_GRID,
+    plain_source,
+    POINT_CLOUD,
+    PROBABILITY,
+    RELIABILITIES,
+    SOURCES,
+    ZERO_CELSIUS,
+)
+
+_UNITS = {
+    'thickness': 'm',
+    'temperature': 'Celsius',
+    'hazard': 'hazard',
+    ARRIVAL: 's',
+    ARRIVED: 's',
+    PROBABILITY: '%',
+}
+
+#: Most classes of a layer.
+MOST_CLASSES = 20
+
+_TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
+
+
+def load_layers(path: str | Path) -> tuple[Layer, ...]:
+    """Read a file of msg_configs/.
+
+    Raises:
+        LavaError: The file cannot be read, or a key or value in it is wrong.
+    """
+    return layers_from_dict(read_yaml('msg_config', path))
+
+
+def layers_from_dict(data: object) -> tuple[Layer, ...]:
+    """Build the layers from the plain data of a YAML file.
+
+    Raises:
+        LavaError: A key or value is wrong; the message names it and what is allowed.
+    """
+    top = validation.keys('msg_config', data, allowed=['layers'], required=['layers'])
+    entries = top['layers']
+    if not isinstance(entries, Mapping) or not entries:
+        raise LavaError('layers', entries, 'a mapping of layer names to layers')
+    layers = tuple(_layer(str(name), entry) for name, entry in entries.items())
+    topics: dict[str, str] = {}
+    for layer in layers:
+        if layer.topic in topics:
+            raise LavaError(
+                f'layers.{layer.name}.topic',
+                layer.topic,
+                f'a topic of its own: layer {topics[layer.topic]} has this one',
+            )
+        topics[layer.topic] = layer.name
+    return layers
+
+
+def switched(layers: Sequence[Layer], *, on: Sequence[str], off: Sequence[str]) -> list[Layer]:
+    """Enable and disable layers by their names.
+
+    Args:
+        layers: The layers of a file.
+        on: Names of those that are published whatever the file says.
+        off: Names of those that are not.
+
+    Raises:
+        LavaError: A name is none of a layer, or stands in both lists.
+    """
+    known = [layer.name for layer in layers]
+    for field_name, names in (('layers_on', on), ('layers_off', off)):
+        for name in names:
+            validation.choice(field_name, name, known)
+    for name in off:
+        if name in on:
+            raise LavaError('layers_off', name, 'a layer that is not in layers_on as well')
+    return [
+        replace(layer, enabled=layer.name in on or (layer.enabled and layer.name not in off))
+        for layer in layers
+    ]
+
+
+class _Entry:
+    """A mapping in a file, whose values are read one by one; errors name the key."""
+
+    def __init__(
+        self, where: str, value: object, allowed: Iterable[str], required: Sequence[str] = ()
+    ) -> None:
+        self.where = where
+        self.data = validation.keys(where, value, allowed=allowed, required=required)
+
+    def number(self, key: str, default: object = None, **limits: Any) -> float:
+        return validation.number(f'{self.where}.{key}', self.data.get(key, default), **limits)
+
+    def whole(self, key: str, default: int, at_least: int, at_most: int) -> int:
+        value = self.data.get(key, default)
+        return validation.whole(f'{self.where}.{key}', value, at_least=at_least, at_most=at_most)
+
+    def flag(self, key: str) -> bool:
+        return validation.flag(f'{self.where}.{key}', self.data.get(key, True))
+
+    def choice(self, key: str, words: Iterable[str], default: object = None) -> str:
+        return validation.choice(f'{self.where}.{key}', self.data.get(key, default), words)
+
+    def refuse(self, keys: Sequence[str], right: str) -> None:
+        for key in keys:
+            if key in self.data:
+                raise self.error(key, right)
+
+    def error(self, key: str, right: str) -> LavaError:
+        return LavaError(f'{self.where}.{key}', self.data.get(key), right)
+
+
+def _layer(name: str, value: object) -> Layer:
+    where = f'layers.{name}'
+    allowed = [item.name for item in fields(Layer) if item.name != 'name']
+    entry = _Entry(where, value, allowed, required=['source', 'message'])
+    message = MESSAGES[entry.choice('message', MESSAGES)]
+    alone = (*SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES)
+    alone += (ARRIVED,) if message == IMAGE else ()
+    source = entry.choice('source', (LAVA,) if message in (POINT_CLOUD, GRID_MAP) else alone)
+    topic = entry.data.get('topic', name)
+    if not isinstance(topic, str) or not _TOPIC.fullmatch(topic):
+        right = 'a relative topic name: letters, digits, _ and / between'
+        raise LavaError(f'{where}.topic', topic, right)
+    result: dict[str, Any] = {
+        'name': name,
+        'topic': topic,
+        'source': source,
+        'message': message,
+        'threshold': entry.number('threshold', 0.1, at_least=0.0, unit='m'),
+        'enabled': entry.flag('enabled'),
+        'rate': entry.number('rate', 1.0, at_least=0.001, at_most=50.0, unit='Hz'),
+        'record': entry.flag('record'),
+        'qos': _qos(f'{where}.qos', entry.data.get('qos', {})),
+    }
+    if message == OCCUPANCY_GRID:
+        result |= _scaling(entry, plain_source(source))
+    else:
+        scaling = ('range', 'scale', 'step', 'classes', 'margin', 'outside')
+        entry.refuse(scaling, 'absent: only a grid scales the values')
+    if source.endswith('hazard') or message == GRID_MAP:
+        result['hazard'] = _hazard_limits(f'{where}.hazard', entry.data.get('hazard', {}))
+    else:
+        entry.refuse(['hazard'], 'absent unless source is hazard or the message a GridMap')
+    return Layer(**result)
+
+
+def _scaling(entry: _Entry, quantity: str) -> dict[str, Any]:
+    """How an occupancy grid shows a quantity, and what is around and outside it."""
+    result: dict[str, Any] = {
+        'margin': entry.number('margin', 0.0, at_least=0.0, at_most=MOST_MARGIN, unit='m'),
+        'outside': entry.whole('outside', -1, -1, 100),
+    }
+    unit = _UNITS[quantity]
+    if 'step' in entry.data:
+        entry.refuse(('range', 'scale', 'classes'), 'absent beside step')
+        return {**result, 'step': entry.number('step', unit=unit)}
+    if 'classes' in entry.data:
+        entry.refuse(('range', 'scale', 'margin'), 'absent beside classes')
+        return {**result, 'classes': _classes(entry, unit)}
+    if quantity in (ARRIVAL, PROBABILITY) and result['margin']:
+        raise entry.error('margin', 'absent, or beside step')
+    if quantity == PROBABILITY:
+        entry.refuse(('range', 'scale'), 'absent: a probability is 0 to 100 as it is')
+        return result
+    return {**result, 'range': _range(entry, quantity), 'scale': _scale(entry, quantity)}
+
+
+def _classes(entry: _Entry, unit: str) -> tuple[float, ...]:
+    value = entry.data['classes']
+    if not isinstance(value, (list, tuple)) or not 1 <= len(value) <= MOST_CLASSES - 1:
+        right = f'1 to {MOST_CLASSES - 1} numbers {unit}, each larger than the one before'
+        raise entry.error('classes', right)
+    bounds: list[float] = []
+    for index, item in enumerate(value):
+        field, before = f'{entry.where}.classes[{index}]', bounds[-1] if bounds else 0.0
+        bounds.append(validation.number(field, item, above=before, unit=unit))
+    return tuple(bounds)
+
+
+def _range(entry: _Entry, quantity: str) -> tuple[float, float] | None:
+    if 'range' not in entry.data and quantity in (ARRIVAL, 'hazard'):
+        return None if quantity == ARRIVAL else (0.0, 100.0)
+    unit, value = _UNITS[quantity], entry.data.get('range')
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise entry.error('range', f'two numbers [low, high] {unit}')
+    low = validation.number(f'{entry.where}.range[0]', value[0], unit=unit)
+    return low, validation.number(f'{entry.where}.range[1]', value[1], above=low, unit=unit)
+
+
+def _scale(entry: _Entry, quantity: str) -> tuple[int, int]:
+    value = entry.data.get('scale', (100, 0) if quantity == ARRIVAL else (0, 100))
+    if not isinstance(value, (list, tuple)) or len(value) != 2:
+        raise entry.error('scale', 'two whole numbers, the grid values at the ends of range')
+    first, last = (
+        validation.whole(f'{entry.where}.scale[{index}]', item, at_least=0, at_most=100)
+        for index, item in enumerate(value)
+    )
+    if max(first, last) == 0:
+        raise entry.error('scale', 'a value above 0 at one end: 0 says that there is no lava')
+    return first, last
+
+
+def _qos(where: str, value: object) -> QosProfile:
+    entry = _Entry(where, value, ('reliability', 'durability', 'depth'))
+    return QosProfile(
+        reliability=entry.choice('reliability', RELIABILITIES, LATCHED.reliability),
+        durability=entry.choice('durability', DURABILITIES, LATCHED.durability),
+        depth=entry.whole('depth', LATCHED.depth, 1, 1000),
+    )
+
+
+def _hazard_limits(where: str, value: object) -> HazardLimits:
+    entry = _Entry(where, value, [item.name for item in fields(HazardLimits)])
+    usual, zero = HazardLimits(), ZERO_CELSIUS
+    safe = entry.number(
+        'safe_temperature', usual.safe_temperature - zero, at_least=-zero, unit='Celsius'
+    )
+    lethal = entry.number(
+        'lethal_temperature', usual.lethal_temperature - zero, above=safe, unit='Celsius'
+    )
+    thickness = entry.number('lethal_thickness', usual.lethal_thickness, above=0.0, unit='m')
+    return HazardLimits(thickness, safe + zero, lethal + zero)

@@ -1,0 +1,406 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The layers of a simulation that are published, as a file in msg_configs/ describes them."""
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from lava_ros.bag.qos import LATCHED, QosProfile
+from lava_ros.errors import LavaError
+from lava_ros.maps.forecast import Forecast, occupancy, Outlook, UNKNOWN
+
+if TYPE_CHECKING:
+    # The solver's package loads Warp, which files and messages do not need.
+    from lava_ros.simulation.snapshot import Snapshot
+
+    #: The flow of now, or the largest of what comes.
+    Flow = Snapshot | Forecast
+
+    #: What a layer shows: that, or how likely it is.
+    Shown = Flow | Outlook
+
+#: 0 C in kelvin.
+ZERO_CELSIUS = 273.15
+
+OCCUPANCY_GRID = 'nav_msgs/msg/OccupancyGrid'
+IMAGE = 'sensor_msgs/msg/Image'
+POINT_CLOUD = 'sensor_msgs/msg/PointCloud2'
+GRID_MAP = 'grid_map_msgs/msg/GridMap'
+
+#: What a file may call a message type, and its full name.
+MESSAGES = {
+    name: full
+    for full in (OCCUPANCY_GRID, IMAGE, POINT_CLOUD, GRID_MAP)
+    for name in (full.replace('/msg/', '/'), full)
+}
+
+#: Quantities that a message may show alone.
+SOURCES = ('thickness', 'temperature', 'hazard')
+
+#: The source that says when lava has come, in simulated time.
+ARRIVED = 'arrived'
+
+#: The source that says when lava comes.
+ARRIVAL = 'arrival'
+
+#: What stands before a source of ``SOURCES`` for the worst of it within a forecast's horizon.
+PEAK = 'peak_'
+
+#: Quantities of a forecast, each shown alone.
+FORECAST_SOURCES = (ARRIVAL, *(PEAK + source for source in SOURCES))
+
+#: The source that says how likely lava comes within the horizon of an ensemble.
+PROBABILITY = 'inundation_probability'
+
+#: Share of an ensemble's members that have lava by a time, by the source that says when.
+QUANTILE_SOURCES = {'arrival_p10': 0.1, 'arrival_p50': 0.5, 'arrival_p90': 0.9}
+
+#: The source that says how thick lava gets on average over an ensemble.
+EXPECTED = 'expected_thickness'
+
+#: Quantities of an ensemble, each shown alone.
+ENSEMBLE_SOURCES = (PROBABILITY, *QUANTILE_SOURCES, EXPECTED)
+
+#: The source of messages that show several quantities side by side.
+LAVA = 'lava'
+RELIABILITIES = ('reliable', 'best_effort')
+DURABILITIES = ('transient_local', 'volatile')
+
+#: Where classes of depth end that people can picture: a knee, somebody's height, a roof [m].
+DEPTHS = (0.5, 2.0, 5.0)
+
+#: Widest margin around lava [m].
+MOST_MARGIN = 1000.0
+
+
+def plain_source(source: str) -> str:
+    """What a source is about: ``thickness`` of its peak and its mean, ``arrival`` of quantiles."""
+    if source in QUANTILE_SOURCES:
+        return ARRIVAL
+    return 'thickness' if source == EXPECTED else source.removeprefix(PEAK)
+
+
+@dataclass(frozen=True)
+class HazardLimits:
+    """Where burial and heat become dangerous.
+
+    Attributes:
+        lethal_thickness: Thickness at which burial alone is lethal [m].
+        safe_temperature: Temperature up to which heat does no harm [K]; by default 50 C, the
+            limit of most machines.
+        lethal_temperature: Temperature from which heat alone is lethal to people and machines [K],
+            by default 300 C.
+    """
+
+    lethal_thickness: float = 0.5
+    safe_temperature: float = 323.15
+    lethal_temperature: float = 573.15
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One output of the node: what is shown and how it becomes a message.
+
+    Attributes:
+        name: The layer's key in its file.
+        topic: Relative topic name.
+        source: ``thickness``, ``temperature`` or ``hazard``; in images ``arrived``; in point
+            clouds and grid maps ``lava``, which is all of them. Of a forecast ``arrival`` or
+            ``peak_thickness``, ``peak_temperature``, ``peak_hazard``; of an ensemble one of
+            ``ENSEMBLE_SOURCES``.
+        message: Full name of the message type.
+        range: Values that map to the two ends of ``scale`` [m, Celsius, hazard, or s]; None for
+            what is not scaled and for masks with a step, and for the arrival, whose range is that
+            of its forecast.
+        scale: Grid values at the ends of ``range``; the second may be the smaller.
+        step: Value from which on a cell is 100, and 0 below it: a mask; for the arrival up to
+            which, and 0 beyond it; None for a scale.
+        classes: Values at which one class of a quantity ends and the next begins, increasing: a
+            cell is 100 k / n in the k-th of n classes, the last one the worst, for an arrival the
+            soonest; None for a scale or a mask.
+        margin: Distance from lava [m] up to which a cell without lava counts as the mildest lava,
+            or, with a step, as one beyond it.
+        threshold: Thickness below which a cell counts as dry [m].
+        outside: Grid value outside the terrain.
+        enabled: Whether the layer is published at all.
+        rate: Messages per second [Hz], at most.
+        record: Whether the messages go into a bag that is being recorded.
+        qos: Delivery of the messages.
+        hazard: Limits of the hazard, where it is shown.
+    """
+
+    name: str
+    topic: str
+    source: str
+    message: str
+    range: tuple[float, float] | None = None
+    scale: tuple[int, int] = (0, 100)
+    step: float | None = None
+    classes: tuple[float, ...] | None = None
+    margin: float = 0.0
+    threshold: float = 0.1
+    outside: int = -1
+    enabled: bool = True
+    rate: float = 1.0
+    record: bool = True
+    qos: QosProfile = LATCHED
+    hazard: HazardLimits = HazardLimits()
+
+    @property
+    def is_mask(self) -> bool:
+        """Whether it says where not to go now, not what is there."""
+        is_wider = self.step is not None or self.margin > 0.0
+        return is_wider and self.message == OCCUPANCY_GRID and not self.is_forecast
+
+    @property
+    def is_forecast(self) -> bool:
+        """Whether it shows what comes in place of a snapshot."""
+        return self.source in FORECAST_SOURCES or self.is_ensemble
+
+    @property
+    def is_ensemble(self) -> bool:
+        """Whether it shows an ensemble."""
+        return self.source in ENSEMBLE_SOURCES
+
+    def raw_values(self, snapshot: 'Shown') -> np.ndarray:
+        """Return the layer's quantity on the terrain's cells.
+
+        Returns:
+            float32, shape [rows, columns]: thickness [m], temperature [Celsius], hazard or
+            probability 0..100, arrival [s], or time [s] of it. Dry cells are 0, or NaN for
+            temperature and both of these; cells of which nothing is known, as outside the
+            terrain, are NaN, and for the arrival ``UNKNOWN``.
+
+        Raises:
+            LavaError: The layer shows several quantities.
+        """
+        if self.source == ARRIVED:
+            return self._arrived(snapshot)
+        if self.source == LAVA:
+            right = f'one of {", ".join(SOURCES)}; maps and points have them all'
+            raise LavaError(f'layers.{self.name}.source', self.source, right)
+        if isinstance(snapshot, Outlook):
+            if self.source == PROBABILITY:
+                return snapshot.maps.probability
+            layer, forecast = self._plain(snapshot)
+            return layer.raw_values(forecast)
+        return self._raw(self.source.removeprefix(PEAK), snapshot)
+
+    def maps(self, snapshot: 'Flow') -> dict[str, np.ndarray]:
+        """Return the ground's elevation [m] and each of ``SOURCES`` as ``raw_values`` does."""
+        elevation = np.asarray(snapshot.terrain.elevation, dtype=np.float32)
+        return {'elevation': elevation} | {name: self._raw(name, snapshot) for name in SOURCES}
+
+    def points(self, snapshot: 'Flow') -> dict[str, np.ndarray]:
+        """Return a point on the lava's surface for each wet cell, row by row.
+
+        Returns:
+            Columns ``x``, ``y``, ``z`` [m], ``thickness`` [m] and ``temperature`` [Celsius, NaN
+            where it is unknown], float32, one value a point.
+        """
+        rows, columns = np.nonzero(self.wet(snapshot))
+        terrain, thickness = snapshot.terrain, snapshot.thickness[rows, columns]
+        temperature = snapshot.temperature[rows, columns]
+        values = {
+            'x': terrain.origin[0] + (columns + 0.5) * terrain.resolution,
+            'y': terrain.origin[1] + (rows + 0.5) * terrain.resolution,
+            'z': terrain.elevation[rows, columns] + thickness,
+            'thickness': thickness,
+            'temperature': self._quantity('temperature', thickness, temperature),
+        }
+        return {name: np.asarray(column, dtype=np.float32) for name, column in values.items()}
+
+    def grid_values(self, snapshot: 'Shown') -> np.ndarray:
+        """Return the layer's quantity on the scale of an occupancy grid.
+
+        Returns:
+            int8, shape [rows, columns]: 0 without lava, 1 to 100 with lava, ``outside`` outside
+            the terrain. With a step 100 from it on and 0 below, with classes theirs. A wet cell
+            whose quantity is unknown is as one at the range's high end, or beyond the step. A
+            probability is 0 only where no member has lava, and 100 only where all have.
+
+        Raises:
+            LavaError: The layer has neither a range, a step nor classes.
+        """
+        if isinstance(snapshot, Outlook):
+            if self.source == PROBABILITY:
+                return self._probabilities(snapshot)
+            layer, forecast = self._plain(snapshot)
+            return layer.grid_values(forecast)
+        wet = self.wet(snapshot)
+        if isinstance(snapshot, Forecast) and self.source == ARRIVAL:
+            quantity, default = snapshot.arrival[wet], (0.0, snapshot.horizon)
+        else:
+            source, default = self.source.removeprefix(PEAK), None
+            quantity = self._quantity(
+                source, snapshot.thickness[wet], snapshot.temperature[wet]
+            )
+        distance = self.margin / snapshot.terrain.resolution
+        values = np.zeros(snapshot.thickness.shape, dtype=np.int8)
+        if self.step is not None:
+            reached = wet.copy()
+            # The comparison is false for what is unknown.
+            is_below = quantity < np.float32(self.step)
+            reached[wet] = quantity <= np.float32(self.step) if default else ~is_below
+            values[within(reached, distance)] = 100
+        elif self.classes is not None:
+            values[wet] = self._classed(quantity, is_time=default is not None)
+        else:
+            values[within(wet, distance)] = max(1, self.scale[0])
+            values[wet] = self._scaled(quantity, self.range or default)
+        values[np.isnan(snapshot.thickness)] = self.outside
+        return values
+
+    def values(self, snapshot: 'Shown') -> np.ndarray:
+        """Return what a grid or an image carries: grid values or raw values by message type."""
+        if self.message == OCCUPANCY_GRID:
+            return self.grid_values(snapshot)
+        return self.raw_values(snapshot)
+
+    def wet(self, snapshot: 'Flow') -> np.ndarray:
+        """Where this layer sees lava, bool, shape [rows, columns]."""
+        if isinstance(snapshot, Forecast) and self.source == ARRIVAL:
+            return np.isfinite(snapshot.arrival)
+        return (snapshot.thickness > 0.0) & (snapshot.thickness >= self.threshold)
+
+    def _plain(self, outlook: Outlook) -> 'tuple[Layer, Forecast]':
+        """The layer of a forecast that shows what this one does of an ensemble, and that."""
+        share = QUANTILE_SOURCES.get(self.source, 0.5)
+        return replace(self, source=plain_source(self.source)), outlook.forecast(share)
+
+    def _probabilities(self, outlook: Outlook) -> np.ndarray:
+        values = occupancy(outlook.maps.probability)
+        if self.step is not None:
+            distance = self.margin / outlook.terrain.resolution
+            likely = within(outlook.maps.probability >= np.float32(self.step), distance)
+            values = np.where(likely, np.int8(100), np.int8(0))
+        elif self.classes is not None:
+            classed = self._classed(outlook.maps.probability, is_time=False)
+            values = np.where(values > 0, classed, values)
+        values[np.isnan(outlook.maps.probability)] = self.outside
+        return values
+
+    def _classed(self, quantity: np.ndarray, *, is_time: bool) -> np.ndarray:
+        """Grid values of the classes that a quantity is in; what is unknown is in the worst."""
+        assert self.classes is not None
+        bounds = np.array(self.classes, dtype=np.float32)
+        if is_time:
+            # up to a bound, and sooner
+            place = len(bounds) - np.searchsorted(bounds, quantity, side='left')
+        else:
+            place = np.searchsorted(bounds, quantity, side='right')
+        return np.rint(100.0 * (place + 1) / (len(bounds) + 1)).astype(np.int8)
+
+    def _scaled(self, quantity: np.ndarray, ends: tuple[float, float] | None) -> np.ndarray:
+        """Grid values of the quantity in wet cells, never 0."""
+        if ends is None:
+            raise LavaError(f'layers.{self.name}.range', None, 'two numbers [low, high]')
+        low, high = ends
+        first, last = self.scale
+        gain = np.float32((last - first) / (high - low))
+        scaled = np.rint(np.float32(first) + (quantity - np.float32(low)) * gain)
+        least, most = sorted(self.scale)
+        return np.clip(np.where(np.isnan(scaled), last, scaled), max(1, least), most)
+
+    @staticmethod
+    def _arrived(snapshot: 'Shown') -> np.ndarray:
+        times = getattr(snapshot, 'arrived', None)
+        return np.full(snapshot.terrain.shape, np.nan, np.float32) if times is None else times
+
+    def _raw(self, source: str, snapshot: 'Flow') -> np.ndarray:
+        if isinstance(snapshot, Forecast) and source == ARRIVAL:
+            unknown = np.isnan(snapshot.thickness)
+            return np.where(unknown, np.float32(UNKNOWN), snapshot.arrival)
+        wet = self.wet(snapshot)
+        dry_value = np.nan if source == 'temperature' else 0.0
+        values = np.full(snapshot.thickness.shape, dry_value, dtype=np.float32)
+        values[wet] = self._quantity(source, snapshot.thickness[wet], snapshot.temperature[wet])
+        values[np.isnan(snapshot.thickness)] = np.nan
+        return values
+
+    def _quantity(
+        self, source: str, thickness: np.ndarray, temperature: np.ndarray
+    ) -> np.ndarray:
+        """A quantity in wet cells alone: they are few."""
+        if source == 'thickness':
+            return thickness
+        if source == 'temperature':
+            return temperature - np.float32(ZERO_CELSIUS)
+        return hazard(thickness, temperature, self.hazard)
+
+
+def within(marked: np.ndarray, distance: float) -> np.ndarray:
+    """Find the cells near marked ones.
+
+    Args:
+        marked: bool, shape [rows, columns].
+        distance: Largest distance between the centres of two cells [cells].
+
+    Returns:
+        bool, same shape: the marked cells and those no farther from one than that.
+    """
+    result = marked.copy()
+    if distance < 1.0 or not marked.any():
+        return result
+    reach = int(distance)
+    box = tuple(
+        slice(max(0, int(indices.min()) - reach), int(indices.max()) + reach + 1)
+        for indices in np.nonzero(marked)
+    )
+    part, grown = marked[box], result[box]
+    far = np.int32(sum(part.shape) + reach)
+    columns = np.arange(part.shape[1], dtype=np.int32)
+    before = np.maximum.accumulate(np.where(part, columns, -far), axis=1)
+    after = np.minimum.accumulate(np.where(part, columns, far)[:, ::-1], axis=1)[:, ::-1]
+    # How far the nearest marked cell of the same row is.
+    gap = np.minimum(columns - before, after - columns)
+    for step in range(min(reach, part.shape[0] - 1) + 1):
+        near = gap <= np.floor(np.sqrt(distance**2 - step**2))
+        grown[step:] |= near[: len(near) - step]
+        grown[: len(near) - step] |= near[step:]
+    return result
+
+
+def hazard(
+    thickness: np.ndarray, temperature: np.ndarray, limits: HazardLimits | None = None
+) -> np.ndarray:
+    """Combine burial and heat into one number per cell.
+
+    Burial grows linearly from 0 to 1 at the lethal thickness, heat from 0 at the safe to 1 at the
+    lethal temperature; the hazard is ``100 (1 - (1 - burial) (1 - heat))``, as if the two struck
+    independently. It never decreases when the lava gets thicker or hotter.
+
+    Args:
+        thickness: Lava thickness [m], shape [rows, columns], NaN outside the terrain.
+        temperature: Lava temperature [K], same shape, NaN where there is no lava. Lava of unknown
+            temperature counts as lethally hot.
+        limits: Where burial and heat become dangerous; the default ones when left out.
+
+    Returns:
+        Hazard, float32, same shape: 0 without lava, 1 to 100 with lava, NaN outside the terrain.
+    """
+    limits = limits or HazardLimits()
+    thickness = np.asarray(thickness, dtype=np.float32)
+    temperature = np.asarray(temperature, dtype=np.float32)
+    wet = thickness > 0.0
+    burial = np.clip(thickness / np.float32(limits.lethal_thickness), 0.0, 1.0)
+    span = np.float32(limits.lethal_temperature - limits.safe_temperature)
+    heat = np.clip((temperature - np.float32(limits.safe_temperature)) / span, 0.0, 1.0)
+    heat = np.where(np.isnan(temperature), np.float32(1.0), heat)
+    combined = 100.0 * (1.0 - (1.0 - burial) * (1.0 - heat))
+    result = np.where(wet, np.maximum(combined, 1.0), 0.0)
+    return np.where(np.isnan(thickness), np.nan, result).astype(np.float32)

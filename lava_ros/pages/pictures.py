@@ -1,0 +1,176 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Runs on disk -> a page of maps: `lava plot`, and the picture of `lava report`."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lava_ros.errors import LavaError
+from lava_ros.forecast.picture import draw_reliability
+from lava_ros.forecast.rasters import seen_in_file
+from lava_ros.forecast.scores import brier_parts
+from lava_ros.maps.plot import STYLES
+from lava_ros.maps.sheet import BANNER, draw_sheet, Panel
+from lava_ros.pages.runs import read_run, Run
+from lava_ros.scene.features import Feature, read_features
+
+#: What is called the outline of where lava was seen.
+OBSERVED = 'lava that was seen'
+
+
+@dataclass(frozen=True)
+class Words:
+    """Texts and files for the page that the user gives; the runs supply what is left out.
+
+    Attributes:
+        layers: Names of the maps, of ``runs.LAYERS``; none: those there are.
+        time: Simulated time [s] of bags, None for the last there is.
+        title: What it is.
+        volcano: Where it is.
+        date: When it was.
+        source: Where the elevation is from.
+        overlays: Files with features to draw.
+        observed: File that says where lava was seen.
+    """
+
+    layers: Sequence[str] = ()
+    time: float | None = None
+    title: str | None = None
+    volcano: str | None = None
+    date: str | None = None
+    source: str | None = None
+    overlays: Sequence[str] = ()
+    observed: str | None = None
+
+
+def draw_runs(
+    paths: Sequence[str | Path], output: str | Path, words: Words | None = None
+) -> dict[str, Any]:
+    """Draw runs on one page.
+
+    Args:
+        paths: Bags and ensembles.
+        output: The picture; its suffix chooses the format.
+        words: What else is to be on it.
+
+    Returns:
+        What the page says, as plain data.
+
+    Raises:
+        LavaError: A run or a file cannot be read, they do not go together, or the picture cannot
+            be written.
+    """
+    words = words or Words()
+    runs = [read_run(path, time=words.time, wanted=words.layers) for path in paths]
+    if len({run.name for run in runs}) < len(runs):
+        runs = [
+            replace(run, name=f'{Path(path).resolve().parent.name}/{run.name}')
+            for path, run in zip(paths, runs, strict=True)
+        ]
+    _check_together(runs)
+    shown = list(_shown(runs, words.layers))
+    overlays: dict[str, Sequence[Feature]] = {
+        Path(path).stem: read_features('--overlay', path, runs[0].terrain)
+        for path in words.overlays
+    }
+    charts: list[Callable[[Any], None]] = []
+    scores = {}
+    if words.observed is not None:
+        seen = {run.name: seen_in_file(words.observed, run.terrain) for run in runs}
+        shown = [
+            (run, replace(panel, outlines={OBSERVED: seen[run.name][0]}))
+            for run, panel in shown
+        ]
+        for run in (run for run in runs if run.is_ensemble):
+            came, known = seen[run.name]
+            likely = 0.01 * np.nan_to_num(run.panels['probability'].values[known])
+            charts.append(
+                partial(draw_reliability, probability=likely, came=came[known])
+            )
+            parts = brier_parts(likely, came[known])
+            scores[run.name] = {'brier_score': parts.score, 'brier_skill': parts.skill}
+    title, subtitle = _titles(runs, shown, words)
+    notes = _notes(runs, words)
+    panels = [panel for _, panel in shown]
+    draw_sheet(
+        panels, output, title=title, subtitle=subtitle, notes=notes, overlays=overlays,
+        charts=charts,
+    )
+    said = {'title': title, 'summary': subtitle, 'banner': BANNER, 'notes': notes}
+    maps = [item.title or STYLES[item.source].title for item in panels]
+    return {**said, 'maps': maps, 'scores': scores}
+
+
+def _check_together(runs: Sequence[Run]) -> None:
+    """Refuse runs that are in different places, and those that cannot be told apart.
+
+    Raises:
+        LavaError: Two have other coordinate systems, or the same name.
+    """
+    names = [run.name for run in runs]
+    if len(set(names)) < len(names):
+        raise LavaError('runs', ', '.join(names), 'runs whose folders have different names')
+    systems = {run.terrain.epsg for run in runs}
+    if len(systems) > 1:
+        told = ' and '.join(f'EPSG:{item}' if item else 'none' for item in systems)
+        raise LavaError('coordinate systems of the runs', told, 'the same for all')
+
+
+def _shown(runs: Sequence[Run], layers: Sequence[str]) -> Iterator[tuple[Run, Panel]]:
+    """The maps to draw, each with its run."""
+    names = list(layers) or runs[0].usual
+    if not layers and len(runs) > 1:
+        names = [name for name in names if all(name in run.panels for run in runs)][:1]
+    for name in names or ['thickness']:
+        for run in runs:
+            if name not in run.panels:
+                right = f'one of {", ".join(run.panels)}, which {run.name} has'
+                raise LavaError('--layers', name, right)
+            panel = run.panels[name]
+            title = panel.title or STYLES[panel.source].title
+            yield run, replace(panel, title=f'{run.name}: {title}') if len(runs) > 1 else panel
+
+
+def _titles(
+    runs: Sequence[Run], shown: Sequence[tuple[Run, Panel]], words: Words
+) -> tuple[str, str]:
+    """What the page is, and its numbers."""
+    title = words.title or ' / '.join(dict.fromkeys(run.title for run in runs))
+    if words.volcano:
+        title = f'{words.volcano}: {title}'
+    return title, runs[0].summary if len(runs) == 1 else ''
+
+
+def _notes(runs: Sequence[Run], words: Words) -> dict[str, str]:
+    """Facts of the runs, each by its name where they differ, and what people want to be said."""
+    notes = {'date': words.date} if words.date else {}
+    facts = [run.facts if len(runs) == 1 else {'result': run.summary, **run.facts} for run in runs]
+    for term in dict.fromkeys(term for known in facts for term in known):
+        told = {
+            run.name: known[term] for run, known in zip(runs, facts, strict=True) if term in known
+        }
+        if len(told) == len(runs) and len(set(told.values())) == 1:
+            notes[term] = next(iter(told.values()))
+        else:
+            notes[term] = '; '.join(f'{name}: {text}' for name, text in told.items())
+    if words.source:
+        notes['elevation'] = f'{words.source}, {notes["elevation"].rpartition(", ")[2]}'
+    return notes

@@ -1,0 +1,268 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The parts of the page that are text and tables. Every text from a bag is escaped."""
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from itertools import pairwise
+import math
+
+import numpy as np
+import yaml
+
+from lava_ros.maps.frames import Recording
+from lava_ros.maps.layers import DEPTHS, HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
+from lava_ros.maps.numbers import percent, seconds
+from lava_ros.maps.plot import area_words, duration
+from lava_ros.pages.report.description import Description
+from lava_ros.pages.report.survey import Survey
+from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.budget import VolumeBudget
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.resolution import LEAST_ACROSS
+
+
+def warnings(recording: Recording, survey: Survey) -> list[str]:
+    """What a reader has to know before anything else, as sentences."""
+    found = []
+    if recording.bag.recovered:
+        found.append('The recording was cut off: what came after its last whole message is lost.')
+    found += [f'Part of the bag is left out: {text}.' for text in recording.bag.damage]
+    moments, run = recording.timeline.moments, recording.timeline.last_run
+    if len(run) < len(moments):
+        found.append('The simulation was reset while it was recorded: this is the last run.')
+    told = (VolumeBudget.from_texts(item.values) for item in run)
+    budgets = [budget for budget in told if budget is not None]
+    errors = [budget.error for budget in budgets if not budget.is_conserved]
+    if errors:
+        found.append(
+            f'Volume was not conserved: up to {percent(max(errors))} of it is unaccounted for. Do '
+            'not trust these maps.'
+        )
+    elif budgets:
+        found += [f'{text[0].upper()}{text[1:]}.' for text in budgets[-1].warnings()]
+    across, width = (run[-1].number(key) for key in ('particles_across', 'flow_width_m'))
+    if across < LEAST_ACROSS:
+        found.append(
+            f'The flow is under-resolved: {across:.2g} particles across about {width:.2g} m. '
+            'What it covers is another footprint than that of a finer run.'
+        )
+    if 'thickness' in survey.saturated:
+        layer = survey.frame.layers['thickness'].layer
+        if layer.range is not None:
+            found.append(
+                f'The lava is thicker in places than {layer.range[1]:g} m, the most that the '
+                f'layer {layer.name} can say.'
+            )
+    return found
+
+
+def facts(recording: Recording, survey: Survey) -> list[tuple[str, str]]:
+    """The run in a few numbers: names and values."""
+    run = recording.timeline.last_run
+    last = run[-1]
+    rows = [('simulated', duration(last.time))]
+    rows.append((f'covered by {COVERED:g} m or more', area_words(survey.area[-1])))
+    thickest = survey.frame.thickest
+    if math.isfinite(thickest):
+        prefix = 'over ' if survey.frame.layers['thickness'].is_saturated else ''
+        rows.append(('thickest', f'{prefix}{thickest:.3g} m'))
+    if survey.largest.get('thickness', 0.0) > thickest:
+        rows.append(('thickest before', f'{survey.largest["thickness"]:.3g} m'))
+    if math.isfinite(survey.front[-1]):
+        rows.append(('front, from the nearest vent', _length(survey.front[-1])))
+    budget = VolumeBudget.from_texts(last.values)
+    if budget is not None:
+        rows += [(f'volume {name}', value) for name, value in budget.rows()]
+    speed = last.number('mean_speed')
+    if speed > 0.0:
+        rows.append(('speed', f'{speed:.3g} times real time'))
+    return rows
+
+
+def warnings_html(texts: Iterable[str]) -> str:
+    """Sentences that a reader has to see first."""
+    return ''.join(f'<p class="warning" role="alert">{escape(item)}</p>' for item in texts)
+
+
+def facts_html(rows: Iterable[tuple[str, str]]) -> str:
+    """Terms and values, as the content of a list of definitions."""
+    return ''.join(
+        f'<div><dt>{escape(term)}</dt><dd>{escape(value)}</dd></div>' for term, value in rows
+    )
+
+
+def effects_table(description: Description) -> str:
+    """Which effects were on, and why; what changed later."""
+    if not description.effects:
+        return '<p>The bag does not say.</p>'
+    start, *changes = description.effects
+    order = sorted(start.effects.items(), key=lambda item: not item[1].startswith('on'))
+    body = [(name.replace('_', ' '), *_halves(text)) for name, text in order]
+    html = _table(('effect', 'at the start', 'because'), body, states=1)
+    if changes:
+        html += '<h3>Changed while it ran</h3>' + _table(
+            ('when', 'effect', 'now', 'because'),
+            [
+                (duration(change.time), name.replace('_', ' '), *_halves(text))
+                for change in changes
+                for name, text in change.effects.items()
+            ],
+            states=2,
+        )
+    return html
+
+
+def hazard_legend(recording: Recording) -> str:
+    """What the values of the hazard mean, with the limits it was made with."""
+    limits = HazardLimits()
+    for layer in recording.layers.values():
+        if layer.source == 'hazard':
+            limits = layer.hazard
+    lethal, safe = (
+        f'{kelvin - ZERO_CELSIUS:g} °C'
+        for kelvin in (limits.lethal_temperature, limits.safe_temperature)
+    )
+    return _table(
+        ('hazard', 'meaning'),
+        [
+            ('-1', 'outside the terrain: unknown'),
+            ('0', 'no lava'),
+            (
+                '1 .. 99',
+                f'lava: burial, from 0 to {limits.lethal_thickness:g} m, and heat, from {safe} to '
+                f'{lethal}, as if they struck independently',
+            ),
+            ('100', f'lethal: {limits.lethal_thickness:g} m of lava or more, or {lethal} or more'),
+        ],
+    )
+
+
+def depth_table(survey: Survey) -> str:
+    """How much ground lava covers how deeply at the end, in classes that people can picture."""
+    thickness = survey.frame.layers.get('thickness')
+    if thickness is None:
+        return ''
+    depth = thickness.values[survey.frame.covered]
+    counts = np.histogram(depth, [0.0, *DEPTHS, np.inf])[0]
+    names = ('up to the knee', "up to somebody's height", 'up to a roof', 'over a roof')
+    ends = [f'below {DEPTHS[0]:g} m', *(f'{a:g} to {b:g} m' for a, b in pairwise(DEPTHS))]
+    ends.append(f'from {DEPTHS[-1]:g} m on')
+    cell = survey.frame.resolution**2
+    rows = [
+        (end, name, area_words(float(count) * cell))
+        for end, name, count in zip(ends, names, counts, strict=True)
+    ]
+    return _table(('depth', 'as deep as', 'area'), rows)
+
+
+def accuracy_section(recording: Recording, description: Description) -> str:
+    """The preset, how this run resolved its flow, and what it cost."""
+    name = description.parameters.get('preset')
+    preset = PRESETS.get(name) if isinstance(name, str) else None
+    run = recording.timeline.last_run[-1]
+    known = f'{name}: {preset.summary}' if preset is not None else str(name or 'unknown')
+    rows = [('preset', known)]
+    resolved = {
+        'spacing_m': ('distance between particles', '{} m'),
+        'flow_width_m': ('width of the flow, expected', '{} m'),
+        'particles_across': ('particles across the flow', '{}'),
+    }
+    for key, (term, form) in resolved.items():
+        if key in run.values:
+            rows.append((term, form.format(run.values[key])))
+    error = run.number('footprint_error')
+    if math.isfinite(error):
+        rows.append(('expected error of the footprint', percent(error)))
+    rows.append(('particles at the end', run.values.get('particles', 'unknown')))
+    rows.append(('steps', run.values.get('steps', 'unknown')))
+    rows.append(('device', description.device or 'unknown'))
+    speed = run.number('mean_speed')
+    if speed > 0.0:
+        rows.append(('computing an hour of the flow took', seconds(3600.0 / speed)))
+    return _table(('this run', ''), rows)
+
+
+def recorded_section(recording: Recording, survey: Survey, description: Description) -> str:
+    """What the bag holds, and the scene it says it is of."""
+    bag = recording.bag
+    frame = survey.frame
+    rows, columns = frame.elevation.shape
+    terrain = recording.scene.get('terrain')
+    epsg = terrain.get('epsg') if isinstance(terrain, dict) else None
+    lines = [
+        ('bag', bag.path.name),
+        ('state', 'cut off; what was written before is here' if bag.recovered else 'finished'),
+        ('size', f'{bag.size / 1e6:.2f} MB in {len(bag.files)} file(s)'),
+        ('recording lasted', duration(bag.duration_ns / 1e9)),
+        ('maps shown on this page', f'{len(survey.times)} frames of the last run'),
+        ('terrain', f'{columns} x {rows} cells of {frame.resolution:g} m'),
+        ('coordinate system', f'EPSG:{epsg}' if epsg else 'none: coordinates of the map frame'),
+        ('recorded by', f'lava_ros {description.version or "of unknown version"}'),
+    ]
+    html = _table(('recording', ''), lines)
+    html += _table(
+        ('topic', 'type', 'messages'),
+        [
+            (item.name, item.message_type, 'unknown' if item.count is None else str(item.count))
+            for item in bag.topics.values()
+        ],
+    )
+    for title, data in (('Scene', recording.scene), ('Parameters', description.parameters)):
+        if data:
+            text = yaml.safe_dump(data, sort_keys=False, allow_unicode=True)
+            html += f'<details><summary>{title}</summary><pre>{escape(text)}</pre></details>'
+    return html
+
+
+def rounding_note(survey: Survey) -> str:
+    """How finely the values of each layer were recorded."""
+    notes = []
+    for source, shown in sorted(survey.frame.layers.items()):
+        layer = shown.layer
+        if layer.message == OCCUPANCY_GRID and layer.range is not None and source != 'hazard':
+            first, last = layer.scale
+            step = (layer.range[1] - layer.range[0]) / abs(last - first)
+            unit = 'm' if source == 'thickness' else '°C'
+            notes.append(f'{layer.name} in steps of {step:g} {unit}')
+    text = ', '.join(notes)
+    return f'<p class="note">Recorded as grids: {escape(text)}.</p>' if notes else ''
+
+
+def _halves(text: str) -> tuple[str, str]:
+    state, _, reason = text.partition(': ')
+    return state, reason
+
+
+def _table(
+    head: Sequence[str], body: Iterable[Sequence[str]], *, states: int | None = None
+) -> str:
+    """A table; the column ``states`` has ``on`` or ``off``."""
+    titles = ''.join(f'<th scope="col">{escape(item)}</th>' for item in head)
+    lines = []
+    for row in body:
+        cells = []
+        for index, item in enumerate(row):
+            mark = f' class="{"on" if item == "on" else "off"}"' if index == states else ''
+            cells.append(f'<td{mark}>{escape(item)}</td>')
+        lines.append(f'<tr>{"".join(cells)}</tr>')
+    return (
+        f'<div class="scroll"><table><thead><tr>{titles}</tr></thead>'
+        f'<tbody>{"".join(lines)}</tbody></table></div>'
+    )
+
+
+def _length(value: float) -> str:
+    return f'{value / 1000.0:.2f} km' if value >= 1000.0 else f'{value:.0f} m'

@@ -1,0 +1,304 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""What was computed and lies on disk, a bag or an ensemble -> maps and facts for people."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from datetime import datetime, timezone
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import lava_ros
+from lava_ros.errors import LavaError
+from lava_ros.files import open_input
+from lava_ros.files.optional import require
+from lava_ros.files.rasters import open_raster
+from lava_ros.files.yaml import parse_json
+from lava_ros.forecast.store import MANIFEST
+from lava_ros.maps.arrival import Arrival
+from lava_ros.maps.frames import Frame, Recording
+from lava_ros.maps.gis import coordinate_system
+from lava_ros.maps.plot import area_words, duration, STYLES, titles
+from lava_ros.maps.sheet import Panel
+from lava_ros.pages.report.description import describe
+from lava_ros.scene import Scene, scene_from_dict, Terrain
+from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.budget import VolumeBudget
+
+#: Maps of an ensemble: file, what is drawn of it, title.
+ENSEMBLE_MAPS = {
+    'probability': ('inundation_probability', 'probability', STYLES['probability'].title),
+    'arrival_p10': ('arrival_time_p10', 'arrival', 'Lava came by then: 10 % of the members'),
+    'arrival': ('arrival_time_p50', 'arrival', 'Lava came by then: 50 % of the members'),
+    'arrival_p90': ('arrival_time_p90', 'arrival', 'Lava came by then: 90 % of the members'),
+    'thickness': ('expected_thickness', 'thickness', 'Expected thickness of the lava'),
+}
+
+#: Maps that are drawn where nobody says which, of a bag and of an ensemble.
+_USUAL = (
+    ('thickness', 'temperature', 'hazard'),
+    ('probability', 'arrival_p10', 'arrival', 'arrival_p90'),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """A bag or an ensemble.
+
+    Attributes:
+        name: Name of its folder.
+        title: What it is, in a line.
+        summary: The same in a few numbers.
+        panels: Its maps by name.
+        facts: What it was made of: terms and texts.
+        terrain: The ground.
+        is_ensemble: Whether its maps are of many members.
+    """
+
+    name: str
+    title: str
+    summary: str
+    panels: Mapping[str, Panel]
+    facts: Mapping[str, str]
+    terrain: Terrain
+    is_ensemble: bool
+
+    @property
+    def usual(self) -> list[str]:
+        """Names of the maps that are drawn where nobody says which."""
+        return [name for name in _USUAL[self.is_ensemble] if name in self.panels]
+
+
+def is_ensemble(path: str | Path) -> bool:
+    """Whether a path is the folder of an ensemble."""
+    return (Path(path) / MANIFEST).is_file()
+
+
+def read_run(path: str | Path, *, time: float | None = None, wanted: Collection[str] = ()) -> Run:
+    """Read a bag or an ensemble.
+
+    Args:
+        path: A bag's directory, an .mcap file, or what ``lava ensemble`` has written.
+        time: Simulated time [s] of a bag to show; None for the last there is.
+        wanted: Maps that are needed; what takes long is left out otherwise.
+
+    Raises:
+        LavaError: It cannot be read, or lacks what is asked for.
+    """
+    if not is_ensemble(path):
+        return _bag(Path(path), time, wanted)
+    if time is not None:
+        raise LavaError('--time', time, f'absent: {path} is an ensemble, whose maps are of all')
+    return _ensemble(Path(path))
+
+
+def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
+    recording = Recording(path)
+    frame = recording.frame_at(time)
+    scene = _scene(frame)
+    fissures = _fissures(scene)
+    maps = {
+        name: Panel(frame, name, item.values, '', item.is_saturated, fissures)
+        for name, item in frame.layers.items()
+        if name in STYLES
+    }
+    if 'arrival' in wanted:
+        times = _arrival(recording, frame)
+        if times is not None:
+            title = f'Time of arrival of the lava, {COVERED:g} m thick'
+            maps['arrival'] = Panel(frame, 'arrival', times, title, fissures=fissures)
+    terrain = frame.scene.get('terrain') or {}
+    return Run(
+        path.resolve().name,
+        *titles(frame),
+        maps,
+        {**_emitted(recording, frame, scene), **_model(recording), **_ground(frame)},
+        Terrain(
+            frame.elevation, frame.resolution, frame.origin, terrain.get('epsg'),
+            terrain.get('offset', (0.0, 0.0)),
+        ),
+        is_ensemble=False,
+    )
+
+
+def _scene(frame: Frame) -> Scene | None:
+    """The scene that a recording says it is of, None where that cannot be one."""
+    terrain = Terrain(frame.elevation, frame.resolution, frame.origin)
+    try:
+        return scene_from_dict(frame.scene, terrain) if frame.scene else None
+    except LavaError:
+        return None
+
+
+def _fissures(scene: Scene | None) -> np.ndarray:
+    vents = scene.vents if scene is not None else ()
+    ends = [(vent.position, vent.end) for vent in vents if vent.end is not None]
+    return np.array(ends).reshape(-1, 2, 2)
+
+
+def _arrival(recording: Recording, frame: Frame) -> np.ndarray | None:
+    if frame.arrived is not None:
+        return frame.arrived
+    history = Arrival(COVERED)
+    for item in recording.frames():
+        if frame.time is None or item.time is None or item.time <= frame.time:
+            history.add(item)
+    return history.times
+
+
+def _emitted(recording: Recording, frame: Frame, scene: Scene | None) -> dict[str, str]:
+    """When and what came out, as far as the bag says."""
+    facts = {}
+    begun = recording.bag.start_ns or 0
+    # what nobody's clock said is not a date
+    if begun > 1e18:
+        facts['computed'] = f'{datetime.fromtimestamp(begun / 1e9, timezone.utc):%Y-%m-%d}'
+    facts |= _vents(scene)
+    at = [item for item in recording.timeline.last_run if item.time <= (frame.time or math.inf)]
+    budget = VolumeBudget.from_texts(at[-1].values) if at else None
+    if budget is not None:
+        facts['volume emitted'] = _volume(budget.emitted)
+        if budget.warnings():
+            facts['warning'] = '; '.join(budget.warnings())
+    return facts
+
+
+def _vents(scene: Scene | None) -> dict[str, str]:
+    if scene is None or not scene.vents:
+        return {}
+    count = len(scene.vents)
+    flux = f'{sum(vent.peak for vent in scene.vents):.4g} m³/s'
+    if any(len(vent.series) > 1 for vent in scene.vents):
+        flux += ' at most'
+    return {'discharge': flux + (f' from {count} vents' if count > 1 else '')}
+
+
+def _volume(value: float) -> str:
+    return f'{value / 1e6:.3g} million m³' if value >= 1e5 else f'{value:.3g} m³'
+
+
+def _model(recording: Recording) -> dict[str, str]:
+    told = describe(recording.bag.custom_data)
+    moments = recording.timeline.last_run
+    words = [f'lava_ros {told.version or "of unknown version"}, depth-averaged lava as particles']
+    preset = told.parameters.get('preset')
+    if isinstance(preset, str):
+        words.append(f'preset {preset}')
+    if moments:
+        values = moments[-1].values
+        if 'spacing_m' in values:
+            words[0] += f' {values["spacing_m"]} m apart'
+        error = moments[-1].number('footprint_error')
+        if math.isfinite(error):
+            words.append(f'expected error of the footprint {100.0 * error:.2g} %')
+    states = {key: text for change in told.effects for key, text in change.effects.items()}
+    on = [name.replace('_', ' ') for name, text in states.items() if text.startswith('on')]
+    facts = {'model': ', '.join(words)}
+    return facts | ({'physics': ', '.join(on)} if on else {})
+
+
+def _ground(frame: Frame) -> dict[str, str]:
+    terrain = frame.scene.get('terrain') or {}
+    epsg, source = terrain.get('epsg'), terrain.get('source')
+    cells = f'maps in cells of {frame.resolution:g} m'
+    return {
+        'elevation': f'{source}, {cells}' if source else cells,
+        'coordinates': system_words(epsg),
+    }
+
+
+def system_words(epsg: int | None) -> str:
+    """Say what coordinates are: their code, and their name where GDAL is there to know it."""
+    if not epsg:
+        return 'of the map frame: no coordinate system'
+    try:
+        wkt = coordinate_system(epsg).to_wkt()
+    except ImportError:
+        return f'EPSG:{epsg}'
+    return f'{wkt.split(chr(34))[1]} (EPSG:{epsg})'
+
+
+def _ensemble(folder: Path) -> Run:
+    require('rasterio', 'GeoTIFF', str(folder))
+    try:
+        with open_input(folder / MANIFEST) as file:
+            manifest: Any = parse_json(MANIFEST, file.read())
+        known, plan = manifest['scene'], manifest['plan']
+        place = dict(known['terrain'])
+        shape = tuple(place.pop('shape'))
+        terrain = Terrain(_raster(folder / 'elevation.tif', shape)[0], **place)
+        scene = scene_from_dict(known, terrain)
+        maps: dict[str, Panel] = {}
+        tags: dict[str, str] = {}
+        frame = Frame(
+            elevation=terrain.elevation,
+            resolution=terrain.resolution,
+            origin=terrain.origin,
+            layers={},
+            vents=np.array([vent.position for vent in scene.vents]).reshape(-1, 2),
+            time=None,
+            scene=known,
+        )
+        for name, (stem, source, title) in ENSEMBLE_MAPS.items():
+            values, tags = _raster(folder / f'{stem}.tif', shape)
+            values = np.where(values > 0.0, values, np.nan)
+            maps[name] = Panel(frame, source, values, title, fissures=_fissures(scene))
+        horizon, threshold = float(tags['horizon_s']), float(tags['threshold_m'])
+        members, effective = tags['members'], float(tags['effective_members'])
+    except (OSError, KeyError, TypeError, ValueError) as error:
+        right = f'an ensemble that has finished its maps ({error})'
+        raise LavaError('ensemble', str(folder), right) from error
+    likely = np.nan_to_num(maps['probability'].values)
+    cell = terrain.resolution**2
+    areas = [
+        f'{area_words(float((likely >= least).sum()) * cell)} at {least} % or more'
+        for least in (10, 50, 90)
+    ]
+    written = (folder / 'inundation_probability.tif').stat().st_mtime
+    preset = f', preset {tags["preset"]}' if 'preset' in tags else ''
+    facts = {
+        'computed': f'{datetime.fromtimestamp(written, timezone.utc):%Y-%m-%d}',
+        **_vents(scene),
+        'members': f'{members} that count like {effective:.3g}; probabilities within '
+        f'{50.0 / effective**0.5:.2g} percentage points at even odds',
+        'lava has come': f'where it is {threshold:g} m thick or more within {duration(horizon)}',
+        'uncertain': ', '.join(sorted(known.get('uncertainty') or {})) or 'nothing of the scene',
+        'model': f'lava_ros {manifest.get("lava_ros", lava_ros.__version__)}, depth-averaged lava '
+        f'as particles {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}',
+        **_ground(frame),
+    }
+    title = f'Lava within {duration(horizon)}, {members} runs'
+    return Run(
+        folder.resolve().name, title, '  ·  '.join(areas), maps, facts, terrain, is_ensemble=True
+    )
+
+
+def _raster(path: Path, shape: tuple[int, ...]) -> tuple[np.ndarray, dict[str, str]]:
+    """A map of an ensemble, NaN without data, and what is noted with it."""
+    from rasterio.errors import RasterioError
+
+    try:
+        with open_raster(path) as source:
+            values = np.flipud(source.read(1, masked=True).astype(np.float64).filled(np.nan))
+            tags = dict(source.tags())
+    except RasterioError as error:
+        raise OSError(str(error)) from error
+    if values.shape != shape:
+        raise ValueError(f'{path.name} has other cells than {MANIFEST} says')
+    return values, tags

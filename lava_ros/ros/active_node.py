@@ -1,0 +1,454 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the node does between configuring and cleaning up: a worker, its topics, its bag."""
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from pathlib import Path
+import time
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+
+from lava_ros.errors import LavaError
+from lava_ros.files.resources import find_file
+from lava_ros.ros import codec, diagnostics, qos
+from lava_ros.ros.deadline import DeadlineChooser
+from lava_ros.ros.diagnostics import ClockWatch
+from lava_ros.ros.entities import Entities
+from lava_ros.ros.forecast_topics import ForecastTopics
+from lava_ros.ros.input_topics import InputTopics
+from lava_ros.ros.layer_publishers import LayerPublishers, published_layers
+from lava_ros.ros.node_log import NodeLog
+from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
+from lava_ros.ros.recorder import BagFolder, Recorder, SaveAllowance
+from lava_ros.ros.recording import CheckpointRecording, SceneRecording
+from lava_ros.ros.scene_publisher import ScenePublisher
+from lava_ros.ros.services import Services
+from lava_ros.ros.session import SimulationLike
+from lava_ros.ros.sources import new_simulation, resumed_simulation, Sources
+from lava_ros.ros.worker import SimulationWorker
+from lava_ros.ros.worker_status import WorkerState
+from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.snapshot import Snapshot
+
+#: How long the end waits for the simulation's thread: a step, or the compiler at the start [s].
+STOP_TIMEOUT = 4.0
+
+#: How long the end of a bag waits for its last checkpoint: a step, or the compiler [s].
+CHECKPOINT_TIMEOUT = 2.0
+
+
+class Operation:
+    """A configured node: takes inputs, and once it is active lets time pass and publishes.
+
+    Attributes:
+        failure: Why the node has to end, empty as long as it has not.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        settings: Settings,
+        values: Callable[[], Mapping[str, Any]],
+        sources: Sources,
+        *,
+        entities: Entities,
+        make_simulation: Callable[[Scene], SimulationLike] | None = None,
+    ) -> None:
+        """Join the graph, and start on what there is, with time standing still.
+
+        Args:
+            node: The node.
+            settings: What its parameters say.
+            values: Gives their values by name.
+            sources: What to start with.
+            entities: Creates what the node has in the graph; empty, and destroyed by ``close``.
+            make_simulation: Makes simulations in place of the settings' own.
+
+        Raises:
+            LavaError: A file that a parameter names is not usable.
+        """
+        self._node = node
+        self._settings = settings
+        self.failure = ''
+        self._bag_folder = BagFolder(
+            settings.bag_root, settings.bag_directory, node=node.get_fully_qualified_name()
+        )
+        config = find_file(settings.msg_config, 'msg_configs')
+        forecast_config: Path | None = None
+        if settings.forecast_horizon:
+            forecast_config = find_file(settings.forecast_config, 'msg_configs')
+        layers = published_layers(config, forecast_config, settings)
+        self._is_active = False
+        self._is_paused = False
+        self._is_recording_wanted = settings.record
+        self._clock_watch = ClockWatch()
+        self._log = NodeLog(node.get_logger())
+        self._recorder = Recorder()
+        self._recording = SceneRecording(
+            node,
+            self._recorder,
+            frame_id=settings.frame_id,
+            msg_config=config.read_text(encoding='utf-8'),
+            forecast_config=(
+                forecast_config.read_text(encoding='utf-8') if forecast_config else ''
+            ),
+            parameters=values,
+        )
+        self._entities = entities
+        snapshot_ready = entities.guard_condition(self._publish)
+        chooser = DeadlineChooser()
+        self._worker = SimulationWorker(
+            make_simulation or (lambda scene: new_simulation(scene, self._settings, chooser)),
+            clock=lambda: node.get_clock().now().nanoseconds * 1e-9,
+            constants=settings.constants,
+            time_scale=settings.time_scale,
+            end_time=settings.end_time,
+            max_particles=settings.max_particles,
+            paused=True,
+            on_snapshot=snapshot_ready.trigger,
+        )
+        self._checkpoints = CheckpointRecording(self._recorder, self._worker.checkpoint)
+        self._saves = SaveAllowance()
+        self._layers = LayerPublishers[Snapshot](
+            entities,
+            [layer for layer in layers if not layer.is_forecast],
+            self._recorder,
+            frame_id=settings.frame_id,
+        )
+        self._forecasts = ForecastTopics(
+            entities,
+            [layer for layer in layers if layer.is_forecast],
+            self._recorder,
+            worker=self._worker,
+            settings=lambda: self._settings,
+            choice=lambda: chooser.choice,
+        )
+        publishers: list[LayerPublishers[Any]] = [self._layers, *self._forecasts.publishers]
+        for rate in sorted({rate for item in publishers for rate in item.rates}):
+            entities.timer(1.0 / rate, lambda rate=rate: self._make_due(rate))
+        self._scene = ScenePublisher(entities, frame_id=settings.frame_id)
+        self._diagnostics = entities.publisher(
+            DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
+        )
+        # The heartbeat must not stop with a simulated clock.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        entities.timer(1.0, self._publish_diagnostics, clock=steady)
+        self._inputs = InputTopics(
+            entities,
+            self._worker,
+            settings=lambda: self._settings,
+            steady=steady,
+            observe=self._forecasts.observe if settings.ensemble_members else None,
+            recorder=self._recorder,
+            is_own=self._scene.is_own,
+        )
+        self._answers = Services(
+            self, entities, worker=self._worker, inputs=self._inputs, layers=publishers
+        )
+        self._begin(sources)
+        # The last thing: what fails before leaves no thread behind.
+        self._worker.start()
+        self._forecasts.start()
+
+    @property
+    def is_active(self) -> bool:
+        """Whether time passes and layers are published."""
+        return self._is_active
+
+    @property
+    def step_length(self) -> float:
+        """Simulated time of a step [s]."""
+        return self._settings.time_scale
+
+    def activate(self) -> None:
+        """Let time pass, and publish.
+
+        Raises:
+            LavaError: The simulation has failed, or the bag cannot be.
+        """
+        status = self._worker.status
+        if status.state is WorkerState.FAILED:
+            raise LavaError('simulation', status.error, 'one that has not failed; ~/reset')
+        is_busy = self._recorder.is_recording or self._recorder.is_armed
+        if self._is_recording_wanted and not is_busy:
+            self._arm_recorder()
+        # Once: what has ended since, by ~/record or a full disk, must not keep the maps back.
+        self._is_recording_wanted = False
+        self._is_active = True
+        self._worker.pause(self._is_paused)
+        self._forecasts.activate(True)
+        self._publish(repeat=True)
+
+    def deactivate(self) -> None:
+        """Let time stand still, and publish no layers; inputs are taken, diagnostics told."""
+        self._is_active = False
+        self._forecasts.activate(False)
+        self._worker.pause(True)
+
+    def close(self) -> bool:
+        """Finish the bag, end the worker and leave the graph.
+
+        Returns:
+            Whether the worker has ended.
+        """
+        self._is_active = False
+        try:
+            self._close_bag()
+            if self._worker.latest is not None:
+                self._log.volumes(self._worker.latest)
+        finally:
+            self._forecasts.stop()
+            ended = self._worker.stop(STOP_TIMEOUT)
+            self._entities.destroy()
+        return ended
+
+    def has_ended(self) -> bool:
+        """Whether the thread that ``close`` has told to end is no longer in a step."""
+        return self._worker.stop(0.0)
+
+    def check(self, settings: Settings) -> None:
+        """Refuse settings that cannot be used now.
+
+        Raises:
+            LavaError: The folder of the bag is not one that may be written to.
+        """
+        # what has come in the way of a name since is no reason to refuse all else
+        if settings.bag_directory != self._settings.bag_directory:
+            self._bag_folder.path(settings.bag_directory)
+
+    def apply(self, new: Settings) -> None:
+        """Use other settings from now on, or from the next start where they say so."""
+        old, self._settings = self._settings, new
+        command = self._inputs.command
+        if new.time_scale != old.time_scale:
+            command('time_scale', self._worker.set_time_scale(new.time_scale))
+        if new.max_particles != old.max_particles:
+            command('max_particles', self._worker.set_max_particles(new.max_particles))
+        if new.end_time != old.end_time:
+            command('end_time', self._worker.set_end_time(new.end_time))
+        if (new.forced, new.horizon) != (old.forced, old.horizon):
+            command('effects', self._worker.set_effects(new.forced, horizon=new.horizon))
+        if new.constants != old.constants:
+            command('lava', self._worker.set_constants(new.constants))
+        before, after = (
+            {'preset': item.preset, 'spacing': item.spacing, **constant_values(item.constants)}
+            for item in (old, new)
+        )
+        later = [name for name in after if after[name] != before[name]]
+        if later:
+            self._node.get_logger().info(
+                f'{", ".join(later)}: the new value is used from the next start or reset on'
+            )
+
+    def report_callback(self, error: Exception) -> None:
+        """Report what a callback of the middleware itself raised."""
+        self._inputs.report_callback(error)
+
+    def pause(self, paused: bool) -> 'Future[None]':
+        """Hold simulated time, or let it go on as soon as the node is active."""
+        self._is_paused = paused
+        return self._worker.pause(paused or not self._is_active)
+
+    def start_recording(self) -> str:
+        """Begin a bag, and give its name and when.
+
+        Raises:
+            LavaError: It cannot be.
+        """
+        directory = str(self._arm_recorder())
+        self._publish(repeat=True)
+        self._check_recorder()
+        return directory + ' from the first map on' * self._recorder.is_armed
+
+    def stop_recording(self) -> str:
+        """Finish the bag and give its name, empty when there was none.
+
+        Raises:
+            LavaError: It could not be finished, or had stopped before.
+        """
+        self._is_recording_wanted = False
+        self._close_bag()
+        self._check_recorder()
+        return self._recorder.status.directory
+
+    def _check_recorder(self) -> None:
+        status = self._recorder.status
+        if status.error:
+            right = f'a bag that can be written ({status.error})'
+            raise LavaError('recorder', status.state, right)
+
+    def save(self) -> str:
+        """Put the maps and a checkpoint of this moment into a bag and give its name.
+
+        That is the bag that is being recorded, or else one of its own.
+
+        Raises:
+            LavaError: There is nothing to save, too much has been, or the bag or its checkpoint
+                cannot be.
+        """
+        if self._worker.latest is None:
+            raise LavaError('save', 'no simulation yet', 'a terrain')
+        self._saves.take(self._settings.max_saved_bytes)
+        is_own, before = not self._recorder.is_recording, self._recorder.size
+        if is_own:
+            self.start_recording()
+        else:
+            self._publish(repeat=True)
+        # asked for by name, so also where checkpoint_period is 0
+        reason = self._checkpoints.finish(
+            CHECKPOINT_PERIOD, self._stamp_ns(), timeout=CHECKPOINT_TIMEOUT
+        )
+        self._recorder.flush()
+        self._saves.note(max(0, self._recorder.size - before))
+        directory = self._recorder.status.directory
+        if is_own:
+            self.stop_recording()
+        self._check_recorder()
+        if reason:
+            raise LavaError('save', reason, f'a checkpoint beside the maps in {directory}')
+        return directory
+
+    def _begin(self, sources: Sources) -> None:
+        checkpoint, command = sources.checkpoint, self._inputs.command
+        if checkpoint is not None:
+            going_on = self._worker.go_on_with(
+                lambda: resumed_simulation(checkpoint, self._settings),
+                checkpoint.scene,
+                sources.origin,
+                sources.before,
+            )
+            going_on.add_done_callback(self._note_failure)
+        elif sources.scene is not None:
+            command('scene', self._worker.set_scene(sources.scene))
+        elif sources.terrain is not None:
+            command('terrain_file', self._worker.set_terrain(sources.terrain))
+        else:
+            self._node.get_logger().info(self._inputs.wanted)
+
+    def _note_failure(self, going_on: 'Future[None]') -> None:
+        # starting anew in its place would look like the eruption that was to go on
+        if not going_on.cancelled() and going_on.exception() is not None:
+            self.failure = f'cannot resume: {going_on.exception()}'
+
+    # outputs
+
+    def _make_due(self, rate: float) -> None:
+        if not self._is_active:
+            return
+        self._layers.make_due(rate)
+        self._forecasts.make_due(rate)
+        self._worker.request_snapshot()
+        if self._is_at_rest():
+            self._publish()
+
+    def _publish(self, *, repeat: bool = False) -> None:
+        """Publish the layers that are due and have something new; all of them at rest."""
+        snapshot, scene = self._worker.latest, self._worker.scene
+        if scene is not None:
+            self._log.scene(scene, snapshot, self._worker.eruption.effects)
+        if snapshot is None or not self._is_active:
+            return
+        stamp_ns = self._stamp_ns()
+        if scene is not None:
+            self._recording.write(self._worker.eruption, snapshot, stamp_ns)
+            is_heard = self._inputs.has_heard(scene.terrain)
+            self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
+        self._layers.publish(
+            snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat
+        )
+        self._forecasts.publish(repeat=repeat)
+        self._recorder.flush()
+        self._log.recorder(self._recorder)
+
+    def _is_at_rest(self) -> bool:
+        return self._worker.status.state is not WorkerState.RUNNING
+
+    def _publish_diagnostics(self) -> None:
+        worker = self._worker.status
+        if self._is_at_rest():
+            # The end is not told before its frame is out.
+            self._publish()
+        snapshot = self._layers.shown
+        stamp_ns = self._stamp_ns()
+        is_simulated = self._node.get_clock().ros_time_is_active
+        clock = self._clock_watch.look(stamp_ns, time.monotonic()) if is_simulated else ''
+        resolution = self._worker.eruption.resolution
+        self._log.worker(worker, resolution, clock, is_paused=self._is_paused)
+        wet = 0 if snapshot is None else int((snapshot.thickness >= COVERED).sum())
+        message = DiagnosticArray(
+            header=codec.header('', stamp_ns),
+            status=[
+                diagnostics.simulation_status(
+                    worker,
+                    snapshot,
+                    is_active=self._is_active,
+                    wet_cells=wet,
+                    frame_stamp_ns=self._layers.shown_stamp_ns,
+                    resolution=resolution,
+                    clock=clock,
+                ),
+                diagnostics.effects_status(self._worker.eruption.effects),
+                self._inputs.log.status(),
+                diagnostics.recorder_status(self._recorder.status, self._checkpoints.last),
+                *self._forecasts.statuses(),
+            ],
+        )
+        diagnostics.sign(message, self._node.get_fully_qualified_name(), worker.device)
+        data = codec.serialise(message)
+        self._diagnostics.publish(data)
+        self._recorder.write(
+            '/diagnostics',
+            'diagnostic_msgs/msg/DiagnosticArray',
+            data,
+            stamp_ns,
+            qos=qos.DIAGNOSTICS,
+        )
+        self._recorder.flush()
+        period = self._settings.checkpoint_period
+        self._report_checkpoint(self._checkpoints.poll(period, stamp_ns))
+        self._log.recorder(self._recorder)
+
+    def _stamp_ns(self) -> int:
+        return int(self._node.get_clock().now().nanoseconds)
+
+    # recording
+
+    def _arm_recorder(self) -> Path:
+        settings = self._settings
+        directory = self._bag_folder.path(settings.bag_directory)
+        self._recorder.arm(
+            directory,
+            max_size=settings.bag_max_size,
+            max_duration=settings.bag_max_duration,
+        )
+        return directory
+
+    def _close_bag(self) -> None:
+        period, stamp_ns = self._settings.checkpoint_period, self._stamp_ns()
+        self._report_checkpoint(
+            self._checkpoints.finish(period, stamp_ns, timeout=CHECKPOINT_TIMEOUT)
+        )
+        self._recorder.stop()
+        self._log.recorder(self._recorder)
+
+    def _report_checkpoint(self, reason: str) -> None:
+        if reason:
+            self._node.get_logger().warning(f'no checkpoint: {reason}')

@@ -1,0 +1,302 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Ensembles of the live simulation, from the node's side. No rclpy in here."""
+
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, replace
+import queue
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from lava_ros.errors import LavaError
+from lava_ros.forecast import wire
+from lava_ros.forecast.assimilation import Mask, outline_on
+from lava_ros.maps.forecast import Forecast, HazardMaps, Outlook, QUANTILES
+from lava_ros.ros.session import Fork
+from lava_ros.scene import Terrain
+
+#: Moments that are remembered to find the simulated time of a stamp.
+_MOMENTS = 512
+
+
+#: What is published of the time to come.
+Ahead = TypeVar('Ahead', Forecast, Outlook)
+
+
+@dataclass(frozen=True, eq=False)
+class Live(Generic[Ahead]):
+    """A forecast or the maps of an ensemble, and what they are of.
+
+    Attributes:
+        shown: The forecast or the maps.
+        stamp_ns: ROS time at which they start [ns].
+        changes: Changes of scene or effects before that.
+    """
+
+    shown: Ahead
+    stamp_ns: int
+    changes: int
+
+
+@dataclass(frozen=True)
+class ForecastRules:
+    """How forecasts and ensembles are to be made.
+
+    Attributes:
+        horizon: How far ahead to look [s].
+        threshold: Thickness from which on lava has arrived [m].
+        max_age: Simulated time after which a forecast is stale [s].
+        share: Largest share of the time that the device computes forecasts.
+        max_particles: Most particles of a forecast.
+        members: Members of an ensemble beside it, 0 for none.
+        deadline: Wall time for a forecast and its ensemble [s], 0 for any.
+        time_scale: Simulated time per time of the clock [s/s].
+    """
+
+    horizon: float
+    threshold: float
+    max_age: float
+    share: float
+    max_particles: int
+    members: int = 0
+    deadline: float = 0.0
+    time_scale: float = 1.0
+
+
+@dataclass(frozen=True)
+class EnsembleStatus:
+    """How the ensembles are doing.
+
+    Attributes:
+        count: Ensembles that are complete so far.
+        progress: Share of the members at hand that have run, None without any.
+        outlines: Outlines that the members of this scene have been weighed by.
+        jaccard_mean: Mean agreement with the newest of them, 0 to 1; None without one.
+        error: Why the last ensemble failed, empty when it did not.
+    """
+
+    count: int = 0
+    progress: float | None = None
+    outlines: int = 0
+    jaccard_mean: float | None = None
+    error: str = ''
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """An outline on its way."""
+
+    mask: Mask
+    clock: float
+    done: 'Future[None]'
+
+
+class Outlooks:
+    """Orders ensembles, takes their maps, and passes on what has been seen.
+
+    All but ``observe`` is for the forecaster's thread.
+    """
+
+    def __init__(self) -> None:
+        """Begin without any."""
+        self.latest: Live[Outlook] | None = None
+        self.status = EnsembleStatus()
+        self._seen: queue.SimpleQueue[_Seen] = queue.SimpleQueue()
+        self._sent: dict[int, _Seen] = {}
+        self._number = 0
+        self._forks: dict[int, tuple[Fork, ForecastRules]] = {}
+        self._at_hand: int | None = None
+        self._shown: int | None = None
+        self._ordered: tuple[int, float] | None = None
+        self._is_refused = False
+        self._changes: int | None = None
+        self._terrain: Terrain | None = None
+        self._moments: deque[tuple[float, float]] = deque(maxlen=_MOMENTS)
+        self._agreement: list[float] | None = None
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether an ensemble is at hand."""
+        return self._at_hand is not None
+
+    def observe(self, mask: Mask, clock: float) -> 'Future[None]':
+        """Take a mask of where lava was seen, from any thread.
+
+        Args:
+            mask: The mask.
+            clock: Time on the clock that simulated time follows [s].
+
+        Returns:
+            Done when the members have been weighed by it, or with the LavaError why they have not.
+        """
+        done: Future[None] = Future()
+        self._seen.put(_Seen(mask, clock, done))
+        return done
+
+    def is_wanted(self, changes: int, time: float) -> bool:
+        """Whether there is neither an ensemble at hand nor one of this state."""
+        if self._is_refused and changes == self._changes:
+            # it would fail again, until something changes
+            return False
+        return self._at_hand is None and (changes, time) != self._ordered
+
+    def order(self, fork: Fork, number: int, rules: ForecastRules) -> dict[str, Any]:
+        """What the order of a fork, of a number, says about an ensemble."""
+        self._note(fork)
+        if not rules.members or not self.is_wanted(fork.changes, fork.checkpoint.time):
+            return {'members': 0}
+        self._at_hand = number
+        self._ordered = fork.changes, fork.checkpoint.time
+        shown = [] if self._shown is None else [self._shown]
+        self._forks = {key: self._forks[key] for key in shown if key in self._forks}
+        self._forks[number] = (fork, rules)
+        self._put(progress=0.0)
+        return {
+            'members': rules.members,
+            'changes': fork.changes,
+            'deadline': rules.deadline or None,
+            'agreement': self._agreement,
+            'outlines': self.status.outlines,
+        }
+
+    def send(self, order: Callable[..., None], *, changes: int, time_scale: float) -> None:
+        """Pass on outlines that have come, unless the scene has just changed.
+
+        Args:
+            order: Takes a header and a body to the process.
+            changes: Changes of the scene so far.
+            time_scale: Simulated time per time of the clock [s/s].
+        """
+        while changes == self._changes and not self._seen.empty():
+            seen = self._seen.get()
+            try:
+                header, body = self._outline(seen, time_scale)
+            except LavaError as error:
+                _fail(seen, error)
+                continue
+            self._sent[header['number']] = seen
+            order(header, body)
+
+    def hear(self, header: dict[str, Any], body: bytes) -> bool:
+        """Take an answer and say whether ``latest`` is another now."""
+        kind = header['answer']
+        if kind == 'progress' and self._at_hand is not None:
+            self._put(progress=header['ensemble'])
+        elif kind == 'ensemble refused':
+            self._at_hand, self._is_refused = None, True
+            self._put(progress=None, error=header['reason'])
+        elif kind == 'outline refused':
+            seen = self._sent.pop(header['number'], None)
+            error = LavaError(header['field'], header['value'], header['expected'])
+            if seen is not None:
+                _fail(seen, error)
+        elif kind == 'weighed':
+            self._agreement = header['agreement']
+            self._put(outlines=header['outlines'], jaccard_mean=header['jaccard_mean'])
+            seen = self._sent.pop(header['number'], None)
+            if seen is not None and not seen.done.done():
+                seen.done.set_result(None)
+        elif kind == 'outlook':
+            return self._take(header, body)
+        return False
+
+    def drop(self, reason: str) -> None:
+        """Forget what is at hand: the process does so, too, or has ended."""
+        self._at_hand = self._ordered = None
+        self._put(progress=None)
+        sent, self._sent = self._sent, {}
+        while not self._seen.empty():
+            sent[-1 - len(sent)] = self._seen.get()
+        for seen in sent.values():
+            _fail(seen, LavaError('observed_outline', reason, 'an ensemble to be weighed'))
+
+    def _note(self, fork: Fork) -> None:
+        if fork.changes != self._changes:
+            # what is known of one scene says nothing of another
+            self._changes = fork.changes
+            self._moments.clear()
+            self._agreement, self._is_refused = None, False
+            self._put(outlines=0, jaccard_mean=None, error='')
+        self._terrain = fork.checkpoint.scene.terrain
+        self._moments.append((fork.clock, fork.checkpoint.time))
+
+    def _outline(self, seen: _Seen, time_scale: float) -> tuple[dict[str, Any], bytes]:
+        """The order that has members weighed by a mask."""
+        assert self._terrain is not None
+        outline = outline_on(self._terrain, seen.mask, self._time_at(seen.clock, time_scale))
+        self._number += 1
+        header = {
+            'order': 'outline',
+            'number': self._number,
+            'time': outline.time,
+            'shape': outline.lava.shape,
+        }
+        return header, wire.packed_masks(outline.lava, outline.known)
+
+    def _time_at(self, clock: float, time_scale: float) -> float:
+        """Simulated time at a time of the clock: evenly between two forks, after them by scale."""
+        clocks, times = zip(*self._moments, strict=True)
+        if clock <= clocks[0]:
+            raise LavaError(
+                'observed_outline.header.stamp',
+                f'{clocks[0] - clock:.1f} s before the first forecast of this scene',
+                'a time after it',
+            )
+        if clock >= clocks[-1]:
+            return float(times[-1] + (clock - clocks[-1]) * time_scale)
+        return float(np.interp(clock, clocks, times))
+
+    def _take(self, header: dict[str, Any], body: bytes) -> bool:
+        found = self._forks.get(header['number'])
+        if found is None:
+            return False
+        fork, rules = found
+        probability, *arrival, thickness = wire.unpacked(body, tuple(header['shape']))
+        outlook = Outlook(
+            time=fork.checkpoint.time,
+            horizon=rules.horizon,
+            threshold=rules.threshold,
+            terrain=fork.checkpoint.scene.terrain,
+            maps=HazardMaps(
+                probability=probability,
+                arrival=dict(zip(QUANTILES, arrival, strict=True)),
+                thickness=thickness,
+                members=header['members'],
+                effective_members=header['effective_members'],
+                arrival_error=header['arrival_error'],
+            ),
+            asked=header['asked'],
+            is_done=header['is_done'],
+            outlines=header['outlines'],
+            duration=header['duration'],
+        )
+        self._shown = header['number']
+        self.latest = Live(outlook, round(fork.clock * 1e9), fork.changes)
+        self._put(error='')
+        if header['is_done'] and header['number'] == self._at_hand:
+            self._at_hand = None
+            self._put(progress=None, count=self.status.count + 1)
+        return True
+
+    def _put(self, **changes: Any) -> None:
+        self.status = replace(self.status, **changes)
+
+
+def _fail(seen: _Seen, error: LavaError) -> None:
+    if not seen.done.done():
+        seen.done.set_exception(error)

@@ -1,0 +1,257 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Hears the maps of a running node and keeps them, packed, as the frames of its run."""
+
+from functools import partial
+import os
+import time
+from typing import Any
+import zlib
+
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import MapMetaData
+import numpy as np
+from rclpy.exceptions import InvalidNamespaceException
+from rclpy.validate_namespace import validate_namespace
+from sensor_msgs.msg import Image
+from visualization_msgs.msg import Marker, MarkerArray
+
+from lava_ros.bag.timeline import Moment, moment_of
+from lava_ros.errors import LavaError
+from lava_ros.maps.frames import Frame, grid_frame, image_frame, LayerFrame
+from lava_ros.maps.layers import ARRIVED, IMAGE, Layer
+from lava_ros.maps.message_arrays import image_array
+from lava_ros.ros import qos
+from lava_ros.ros.codec import nanoseconds
+from lava_ros.ros.outputs import MESSAGE_CLASSES
+from lava_ros.ros.scene_publisher import PLACES
+from lava_ros.ros.spinning import Watcher
+from lava_ros.watch.frames import Level, Status, watched_layers
+
+#: Silence after which a node is said not to answer [s]: it speaks every second.
+PATIENCE = 5.0
+
+#: Most frames that are kept: every second one is left out when there are more.
+MOST_FRAMES = 600
+
+#: Most moments whose maps wait for the diagnostics that say their time.
+MOST_WAITING = 20
+
+#: Most messages that are taken in one poll.
+_MOST_HEARD = 50
+
+
+class _Packed:
+    """A layer at one moment as few bytes."""
+
+    def __init__(self, shown: LayerFrame) -> None:
+        self._layer, self._is_saturated = shown.layer, shown.is_saturated
+        self.shape = shown.values.shape
+        self._data = zlib.compress(shown.values.astype(np.float32).tobytes(), 1)
+
+    def unpacked(self) -> LayerFrame:
+        values = np.frombuffer(zlib.decompress(self._data), np.float32).reshape(self.shape)
+        return LayerFrame(self._layer, values, self._is_saturated)
+
+
+class LiveFrames(Watcher):
+    """The frames of a node in a namespace since they are heard.
+
+    Attributes:
+        times: Their simulated times [s].
+        version: Changes when they do.
+    """
+
+    def __init__(self, namespace: str = '', domain_id: int | None = None) -> None:
+        """Join the graph.
+
+        Args:
+            namespace: The namespace of the node's topics, such as ``/etna``.
+            domain_id: The ROS domain, None for that of the environment.
+
+        Raises:
+            LavaError: ROS has no such namespace.
+        """
+        self._namespace = namespace.strip('/')
+        try:
+            validate_namespace(f'/{self._namespace}')
+        except InvalidNamespaceException as error:
+            right = 'letters, digits and _ between slashes, such as /etna'
+            raise LavaError('--namespace', namespace, right) from error
+        super().__init__('lava_watch', domain_id, self._namespace)
+        self.times: list[float | None] = []
+        self.version = 0
+        self._maps: list[dict[str, _Packed]] = []
+        self._waiting: dict[int, dict[str, _Packed]] = {}
+        self._forecasts: dict[str, _Packed] = {}
+        self._info: MapMetaData | None = None
+        self._elevation: np.ndarray | None = None
+        self._vents = np.empty((0, 2))
+        self._moment: Moment | None = None
+        self._heard, self._heard_at = 0, time.monotonic()
+        self._said = Status(Level.WAITING, '')
+        self._problems: dict[str, str] = {}
+        self._others: set[str] = set()
+        latched = qos.ros_profile(qos.LATCHED)
+        subscribed: list[tuple[Any, str, Any]] = [
+            (MESSAGE_CLASSES[item.message], item.topic, partial(self._on_layer, item))
+            for item in watched_layers()
+        ]
+        subscribed += [
+            (Image, 'terrain', self._on_terrain),
+            (MapMetaData, 'terrain_info', self._on_terrain_info),
+            (MarkerArray, 'vents_markers', self._on_vents),
+        ]
+        for kind, topic, take in subscribed:
+            self._node.create_subscription(kind, topic, partial(self._take, topic, take), latched)
+        self._node.create_subscription(
+            DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
+        )
+
+    def poll(self) -> None:
+        """Take what has come."""
+        for _ in range(_MOST_HEARD):
+            heard = self._heard
+            self.listen(0.0)
+            if self._heard == heard:
+                return
+
+    @property
+    def status(self) -> Status:
+        """What the node says of itself, or that none is heard."""
+        silence = time.monotonic() - self._heard_at
+        if self._moment is None:
+            domain = os.environ.get('ROS_DOMAIN_ID', '0')
+            where = f'in namespace /{self._namespace} of ROS domain {domain}'
+            if silence <= PATIENCE:
+                return Status(Level.WAITING, f'listening for a node {where}')
+            others = f' (heard from {", ".join(sorted(self._others))})' if self._others else ''
+            words = f"no node answers {where}{others}: start 'lava node', or give --namespace"
+            return Status(Level.BAD, f'{words} and ROS_DOMAIN_ID of the one that runs')
+        if silence > PATIENCE:
+            words = f'the node has been silent for {silence:.0f} s: what is shown is its last'
+            return Status(Level.BAD, words)
+        for problem in self._problems.values():
+            return Status(Level.BAD, problem)
+        lacks_ground = self._info is None or self._elevation is None
+        if self._maps and lacks_ground and self._said.level is not Level.BAD:
+            return Status(Level.WAITING, 'maps are heard, but no terrain with terrain_info')
+        return self._said
+
+    def frame(self, index: int) -> Frame:
+        """The maps at one of the times; a layer that was not published then has its last one."""
+        if self._info is None or self._elevation is None:
+            raise LavaError('terrain', None, 'a terrain with its terrain_info: none was heard')
+        if self._elevation.shape != (self._info.height, self._info.width):
+            raise LavaError('terrain', self._elevation.shape, 'of the size that terrain_info says')
+        found: dict[str, _Packed] = {}
+        for maps in self._maps[: index + 1]:
+            found |= {key: item for key, item in maps.items() if item.shape == self._shape}
+        layers = {source: item.unpacked() for source, item in found.items()}
+        arrived = layers.pop(ARRIVED, None)
+        return Frame(
+            elevation=self._elevation,
+            resolution=float(str(np.float32(self._info.resolution))),
+            origin=(self._info.origin.position.x, self._info.origin.position.y),
+            layers=layers,
+            vents=self._vents,
+            time=self.times[index],
+            scene={},
+            arrived=None if arrived is None else arrived.values,
+        )
+
+    @property
+    def _shape(self) -> tuple[int, ...]:
+        return () if self._elevation is None else self._elevation.shape
+
+    def _take(self, topic: str, take: Any, message: Any) -> None:
+        """Let a message be taken; one that is not what it says is told, and left out."""
+        self._heard += 1
+        try:
+            take(message)
+            self._problems.pop(topic, None)
+        except ValueError as error:
+            self._problems[topic] = f'{topic}: {error}'
+
+    def _on_layer(self, layer: Layer, message: Any) -> None:
+        if layer.message == IMAGE:
+            shown = image_frame(layer, image_array(message, layer.topic))
+        else:
+            cells = np.asarray(message.data, dtype=np.int8)
+            shown = grid_frame(layer, cells.reshape(message.info.height, message.info.width))
+        if layer.is_forecast:
+            self._forecasts[layer.source] = _Packed(shown)
+        else:
+            stamp_ns = nanoseconds(message.header.stamp)
+            self._waiting.setdefault(stamp_ns, {})[layer.source] = _Packed(shown)
+            if len(self._waiting) > MOST_WAITING:
+                del self._waiting[min(self._waiting)]
+
+    def _on_terrain(self, image: Image) -> None:
+        self._elevation = image_array(image, 'terrain').astype(np.float32)
+        self.version += 1
+
+    def _on_terrain_info(self, info: MapMetaData) -> None:
+        self._info = info
+        self.version += 1
+
+    def _on_vents(self, message: MarkerArray) -> None:
+        places = [item for item in message.markers if item.ns == PLACES]
+        points = [
+            point
+            for item in places
+            for point in (item.points if item.type == Marker.LINE_STRIP else [item.pose.position])
+        ]
+        self._vents = np.array([(item.x, item.y) for item in points]).reshape(-1, 2)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self._heard += 1
+        for status in message.status:
+            node, _, task = status.name.partition(': ')
+            if task != 'simulation':
+                continue
+            if node.rpartition('/')[0] != self._namespace:
+                self._others.add(node)
+                continue
+            self._heard_at = time.monotonic()
+            level = Level.WELL if status.level == status.OK else Level.WAITING
+            level = Level.BAD if status.level == status.ERROR else level
+            self._said = Status(level, f'{node}: {status.message}')
+            moment = moment_of(status)
+            if moment is not None:
+                self._keep(moment)
+
+    def _keep(self, moment: Moment) -> None:
+        """Make frames of the maps whose simulated time is known by now."""
+        before, self._moment = self._moment or moment, moment
+        if moment.time < before.time:
+            self.times.clear()
+            self._maps.clear()
+            before = moment
+        for stamp in sorted(item for item in self._waiting if item <= moment.stamp_ns):
+            maps = self._waiting.pop(stamp) | self._forecasts
+            since, span = stamp - before.stamp_ns, moment.stamp_ns - before.stamp_ns
+            if since < 0:
+                continue
+            share = since / span if span else 1.0
+            now = before.time + share * (moment.time - before.time)
+            if self.times and self.times[-1] == now:
+                self._maps[-1] |= maps
+            else:
+                self.times.append(now)
+                self._maps.append(maps)
+            self.version += 1
+        if len(self.times) > MOST_FRAMES:
+            del self.times[1:-1:2], self._maps[1:-1:2]

@@ -1,0 +1,102 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A message that goes out and comes back, as a process of its own: see ``lava doctor``."""
+
+import json
+import os
+import statistics
+import sys
+import time
+from typing import Any
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import get_rmw_implementation_identifier
+from std_msgs.msg import String
+
+from lava_ros.bag.qos import LATCHED
+from lava_ros.ros.qos import ros_profile
+
+#: How many messages are timed.
+COUNT = 20
+
+
+def probe(timeout: float = 20.0) -> dict[str, Any]:
+    """Send latched messages from one node to another, both of this process.
+
+    Args:
+        timeout: Longest time to wait for all of it [s].
+
+    Returns:
+        What was seen: ``middleware``, ``discovery_ms`` until the first message, ``trip_ms`` of a
+        message, ``nodes`` that were in the graph already; or ``error``.
+    """
+    end = time.monotonic() + timeout
+    topic = f'lava_doctor_{os.getpid()}'
+    executor = SingleThreadedExecutor()
+    sender, receiver = (
+        rclpy.create_node(f'{topic}_{part}', start_parameter_services=False)
+        for part in ('sender', 'receiver')
+    )
+    heard: list[str] = []
+    for node in (sender, receiver):
+        executor.add_node(node)
+
+    def wait_for(text: str) -> bool:
+        while text not in heard and time.monotonic() < end:
+            executor.spin_once(timeout_sec=0.05)
+        return text in heard
+
+    started = time.monotonic()
+    publisher = sender.create_publisher(String, topic, ros_profile(LATCHED))
+    # Sent before anybody listens: a latched message has to wait for the one who comes late.
+    publisher.publish(String(data='first'))
+    receiver.create_subscription(
+        String, topic, lambda message: heard.append(message.data), ros_profile(LATCHED)
+    )
+    if not wait_for('first'):
+        return {'error': f'a latched message did not arrive within {timeout:g} s'}
+    found = time.monotonic()
+    trips = []
+    for index in range(COUNT):
+        sent = time.monotonic()
+        publisher.publish(String(data=str(index)))
+        if not wait_for(str(index)):
+            return {'error': f'message {index} of {COUNT} did not arrive'}
+        trips.append(time.monotonic() - sent)
+    others = [name for name in sender.get_node_names() if not name.startswith(topic)]
+    return {
+        'middleware': get_rmw_implementation_identifier(),
+        'discovery_ms': 1e3 * (found - started),
+        'trip_ms': 1e3 * statistics.median(trips),
+        'nodes': len(others),
+    }
+
+
+def main() -> int:
+    """Print what was seen as a line of JSON.
+
+    Returns:
+        0, also when nothing arrived.
+    """
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    print(json.dumps(probe()), flush=True)
+    rclpy.shutdown()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,300 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What goes into a bag beside the layers: the scene, as it changes, and checkpoints."""
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as FutureTimeoutError
+from dataclasses import dataclass, replace
+import json
+import time
+from typing import Any
+
+from rclpy.node import Node
+import yaml
+
+import lava_ros
+from lava_ros.bag.checkpoints import NAME
+from lava_ros.ros import codec, outputs, qos
+from lava_ros.ros.recorder import Recorder
+from lava_ros.ros.session import Eruption, is_on, Origin
+from lava_ros.scene import Scene, scene_to_dict, Terrain
+from lava_ros.simulation.checkpoint import MEDIA_TYPE, summary_of
+from lava_ros.simulation.snapshot import Snapshot
+
+#: ROS time after which terrain and vents are written again [ns]: players that start in the middle
+#: of a bag pass over what is latched from before.
+REPEAT_PERIOD_NS = 60 * 10**9
+
+
+class SceneRecording:
+    """Opens an armed bag, and writes terrain and vents into it whenever they have changed.
+
+    They are written again from time to time, though never so often that they are most of the bag.
+    What describes the bag is replaced when the scene changes, all but the effects: their list has
+    one entry for the start and one for each time that some went on or off, in JSON. A bag that
+    begins in the middle of an eruption names the checkpoint it has gone on from, in JSON.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        recorder: Recorder,
+        *,
+        frame_id: str,
+        msg_config: str,
+        parameters: Callable[[], Mapping[str, Any]],
+        forecast_config: str = '',
+    ) -> None:
+        """Write nothing yet.
+
+        Args:
+            node: The node whose names the topics have.
+            recorder: The bag.
+            frame_id: Frame of the messages.
+            msg_config: Text of the file that says how layers become messages.
+            parameters: Gives the node's parameters by name.
+            forecast_config: That for the layers of forecasts, empty without forecasts.
+        """
+        self._node = node
+        self._recorder = recorder
+        self._frame_id = frame_id
+        self._configs = {'msg_config': msg_config}
+        if forecast_config:
+            self._configs['forecast_config'] = forecast_config
+        self._parameters = parameters
+        self._scene: Scene | None = None
+        self._origin: Origin | None = None
+        self._terrain: Terrain | None = None
+        self._vents: list[tuple[float, ...]] | None = None
+        self._told_ns = self._told_size = 0
+        self._effects: dict[str, str] = {}
+        self._history: list[dict[str, Any]] = []
+
+    def write(self, eruption: Eruption, snapshot: Snapshot, stamp_ns: int) -> None:
+        """Write what has changed since the last time.
+
+        Args:
+            eruption: The scene in use, and what is known of its simulation.
+            snapshot: The snapshot about to be published.
+            stamp_ns: Its ROS time [ns].
+        """
+        scene, effects = eruption.scene, eruption.effects
+        if scene is None:
+            return
+        if not (self._recorder.is_armed or self._recorder.is_recording):
+            return
+        if self._recorder.is_armed:
+            self._effects, self._history, self._origin = {}, [], eruption.origin
+            self._note_effects(effects, snapshot, stamp_ns)
+            self._recorder.begin(self._description(scene, eruption))
+            self._scene = scene
+            self._terrain = self._vents = None
+        if self._note_effects(effects, snapshot, stamp_ns) or scene is not self._scene:
+            self._recorder.describe(self._description(scene, eruption))
+            self._scene = scene
+        if self._is_to_repeat(snapshot.terrain, stamp_ns):
+            self._terrain = self._vents = None
+        if snapshot.terrain is not self._terrain:
+            image, info = outputs.terrain_messages(
+                snapshot.terrain, frame_id=self._frame_id, stamp_ns=stamp_ns
+            )
+            self._write('terrain', 'sensor_msgs/msg/Image', image, stamp_ns)
+            self._write('terrain_info', 'nav_msgs/msg/MapMetaData', info, stamp_ns)
+            self._terrain = snapshot.terrain
+            self._told_ns, self._told_size = stamp_ns, self._recorder.size
+        rows = outputs.vent_rows(scene.vents, snapshot.time)
+        if rows != self._vents:
+            cloud = outputs.vents_message(
+                rows, scene.terrain, frame_id=self._frame_id, stamp_ns=stamp_ns
+            )
+            self._write('vents', 'sensor_msgs/msg/PointCloud2', cloud, stamp_ns)
+            self._vents = rows
+
+    def _is_to_repeat(self, terrain: Terrain, stamp_ns: int) -> bool:
+        grown = self._recorder.size - self._told_size
+        is_late = stamp_ns - self._told_ns >= REPEAT_PERIOD_NS
+        # what it has grown by begins with the terrain itself
+        return is_late and grown >= 2 * terrain.elevation.nbytes
+
+    def _note_effects(
+        self, effects: Mapping[str, str], snapshot: Snapshot, stamp_ns: int
+    ) -> bool:
+        """Add what has gone on or off to the list; the first entry has all of the table.
+
+        Returns:
+            Whether there was anything.
+        """
+        changed = {
+            name: text
+            for name, text in effects.items()
+            if name not in self._effects or is_on(text) != is_on(self._effects[name])
+        }
+        self._effects.update(changed)
+        if changed:
+            entry = {'stamp_ns': stamp_ns, 'time': snapshot.time, 'effects': changed}
+            self._history.append(entry)
+        return bool(changed)
+
+    def _write(self, topic: str, message_type: str, message: Any, stamp_ns: int) -> None:
+        self._recorder.write(
+            self._node.resolve_topic_name(topic),
+            message_type,
+            codec.serialise(message),
+            stamp_ns,
+            qos=qos.LATCHED,
+        )
+
+    def _description(self, scene: Scene, eruption: Eruption) -> dict[str, str]:
+        resumed = {'resumed_from': json.dumps(self._origin._asdict())} if self._origin else {}
+        return {
+            'scene': yaml.safe_dump(
+                scene_to_dict(replace(scene, vents=eruption.schedule)), sort_keys=False
+            ),
+            'parameters': yaml.safe_dump(dict(self._parameters()), sort_keys=False),
+            'effects': json.dumps(self._history),
+            **resumed,
+            **self._configs,
+            'version': lava_ros.__version__,
+            'device': eruption.device,
+        }
+
+
+#: Periods that a checkpoint waits at most for the bag to grow.
+PATIENCE = 10.0
+
+
+@dataclass(frozen=True)
+class LastCheckpoint:
+    """What a status says of the newest checkpoint in the bag.
+
+    Attributes:
+        time: Simulated time [s].
+        size: Its size [bytes].
+        count: Checkpoints in the bag.
+    """
+
+    time: float
+    size: int
+    count: int
+
+
+class CheckpointRecording:
+    """Writes a checkpoint at a recording's start, from time to time, and at its end.
+
+    A checkpoint that is due waits while it would make checkpoints take more than half of the bag,
+    for ``PATIENCE`` periods at most. One that is the same as the last is not written.
+    """
+
+    def __init__(
+        self,
+        recorder: Recorder,
+        take: Callable[[], 'Future[bytes]'],
+        *,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Write nothing yet.
+
+        Args:
+            recorder: The bag.
+            take: Asks for a checkpoint's bytes.
+            clock: Wall time [s].
+        """
+        self._recorder = recorder
+        self._take = take
+        self._clock = clock
+        self._directory = ''
+        self._pending: Future[bytes] | None = None
+        self._asked: float | None = None
+        self._data = b''
+        self._written = 0
+        self._last: LastCheckpoint | None = None
+
+    @property
+    def last(self) -> LastCheckpoint | None:
+        """The newest checkpoint in the bag, None without one."""
+        return self._last
+
+    def poll(self, period: float, stamp_ns: int) -> str:
+        """Write what has been taken since, and ask for the next one when it is due.
+
+        Args:
+            period: Wall time from one checkpoint to the next [s]; 0: none.
+            stamp_ns: ROS time [ns].
+
+        Returns:
+            Why a checkpoint could not be taken, empty when nothing went wrong.
+        """
+        if not self._is_recording() or not period:
+            return ''
+        if self._pending is not None:
+            return self._write(stamp_ns) if self._pending.done() else ''
+        if self._is_due(period):
+            self._asked = self._clock()
+            self._pending = self._take()
+        return ''
+
+    def finish(self, period: float, stamp_ns: int, *, timeout: float) -> str:
+        """Write a last checkpoint before the bag is closed.
+
+        Args:
+            period: As for ``poll``.
+            stamp_ns: ROS time [ns].
+            timeout: How long to wait for it [s].
+
+        Returns:
+            Why there is none, empty when nothing went wrong.
+        """
+        if not self._is_recording() or not period:
+            return ''
+        self._pending = self._take()
+        return self._write(stamp_ns, timeout)
+
+    def _is_recording(self) -> bool:
+        directory = self._recorder.status.directory
+        if not self._recorder.is_recording or directory != self._directory:
+            self._forget()
+        self._directory = directory
+        return self._recorder.is_recording
+
+    def _forget(self) -> None:
+        self._pending = self._asked = self._last = None
+        self._data = b''
+        self._written = 0
+
+    def _is_due(self, period: float) -> bool:
+        if self._asked is None:
+            return True
+        waited = self._clock() - self._asked
+        size = len(self._data)
+        fits = 2 * (self._written + size) <= self._recorder.size + size
+        return waited >= period and (fits or waited >= PATIENCE * period)
+
+    def _write(self, stamp_ns: int, timeout: float = 0.0) -> str:
+        pending, self._pending = self._pending, None
+        assert pending is not None
+        try:
+            data = pending.result(timeout)
+        except FutureTimeoutError:
+            return f'no checkpoint within {timeout:g} s'
+        except Exception as error:
+            return str(error)
+        if data != self._data:
+            self._recorder.attach(NAME, MEDIA_TYPE, data, stamp_ns)
+            self._data = data
+            self._written += len(data)
+            count = 1 if self._last is None else self._last.count + 1
+            self._last = LastCheckpoint(summary_of(data).time, len(data), count)
+        return ''

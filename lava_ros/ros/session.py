@@ -1,0 +1,405 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The scene in use and the simulation of it: what messages change. No rclpy in here."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from itertools import count
+import threading
+from typing import Any, NamedTuple, Protocol, TYPE_CHECKING
+
+import numpy as np
+
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.scene import constants_of, Scene, Terrain, Vent
+from lava_ros.scene.schedule import schedule
+from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.resolution import Resolution
+from lava_ros.simulation.selection import Decision
+
+if TYPE_CHECKING:
+    # The solver's package loads Warp; the worker's thread does that, not the importer.
+    from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from lava_ros.simulation.snapshot import Snapshot
+
+
+class SimulationError(Exception):
+    """The simulation cannot go on; says why, and what helps."""
+
+
+class Origin(NamedTuple):
+    """The checkpoint that a simulation has gone on from.
+
+    Attributes:
+        bag: The bag that has it.
+        time: Its simulated time [s].
+        stamp_ns: ROS time at which it was taken [ns].
+    """
+
+    bag: str
+    time: float
+    stamp_ns: int
+
+
+class Fork(NamedTuple):
+    """A copy of the state, from which another simulation can go on.
+
+    Attributes:
+        checkpoint: The copy.
+        changes: Changes of scene or effects up to then.
+        clock: Time on the clock that simulated time follows [s].
+        wall_time: How long the copy took [s].
+    """
+
+    checkpoint: Checkpoint
+    changes: int
+    clock: float
+    wall_time: float
+
+
+class SimulationLike(Protocol):
+    """What the worker needs of a simulation."""
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s]."""
+
+    @property
+    def device(self) -> str:
+        """Name of the device."""
+
+    @property
+    def particle_count(self) -> int:
+        """Particles there are."""
+
+    @property
+    def effects(self) -> Effects:
+        """The physics that is switched on."""
+
+    @property
+    def resolution(self) -> Resolution:
+        """How many particles lie across the flow."""
+
+    def decisions(self) -> tuple[Decision, ...]:
+        """Why each effect is on or off."""
+
+    def advance(self, until: float, *, wall_limit: float | None = None) -> float:
+        """Simulate up to a time and return the time reached."""
+
+    def snapshot(self) -> 'Snapshot':
+        """Show the state of the flow."""
+
+    def begin_snapshot(self) -> 'PendingSnapshot':
+        """Begin to show it as it is now, whatever comes before the result is there."""
+
+    def set_vents(self, vents: Iterable[Vent]) -> None:
+        """Replace the vents."""
+
+    def set_terrain(self, terrain: Terrain) -> None:
+        """Replace the ground."""
+
+    def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
+        """Choose the effects anew, with some forced on or off."""
+
+    def checkpoint(self) -> Checkpoint:
+        """Copy all that is needed to go on from here."""
+
+
+class Eruption:
+    """A scene that changes while it is simulated.
+
+    What is refused raises LavaError and leaves scene and simulation as they were.
+
+    Attributes:
+        simulation: The simulation, None before there is a terrain or after a failure.
+        scene: The scene in use, None before there is a terrain.
+        schedule: Its vents with all that they and those before them have emitted and will.
+        origin: The checkpoint that the simulation has gone on from, None when it began at time 0.
+        latest: The newest snapshot, None before the first; it stays after a failure.
+        effects: The table of effects (``effect_table``), empty before there is a simulation.
+        resolution: How many particles lie across the flow, None before there is a simulation.
+        changes: How often what comes has become another: by a start, vents, terrain, effects.
+        max_particles: Most particles, beyond which the simulation does not go on.
+    """
+
+    def __init__(
+        self,
+        make_simulation: Callable[[Scene], SimulationLike],
+        *,
+        constants: Mapping[str, Any] | None = None,
+        max_particles: int,
+    ) -> None:
+        """Begin without a terrain.
+
+        Args:
+            make_simulation: Makes the simulation of a scene at time 0.
+            constants: Lava and surroundings until a scene brings its own.
+            max_particles: Most particles, beyond which the simulation does not go on.
+        """
+        self.max_particles = max_particles
+        self._make_simulation = make_simulation
+        self._constants = constants or constants_of(None)
+        self._is_changed = False
+        self._numbers, self._latest_number = count(), -1
+        self._taking = threading.Lock()
+        self.simulation: SimulationLike | None = None
+        self.scene: Scene | None = None
+        self.schedule: tuple[Vent, ...] = ()
+        self.origin: Origin | None = None
+        self.latest: Snapshot | None = None
+        self.effects: Mapping[str, str] = {}
+        self.resolution: Resolution | None = None
+        self.changes = 0
+
+    @property
+    def time(self) -> float:
+        """Simulated time [s], 0 without a simulation."""
+        return self.simulation.time if self.simulation is not None else 0.0
+
+    @property
+    def device(self) -> str:
+        """Name of the device, empty without a simulation."""
+        # the simulation may go at any time where another thread asks
+        simulation = self.simulation
+        return simulation.device if simulation is not None else ''
+
+    def start(self, scene: Scene) -> None:
+        """Start a scene at time 0 in place of what there was."""
+        # A scene that is refused here leaves the old simulation in place.
+        self.go_on_with(self._make_simulation(scene), scene)
+
+    def go_on_with(
+        self,
+        simulation: SimulationLike,
+        scene: Scene,
+        origin: Origin | None = None,
+        before: tuple[Vent, ...] = (),
+    ) -> None:
+        """Take a simulation of a scene, at any time, in place of what there was.
+
+        Args:
+            simulation: The simulation.
+            scene: Its scene.
+            origin: The checkpoint it goes on from.
+            before: The vents up to then, with all they have emitted; those of the scene when
+                left out.
+        """
+        self.schedule = schedule(before or scene.vents, scene.vents, simulation.time)
+        self.simulation, self.scene, self._constants = simulation, scene, constants_of(scene)
+        self.origin = origin
+        self._note_change()
+
+    def checkpoint(self) -> bytes:
+        """Serialise all that is needed to go on from here."""
+        return self.copy().to_bytes()
+
+    def copy(self) -> Checkpoint:
+        """Copy all that is needed to go on from here."""
+        if self.simulation is None:
+            raise LavaError('checkpoint', 'no simulation', 'one that has started and not failed')
+        return self.simulation.checkpoint()
+
+    def begin(self, terrain: Terrain, vents: tuple[Vent, ...]) -> None:
+        """Start on the first terrain."""
+        self.start(Scene(terrain, vents=vents, **self._constants))
+
+    def advance(self, until: float, *, wall_limit: float) -> float:
+        """Simulate up to a time [s], at most a wall time [s], and return the time reached [s].
+
+        Raises:
+            SimulationError: There are too many particles; ``latest`` shows them.
+        """
+        assert self.simulation is not None
+        before = self.simulation.time
+        reached = self.simulation.advance(until, wall_limit=wall_limit)
+        self._is_changed |= reached > before
+        particles = self.simulation.particle_count
+        if particles > self.max_particles:
+            self.renew_snapshot()
+            raise SimulationError(
+                f'{particles} particles, expected at most {self.max_particles} (max_particles); '
+                'a larger spacing needs fewer'
+            )
+        return reached
+
+    def set_terrain(self, terrain: Terrain) -> bool:
+        """Replace the ground under the flow and say whether it is another."""
+        assert self.scene is not None
+        # Publishers often repeat their map; the same ground again changes nothing.
+        if _is_same(terrain, self.scene.terrain):
+            return False
+        scene = replace(self.scene, terrain=terrain)
+        if self.simulation is not None:
+            self.simulation.set_terrain(terrain)
+            self._note_change()
+        self.scene = scene
+        return True
+
+    def set_vents(self, vents: tuple[Vent, ...]) -> bool:
+        """Replace all vents and say whether that started the scene anew.
+
+        The first vents of a simulation without lava start it again at time 0: its resolution
+        follows their discharge.
+        """
+        assert self.scene is not None
+        scene = replace(self.scene, vents=vents)
+        if self.simulation is None:
+            self.schedule, self.scene = vents, scene
+            return False
+        if vents and not self.scene.vents and self._is_without_lava():
+            self.start(scene)
+            return True
+        self.simulation.set_vents(vents)
+        self.schedule = schedule(self.schedule, vents, self.simulation.time)
+        self.scene = scene
+        self._note_change()
+        return False
+
+    def set_constants(self, constants: Mapping[str, Any]) -> None:
+        """Replace lava and surroundings from the next start on."""
+        self._constants = constants
+        if self.scene is not None:
+            self.scene = replace(self.scene, **constants)
+
+    def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
+        """Choose the effects anew, with some forced on or off, looking ahead by a time [s]."""
+        if self.simulation is None:
+            return
+        self.simulation.set_effects(forced, horizon=horizon)
+        self._note_change()
+
+    def reset(self) -> None:
+        """Start the scene again at time 0, also after a failure."""
+        if self.scene is None:
+            raise LavaError('reset', 'no terrain yet', 'a simulation that has started')
+        self.start(self.scene)
+
+    def fail(self) -> None:
+        """Give the simulation up; scene and last snapshot stay."""
+        self.simulation = None
+        self.changes += 1
+
+    def renew_snapshot(self) -> bool:
+        """Bring ``latest`` up to date and say whether it changed.
+
+        Raises:
+            SimulationError: What the simulation shows is no map; ``latest`` stays.
+        """
+        if self.simulation is None or not self._is_changed:
+            return False
+        number = next(self._numbers)
+        self._take(self.simulation.snapshot(), number)
+        self._is_changed = False
+        return True
+
+    def begin_snapshot(self) -> Callable[[], None] | None:
+        """Begin to bring ``latest`` up to date, if anything has changed.
+
+        Returns:
+            What does the rest, in any thread and while the simulation goes on. It raises what
+            ``renew_snapshot`` does.
+        """
+        if self.simulation is None or not self._is_changed:
+            return None
+        number, pending = next(self._numbers), self.simulation.begin_snapshot()
+        self._is_changed = False
+        return lambda: self._take(pending.result(), number)
+
+    def _take(self, snapshot: 'Snapshot', number: int) -> None:
+        flaw = snapshot.flaw()
+        if flaw:
+            raise SimulationError(f'the flow has become unusable: {flaw}')
+        with self._taking:
+            # One that was begun later may have been there sooner.
+            if number > self._latest_number:
+                self.latest, self._latest_number = snapshot, number
+
+    def _note_change(self) -> None:
+        assert self.simulation is not None
+        self.resolution = self.simulation.resolution
+        self.effects = effect_table(self.simulation.effects, self.simulation.decisions())
+        self._is_changed = True
+        self.changes += 1
+
+    def _is_without_lava(self) -> bool:
+        self.renew_snapshot()
+        return self.latest is not None and self.latest.budget.emitted == 0.0
+
+
+def _is_same(one: Terrain, other: Terrain) -> bool:
+    return (
+        one.resolution == other.resolution
+        and one.origin == other.origin
+        and np.array_equal(one.elevation, other.elevation, equal_nan=True)
+    )
+
+
+def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, str]:
+    """Say of every effect whether it is on, and why.
+
+    Args:
+        effects: What is on.
+        decisions: What decided.
+
+    Returns:
+        Texts such as ``on: slope = 0.82 > 0.12`` by the name of the effect.
+    """
+    decided = {item.name: item for item in decisions}
+    return {
+        name: f'{"on" if is_on else "off"}: {_reason(name, effects, decided.get(name))}'
+        for name, is_on in asdict(effects).items()
+    }
+
+
+def is_on(text: str) -> bool:
+    """Whether a text of the table says that the effect is on."""
+    return text.startswith('on:')
+
+
+def _reason(name: str, effects: Effects, decision: Decision | None) -> str:
+    if decision is None:
+        return 'forced' if name in effects else 'never chosen, only forced'
+    if decision.is_on == getattr(effects, name):
+        return decision.reason
+    return f'{decision.reason}, but what has frozen stays'
+
+
+#: What Warp says when a device has no memory left.
+_NO_MEMORY = 'Failed to allocate'
+
+
+def failure_text(error: Exception, latest: 'Snapshot | None') -> str:
+    """Say why the simulation has failed, and what helps where that is known.
+
+    Args:
+        error: What was raised.
+        latest: The last snapshot there is.
+    """
+    if isinstance(error, SimulationError):
+        return str(error)
+    if isinstance(error, MemoryError) or _NO_MEMORY in str(error):
+        held = ''
+        if latest is not None:
+            rows, columns = latest.terrain.shape
+            held = f' with {latest.particle_count} particles on {columns} x {rows} cells'
+        reason = str(error) or type(error).__name__
+        return f'out of memory{held}: {reason}; a larger spacing or a coarser terrain needs less'
+    return f'{type(error).__name__}: {error}'

@@ -1,0 +1,96 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The material: what lava is made of, as constants of its laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TYPE_CHECKING
+
+from lava_ros.effects import EFFECTS, laws, possible
+from lava_ros.effects.effect import check_fields, number, with_fields
+from lava_ros.errors import LavaError
+
+
+@dataclass(frozen=True)
+@with_fields({key: item for one in EFFECTS.values() for key, item in one.constants.items()})
+class Lava:
+    """Material constants; each field says what it is, in which unit and within which limits.
+
+    Those that are of one effect alone are declared in its file. The defaults are table 3.1 of the
+    paper this method comes from. What the table lacks is off: a constant of 0 switches its physics
+    off. A scene that is given no lava has none of these, but ``materials.default_lava()``.
+    """
+
+    density: float = number(2500.0, 'Density', 1.0, 1e5, 'kg/m3')
+    specific_heat: float = number(1150.0, 'Specific heat capacity', 1.0, 1e5, 'J/(kg K)')
+
+    viscosity: float = number(
+        100.0, 'Dynamic viscosity (consistency, Pa s^n) at reference_temperature', 1e-6, 1e15,
+        'Pa s',
+    )
+    reference_temperature: float = number(
+        1423.0, 'Temperature at which viscosity and yield_strength hold', 1.0, 5000.0, 'K'
+    )
+    liquidus: float = number(
+        1473.0, 'Temperature above which there are no crystals', 1.0, 5000.0, 'K'
+    )
+    solidus: float = number(
+        0.0, 'Temperature below which lava is solid; 0: never', 0.0, 5000.0, 'K'
+    )
+    emissivity: float = number(0.9, 'Emissivity of the surface; 0: no radiation', 0.0, 1.0)
+    convection: float = number(50.0, 'Heat transfer to the air; 0: none', 0.0, 1e5, 'W/(m2 K)')
+    conductivity: float = number(
+        0.0, 'Thermal conductivity of lava, along the flow and of its crust; 0: none', 0.0, 1e3,
+        'W/(m K)',
+    )
+
+    if TYPE_CHECKING:
+
+        def __init__(self, **constants: Any) -> None: ...  # noqa: D107
+
+        def __getattr__(self, name: str) -> Any: ...  # noqa: D105
+
+    def __post_init__(self) -> None:
+        """Validate every field.
+
+        Raises:
+            LavaError: A field is not usable, or two do not go together.
+        """
+        check_fields('lava', self)
+        if self.solidus >= self.liquidus:
+            raise LavaError(
+                'lava.solidus', self.solidus, f'below lava.liquidus, {self.liquidus:g} K'
+            )
+        for effect in EFFECTS.values():
+            effect.check(self)
+
+    @property
+    def is_vft(self) -> bool:
+        """Whether the VFT law gives the viscosity."""
+        return 'vft' in possible(self)
+
+    @property
+    def radiates(self) -> bool:
+        """Whether it loses heat to the air."""
+        return self.emissivity > 0.0 or self.convection > 0.0
+
+    def viscosity_at(self, temperature: float) -> float:
+        """Viscosity [Pa s] at a temperature [K], crystals included."""
+        return laws.viscosity_at(self, temperature)
+
+    def yield_strength_at(self, temperature: float) -> float:
+        """Yield strength [Pa] at a temperature [K]."""
+        return laws.strength_at(self, temperature)

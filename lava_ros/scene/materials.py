@@ -1,0 +1,148 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Lavas by name, with the source of each number."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from importlib import resources
+from typing import Any
+
+from lava_ros import validation
+from lava_ros.scene.lava import Lava
+
+#: The file of the package that holds them.
+FILE = 'materials.yaml'
+
+#: What a lava is that nobody names: in files, commands, the node and Python's scenes.
+DEFAULT = 'etna_basalt'
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A number and where it is from.
+
+    Attributes:
+        value: The number, or the name of a law.
+        source: Its reference.
+        range: Smallest and largest value that have been published, None where that is not known.
+        range_source: The reference of the range.
+    """
+
+    value: float | str
+    source: str
+    range: tuple[float, float] | None = None
+    range_source: str = ''
+
+
+@dataclass(frozen=True)
+class Material:
+    """A lava.
+
+    Attributes:
+        name: Its name in scene and case files.
+        title: What it is, in a few words.
+        vent_temperature: Temperature with which it comes out [K].
+        constants: The fields of ``Lava`` that have a source; the others keep their defaults.
+    """
+
+    name: str
+    title: str
+    vent_temperature: Constant
+    constants: Mapping[str, Constant]
+
+    @property
+    def lava(self) -> Lava:
+        """The constants as the simulation takes them."""
+        return self.lava_with({})
+
+    def lava_with(self, overrides: Mapping[str, Any]) -> Lava:
+        """The lava with some constants replaced.
+
+        Args:
+            overrides: Values by the names of ``Lava``'s fields.
+
+        Raises:
+            LavaError: A name is unknown or a value not usable.
+        """
+        names = [item.name for item in fields(Lava)]
+        overrides = validation.keys('lava', overrides, allowed=names)
+        # constants of an effect that was deleted have no field
+        values = {name: item.value for name, item in self.constants.items() if name in names}
+        return Lava(**{**values, **overrides})
+
+
+@cache
+def materials() -> dict[str, Material]:
+    """All lavas, by name."""
+    from lava_ros.files.yaml import parse_yaml
+
+    text = resources.files('lava_ros.scene').joinpath(FILE).read_text(encoding='utf-8')
+    data = parse_yaml(FILE, text)
+    return {
+        name: Material(
+            name,
+            item['title'],
+            _constant(item['vent_temperature'], data['sources']),
+            {key: _constant(value, data['sources']) for key, value in item['constants'].items()},
+        )
+        for name, item in data['materials'].items()
+    }
+
+
+def material_named(name: object) -> Material:
+    """The lava of a name.
+
+    Raises:
+        LavaError: There is none of that name.
+    """
+    known = materials()
+    return known[validation.choice('lava.material', name, known)]
+
+
+def default_lava() -> Lava:
+    """The lava of scenes that name none, ``DEFAULT``."""
+    return material_named(DEFAULT).lava
+
+
+def lava_from_dict(label: str, data: object) -> tuple[Lava, Material]:
+    """Build a lava from the plain data of a YAML file.
+
+    Args:
+        label: What messages call the data.
+        data: A mapping with the fields of ``Lava``; ``material`` names the lava whose constants
+            they replace, ``DEFAULT`` where it is absent.
+
+    Returns:
+        The lava, and the material it is made of.
+
+    Raises:
+        LavaError: A key or a value is not usable.
+    """
+    names = [item.name for item in fields(Lava)]
+    given = validation.keys(label, data, allowed=['material', *names])
+    material = material_named(given.pop('material', DEFAULT))
+    return material.lava_with(given), material
+
+
+def _constant(item: Mapping[str, Any], sources: Mapping[str, str]) -> Constant:
+    low_high = item.get('range')
+    return Constant(
+        item['value'],
+        sources[item['source']],
+        None if low_high is None else (float(low_high[0]), float(low_high[1])),
+        sources[item['range_source']] if low_high else '',
+    )

@@ -1,0 +1,272 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A raster of elevations, brought to square cells of metres: cropped, resampled, to UTM."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+import math
+from typing import Any
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.files import MOST_CELLS
+from lava_ros.files.optional import require
+from lava_ros.scene.terrain import MAX_COORDINATE, MAX_SIDE_CELLS, RESOLUTION_RANGE, Terrain
+
+#: EPSG code of WGS 84 longitude and latitude.
+WGS84 = 4326
+
+#: Beyond this latitude UTM is not defined [degrees].
+MAX_UTM_LATITUDE = 84.0
+
+#: Cells this small [m] in a file without coordinate system are degrees.
+SMALLEST_CELL = 0.05
+
+#: How much lengths of a projected system may differ from those of UTM: Mercator's double at 60
+#: degrees, those of national grids differ by less than 0.1 %.
+MAX_DISTORTION = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """A grid on its way to a Terrain: cells may be degrees and not square, row 0 is the south.
+
+    ``corner`` is the lower-left one in the file's coordinates; ``offset`` is None unless the file
+    has one. ``wkt`` describes a coordinate system that has no EPSG code. ``is_metric`` says that
+    coordinates are metres by the definition of the format.
+    """
+
+    elevation: np.ndarray
+    dx: float
+    dy: float
+    corner: tuple[float, float]
+    epsg: int | None = None
+    offset: tuple[float, float] | None = None
+    wkt: str | None = None
+    is_metric: bool = False
+    source: str = ''
+
+    @property
+    def system(self) -> str:
+        """What the file says its coordinates are."""
+        if self.epsg is not None:
+            return f'EPSG:{self.epsg}'
+        return 'a coordinate system without a code' if self.wkt else 'no coordinate system'
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether the file says what its coordinates are."""
+        return self.epsg is not None or self.wkt is not None
+
+
+def with_epsg(raster: Raster, epsg: int | None) -> Raster:
+    """Give the raster the coordinate system the user names, unless it has another."""
+    if epsg is None:
+        return raster
+    if isinstance(epsg, bool) or not isinstance(epsg, int) or epsg < 1024:
+        raise LavaError('terrain.epsg', epsg, 'an EPSG code such as 32633')
+    if raster.is_placed and raster.epsg != epsg:
+        raise LavaError('terrain.epsg', epsg, f'absent: the file says {raster.system}')
+    return replace(raster, epsg=epsg)
+
+
+def in_square_metres(raster: Raster, resolution: float | None) -> Raster:
+    """Reproject degrees to UTM; make cells square and of the wanted size."""
+    for name in ('dx', 'dy'):
+        most = RESOLUTION_RANGE[1]
+        validation.number(f'terrain file {name}', getattr(raster, name), above=0.0, at_most=most)
+    validation.pair('terrain file corner', raster.corner, most=MAX_COORDINATE)
+    if raster.is_metric or not raster.is_placed:
+        if min(raster.dx, raster.dy) < SMALLEST_CELL:
+            raise LavaError(
+                'terrain file cell size',
+                raster.dx,
+                'metres; an ESRI grid in degrees needs its coordinate system: epsg 4326',
+            )
+        target = raster.epsg
+    else:
+        target = _target_epsg(raster)
+    square = math.isclose(raster.dx, raster.dy, rel_tol=1e-6)
+    if target == raster.epsg and square and resolution in (None, raster.dx):
+        return raster
+    try:
+        return _warped(raster, target, resolution)
+    except (LavaError, MemoryError):
+        raise
+    # GDAL's errors have no class in common
+    except Exception as error:
+        right = f'one that GDAL can place on square cells of metres ({error})'
+        raise LavaError('terrain file corner', raster.corner, right) from error
+
+
+def _crs(raster: Raster) -> Any:
+    """Return the raster's coordinate system; a raster without one gets any in metres.
+
+    Such a raster is only ever turned into itself at another cell size, so which does not matter.
+    """
+    rasterio = rasterio_for('coordinate systems')
+    try:
+        if raster.wkt is not None:
+            return rasterio.crs.CRS.from_wkt(raster.wkt)
+        return rasterio.crs.CRS.from_epsg(raster.epsg or 32631)
+    except rasterio.errors.CRSError as error:
+        raise LavaError('terrain.epsg', raster.epsg, f'a known EPSG code ({error})') from error
+
+
+def _target_epsg(raster: Raster) -> int | None:
+    """EPSG code of the coordinates the terrain shall have: the UTM zone for degrees."""
+    rasterio = rasterio_for('coordinate systems')
+    crs = _crs(raster)
+    if crs.is_projected and not math.isclose(crs.linear_units_factor[1], 1.0, rel_tol=1e-9):
+        right = f'coordinates in metres, such as UTM, not {crs.linear_units}'
+        raise LavaError('terrain.epsg', raster.epsg, right)
+    rows, columns = raster.elevation.shape
+    x = raster.corner[0] + 0.5 * columns * raster.dx
+    y = raster.corner[1] + 0.5 * rows * raster.dy
+    try:
+        (longitude,), (latitude,) = rasterio.warp.transform(crs, f'EPSG:{WGS84}', [x], [y])
+    # what GDAL says of a place outside the projection's domain has no public class
+    except Exception as error:
+        if crs.is_projected:
+            return raster.epsg
+        right = f'a place on Earth in EPSG:{raster.epsg} ({error})'
+        raise LavaError('terrain file corner', raster.corner, right) from error
+    if crs.is_projected and not abs(latitude) <= MAX_UTM_LATITUDE:
+        return raster.epsg
+    validation.number('terrain longitude', longitude, unit='degrees')
+    if not abs(latitude) <= MAX_UTM_LATITUDE:
+        raise LavaError(
+            'terrain latitude', latitude, 'at most 84 degrees north or south, or metres'
+        )
+    zone = math.floor((longitude + 180.0) / 6.0) % 60 + 1
+    utm = int((32600 if latitude >= 0.0 else 32700) + zone)
+    if crs.is_projected:
+        places = rasterio.warp.transform(crs, f'EPSG:{utm}', [x, x + raster.dx], [y, y])
+        true = math.hypot(*(ends[1] - ends[0] for ends in places))
+        # of a place that is nowhere on Earth there is no better system
+        if not abs(raster.dx / true - 1.0) > MAX_DISTORTION:
+            return raster.epsg
+    return utm
+
+
+def _warped(raster: Raster, target: int | None, resolution: float | None) -> Raster:
+    """Resample to square cells in the target coordinate system, by cubic interpolation.
+
+    Cells at least twice as large as the file's are averages instead.
+    """
+    rasterio = rasterio_for('resampling')
+    source_crs = _crs(raster)
+    target_crs = source_crs if target == raster.epsg else rasterio.crs.CRS.from_epsg(target)
+    rows, columns = raster.elevation.shape
+    west, south = raster.corner
+    east, north = west + columns * raster.dx, south + rows * raster.dy
+    if target_crs == source_crs:
+        native = min(raster.dx, raster.dy)
+        left, bottom, right, top = west, south, east, north
+    else:
+        natural, width, height = rasterio.warp.calculate_default_transform(
+            source_crs, target_crs, columns, rows, west, south, east, north
+        )
+        # Whole centimetres read better in every message and title.
+        native = max(round(natural.a, 2), SMALLEST_CELL)
+        left, top = natural.c, natural.f
+        right, bottom = left + width * natural.a, top - height * natural.a
+    cell = resolution or native
+    if target_crs != source_crs:
+        # Corners that are whole cells from zero give offsets that read well.
+        left, bottom = math.floor(left / cell) * cell, math.floor(bottom / cell) * cell
+    shape = (math.ceil((top - bottom) / cell - 1e-6), math.ceil((right - left) / cell - 1e-6))
+    if not 2 <= min(shape) <= max(shape) <= MAX_SIDE_CELLS or shape[0] * shape[1] > MOST_CELLS:
+        right = f'2 to {MAX_SIDE_CELLS} cells a side and at most {MOST_CELLS}, not {shape}'
+        raise LavaError('terrain.resolution', cell, right)
+    average = cell >= 2.0 * native
+    result = np.full(shape, np.nan, dtype=np.float32)
+    rasterio.warp.reproject(
+        np.ascontiguousarray(np.flipud(raster.elevation)),
+        result,
+        src_transform=rasterio.transform.from_origin(west, north, raster.dx, raster.dy),
+        src_crs=source_crs,
+        src_nodata=np.nan,
+        dst_transform=rasterio.transform.from_origin(left, bottom + shape[0] * cell, cell, cell),
+        dst_crs=target_crs,
+        dst_nodata=np.nan,
+        resampling=rasterio.warp.Resampling.average if average else rasterio.warp.Resampling.cubic,
+    )
+    return replace(
+        raster,
+        elevation=np.flipud(result),
+        dx=cell,
+        dy=cell,
+        corner=(left, bottom),
+        epsg=target,
+        offset=raster.offset if target_crs == source_crs else None,
+        wkt=raster.wkt if target_crs == source_crs else None,
+    )
+
+
+def cropped(raster: Raster, window: tuple[float, float, float, float]) -> Raster:
+    """Keep the cells that a window in projected coordinates touches."""
+    if isinstance(window, str) or not isinstance(window, Sequence) or len(window) != 4:
+        raise LavaError('terrain.window', window, 'x0, y0, x1, y1 [m]')
+    x0, y0, x1, y1 = (
+        validation.number(f'terrain.window[{index}]', value, unit='m')
+        for index, value in enumerate(window)
+    )
+    rows, columns = raster.elevation.shape
+    west, south = raster.corner
+    first_column = max(math.floor((x0 - west) / raster.dx + 1e-6), 0)
+    first_row = max(math.floor((y0 - south) / raster.dy + 1e-6), 0)
+    last_column = min(math.ceil((x1 - west) / raster.dx - 1e-6), columns)
+    last_row = min(math.ceil((y1 - south) / raster.dy - 1e-6), rows)
+    if last_column - first_column < 2 or last_row - first_row < 2:
+        east, north = west + columns * raster.dx, south + rows * raster.dy
+        raise LavaError(
+            'terrain.window',
+            tuple(window),
+            f'x0, y0, x1, y1 that overlap the file, which covers x {west:.0f} to {east:.0f} m '
+            f'and y {south:.0f} to {north:.0f} m',
+        )
+    return replace(
+        raster,
+        elevation=raster.elevation[first_row:last_row, first_column:last_column],
+        corner=(west + first_column * raster.dx, south + first_row * raster.dy),
+    )
+
+
+def projected(terrain: Terrain, longitude: float, latitude: float) -> tuple[float, float]:
+    """Easting and northing [m] of a place in the system of a terrain.
+
+    Raises:
+        LavaError: The terrain has no coordinate system.
+    """
+    if terrain.epsg is None:
+        right = 'easting and northing: the terrain has no coordinate system'
+        raise LavaError('longitude, latitude', (longitude, latitude), right)
+    rasterio = rasterio_for('coordinate systems')
+    target = f'EPSG:{terrain.epsg}'
+    (x,), (y,) = rasterio.warp.transform(f'EPSG:{WGS84}', target, [longitude], [latitude])
+    return (x, y)
+
+
+def rasterio_for(reason: object) -> Any:
+    """Import rasterio with the modules that are used here."""
+    require('rasterio', 'terrain file', str(reason))
+    import rasterio.crs
+    import rasterio.transform
+    import rasterio.warp
+
+    return rasterio

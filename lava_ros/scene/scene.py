@@ -1,0 +1,145 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a user describes: terrain, vents, lava, surroundings, and what is uncertain."""
+
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+from lava_ros.effects import EFFECTS, possible
+from lava_ros.effects.effect import check_fields, number, with_fields
+from lava_ros.errors import LavaError
+from lava_ros.scene.lava import Lava
+from lava_ros.scene.materials import default_lava
+from lava_ros.scene.terrain import Terrain
+from lava_ros.scene.uncertainty import Uncertainty, uncertainty_to_dict
+from lava_ros.scene.vents import check_vents, Vent
+
+#: Largest viscosity of lava that comes out of a vent [Pa s], crystals included.
+MAX_VENT_VISCOSITY = 1e15
+
+#: Accelerations of gravity there can be [m/s2]: from a small moon to a star.
+GRAVITY_RANGE = (1e-3, 1e3)
+
+#: 0 Celsius [K].
+KELVIN = 273.15
+
+
+@dataclass(frozen=True, eq=False)
+@with_fields({key: item for one in EFFECTS.values() for key, item in one.environment.items()})
+class Scene:
+    """Everything a simulation needs to know about the world.
+
+    Attributes:
+        terrain: The ground.
+        vents: Where lava comes out; may be empty.
+        lava: The material, ``materials.default_lava()`` where none is given.
+        ambient_temperature: Temperature of the air [K].
+        gravity: Acceleration of gravity [m/s2].
+        uncertainty: What differs from member to member of an ensemble.
+
+    Numbers of the surroundings that only one effect takes are declared in its file.
+    """
+
+    terrain: Terrain
+    vents: tuple[Vent, ...] = ()
+    lava: Lava = field(default_factory=default_lava)
+    ambient_temperature: float = number(300.0, 'Temperature of the air', 100.0, 600.0, 'K')
+    gravity: float = number(9.81, 'Acceleration of gravity', *GRAVITY_RANGE, 'm/s2')
+    uncertainty: Uncertainty = field(default_factory=Uncertainty)
+
+    def __post_init__(self) -> None:
+        """Validate the parts together.
+
+        Raises:
+            LavaError: A part is of the wrong kind, a vent is not on the terrain, or its lava is
+                solid.
+        """
+        put = object.__setattr__
+        kinds = (('terrain', Terrain), ('lava', Lava), ('uncertainty', Uncertainty))
+        for name, kind in kinds:
+            if not isinstance(getattr(self, name), kind):
+                raise LavaError(f'scene.{name}', getattr(self, name), f'a {kind.__name__}')
+        put(self, 'vents', check_vents(self.vents, self.terrain, self.lava))
+        if self.uncertainty.yield_strength is not None and 'yielding' not in possible(self.lava):
+            right = 'absent: lava.yield_strength is 0'
+            raise LavaError('uncertainty.yield_strength', self.uncertainty.yield_strength, right)
+        for index, vent in enumerate(self.vents):
+            if vent.temperature <= self.lava.solidus:
+                right = f'above lava.solidus, {self.lava.solidus:g} K: colder lava is solid'
+                right += f' ({vent.temperature:g} Celsius are {vent.temperature + KELVIN:g} K)'
+                raise LavaError(f'vents[{index}].temperature', vent.temperature, right)
+            viscosity = self.lava.viscosity_at(vent.temperature)
+            if viscosity > MAX_VENT_VISCOSITY:
+                right = f'hotter lava: at this temperature its viscosity is {viscosity:.3g} Pa s, '
+                right += f'above {MAX_VENT_VISCOSITY:g} Pa s nothing comes out'
+                raise LavaError(f'vents[{index}].temperature', vent.temperature, right)
+        check_fields('scene', self)
+
+#: Fields of ``Scene`` that are numbers of the surroundings.
+ENVIRONMENT = tuple(item.name for item in fields(Scene) if 'limits' in item.metadata)
+
+
+def temperature_doubts(scene: Scene, *, is_celsius: bool = False) -> list[str]:
+    """What to say of vents closer to what their lava's constants hold for in the other unit.
+
+    Args:
+        scene: The scene.
+        is_celsius: Whether people gave the temperatures in Celsius, as in messages, not in kelvin.
+    """
+    lava = scene.lava
+    name = 'liquidus' if lava.is_vft else 'reference_temperature'
+    usual = getattr(lava, name)
+    shift, unit, other = (-KELVIN, 'Celsius', 'K') if is_celsius else (KELVIN, 'K', 'Celsius')
+    result = []
+    for index, vent in enumerate(scene.vents):
+        read, away = vent.temperature + shift, vent.temperature - usual
+        if abs(read - usual) < abs(away):
+            given, meant = vent.temperature + min(shift, 0.0), read + min(shift, 0.0)
+            result.append(
+                f'vents[{index}].temperature is {given:g} {unit}, {abs(away):.0f} K '
+                f'{"below" if away < 0.0 else "above"} lava.{name}: '
+                f'{given:g} {other} would be {meant:g} {unit}'
+            )
+    return result
+
+
+def constants_of(scene: Scene | None) -> dict[str, Any]:
+    """Lava and surroundings of a scene by the names of its fields; without one the usual."""
+    if scene is None:
+        numbers = {item.name: item.default for item in fields(Scene) if item.name in ENVIRONMENT}
+        return {'lava': default_lava(), **numbers}
+    return {name: getattr(scene, name) for name in ('lava', *ENVIRONMENT)}
+
+
+def scene_to_dict(scene: Scene) -> dict[str, Any]:
+    """Plain data that describes a scene, the elevation itself left out: for logs and bags."""
+    terrain = scene.terrain
+    return {
+        'terrain': {
+            'shape': list(terrain.shape),
+            'resolution': terrain.resolution,
+            'origin': list(terrain.origin),
+            'epsg': terrain.epsg,
+            'offset': list(terrain.offset),
+            **({'source': terrain.source} if terrain.source else {}),
+        },
+        'vents': [
+            {name: value for name, value in asdict(vent).items() if value not in (None, '')}
+            for vent in scene.vents
+        ],
+        'lava': asdict(scene.lava),
+        **{name: getattr(scene, name) for name in ENVIRONMENT},
+        'uncertainty': uncertainty_to_dict(scene.uncertainty),
+    }

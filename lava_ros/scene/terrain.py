@@ -1,0 +1,174 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The ground."""
+
+from dataclasses import dataclass
+from functools import cached_property
+import math
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+
+#: Most cells along one side: nav_msgs/MapMetaData consumers index cells with 16-bit integers.
+MAX_SIDE_CELLS = 32767
+
+#: Sides a terrain's cells can have [m]: from a table in a laboratory to a planet.
+RESOLUTION_RANGE = (1e-4, 1e5)
+
+#: Largest height above or below zero that ground can have [m]: Mars has 22 km.
+MAX_ELEVATION = 1e5
+
+#: Largest distance of places from the origin of the map and of a projected system [m].
+MAX_COORDINATE = 1e9
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """Ground elevation on a regular grid of square cells in the map frame (ENU).
+
+    Attributes:
+        elevation: Elevation of the cell centres [m], float32, shape [rows, columns]; row 0 has the
+            smallest y. NaN marks cells without data: lava that reaches them leaves the domain.
+        resolution: Side of a cell [m].
+        origin: Map position (x, y) [m] of the lower-left corner of cell [0, 0].
+        epsg: EPSG code of the projected coordinate system the map frame is an offset of.
+        offset: Easting and northing [m] of the map frame's origin in that system.
+        source: Where it is from, for people; may be empty.
+    """
+
+    elevation: np.ndarray
+    resolution: float
+    origin: tuple[float, float] = (0.0, 0.0)
+    epsg: int | None = None
+    offset: tuple[float, float] = (0.0, 0.0)
+    source: str = ''
+
+    def __post_init__(self) -> None:
+        """Validate and normalise every field.
+
+        Raises:
+            LavaError: A field is not usable.
+        """
+        put = object.__setattr__
+        try:
+            if np.asarray(self.elevation).dtype.kind not in 'fiubO':
+                raise TypeError
+            with np.errstate(over='ignore', invalid='ignore'):
+                elevation = np.array(self.elevation, dtype=np.float32, order='C')
+        except (TypeError, ValueError, OverflowError):
+            raise LavaError(
+                'terrain.elevation', type(self.elevation).__name__, 'a 2-D array of numbers [m]'
+            ) from None
+        if elevation.ndim != 2 or min(elevation.shape) < 2:
+            raise LavaError(
+                'terrain.elevation',
+                f'array of shape {elevation.shape}',
+                'a 2-D array of at least 2 x 2 cells',
+            )
+        if max(elevation.shape) > MAX_SIDE_CELLS:
+            raise LavaError(
+                'terrain.elevation',
+                f'array of shape {elevation.shape}',
+                f'at most {MAX_SIDE_CELLS} cells a side',
+            )
+        if np.isinf(elevation).any():
+            raise LavaError('terrain.elevation', math.inf, 'finite metres, NaN where unknown')
+        # NaN compares as False.
+        beyond = np.abs(elevation) > MAX_ELEVATION
+        if beyond.any():
+            raise LavaError(
+                'terrain.elevation',
+                float(elevation[beyond][0]),
+                f'at most {MAX_ELEVATION:g} m above or below zero, NaN where unknown',
+            )
+        if np.isnan(elevation).all():
+            raise LavaError('terrain.elevation', math.nan, 'at least one cell with data')
+        elevation.setflags(write=False)
+        put(self, 'elevation', elevation)
+        put(
+            self,
+            'resolution',
+            validation.number(
+                'terrain.resolution',
+                self.resolution,
+                at_least=RESOLUTION_RANGE[0],
+                at_most=RESOLUTION_RANGE[1],
+                unit='m',
+            ),
+        )
+        for name in ('origin', 'offset'):
+            place = validation.pair(f'terrain.{name}', getattr(self, name), most=MAX_COORDINATE)
+            put(self, name, place)
+        if self.epsg is not None and (
+            isinstance(self.epsg, bool)
+            or not isinstance(self.epsg, int)
+            or not 1024 <= self.epsg < 2**31
+        ):
+            raise LavaError('terrain.epsg', self.epsg, 'an EPSG code such as 32633, or None')
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of the grid."""
+        return self.elevation.shape
+
+    @property
+    def extent(self) -> tuple[float, float, float, float]:
+        """Smallest x, smallest y, largest x, largest y of the cells' edges [m]."""
+        rows, columns = self.shape
+        x, y = self.origin
+        return (x, y, x + columns * self.resolution, y + rows * self.resolution)
+
+    @cached_property
+    def has_data(self) -> np.ndarray:
+        """True where the elevation is known, bool, shape [rows, columns]."""
+        mask = np.isfinite(self.elevation)
+        mask.setflags(write=False)
+        return mask
+
+    def cell_at(self, x: float, y: float) -> tuple[int, int] | None:
+        """Row and column of the cell that holds a map position, None outside the grid."""
+        column = math.floor((x - self.origin[0]) / self.resolution)
+        row = math.floor((y - self.origin[1]) / self.resolution)
+        rows, columns = self.shape
+        return (row, column) if 0 <= row < rows and 0 <= column < columns else None
+
+    def covers(self, x: float, y: float) -> bool:
+        """Whether a map position lies on a cell with data."""
+        cell = self.cell_at(x, y)
+        return cell is not None and bool(self.has_data[cell])
+
+    def covered(self, places: np.ndarray) -> np.ndarray:
+        """Which of the map positions, shape [count, 2], lie on a cell with data: bool, [count]."""
+        cells = np.floor((places - np.asarray(self.origin)) / self.resolution)
+        rows, columns = self.shape
+        on_grid = ((cells >= 0) & (cells < (columns, rows))).all(axis=1)
+        column, row = np.where(on_grid[:, None], cells, 0).astype(np.int64).T
+        return on_grid & self.has_data[row, column]
+
+    def bounds(self, *, projected: bool = False) -> str:
+        """What the terrain covers, in map or in projected coordinates, for messages."""
+        x0, y0, x1, y1 = self.extent
+        names = ('easting', 'northing') if projected else ('x', 'y')
+        east, north = self.offset if projected else (0.0, 0.0)
+        return (
+            f'on the terrain, which covers {names[0]} {x0 + east:.10g} to {x1 + east:.10g} m and '
+            f'{names[1]} {y0 + north:.10g} to {y1 + north:.10g} m (cells without data excluded)'
+        )
+
+    def to_map(self, easting: float, northing: float) -> tuple[float, float]:
+        """Turn projected coordinates [m] into map coordinates [m]."""
+        return (easting - self.offset[0], northing - self.offset[1])

@@ -1,0 +1,252 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Elevation files -> Terrain: GeoTIFF and ESRI ASCII grids through rasterio, and npz."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+import warnings
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.files.npz import read_arrays
+from lava_ros.files.optional import require
+from lava_ros.files.rasters import open_raster
+from lava_ros.scene.projection import (
+    cropped,
+    in_square_metres,
+    Raster,
+    rasterio_for,
+    WGS84,
+    with_epsg,
+)
+from lava_ros.scene.terrain import MAX_SIDE_CELLS, Terrain
+from lava_ros.scene.terrain_checks import check_heights, filled, holes_and_pits, tell
+
+#: Names that say metres in a raster's band or coordinate system.
+METRES = ('', 'm', 'metre', 'metres', 'meter', 'meters')
+
+#: The terrain that comes with the package.
+DEMO = Path(__file__).with_name('st_helens.npz')
+
+#: Largest code that a file may name, far above those of EPSG.
+MOST_EPSG = 999_999
+
+NPZ_KEYS = (
+    'elevation', 'resolution', 'dx', 'dy', 'origin', 'epsg', 'offset', 'row_order', 'source',
+)
+
+#: Smallest easting and northing, largest easting and northing of the ridge, UTM zone 16 north [m].
+RIDGE_WINDOW = (744440.0, 4038400.0, 753440.0, 4046400.0)
+
+
+def load_terrain(
+    path: str | Path,
+    *,
+    epsg: int | None = None,
+    resolution: float | None = None,
+    offset: tuple[float, float] | None = None,
+    window: tuple[float, float, float, float] | None = None,
+    fill_holes: bool = False,
+) -> Terrain:
+    """Read an elevation file, log what was understood, and warn of what looks wrong.
+
+    GeoTIFF (.tif, .tiff) and ESRI ASCII grids (.asc) need rasterio. Files in degrees, and those
+    whose projection stretches lengths (Web Mercator), are reprojected to their UTM zone; cells
+    that are not square become square, as long as the shorter side. Elevations have to be metres.
+
+    An .npz file holds ``elevation`` [m], shape [rows, columns], and ``resolution`` [m], or ``dx``
+    and ``dy``; x and y are metres. Optional are ``origin`` and ``offset`` (x, y) [m], ``epsg``,
+    ``row_order``: ``south`` (the default: row 0 has the smallest y) or ``north``, and ``source``,
+    text that says where it is from.
+
+    Args:
+        path: The file.
+        epsg: EPSG code of the file's coordinates, for a file that does not say it.
+        resolution: Side of the cells to make [m], None for the file's own.
+        offset: Easting and northing [m] of the map frame's origin, None for the lower-left corner
+            of the grid. An .npz file's own origin and offset stay as they are.
+        window: Part to keep: smallest easting and northing, largest easting and northing [m], None
+            for all. Cells that are cut by its border are kept.
+        fill_holes: Fill the cells without data that data surround, and pits of a single cell, from
+            what is around.
+
+    Raises:
+        LavaError: The file cannot be read, or what it holds cannot be used; the message says what
+            to do.
+    """
+    path = Path(path)
+    try:
+        is_file = path.is_file()
+    except (OSError, ValueError):
+        # A name that is too long, or with a null character in it.
+        is_file = False
+    if not is_file:
+        raise LavaError('terrain file', str(path), 'a file that exists')
+    if resolution is not None:
+        resolution = validation.number('terrain.resolution', resolution, above=0.0, unit='m')
+    if offset is not None:
+        offset = validation.pair('terrain.offset', offset)
+    if validation.flag('terrain.fill_holes', fill_holes):
+        require('scipy', 'terrain.fill_holes', True)
+    raster = _read_npz(path) if path.suffix.lower() == '.npz' else _read_gdal(path)
+    source = with_epsg(raster, epsg)
+    check_heights(source, path)
+    raster = in_square_metres(source, resolution)
+    if window is not None:
+        raster = cropped(raster, window)
+    if offset is None:
+        offset = raster.corner if raster.offset is None else raster.offset
+    terrain = Terrain(
+        elevation=raster.elevation,
+        resolution=raster.dx,
+        origin=(raster.corner[0] - offset[0], raster.corner[1] - offset[1]),
+        epsg=raster.epsg,
+        offset=offset,
+        source=raster.source or path.name,
+    )
+    wrong = holes_and_pits(terrain)
+    if fill_holes and wrong.any():
+        terrain = replace(terrain, elevation=filled(terrain, wrong))
+    tell(path, terrain, source.system, wrong, is_filled=fill_holes)
+    return terrain
+
+
+def _read_npz(path: Path) -> Raster:
+    arrays = read_arrays('terrain file', path)
+    data: Any = validation.keys('terrain file', arrays, allowed=NPZ_KEYS, required=['elevation'])
+    order = validation.choice('row_order', str(data.get('row_order', 'south')), ('south', 'north'))
+    elevation = np.asarray(data['elevation'])
+    if elevation.ndim != 2 or elevation.dtype.kind not in 'iuf':
+        raise LavaError(
+            'terrain file elevation',
+            f'{elevation.dtype} array of shape {elevation.shape}',
+            'numbers [m] of shape [rows, columns]',
+        )
+    if 'resolution' in data:
+        dx = dy = validation.number('resolution', data['resolution'], above=0.0, unit='m')
+    else:
+        dx = validation.number('dx', data.get('dx'), above=0.0, unit='m')
+        dy = validation.number('dy', data.get('dy'), above=0.0, unit='m')
+    epsg = None
+    if 'epsg' in data:
+        code = validation.number('epsg', data['epsg'])
+        epsg = validation.whole('epsg', code, at_least=1, at_most=MOST_EPSG)
+    offset = validation.pair('offset', data['offset']) if 'offset' in data else (0.0, 0.0)
+    origin = validation.pair('origin', data['origin']) if 'origin' in data else (0.0, 0.0)
+    return Raster(
+        elevation=(elevation[::-1] if order == 'north' else elevation).astype(np.float32),
+        dx=dx,
+        dy=dy,
+        corner=(origin[0] + offset[0], origin[1] + offset[1]),
+        epsg=epsg,
+        offset=offset,
+        is_metric=True,
+        source=str(data.get('source', '')),
+    )
+
+
+def _read_gdal(path: Path) -> Raster:
+    rasterio = rasterio_for(path)
+    try:
+        with warnings.catch_warnings():
+            # A file without coordinates is no surprise here: _checked_transform looks.
+            warnings.simplefilter('ignore', rasterio.errors.NotGeoreferencedWarning)
+            with open_raster(path) as source:
+                _check_band(source, path)
+                band = source.read(1, masked=True, out_dtype=np.float32)
+                transform, crs = source.transform, source.crs
+                scale, shift = source.scales[0], source.offsets[0]
+    except (rasterio.errors.RasterioError, OSError) as error:
+        right = f'a GeoTIFF or an ESRI ASCII grid that GDAL can read ({error})'
+        raise LavaError('terrain file', str(path), right) from error
+    elevation = band.data
+    elevation[np.ma.getmaskarray(band)] = np.nan
+    # what is not finite then is no terrain
+    with np.errstate(over='ignore', invalid='ignore'):
+        elevation *= np.float32(scale)
+        elevation += np.float32(shift)
+    if transform.e < 0.0:
+        elevation = np.flipud(elevation)
+    bottom = min(transform.f, transform.f + transform.e * band.shape[0])
+    code = crs.to_epsg() if crs else None
+    return Raster(
+        elevation=elevation,
+        dx=transform.a,
+        dy=abs(transform.e),
+        corner=(transform.c, bottom),
+        epsg=code,
+        wkt=crs.to_wkt() if crs and code is None else None,
+    )
+
+
+def _check_band(source: Any, path: Path) -> None:
+    """Refuse what is not an elevation in metres on a north-up grid."""
+    transform = source.transform
+    if source.count != 1:
+        raise LavaError('terrain file', str(path), f'one band of elevations, not {source.count}')
+    if np.dtype(source.dtypes[0]).kind not in 'iuf':
+        raise LavaError('terrain file', str(path), f'numbers, not {source.dtypes[0]}')
+    if max(source.shape) > MAX_SIDE_CELLS:
+        raise LavaError(
+            'terrain file', str(path), f'at most {MAX_SIDE_CELLS} cells a side, not {source.shape}'
+        )
+    if transform.is_identity or transform.b or transform.d or transform.a <= 0.0:
+        raise LavaError(
+            'terrain file', str(path), 'a georeferenced grid with north up (gdalwarp makes one)'
+        )
+    unit = (source.units[0] or '').lower()
+    if unit not in METRES:
+        raise LavaError('terrain file', str(path), f'elevations in metres, not {unit}')
+
+
+def demo_terrain() -> Terrain:
+    """Return Mount St. Helens as it has been since 1980, 7.8 km wide and high, in cells of 30 m.
+
+    Part of an elevation model of the United States Geological Survey, in the public domain; UTM
+    zone 10 north, NAD27.
+    """
+    return replace(load_terrain(DEMO), source='United States Geological Survey')
+
+
+def ridge_terrain() -> Terrain:
+    """Return a ridge of real terrain, part of the elevation sample that matplotlib carries.
+
+    The sample is NASA's SRTM elevation of the Jacksboro fault, Tennessee, in cells of 3 seconds of
+    arc; the part is 9 km wide and 8 km high, falls from 1070 to 250 m and has cells of 30 m.
+
+    Raises:
+        LavaError: matplotlib or rasterio is not installed.
+    """
+    try:
+        from matplotlib import cbook
+    except ImportError as error:
+        raise LavaError('ridge', None, "pip install 'lava_ros[terrain,plot]'") from error
+    stored: Any = cbook.get_sample_data('jacksboro_fault_dem.npz')
+    with stored as sample:
+        # What the sample calls ymin is its northern edge; rows go south from there.
+        raster = Raster(
+            elevation=np.flipud(sample['elevation']).astype(np.float32),
+            dx=float(sample['dx']),
+            dy=float(sample['dy']),
+            corner=(float(sample['xmin']), float(sample['ymax'])),
+            epsg=WGS84,
+        )
+    raster = cropped(in_square_metres(raster, 30.0), RIDGE_WINDOW)
+    return Terrain(
+        elevation=raster.elevation, resolution=raster.dx, epsg=raster.epsg, offset=raster.corner
+    )

@@ -1,0 +1,351 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is uncertain about a scene: distributions, as plain data that validate themselves.
+
+A member of an ensemble is the scene with one value drawn of each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+import math
+from statistics import NormalDist
+from typing import Any
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.scene.lava import Lava
+
+#: Kinds of distributions, and the numbers each is given by.
+KINDS: Mapping[str, tuple[str, ...]] = {
+    'normal': ('mean', 'deviation'),
+    'lognormal': ('median', 'factor'),
+    'uniform': ('low', 'high'),
+    'loguniform': ('low', 'high'),
+    'triangular': ('low', 'mode', 'high'),
+}
+
+#: The quantities that are factors: they have to be above 0.
+FACTORS = ('discharge', 'viscosity', 'yield_strength')
+
+#: The constants of the lava whose values may be drawn; the others have a factor.
+CONSTANTS = tuple(
+    item.name for item in fields(Lava) if 'limits' in item.metadata and item.name not in FACTORS
+)
+
+#: Largest deviation, radius and correlation [m].
+MAX_LENGTH = 1e6
+
+#: Least share of a distribution that has to lie between its limits.
+LEAST_INSIDE = 1e-3
+
+#: Kinds without an end of their own.
+_WITH_LIMITS = ('normal', 'lognormal')
+
+_STANDARD = NormalDist()
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """The values a quantity may have, and how likely each is.
+
+    Attributes:
+        kind: One of ``KINDS``.
+        numbers: What it is given by, in the order of ``KINDS``. The factor of a lognormal one is
+            its geometric standard deviation: 68 % lie between median / factor and median * factor.
+        limits: Smallest and largest value, of normal and lognormal ones: the distribution between
+            them, beyond them nothing. None: no limits.
+    """
+
+    kind: str
+    numbers: tuple[float, ...]
+    limits: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        """Validate every field.
+
+        Raises:
+            LavaError: A field is not usable.
+        """
+        kind, numbers, limits = _checked('distribution', self.kind, self.numbers, self.limits)
+        object.__setattr__(self, 'kind', kind)
+        object.__setattr__(self, 'numbers', numbers)
+        object.__setattr__(self, 'limits', limits)
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Smallest and largest value there can be, infinite without limits."""
+        if self.kind == 'normal':
+            return self.limits or (-math.inf, math.inf)
+        if self.kind == 'lognormal':
+            return self.limits or (0.0, math.inf)
+        return (self.numbers[0], self.numbers[-1])
+
+    def quantile(self, share: float) -> float:
+        """The value below which a share of the values lies, 0 < share < 1."""
+        if self.kind in _WITH_LIMITS:
+            return self._normal_quantile(share)
+        if self.kind == 'triangular':
+            return _triangular_quantile(share, *self.numbers)
+        low, high = self.numbers
+        if self.kind == 'loguniform':
+            return low * math.exp(share * math.log(high / low))
+        return low + (high - low) * share
+
+    def _normal_quantile(self, share: float) -> float:
+        centre, width = self.numbers
+        is_log = self.kind == 'lognormal'
+        if is_log:
+            centre, width = math.log(centre), math.log(width)
+        if self.limits is not None:
+            low, high = (math.log(limit) if is_log else limit for limit in self.limits)
+            first = _STANDARD.cdf((low - centre) / width)
+            share = first + share * (_STANDARD.cdf((high - centre) / width) - first)
+            value = centre + width * _STANDARD.inv_cdf(min(max(share, 1e-16), 1.0 - 1e-16))
+            value = min(max(value, low), high)
+        else:
+            value = centre + width * _STANDARD.inv_cdf(share)
+        return math.exp(value) if is_log else value
+
+
+def _triangular_quantile(share: float, low: float, mode: float, high: float) -> float:
+    rising = (mode - low) / (high - low)
+    if share < rising:
+        return low + math.sqrt(share * (high - low) * (mode - low))
+    return high - math.sqrt((1.0 - share) * (high - low) * (high - mode))
+
+
+@dataclass(frozen=True)
+class Displacement:
+    """How far vents may be from where the scene has them; all of them move together.
+
+    Attributes:
+        deviation: Standard deviation of each coordinate, normal [m]; 0 where ``radius`` is used.
+        radius: Radius of the disc in which each place is as likely [m]; 0 for ``deviation``.
+    """
+
+    deviation: float = 0.0
+    radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Validate every field.
+
+        Raises:
+            LavaError: A field is not usable, or not exactly one of them is above 0.
+        """
+        for name in ('deviation', 'radius'):
+            value = _length(f'displacement.{name}', getattr(self, name), at_least=0.0)
+            object.__setattr__(self, name, value)
+        if bool(self.deviation) == bool(self.radius):
+            values = (self.deviation, self.radius)
+            raise LavaError('displacement', values, 'either deviation or radius above 0 m')
+
+    def quantile(self, first: float, second: float) -> tuple[float, float]:
+        """The displacement (dx, dy) [m] that two shares between 0 and 1 stand for."""
+        if self.deviation:
+            return (
+                self.deviation * _STANDARD.inv_cdf(first),
+                self.deviation * _STANDARD.inv_cdf(second),
+            )
+        reach, angle = self.radius * math.sqrt(first), 2.0 * math.pi * second
+        return (reach * math.cos(angle), reach * math.sin(angle))
+
+
+@dataclass(frozen=True)
+class Roughness:
+    """Errors of the terrain: a Gaussian random field with a Gaussian correlation.
+
+    Attributes:
+        deviation: Standard deviation of the elevation [m].
+        correlation: Distance at which the correlation has fallen to 1/e [m].
+    """
+
+    deviation: float
+    correlation: float
+
+    def __post_init__(self) -> None:
+        """Validate every field.
+
+        Raises:
+            LavaError: A field is not usable.
+        """
+        for name in ('deviation', 'correlation'):
+            value = _length(f'roughness.{name}', getattr(self, name), above=0.0)
+            object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """What differs from member to member of an ensemble; None is certain.
+
+    Attributes:
+        discharge: Factor on the discharge of all vents.
+        temperature: What is added to the temperature of all vents [K].
+        viscosity: Factor on the lava's viscosity.
+        yield_strength: Factor on the lava's yield strength.
+        position: Displacement of the vents.
+        terrain: Errors of the terrain.
+        constants: Values of other constants of the lava, by the names of ``Lava``.
+    """
+
+    discharge: Distribution | None = None
+    temperature: Distribution | None = None
+    viscosity: Distribution | None = None
+    yield_strength: Distribution | None = None
+    position: Displacement | None = None
+    terrain: Roughness | None = None
+    constants: Mapping[str, Distribution] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Validate every field.
+
+        Raises:
+            LavaError: A field is of the wrong kind, or a factor may be negative.
+        """
+        kinds: dict[str, type] = {
+            'position': Displacement, 'terrain': Roughness, 'constants': Mapping
+        }
+        validation.keys('uncertainty.constants', self.constants, allowed=CONSTANTS)
+        for item in fields(self):
+            value, label = getattr(self, item.name), f'uncertainty.{item.name}'
+            kind = kinds.get(item.name, Distribution)
+            if value is not None and not isinstance(value, kind):
+                raise LavaError(label, value, f'a {kind.__name__} or None')
+            if not isinstance(value, Distribution) or item.name not in FACTORS:
+                continue
+            if value.support[0] < 0.0:
+                right = 'a distribution of factors, above 0: lognormal, or with limits'
+                raise LavaError(label, value, right)
+
+
+def uncertainty_from_dict(data: object) -> Uncertainty:
+    """Build an ``Uncertainty`` from the plain data of a scene file.
+
+    Raises:
+        LavaError: A key is unknown or a value is not usable; the message names it.
+    """
+    where = 'uncertainty'
+    names = [item.name for item in fields(Uncertainty)]
+    values: dict[str, Any] = {}
+    for name, item in validation.keys(where, data, allowed=names).items():
+        label = f'{where}.{name}'
+        if name == 'position':
+            values[name] = _displacement(label, item)
+        elif name == 'terrain':
+            values[name] = _roughness(label, item)
+        elif name == 'constants':
+            known = validation.keys(label, item, allowed=CONSTANTS)
+            values[name] = {key: _distribution(f'{label}.{key}', known[key]) for key in known}
+        else:
+            values[name] = _distribution(label, item)
+    return Uncertainty(**values)
+
+
+def uncertainty_to_dict(uncertainty: Uncertainty) -> dict[str, Any]:
+    """Plain data from which ``uncertainty_from_dict`` makes the same again."""
+    result: dict[str, Any] = {}
+    for item in fields(uncertainty):
+        value = getattr(uncertainty, item.name)
+        if isinstance(value, Distribution):
+            result[item.name] = _plain(value)
+        elif isinstance(value, Mapping):
+            result |= {item.name: {key: _plain(value[key]) for key in value}} if value else {}
+        elif isinstance(value, Displacement):
+            name = 'deviation' if value.deviation else 'radius'
+            result[item.name] = {name: getattr(value, name)}
+        elif value is not None:
+            result[item.name] = {
+                'deviation': value.deviation, 'correlation': value.correlation
+            }
+    return result
+
+
+def _plain(distribution: Distribution) -> dict[str, Any]:
+    numbers = dict(zip(KINDS[distribution.kind], distribution.numbers, strict=True))
+    limits = {} if distribution.limits is None else {'limits': list(distribution.limits)}
+    return {'distribution': distribution.kind, **numbers, **limits}
+
+
+def _distribution(where: str, data: object) -> Distribution:
+    if not isinstance(data, Mapping) or 'distribution' not in data:
+        raise LavaError(where, data, f'a mapping with distribution: {", ".join(KINDS)}')
+    kind = validation.choice(f'{where}.distribution', data['distribution'], KINDS)
+    names = KINDS[kind]
+    limits = ['limits'] if kind in _WITH_LIMITS else []
+    values = validation.keys(
+        where, data, allowed=['distribution', *names, *limits], required=names
+    )
+    numbers = [values[name] for name in names]
+    return Distribution(*_checked(where, kind, numbers, values.get('limits')))
+
+
+def _checked(
+    where: str, kind: object, numbers: object, limits: object
+) -> tuple[str, tuple[float, ...], tuple[float, float] | None]:
+    """Return the parts of a distribution, clean."""
+    kind = validation.choice(f'{where}.kind', kind, KINDS)
+    names = KINDS[kind]
+    if not isinstance(numbers, Sequence) or len(numbers) != len(names):
+        raise LavaError(f'{where}.numbers', numbers, f'{len(names)}: {", ".join(names)}')
+    is_log = kind in ('lognormal', 'loguniform')
+    clean = []
+    for name, value in zip(names, numbers, strict=True):
+        # a factor of 1 and a deviation of 0 are no distribution
+        above = {'deviation': 0.0, 'factor': 1.0}.get(name, 0.0 if is_log else None)
+        clean.append(validation.number(f'{where}.{name}', value, above=above, at_most=1e9))
+    low, high = clean[0], clean[-1]
+    if 'low' in names and not low < high:
+        raise LavaError(f'{where}.high', high, f'above low, {low:g}')
+    if kind == 'triangular' and not low <= clean[1] <= high:
+        raise LavaError(f'{where}.mode', clean[1], f'from low, {low:g}, to high, {high:g}')
+    if limits is None:
+        return kind, tuple(clean), None
+    if kind not in _WITH_LIMITS:
+        raise LavaError(f'{where}.limits', limits, f'absent: a {kind} one has its own')
+    return kind, tuple(clean), _limits(f'{where}.limits', kind, clean, limits)
+
+
+def _limits(where: str, kind: str, numbers: list[float], limits: object) -> tuple[float, float]:
+    low, high = bounds = validation.pair(where, limits, unit='', most=1e9)
+    if kind == 'lognormal' and low <= 0.0:
+        raise LavaError(f'{where}[0]', low, 'above 0')
+    if not low < high:
+        raise LavaError(f'{where}[1]', high, f'above the lower limit, {low:g}')
+    centre, width = numbers
+    if kind == 'lognormal':
+        low, high, centre, width = (math.log(value) for value in (low, high, centre, width))
+    inside = _STANDARD.cdf((high - centre) / width) - _STANDARD.cdf((low - centre) / width)
+    if inside < LEAST_INSIDE:
+        raise LavaError(where, bounds, 'limits with 0.1 % of the distribution between them')
+    return bounds
+
+
+def _displacement(where: str, data: object) -> Displacement:
+    values = validation.keys(where, data, allowed=['deviation', 'radius'])
+    if len(values) != 1:
+        raise LavaError(where, data, 'either deviation or radius [m]')
+    ((name, value),) = values.items()
+    return Displacement(**{name: _length(f'{where}.{name}', value, above=0.0)})
+
+
+def _roughness(where: str, data: object) -> Roughness:
+    names = ['deviation', 'correlation']
+    values = validation.keys(where, data, allowed=names, required=names)
+    return Roughness(*(_length(f'{where}.{name}', values[name], above=0.0) for name in names))
+
+
+def _length(where: str, value: object, **limits: float) -> float:
+    return validation.number(where, value, at_most=MAX_LENGTH, unit='m', **limits)

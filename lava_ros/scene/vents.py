@@ -1,0 +1,225 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Vents: where lava comes out, how much and how hot."""
+
+from bisect import bisect
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
+import math
+
+import numpy as np
+
+from lava_ros import validation
+from lava_ros.errors import LavaError
+from lava_ros.scene.lava import Lava
+from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
+
+#: Largest flux of a vent [m3/s]: a hundred times that of the largest flood basalts.
+MAX_DISCHARGE = 1e8
+
+#: Largest radius of a vent [m].
+MAX_RADIUS = 1e5
+
+#: Largest velocity with which lava comes out of a vent [m/s].
+MAX_VENT_VELOCITY = 1e3
+
+#: Temperatures lava can have at a vent [K]: from the coldest carbonatite to the hottest komatiite.
+VENT_TEMPERATURE_RANGE = (700.0, 2000.0)
+
+Discharge = float | Sequence[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Vent:
+    """A place where lava comes out: a disc, or a fissure when ``end`` is given.
+
+    Attributes:
+        position: Centre of the disc, or one end of the fissure, (x, y) [m] in the map frame.
+        discharge: Volume flux [m3/s]: a constant, or a series of (time [s], flux [m3/s]) pairs of
+            increasing time. Each flux holds from its time until the next; before the first, 0.
+        temperature: Temperature of the erupting lava [K]; where it is None, a scene has the one at
+            which the constants of its lava hold, ``Lava.reference_temperature``.
+        radius: Radius of the disc, or half the width of the fissure [m].
+        end: The other end of the fissure, (x, y) [m], None for a disc.
+        name: Free text that identifies the vent in logs and messages.
+        velocity: Horizontal velocity (vx, vy) with which lava comes out [m/s]; without inertia
+            (``Effects.inertia``) lava takes the velocity its weight drives at once.
+    """
+
+    position: tuple[float, float]
+    discharge: Discharge
+    # None until the vent is in a scene
+    temperature: float = None  # type: ignore[assignment]
+    radius: float = 10.0
+    end: tuple[float, float] | None = None
+    name: str = ''
+    velocity: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Validate and normalise every field.
+
+        Raises:
+            LavaError: A field is not usable.
+        """
+        put = object.__setattr__
+        if not isinstance(self.name, str):
+            raise LavaError('vent.name', self.name, 'text')
+        label = f'vent {self.name!r}.' if self.name else 'vent.'
+        for name in ('position', 'end'):
+            if name == 'position' or self.end is not None:
+                place = validation.pair(label + name, getattr(self, name), most=MAX_COORDINATE)
+                put(self, name, place)
+        velocity = validation.pair(
+            label + 'velocity', self.velocity, unit='m/s', most=MAX_VENT_VELOCITY
+        )
+        put(self, 'velocity', velocity)
+        radius = validation.number(
+            label + 'radius', self.radius, above=0.0, at_most=MAX_RADIUS, unit='m'
+        )
+        put(self, 'radius', radius)
+        if self.temperature is not None:
+            temperature = validation.number(
+                label + 'temperature',
+                self.temperature,
+                at_least=VENT_TEMPERATURE_RANGE[0],
+                at_most=VENT_TEMPERATURE_RANGE[1],
+                unit='K',
+            )
+            put(self, 'temperature', temperature)
+        put(self, 'discharge', _discharge(label + 'discharge', self.discharge))
+
+    @property
+    def series(self) -> tuple[tuple[float, float], ...]:
+        """The discharge as (time [s], flux [m3/s]) pairs; a constant starts at minus infinity."""
+        if isinstance(self.discharge, float):
+            return ((-math.inf, self.discharge),)
+        return tuple(self.discharge)
+
+    @property
+    def peak(self) -> float:
+        """The largest discharge of the series [m3/s]."""
+        return max(flux for _, flux in self.series)
+
+    def discharge_at(self, time: float) -> float:
+        """Volume flux at a time [s] of the simulation [m3/s]."""
+        series = self.series
+        index = bisect(series, (time, math.inf)) - 1
+        return series[index][1] if index >= 0 else 0.0
+
+    def volume_between(self, start: float, end: float) -> float:
+        """Volume [m3] the vent emits from ``start`` to ``end`` [s]: the exact integral."""
+        return self.volumes_at([end], since=start)[0]
+
+    def volumes_at(self, times: Sequence[float], *, since: float) -> list[float]:
+        """Volumes [m3] the vent emits from ``since`` to each of some times [s], which increase."""
+        series = self.series
+        volumes, before, index = [], 0.0, 0
+        for end in times:
+            while index + 1 < len(series) and series[index + 1][0] <= end:
+                (time, flux), until = series[index], series[index + 1][0]
+                before += flux * max(0.0, until - max(since, time))
+                index += 1
+            time, flux = series[index]
+            volumes.append(before + flux * max(0.0, end - max(since, time)))
+        return volumes
+
+
+def _discharge(label: str, value: object) -> float | tuple[tuple[float, float], ...]:
+    if not isinstance(value, (list, tuple, np.ndarray)):
+        return validation.number(
+            label, value, at_least=0.0, at_most=MAX_DISCHARGE, unit='m3/s'
+        )
+    pairs: list[tuple[float, float]] = []
+    for index, item in enumerate(value):
+        time, flux = validation.pair(f'{label}[{index}]', item, unit='(s, m3/s)')
+        validation.number(
+            f'{label}[{index}][1]', flux, at_least=0.0, at_most=MAX_DISCHARGE, unit='m3/s'
+        )
+        if pairs and time <= pairs[-1][0]:
+            raise LavaError(f'{label}[{index}][0]', time, f'a time after {pairs[-1][0]:g} s')
+        pairs.append((time, flux))
+    if not pairs:
+        raise LavaError(label, value, 'a flux [m3/s] or at least one (s, m3/s) pair')
+    return tuple(pairs)
+
+
+def check_vents(
+    vents: Iterable[Vent], terrain: Terrain, lava: Lava | None = None
+) -> tuple[Vent, ...]:
+    """Return the vents as a tuple when each lies on the terrain.
+
+    Those without a temperature get that of the lava, where there is one.
+
+    Raises:
+        LavaError: A vent's position or end is outside the terrain or on a cell without data.
+    """
+    if not isinstance(vents, Iterable):
+        raise LavaError('vents', vents, 'vents, or an empty list')
+    result = tuple(vents)
+    for index, vent in enumerate(result):
+        if not isinstance(vent, Vent):
+            raise LavaError(f'vents[{index}]', vent, 'a Vent')
+        for name in ('position', 'end'):
+            point = getattr(vent, name)
+            if point is not None and not terrain.covers(*point):
+                raise LavaError(f'vents[{index}].{name}', point, f'a place {terrain.bounds()}')
+    if lava is None:
+        return result
+    return tuple(
+        replace(vent, temperature=lava.reference_temperature) if vent.temperature is None else vent
+        for vent in result
+    )
+
+
+def vents_from_list(
+    items: object, terrain: Terrain, *, temperature: object = None
+) -> tuple[Vent, ...]:
+    """Build vents from the plain data of a YAML file.
+
+    Each item is a mapping with the fields of ``Vent``; ``projected: [easting, northing]`` may
+    stand in place of ``position`` (and ``projected_end`` of ``end``).
+
+    Args:
+        items: The data.
+        terrain: The ground.
+        temperature: Temperature of vents that have none of their own [K], None for the usual one.
+
+    Raises:
+        LavaError: The data is not such a list.
+    """
+    if not isinstance(items, list):
+        raise LavaError('vents', items, 'a list of vents')
+    names = [item.name for item in fields(Vent)]
+    vents = []
+    for index, item in enumerate(items):
+        where = f'vents[{index}]'
+        allowed = [*names, 'projected', 'projected_end']
+        data = validation.keys(where, item, allowed=allowed, required=['discharge'])
+        for source, target in (('projected', 'position'), ('projected_end', 'end')):
+            if source in data:
+                if target in data:
+                    raise LavaError(f'{where}.{source}', data[source], f'absent beside {target}')
+                place = validation.pair(f'{where}.{source}', data.pop(source))
+                data[target] = terrain.to_map(*place)
+                if not terrain.covers(*terrain.to_map(*place)):
+                    right = f'a place {terrain.bounds(projected=True)}'
+                    raise LavaError(f'{where}.{source}', place, right)
+        if 'position' not in data:
+            raise LavaError(f'{where}.position', None, 'a value: this key is required')
+        data.setdefault('name', f'vent {index}')
+        if temperature is not None:
+            data.setdefault('temperature', temperature)
+        vents.append(Vent(**data))  # type: ignore[arg-type]
+    return check_vents(vents, terrain)

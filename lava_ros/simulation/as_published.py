@@ -1,0 +1,115 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The velocity as the paper prints it (3.36 to 3.44), kept to show what the corrections buy.
+
+u_i = h_i^3 sum_j K0(r) b_j / sum_j K0(r) over neighbours within l, with
+b = -h^3 rho g grad S / (f(theta) mu). In it, as printed: the velocity is multiplied by h^3 instead
+of divided by k^2 h^3; the viscosity counts twice, as f(theta) and as mu; K0 is its two-term series
+of the bare distance r in metres, without k; and K0(0) is K0(0.001). The paper calls the distance
+|u|; the distance of two particles is what is meant.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import warp as wp
+
+from lava_ros.simulation.backend.compiled import after_the_former, load4, quick_kernel
+from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.state import PARTICLES, State
+
+
+@lru_cache
+def _kernel(real: Any) -> Any:
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    _, _, cells_around, range_in = cell_functions(real)
+    load = load4(real)
+
+    @wp.func
+    def series(r: real) -> real:
+        log = wp.log(real(2.0) / r) - real(0.577216)
+        return log + real(0.25) * r * r * (log + real(1.0))
+
+    @quick_kernel
+    def published_velocity(
+        ordered: wp.array(dtype=vec4),
+        counts: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        support: wp.float64,
+        viscosity: wp.float64,
+        source: wp.array(dtype=vec4),
+        area: wp.array(dtype=real),
+        flow: wp.array(dtype=vec3),
+    ):
+        i = wp.tid()
+        after_the_former()
+        if i >= counts[PARTICLES]:
+            return
+        p = load(ordered, i)
+        height = flow[i][0]
+        limit = real(support) * real(support)
+        total = real(0.0)
+        x = real(0.0)
+        y = real(0.0)
+        box = cells_around(cells, p[0], p[1], real(support))
+        for r in range(box[0], box[1]):
+            near = range_in(cells, starts, r, box)
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
+                dx = p[0] - other[0]
+                dy = p[1] - other[1]
+                square = dx * dx + dy * dy
+                if square < limit:
+                    weight = series(wp.max(wp.sqrt(square), real(1.0e-3)))
+                    total += weight
+                    there = load(source, j)
+                    x += weight * there[2] / area[j]
+                    y += weight * there[3] / area[j]
+        # source over area is h u_local = -h^3 rho g grad S / (3 f): b is 3 / mu of it
+        scale = real(3.0) / real(viscosity) * height * height * height / total
+        flow[i] = vec3(height, scale * x, scale * y)
+
+    return published_velocity
+
+
+def publish_velocity(
+    state: State, neighbors: NeighborGrid, support: float, viscosity: float
+) -> None:
+    """Replace the local velocity in ``state.flow`` by that of the printed formulas.
+
+    Args:
+        state: The particles; ``state.source`` and ``state.area`` are filled.
+        neighbors: Their neighbour grid, built.
+        support: Kernel radius l [m].
+        viscosity: The constant mu [Pa s].
+    """
+    state.launches(
+        _kernel(state.real),
+        dim=state.capacity,
+        inputs=[
+            state.ordered,
+            state.counts,
+            neighbors.starts,
+            neighbors.frame,
+            support,
+            viscosity,
+            state.source,
+            state.area,
+        ],
+        outputs=[state.flow],
+    )

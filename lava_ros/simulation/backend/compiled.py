@@ -1,0 +1,394 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How the kernels of a stage are compiled, and the few words that only the hardware knows.
+
+What is done, why, and what it gains is in docs/PERFORMANCE.md:
+
+* ``quick_kernel``: no loop over the grid (a thread has one particle, or its own loop), no adjoint,
+  and on CUDA the hardware's own division, root and exponential in float32. Those are good to 2e-7,
+  as is float32; a float64 is not touched by it, so the reference is not either.
+* ``load4``, ``store4``: Warp knows no alignment and reads a vec4 as four numbers; here it is one
+  16-byte access. Reads go through the read-only cache: never read so what the kernel writes.
+* ``after_the_former``: a kernel may begin before the one that it comes after has ended.
+* ``unseen_one``: a step of a loop that no compiler unrolls further, for threads of a warp whose
+  loops have different ends: what is left over of an unrolled one takes as long as the rest.
+* ``announce``, ``wait_for``: what one thread does with what all have found needs no launch of its
+  own, and is done while the others are at work that does not need it yet.
+* ``cos_pi``, ``sin_pi``: of a float64 in half turns, which needs no table for large angles.
+* ``raise_to``: a maximum over all particles. Each thread comparing and swapping one address is
+  slower than the rest of the kernel; a warp of 32 finds its own maximum and asks once.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import Any
+
+import warp as wp
+
+# Warp reports every kernel it loads on stdout, where commands print their results.
+wp.config.log_level = wp.LOG_WARNING
+
+#: The C++ of ``load4`` and ``store4`` on CUDA: a float4 is one access, a double4 is two.
+_LOAD = {
+    wp.float32: """
+    const float4 v = __ldg(reinterpret_cast<const float4*>(values.data) + i);
+    return wp::vec_t<4, wp::float32>(v.x, v.y, v.z, v.w);""",
+    wp.float64: """
+    const double2 a = __ldg(reinterpret_cast<const double2*>(values.data) + 2 * i);
+    const double2 b = __ldg(reinterpret_cast<const double2*>(values.data) + 2 * i + 1);
+    return wp::vec_t<4, wp::float64>(a.x, a.y, b.x, b.y);""",
+}
+_STORE = {
+    wp.float32: """
+    reinterpret_cast<float4*>(values.data)[i] = make_float4(v[0], v[1], v[2], v[3]);""",
+    wp.float64: """
+    reinterpret_cast<double2*>(values.data)[2 * i] = make_double2(v[0], v[1]);
+    reinterpret_cast<double2*>(values.data)[2 * i + 1] = make_double2(v[2], v[3]);""",
+}
+_LOAD_PAIR = {
+    wp.float32: """
+    const float2 v = __ldg(reinterpret_cast<const float2*>(values.data) + i);
+    return wp::vec_t<2, wp::float32>(v.x, v.y);""",
+    wp.float64: """
+    const double2 v = __ldg(reinterpret_cast<const double2*>(values.data) + i);
+    return wp::vec_t<2, wp::float64>(v.x, v.y);""",
+}
+_STORE_PAIR = {
+    wp.float32: """
+    reinterpret_cast<float2*>(values.data)[i] = make_float2(v[0], v[1]);""",
+    wp.float64: """
+    reinterpret_cast<double2*>(values.data)[i] = make_double2(v[0], v[1]);""",
+}
+#: Strides of a 2-D array are bytes.
+_PATCH = """
+    wp::mat_t<3, 3, NUMBER> patch;
+    for (int n = 0; n < 3; ++n) {
+        const NUMBER* row = reinterpret_cast<const NUMBER*>(
+            reinterpret_cast<const char*>(values.data) + size_t(i + n) * values.strides[0]) + j;
+        for (int m = 0; m < 3; ++m) {
+#if defined(__CUDA_ARCH__)
+            patch.data[n][m] = __ldg(row + m);
+#else
+            patch.data[n][m] = row[m];
+#endif
+        }
+    }
+    return patch;
+"""
+#: The threads of a particle are neighbours in a warp, and all of them are there.
+_SUM = """
+#if defined(__CUDA_ARCH__)
+    const unsigned mask = ((1u << LANES) - 1u) << (threadIdx.x & 31u & ~(LANES - 1u));
+    for (int apart = LANES / 2; apart > 0; apart /= 2)
+        value += __shfl_xor_sync(mask, value, apart);
+#endif
+    return value;
+"""
+#: The hardware cuts a sum off at 0 and 1, which the compiler does not see.
+_ONE_LESS = """
+    float left;
+    asm("fma.rn.ftz.sat.f32 %0, %1, %2, %3;" : "=f"(left) : "f"(-a), "f"(b), "f"(1.0f));
+    return left;"""
+_PAST_THE_CACHE = """
+    int v;
+    asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(v) : "l"(values.data + i));
+    return v;
+"""
+#: Of the first block, which is started before any that waits for it. The fence also empties the
+#: cache that it shares with others.
+_ANNOUNCE = """
+#if defined(__CUDA_ARCH__)
+    if (threadIdx.x == 0) {
+        __threadfence();
+        asm volatile("st.relaxed.gpu.global.s32 [%0], 1;" :: "l"(flag.data) : "memory");
+    }
+    __syncthreads();
+#endif
+"""
+_WAIT_FOR = """
+#if defined(__CUDA_ARCH__)
+    int is_there;
+    do
+        asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];"
+            : "=r"(is_there) : "l"(flag.data) : "memory");
+    while (!is_there);
+#endif
+"""
+#: What those before have written can be read after it; only later GPUs begin before.
+_WAIT = """
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+    asm volatile("griddepcontrol.wait;" ::: "memory");
+#endif
+"""
+#: What is no number raises nothing: positive floats are in the order of their bits.
+_RAISE = {
+    wp.float32: """
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 800
+    const unsigned mask = __activemask();
+    const unsigned bits = value > 0.0f ? __float_as_uint(value) : 0u;
+    const unsigned most = __reduce_max_sync(mask, bits);
+    unsigned* place = reinterpret_cast<unsigned*>(values.data + i);
+    if ((threadIdx.x & 31u) == static_cast<unsigned>(__ffs(mask)) - 1u && most > __ldcg(place))
+        atomicMax(place, most);
+#elif defined(__CUDA_ARCH__)
+    wp::atomic_max(values.data + i, value > 0.0f ? value : 0.0f);
+#else
+    RAISE_ON_CPU
+#endif
+""",
+    wp.float64: """
+#if defined(__CUDA_ARCH__)
+    wp::atomic_max(values.data + i, value > 0.0 ? value : 0.0);
+#else
+    RAISE_ON_CPU
+#endif
+""",
+}
+#: Warp's own is none for the threads of a CPU (threads.py).
+_RAISE_ON_CPU = """
+    auto most = values.data[i];
+    __atomic_load(values.data + i, &most, __ATOMIC_RELAXED);
+    while (value > most && !__atomic_compare_exchange(
+        values.data + i, &most, &value, true, __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {}
+"""
+
+
+#: Threads of a block, and how many blocks a processor has to hold of kernels of few threads. The
+#: compiler would spare registers for more of them, and wait for each load before the next.
+FEW_THREADS = 256, 4
+
+
+def quick_kernel(
+    function: Callable[..., None] | None = None, *, bounds: tuple[int, int] | None = None
+) -> Any:
+    """Make a kernel of a function of one thread a particle; a decorator.
+
+    Args:
+        function: The function.
+        bounds: Threads of a block, and blocks that a processor of a GPU must have registers for.
+    """
+    if function is None:
+        return partial(quick_kernel, bounds=bounds)
+    kernel: Any = wp.kernel(
+        function,
+        module='unique',
+        enable_backward=False,
+        grid_stride=False,
+        launch_bounds=bounds,
+        module_options={'fast_math': True, 'enable_backward': False},
+    )
+    return kernel
+
+
+def _on_cuda(snippet: str, otherwise: str) -> str:
+    return f'#if defined(__CUDA_ARCH__)\n{snippet}\n#else\n    {otherwise}\n#endif\n'
+
+
+@wp.func_native(_WAIT)
+def after_the_former():
+    """Wait for the kernels that this one comes after, and for what they have written."""
+    ...
+
+
+def waits_first(kernel: Any) -> bool:
+    """Whether a kernel calls ``after_the_former``."""
+    code = kernel.func.__code__
+    return 'after_the_former' in (*code.co_names, *code.co_freevars)
+
+
+@lru_cache
+def load4(real: Any) -> Any:
+    """Return the device function that reads item i of an array of vec4, which nothing writes."""
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func_native(_on_cuda(_LOAD[real], 'return values.data[i];'))
+    def load(values: wp.array(dtype=vec4), i: int) -> vec4: ...
+
+    return load
+
+
+@lru_cache
+def store4(real: Any) -> Any:
+    """Return the device function that writes item i of an array of vec4."""
+    vec4 = wp.types.vector(4, real)
+
+    @wp.func_native(_on_cuda(_STORE[real], 'values.data[i] = v;'))
+    def store(values: wp.array(dtype=vec4), i: int, v: vec4): ...
+
+    return store
+
+
+@lru_cache
+def load2(real: Any) -> Any:
+    """Return the device function that reads item i of an array of vec2, which nothing writes."""
+    vec2 = wp.types.vector(2, real)
+
+    @wp.func_native(_on_cuda(_LOAD_PAIR[real], 'return values.data[i];'))
+    def load(values: wp.array(dtype=vec2), i: int) -> vec2: ...
+
+    return load
+
+
+@lru_cache
+def store2(real: Any) -> Any:
+    """Return the device function that writes item i of an array of vec2."""
+    vec2 = wp.types.vector(2, real)
+
+    @wp.func_native(_on_cuda(_STORE_PAIR[real], 'values.data[i] = v;'))
+    def store(values: wp.array(dtype=vec2), i: int, v: vec2): ...
+
+    return store
+
+
+@wp.func_native(_on_cuda('return __ldg(values.data + i);', 'return values.data[i];'))
+def load_int(values: wp.array(dtype=wp.int32), i: int) -> int:
+    """Read item i >= 0 of an array of integers, which nothing writes; a device function."""
+    ...
+
+
+@wp.func_native(_on_cuda(_PAST_THE_CACHE, 'return values.data[i];'))
+def past_the_cache(values: wp.array(dtype=wp.int32), i: int) -> int:
+    """Read item i >= 0 of an array whose items others may change meanwhile; a device function.
+
+    What lies beside it is not kept in the cache as it is now.
+    """
+    ...
+
+
+@wp.func_native(
+    _on_cuda('return blockIdx.x * blockDim.x + threadIdx.x;', 'return first + i;')
+)
+def counted_from(first: int, i: int) -> int:
+    """Return the number of the thread i, on the CPU in a launch from ``first`` on (threads.py).
+
+    On CUDA it counts itself: Warp's number is looked up as that of an array of any shape.
+    """
+    ...
+
+
+@wp.func_native(_on_cuda('return blockDim.y;', 'return 1;'))
+def unseen_one() -> int:
+    """Return 1, which the compiler cannot know: it would unroll what is unrolled already."""
+    ...
+
+
+@wp.func_native(_on_cuda('return row;', 'return first + row;'))
+def row_from(first: int, row: int) -> int:
+    """Return the row of a launch over a grid, on the CPU of one from ``first`` on (threads.py)."""
+    ...
+
+
+@wp.func_native(_on_cuda('return true;', 'return false;'))
+def can_count() -> bool:
+    """Whether many threads may count together: on the CPU Warp's atomics are none."""
+    ...
+
+
+@lru_cache
+def load1(real: Any) -> Any:
+    """Return the device function that reads item i of an array, which nothing writes."""
+
+    @wp.func_native(_on_cuda('return __ldg(values.data + i);', 'return values.data[i];'))
+    def load(values: wp.array(dtype=real), i: int) -> real: ...
+
+    return load
+
+
+@lru_cache
+def load9(real: Any) -> Any:
+    """Return the device function that reads rows i to i + 2, columns j to j + 2 of a 2-D array."""
+    mat33 = wp.types.matrix((3, 3), real)
+
+    @wp.func_native(_PATCH.replace('NUMBER', f'wp::{real.__name__}'))
+    def load(values: wp.array2d(dtype=real), i: int, j: int) -> mat33: ...
+
+    return load
+
+
+@wp.func_native(_ANNOUNCE)
+def announce(flag: wp.array(dtype=wp.int32)):
+    """Let all threads of a CUDA kernel see what the first one has written.
+
+    All threads of the first block have to come here. ``flag`` is 0 before and 1 after.
+    """
+    ...
+
+
+@wp.func_native(_WAIT_FOR)
+def wait_for(flag: wp.array(dtype=wp.int32)):
+    """Wait for ``announce``.
+
+    What was announced must not have been read before but by ``past_the_cache``.
+    """
+    ...
+
+
+@wp.func_native(_on_cuda('return cospi(x);', 'return wp::cos(3.141592653589793 * x);'))
+def cos_pi(x: wp.float64) -> wp.float64:
+    """Return cos(pi x); a device function."""
+    ...
+
+
+@wp.func_native(_on_cuda('return sinpi(x);', 'return wp::sin(3.141592653589793 * x);'))
+def sin_pi(x: wp.float64) -> wp.float64:
+    """Return sin(pi x); a device function."""
+    ...
+
+
+@lru_cache
+def one_less(real: Any) -> Any:
+    """Return the device function max(1 - a b, 0), of a and b >= 0: one instruction of float32."""
+    plain = 'return a * b < 1 ? 1 - a * b : 0;'
+
+    @wp.func_native(_on_cuda(_ONE_LESS, plain) if real is wp.float32 else plain)
+    def left(a: real, b: real) -> real: ...
+
+    return left
+
+
+@lru_cache
+def exp2(real: Any) -> Any:
+    """Return the device function 2^x."""
+    cuda = 'return exp2f(x);' if real is wp.float32 else 'return exp2(x);'
+    log2 = f'wp::{real.__name__}(0.6931471805599453)'
+
+    @wp.func_native(_on_cuda(cuda, f'return wp::exp({log2} * x);'))
+    def power(x: real) -> real: ...
+
+    return power
+
+
+@lru_cache
+def sum_over(real: Any, lanes: int) -> Any:
+    """Return the device function that sums a value over the threads that share a particle."""
+
+    @wp.func_native(_SUM.replace('LANES', str(lanes)))
+    def total(value: real) -> real: ...
+
+    @wp.func
+    def itself(value: real) -> real:
+        return value
+
+    return itself if lanes == 1 else total
+
+
+@lru_cache
+def raise_to(real: Any) -> Any:
+    """Return the device function that raises item i of an array to a value, if that is larger."""
+
+    @wp.func_native(_RAISE[real].replace('RAISE_ON_CPU', _RAISE_ON_CPU))
+    def raised(values: wp.array(dtype=real), i: int, value: real): ...
+
+    return raised

@@ -1,0 +1,185 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Launches that are made again and again with the same arguments.
+
+Warp takes 40 microseconds to look at the arguments of a launch and to pack them, longer than a CPU
+takes for what some hundred particles do in it. Packed once, a launch takes 15. What a stage
+launches can be taken down whole and made again: a GPU has its graphs for that, and on a CPU it is
+a list of compiled functions, each called with what was packed for it, in less than 1.
+"""
+
+from collections.abc import Callable, Sequence
+import ctypes
+from functools import lru_cache, partial
+from typing import Any
+
+import warp as wp
+
+from lava_ros.simulation.backend.compiled import waits_first
+from lava_ros.simulation.backend.programmatic_launch import overlap
+from lava_ros.simulation.backend.streams import capture_lock
+
+#: Packed launches that are kept; they keep their arrays too.
+MOST = 256
+
+
+class Launches:
+    """The launches of a device. On a CPU they are kept as they were packed.
+
+    Arguments are told by what they are, not by what is in them: a struct that was launched with
+    must not be changed afterwards.
+
+    Attributes:
+        extent: Particles that what was captured takes.
+    """
+
+    def __init__(self, device: Any) -> None:
+        """Begin without any."""
+        self._device = device
+        self._kept: dict[tuple[int, ...], list[Any]] = {}
+        self._again: Callable[[], None] | None = None
+        self._taken_down: list[Any] | None = None
+        self._captured: set[Any] | None = None
+        self.extent = 0
+
+    @property
+    def is_capturing(self) -> bool:
+        """Whether launches on a CPU are taken down, for as many particles as ``extent`` says."""
+        return self._taken_down is not None
+
+    def can_replay(self, extent: int) -> bool:
+        """Whether there is something for ``replay``, and it takes as many particles."""
+        return self._again is not None and extent <= self.extent
+
+    def capture(self, launch: Callable[[], None], extent: int) -> None:
+        """Take down what a function launches, in place of launching it, for ``replay``.
+
+        On a GPU that is all that it does there, on a CPU all that goes through here.
+
+        Args:
+            launch: The function.
+            extent: Particles that it takes at most.
+        """
+        self._again, self.extent = None, extent
+        if self._device.is_cuda:
+            self._captured = set()
+            try:
+                with capture_lock, wp.ScopedCapture(device=self._device) as capture:
+                    launch()
+                overlap(capture.graph, [one for one in self._captured if waits_first(one)])
+            finally:
+                self._captured = None
+            self._again = partial(wp.capture_launch, capture.graph)
+            return
+        self._taken_down = []
+        try:
+            launch()
+            self._again = partial(_call, [_compiled(command) for command in self._taken_down])
+        finally:
+            self._taken_down = None
+
+    def replay(self) -> None:
+        """Launch what was captured."""
+        assert self._again is not None
+        self._again()
+
+    def __call__(
+        self,
+        kernel: Any,
+        *,
+        dim: int,
+        inputs: Sequence[Any],
+        outputs: Sequence[Any],
+        block_dim: int | None = None,
+    ) -> None:
+        """Launch a kernel.
+
+        Args:
+            kernel: The kernel.
+            dim: Threads.
+            inputs: Its arguments.
+            outputs: Those that it writes.
+            block_dim: Threads to a block of a GPU; Warp's own number when left out.
+        """
+        if self._device.is_cuda:
+            if self._captured is not None:
+                self._captured.add(kernel)
+            wp.launch(
+                kernel,
+                dim=dim,
+                inputs=inputs,
+                outputs=outputs,
+                device=self._device,
+                block_dim=block_dim,
+            )
+        elif dim > 0 and self._taken_down is not None:
+            self._taken_down.append(self._record(kernel, dim, [*inputs, *outputs]))
+        elif dim > 0:
+            self.packed(kernel, dim=dim, arguments=[*inputs, *outputs]).launch()
+
+    def packed(self, kernel: Any, *, dim: int, arguments: list[Any]) -> Any:
+        """A launch of some threads on the CPU that is made by its ``launch()``."""
+        key = (id(kernel), *map(id, arguments))
+        kept = self._kept.get(key)
+        if kept is None:
+            if len(self._kept) >= MOST:
+                self._kept.clear()
+            command = self._record(kernel, dim, arguments)
+            # as long as they are here nothing else has their numbers
+            self._kept[key] = [dim, command, kernel, arguments]
+            return command
+        if kept[0] != dim:
+            kept[1].set_dim(dim)
+            kept[0] = dim
+        return kept[1]
+
+    def forget(self) -> None:
+        """Keep none any more, nor their arrays."""
+        self._kept.clear()
+        self._again = None
+
+    def _record(self, kernel: Any, dim: int, arguments: list[Any]) -> Any:
+        command: Any = wp.launch(
+            kernel, dim=dim, inputs=arguments, device=self._device, record_cmd=True
+        )
+        return command
+
+
+@lru_cache
+def _arguments(*types: Any) -> Any:
+    """The structure in which a compiled function takes arguments of some ctypes."""
+    fields = [(f'argument_{n}', one) for n, one in enumerate(types)]
+    return type('Arguments', (ctypes.Structure,), {'_fields_': fields})
+
+
+def _compiled(command: Any) -> tuple[Any, tuple[Any, ...], Any]:
+    """What a launch on the CPU calls, with what, and what has to be kept for that.
+
+    It is what Warp's own ``launch()`` calls, which packs the arguments anew each time.
+    """
+    try:
+        bounds, *values = command.params
+        arguments = _arguments(*map(type, values))()
+        for n, value in enumerate(values):
+            setattr(arguments, f'argument_{n}', value)
+        return command.hooks.forward, (ctypes.byref(bounds), ctypes.byref(arguments)), command
+    except (AttributeError, TypeError):
+        # a Warp that packs in another way
+        return command.launch, (), command
+
+
+def _call(calls: list[tuple[Any, tuple[Any, ...], Any]]) -> None:
+    for function, arguments, _ in calls:
+        function(*arguments)

@@ -1,0 +1,173 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Exclusive sums over an array of integers, in one launch.
+
+On a GPU this is the decoupled look-back of Merrill & Garland (2016, Single-pass Parallel Prefix
+Scan with Decoupled Look-back, NVIDIA): a block of threads sums up a tile, tells the others, and
+finds what comes before it from those it can see. Blocks start in the order of their numbers, so
+none waits for one that has no room.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any
+
+import warp as wp
+
+from lava_ros.simulation.backend.compiled import after_the_former
+from lava_ros.simulation.backend.graph import Launches
+
+#: Threads of a block.
+_THREADS = 1024
+
+#: Fours of items that a thread takes, by the most items: with few of them many blocks are quicker,
+#: with many the way back over their tiles is long.
+_FOURS = ((1 << 19, 1), (1 << 21, 2), (math.inf, 8))
+
+#: A tile's word says what it knows: (1, its sum), then (2, the sum up to its end), in every other
+#: scan (3, ...) and (4, ...): so no word has to be cleared when all have read it. Which scan it
+#: is stands in the word after the last tile's. The last tile, which comes to its end when all
+#: others have read that, changes it.
+_SCAN = """
+#if defined(__CUDA_ARCH__)
+    __shared__ int sums[32];
+    __shared__ int start_of_tile;
+    const unsigned all = 0xffffffffu;
+    const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5, tile = blockIdx.x;
+    const int first = 32 * FOURS * (32 * tile + warp) + lane, end = sizes.shape[0] / 4;
+    typedef unsigned long long word_t;
+    volatile word_t* words = reinterpret_cast<word_t*>(tiles.data);
+    const unsigned turn = gridDim.x > 1 ? static_cast<unsigned>(words[gridDim.x]) : 0;
+    int4 items[FOURS];
+    for (int n = 0; n < FOURS; ++n) {
+        const int at = first + 32 * n;
+        items[n] = make_int4(0, 0, 0, 0);
+        if (at < end)
+            items[n] = reinterpret_cast<const int4*>(sizes.data)[at];
+    }
+    int starting[FOURS], total = 0;
+    for (int n = 0; n < FOURS; ++n) {
+        const int own = items[n].x + items[n].y + items[n].z + items[n].w;
+        int sum = own;
+        for (int apart = 1; apart < 32; apart *= 2) {
+            const int former = __shfl_up_sync(all, sum, apart);
+            sum += lane >= apart ? former : 0;
+        }
+        starting[n] = total + sum - own;
+        total += __shfl_sync(all, sum, 31);
+    }
+    if (lane == 0)
+        sums[warp] = total;
+    __syncthreads();
+    int before = lane < warp ? sums[lane] : 0;
+    for (int apart = 16; apart > 0; apart /= 2)
+        before += __shfl_xor_sync(all, before, apart);
+    if (gridDim.x > 1) {
+        if (warp == 0) {
+            int whole = sums[lane];
+            for (int apart = 16; apart > 0; apart /= 2)
+                whole += __shfl_xor_sync(all, whole, apart);
+            if (lane == 0)
+                words[tile] = word_t(turn + (tile == 0 ? 2 : 1)) << 32 | unsigned(whole);
+            int earlier = 0;
+            for (int nearest = tile - 1; nearest >= 0; nearest -= 32) {
+                const int at = nearest - lane;
+                word_t word = word_t(turn + 2) << 32;
+                if (at >= 0)
+                    do
+                        word = words[at];
+                    while (unsigned(word >> 32) - turn - 1 > 1);
+                const unsigned is_whole = __ballot_sync(all, word >> 32 == turn + 2);
+                int part = static_cast<int>(word & all);
+                part = lane < (is_whole ? __ffs(is_whole) : 32) ? part : 0;
+                for (int apart = 16; apart > 0; apart /= 2)
+                    part += __shfl_xor_sync(all, part, apart);
+                earlier += part;
+                if (is_whole)
+                    break;
+            }
+            if (lane == 0) {
+                start_of_tile = earlier;
+                if (tile > 0)
+                    words[tile] = word_t(turn + 2) << 32 | unsigned(earlier + whole);
+                if (tile == gridDim.x - 1)
+                    words[gridDim.x] = 2 - turn;
+            }
+        }
+        __syncthreads();
+        before += start_of_tile;
+    }
+    for (int n = 0; n < FOURS; ++n) {
+        const int at = first + 32 * n, start = before + starting[n];
+        const int4 item = items[n];
+        if (at < end)
+            reinterpret_cast<int4*>(starts.data)[at] = make_int4(
+                start, start + item.x, start + item.x + item.y, start + item.x + item.y + item.z);
+    }
+#else
+    int start = 0;
+    for (int n = 0; n < sizes.shape[0]; ++n) {
+        starts.data[n] = start;
+        start += sizes.data[n];
+    }
+#endif
+"""
+
+
+@lru_cache
+def _kernel(fours: int) -> Any:
+    @wp.func_native(_SCAN.replace('FOURS', str(fours)))
+    def sum_up(
+        sizes: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        tiles: wp.array(dtype=wp.uint64),
+    ): ...
+
+    @wp.kernel(module='unique', enable_backward=False, grid_stride=False)
+    def scan(
+        sizes: wp.array(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        tiles: wp.array(dtype=wp.uint64),
+    ):
+        """Sum up what is before each item; on the CPU in one thread."""
+        after_the_former()
+        sum_up(sizes, starts, tiles)
+
+    return scan
+
+
+class Scan:
+    """Sums what is before each item of arrays of one length.
+
+    Attributes:
+        length: The length.
+    """
+
+    def __init__(self, length: int, device: Any) -> None:
+        """Make ready for arrays of a length, which is a multiple of 4."""
+        self.length, self._device = length, device
+        self._fours = next(fours for most, fours in _FOURS if length < most)
+        self._tiles = math.ceil(length / (4 * self._fours * _THREADS))
+        self._words = wp.zeros(self._tiles + 1, dtype=wp.uint64, device=device)
+
+    def __call__(self, launches: Launches, sizes: Any, starts: Any) -> None:
+        """Write the sum of all ``sizes`` before each of them into ``starts``."""
+        launches(
+            _kernel(self._fours),
+            dim=self._tiles * _THREADS if self._device.is_cuda else 1,
+            inputs=[sizes],
+            outputs=[starts, self._words],
+            block_dim=_THREADS,
+        )

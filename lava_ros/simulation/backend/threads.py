@@ -1,0 +1,295 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Launches on all cores of a CPU.
+
+Warp computes a launch on the CPU in the thread that asks for it, and lets other threads of Python
+run meanwhile. So a launch over many particles is cut into parts, which the caller and some helpers
+take one by one. A kernel that is launched so takes as its last argument the first particle of the
+part, and counts from it (``compiled.counted_from``); it writes nothing but what is its particle's,
+a maximum (``compiled.raise_to``), or a mark. Then the result is the same to the bit in however
+many parts.
+
+The helpers are as many as the cores that the process may use, less one for the caller;
+``LAVA_THREADS`` in the environment says otherwise. Programs that keep the cores busy with
+processes give each of them one thread: ``use_threads``.
+"""
+
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from copy import copy
+from functools import lru_cache, partial
+import os
+from queue import SimpleQueue
+from threading import Lock, Thread
+from typing import Any, TYPE_CHECKING
+
+import warp as wp
+
+from lava_ros.errors import LavaError
+from lava_ros.simulation.backend.cores import usable_cores
+
+if TYPE_CHECKING:
+    from lava_ros.simulation.state import State
+
+#: Environment variable that says how many threads compute.
+VARIABLE = 'LAVA_THREADS'
+
+#: Fewest particles that are worth a part: about 0.3 ms of sums over their neighbours, or of what
+#: is done to each of them alone. A helper that is called begins after 0.1 ms, and a stage of one
+#: thread is captured.
+LEAST_SUMS, LEAST_MOVES = 2048, 16384
+
+#: Parts to a thread: who is done early takes from the others, and each part costs 0.02 ms.
+PARTS = 4
+
+_asked: int | None = None
+
+
+def use_threads(count: int | None) -> None:
+    """Let launches on the CPU use some threads from now on, or as many as there are cores.
+
+    Raises:
+        LavaError: The number is not at least 1.
+    """
+    global _asked
+    if count is not None and count < 1:
+        raise LavaError('threads', count, 'at least 1')
+    _asked = count
+
+
+def threads() -> int:
+    """Threads that a launch on the CPU uses.
+
+    Raises:
+        LavaError: ``LAVA_THREADS`` is not a number of threads.
+    """
+    return _asked or _default(os.environ.get(VARIABLE, ''))
+
+
+@lru_cache
+def _default(text: str) -> int:
+    if text:
+        if not text.isdecimal() or int(text) < 1:
+            raise LavaError(VARIABLE, text, 'a whole number, at least 1')
+        return int(text)
+    return usable_cores()
+
+
+def launch_over(
+    state: 'State',
+    kernel: Any,
+    *,
+    inputs: Sequence[Any],
+    outputs: Sequence[Any],
+    least: int = LEAST_SUMS,
+    lanes: int = 1,
+    ahead: int = 0,
+) -> None:
+    """Launch a kernel over the particles of a state.
+
+    Args:
+        state: The particles.
+        kernel: The kernel; its last argument, which is given here, is the first particle.
+        inputs: Its arguments.
+        outputs: Those that it writes, but the last.
+        least: Fewest particles that are worth a part.
+        lanes: Threads that share a particle.
+        ahead: Threads that come before those of the particles, on a GPU only, and are a block.
+    """
+    # the first one does what is done once, even if it has no particle
+    count = ahead + max(1, state.extent) * lanes
+    # what is captured is one thread's
+    workers = 1 if state.launches.is_capturing else _workers(state.device, count, least * lanes)
+    if workers < 2:
+        state.launches(
+            kernel, dim=count, inputs=inputs, outputs=[*outputs, 0], block_dim=ahead or None
+        )
+        return
+    record = partial(
+        state.launches.packed, kernel, dim=1, arguments=[*inputs, *outputs, 0]
+    )
+    _Job(record, (), _parts(count, workers, least)).compute(workers - 1)
+
+
+def is_alone(state: 'State') -> bool:
+    """Whether one thread does all of a stage: what it launches can be captured."""
+    return state.device.is_cuda or state.extent < 2 * LEAST_SUMS or threads() < 2
+
+
+def launch(
+    kernel: Any,
+    count: int,
+    *,
+    inputs: Sequence[Any],
+    outputs: Sequence[Any],
+    device: Any,
+    least: int = LEAST_SUMS,
+    columns: int | None = None,
+) -> None:
+    """Launch a kernel: on the CPU in parts, on all cores, on a GPU in one go.
+
+    Args:
+        kernel: The kernel; its last argument, which is given here, is the first item.
+        count: Items: particles, or rows of a grid.
+        inputs: Its arguments.
+        outputs: Those that it writes, but the last.
+        device: The device.
+        least: Fewest items that are worth a part.
+        columns: Cells of a row of a grid.
+    """
+    row = () if columns is None else (columns,)
+    workers = _workers(device, count, least)
+    if workers < 2:
+        wp.launch(
+            kernel, dim=(count, *row), inputs=inputs, outputs=[*outputs, 0], device=device
+        )
+        return
+    record = partial(
+        wp.launch,
+        kernel,
+        dim=(1, *row),
+        inputs=inputs,
+        outputs=[*outputs, 0],
+        device=device,
+        record_cmd=True,
+    )
+    _Job(record, row, _parts(count, workers, least)).compute(workers - 1)
+
+
+def _workers(device: Any, count: int, least: int) -> int:
+    """Threads that so many items are worth."""
+    return 1 if device.is_cuda else min(threads(), count // least)
+
+
+def _parts(count: int, workers: int, least: int) -> Iterable[tuple[int, int]]:
+    """First item and end of each part."""
+    parts = min(PARTS * workers, count // least)
+    ends = [count * (n + 1) // parts for n in range(parts)]
+    return zip([0, *ends], ends, strict=False)
+
+
+class _Job:
+    """A launch in parts that threads take one by one."""
+
+    def __init__(
+        self, record: Callable[[], Any], row: tuple[int, ...], parts: Iterable[tuple[int, int]]
+    ) -> None:
+        """Take what records the launch, and the first item and the end of each of its parts."""
+        self._record: Any = record
+        self._whole: Any = None
+        self._row = row
+        self._parts = deque(parts)
+        self._lock = Lock()
+        self._is_open = False
+        self._inside = 0
+        self._is_left = Lock()
+        self._is_left.acquire()
+        self._error: BaseException | None = None
+
+    def compute(self, helpers: int) -> None:
+        """Compute parts until there are no more, and wait for those that helpers have taken.
+
+        Raises:
+            BaseException: What a part has raised; then not all have been computed.
+        """
+        try:
+            with self._lock:
+                # they are on their way while the launch is recorded
+                _helpers().call(helpers, self)
+                self._whole = self._record()
+                self._is_open = True
+            self._take_parts()
+        finally:
+            with self._lock:
+                self._is_open = False
+                self._parts.clear()
+                waits = self._inside > 0
+            if waits:
+                self._wait()
+            # who comes late keeps none of the arrays
+            self._whole = self._record = None
+        if self._error is not None:
+            raise self._error
+
+    def help(self) -> None:
+        """Compute parts until there are no more; return at once when the job is done."""
+        with self._lock:
+            if not self._is_open:
+                return
+            self._inside += 1
+        try:
+            self._take_parts()
+        except BaseException as error:
+            self._error = error
+            self._parts.clear()
+        finally:
+            with self._lock:
+                self._inside -= 1
+                if not self._is_open and self._inside == 0:
+                    self._is_left.release()
+
+    def _wait(self) -> None:
+        """Wait for the helpers; whoever is interrupted waits too, or they would write on."""
+        try:
+            self._is_left.acquire()
+        except BaseException:
+            self._is_left.acquire()
+            raise
+
+    def _take_parts(self) -> None:
+        own = copy(self._whole)
+        own.params = list(own.params)
+        own.fwd_args = list(own.fwd_args)
+        last = len(own.fwd_args) - 1
+        while True:
+            try:
+                first, end = self._parts.popleft()
+            except IndexError:
+                return
+            own.set_dim((end - first, *self._row))
+            own.set_param_at_index(last, first)
+            own.launch()
+
+
+class _Helpers:
+    """Threads that wait for jobs, and end with the process."""
+
+    def __init__(self) -> None:
+        self._jobs: SimpleQueue[_Job] = SimpleQueue()
+        self._count = 0
+
+    def call(self, count: int, job: _Job) -> None:
+        """Ask some of them to help with a job."""
+        while self._count < count:
+            self._count += 1
+            name = f'lava helper {self._count}'
+            Thread(target=self._work, name=name, daemon=True).start()
+        for _ in range(count):
+            self._jobs.put(job)
+
+    def _work(self) -> None:
+        while True:
+            # a name for it would keep its arrays until the next one
+            self._jobs.get().help()
+
+
+@lru_cache(maxsize=1)
+def _helpers() -> _Helpers:
+    return _Helpers()
+
+
+if hasattr(os, 'register_at_fork'):
+    # a child has none of the threads
+    os.register_at_fork(after_in_child=_helpers.cache_clear)

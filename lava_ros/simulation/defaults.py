@@ -1,0 +1,83 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a user leaves out, and what a formulation brings along."""
+
+from dataclasses import replace
+from functools import cache
+import logging
+import os
+import tempfile
+from typing import Any
+
+import warp as wp
+
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.simulation.accuracy import Accuracy
+
+_LOG = logging.getLogger(__name__)
+
+
+def device_of(name: str | None) -> Any:
+    """Find a Warp device by its name.
+
+    Args:
+        name: Such as ``cpu`` or ``cuda:0``; the first CUDA device, else the CPU, when left out.
+
+    Raises:
+        LavaError: There is no such device.
+    """
+    _start_warp()
+    try:
+        if name is None:
+            return wp.get_preferred_device()
+        return wp.get_device(name)
+    except (ValueError, RuntimeError):
+        known = ', '.join(str(device) for device in wp.get_devices())
+        raise LavaError('device', name, f'one of {known}') from None
+
+
+@cache
+def _start_warp() -> None:
+    """Start Warp, and log what its library would write to stderr, past everybody's log."""
+    with tempfile.TemporaryFile() as said:
+        stderr = os.dup(2)
+        os.dup2(said.fileno(), 2)
+        try:
+            wp.init()
+        finally:
+            os.dup2(stderr, 2)
+            os.close(stderr)
+            said.seek(0)
+            for line in said:
+                if line.startswith(b'Warp '):
+                    _LOG.info(line.decode(errors='replace').rstrip())
+                else:
+                    # of another thread
+                    os.write(2, line)
+
+
+def formulated(effects: Effects, accuracy: Accuracy) -> Effects:
+    """The effects as the formulation has them: the printed one is a Green's function.
+
+    Raises:
+        LavaError: The printed formulation is asked for inertia.
+    """
+    if accuracy.formulation != 'as-published':
+        return effects
+    if 'inertia' in effects:
+        right = 'false beside accuracy.formulation as-published, which has none'
+        raise LavaError('effects.inertia', True, right)
+    return replace(effects, green=True, steep=False)

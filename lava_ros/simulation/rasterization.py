@@ -1,0 +1,344 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Particles to grid: thickness and temperature at the cells of the terrain (section 3.4.2).
+
+A kernel sum reaches its radius past the last particle, and the paper's borders are too round.
+Here lava is where the particles' own areas V / h, smoothed by the same kernel, cover more than
+half of the ground: at a straight border that is where the lava ends, whatever the radius. Of a
+cell at the border a part is covered, by the cover in its middle and its gradient, and the cell's
+thickness is the mean over all of it.
+
+The volume is kept: each particle shares all of its own out to the cells that are covered,
+
+    h_c = f_c sum_j V_j W_cj / N_j,    N_j = A sum_c f_c W_cj,
+
+A the area of a cell. The weight f_c is the part that is covered times the root of the particles'
+mean thickness around it over their cover: to the first order that undoes what the kernel smooths
+(docs/MODEL.md). A particle far from all covered cells gives its volume to the cell that it lies
+in.
+"""
+
+from functools import lru_cache
+import math
+from typing import Any
+
+import warp as wp
+
+from lava_ros.simulation.backend.compiled import counted_from, load4, row_from
+from lava_ros.simulation.backend.threads import launch, LEAST_SUMS
+from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.kernels import smoothing_kernel
+from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.state import PARTICLES, State
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
+
+#: Share of a cell from which it holds lava.
+LEAST_COVER = 0.5
+
+#: Smoothed weight of the covered cells at a particle, over one of its own thickness, below which
+#: it is far from them: what is much smaller has few digits.
+_LEAST_NEAR = 1e-3
+
+#: In place of a weight: particles are in reach of the cell, but do not cover it.
+_BESIDE = wp.constant(wp.float32(-1.0))
+
+
+@lru_cache
+def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
+    vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    norm, shape, slope, *_ = smoothing_kernel(kernel_name, real, ratio)
+    _, _, cells_around, range_in = cell_functions(real)
+    load = load4(real)
+
+    @wp.func
+    def middle(first: wp.float64, n: int, resolution: wp.float64) -> real:
+        """Coordinate of the middle of the n-th cell; the same in all passes, to the bit."""
+        return real(first + (wp.float64(n) + wp.float64(0.5)) * resolution)
+
+    @wp.func
+    def cell_at(place: real, first: wp.float64, resolution: wp.float64) -> int:
+        return int(wp.floor((wp.float64(place) - first) / resolution))
+
+    @wp.func
+    def part_above(middle: real, rise_x: real, rise_y: real) -> real:
+        """Share of a cell where a plane is above 0, from its middle and its rises across."""
+        wide = real(0.5) * wp.max(wp.abs(rise_x), wp.abs(rise_y))
+        narrow = real(0.5) * wp.min(wp.abs(rise_x), wp.abs(rise_y))
+        height = wp.abs(middle)
+        small = real(0.0)
+        if height < wide - narrow:
+            small = real(0.5) - real(0.5) * height / wide
+        elif height < wide + narrow:
+            rest = wide + narrow - height
+            small = rest * rest / (real(8.0) * wide * narrow)
+        return wp.where(middle > real(0.0), real(1.0) - small, small)
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def weigh(
+        ordered: wp.array(dtype=vec4),
+        flow: wp.array(dtype=vec3),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        terrain: terrain_frame(wp.float64),
+        known: wp.array2d(dtype=wp.uint8),
+        radius: wp.float64,
+        thickness: wp.array2d(dtype=wp.float32),
+        temperature: wp.array2d(dtype=wp.float32),
+        first: int,
+    ):
+        """Weigh the cells that are covered, and mark those that are not but have lava in reach."""
+        n, j = wp.tid()
+        i = row_from(first, n)
+        temperature[i, j] = wp.float32(wp.nan)
+        if known[i, j] == wp.uint8(0):
+            thickness[i, j] = wp.float32(wp.nan)
+            return
+        x = middle(terrain.x0, j, terrain.resolution)
+        y = middle(terrain.y0, i, terrain.resolution)
+        reach = real(radius)
+        inverse = real(1.0) / reach
+        height = real(0.0)
+        cover = real(0.0)
+        rise_x = real(0.0)
+        rise_y = real(0.0)
+        box = cells_around(cells, x, y, reach)
+        for r in range(box[0], box[1]):
+            near = range_in(cells, starts, r, box)
+            for k in range(near[0], near[1]):
+                p = load(ordered, k)
+                dx = (x - p[0]) * inverse
+                dy = (y - p[1]) * inverse
+                square = dx * dx + dy * dy
+                if square < real(1.0):
+                    distance = wp.sqrt(square)
+                    area = p[2] / flow[k][0]
+                    share = area * shape(distance)
+                    height += share * flow[k][0]
+                    cover += share
+                    area *= slope(distance)
+                    rise_x += area * dx
+                    rise_y += area * dy
+        if cover == real(0.0):
+            thickness[i, j] = wp.float32(0.0)
+            return
+        mean = height / cover
+        scale = real(wp.static(norm)) * inverse * inverse
+        cover *= scale
+        scale *= real(terrain.resolution) * inverse
+        rise_x *= scale
+        rise_y *= scale
+        above = cover - real(wp.static(LEAST_COVER))
+        part = part_above(above, rise_x, rise_y)
+        # half-way between the highest cover in the cell and the lowest that is lava
+        change = real(0.5) * (wp.abs(rise_x) + wp.abs(rise_y))
+        lowest = wp.max(cover - change, real(wp.static(LEAST_COVER)))
+        typical = real(0.5) * (cover + change + lowest)
+        weight = wp.float32(part * wp.sqrt(mean * typical) / cover)
+        # a cover that is no number is not dry ground
+        thickness[i, j] = wp.where(weight > wp.float32(0.0), weight, wp.float32(wp.nan))
+        if part == real(0.0) and cover > real(0.0):
+            thickness[i, j] = _BESIDE
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def share_out(
+        ordered: wp.array(dtype=vec4),
+        flow: wp.array(dtype=vec3),
+        counts: wp.array(dtype=wp.int32),
+        terrain: terrain_frame(wp.float64),
+        known: wp.array2d(dtype=wp.uint8),
+        radius: wp.float64,
+        thickness: wp.array2d(dtype=wp.float32),
+        share: wp.array(dtype=real),
+        home: wp.array(dtype=wp.int32),
+        first: int,
+    ):
+        """Find what a particle gives for a unit of weight, or to the cell that it lies in."""
+        k = counted_from(first, wp.tid())
+        if k >= counts[PARTICLES]:
+            return
+        p = load(ordered, k)
+        reach = real(radius)
+        inverse = real(1.0) / reach
+        south = wp.max(cell_at(p[1] - reach, terrain.y0, terrain.resolution), 0)
+        north = wp.min(cell_at(p[1] + reach, terrain.y0, terrain.resolution) + 1, terrain.rows)
+        west = wp.max(cell_at(p[0] - reach, terrain.x0, terrain.resolution), 0)
+        east = wp.min(cell_at(p[0] + reach, terrain.x0, terrain.resolution) + 1, terrain.columns)
+        total = real(0.0)
+        for i in range(south, north):
+            dy = (middle(terrain.y0, i, terrain.resolution) - p[1]) * inverse
+            for j in range(west, east):
+                dx = (middle(terrain.x0, j, terrain.resolution) - p[0]) * inverse
+                square = dx * dx + dy * dy
+                if square < real(1.0) and thickness[i, j] > wp.float32(0.0):
+                    total += real(thickness[i, j]) * shape(wp.sqrt(square))
+        area = real(terrain.resolution * terrain.resolution)
+        share[k] = p[2] / (area * total)
+        home[k] = -1
+        total *= area * real(wp.static(norm)) * inverse * inverse
+        if total > real(wp.static(_LEAST_NEAR)) * wp.sqrt(flow[k][0]):
+            return
+        # the cell that it lies in, or at a hole the next one, as rounding has it
+        nearest = real(1.0)
+        is_covered = wp.bool(False)
+        for i in range(south, north):
+            dy = (middle(terrain.y0, i, terrain.resolution) - p[1]) * inverse
+            for j in range(west, east):
+                dx = (middle(terrain.x0, j, terrain.resolution) - p[0]) * inverse
+                square = dx * dx + dy * dy
+                if square < nearest and known[i, j] != wp.uint8(0):
+                    nearest = square
+                    home[k] = i * terrain.columns + j
+                    is_covered = thickness[i, j] > wp.float32(0.0)
+        if is_covered:
+            home[k] = -1
+        elif home[k] >= 0:
+            share[k] = p[2] / area
+
+    @wp.kernel(module='unique', enable_backward=False)
+    def gather(
+        ordered: wp.array(dtype=vec4),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(real),
+        terrain: terrain_frame(wp.float64),
+        radius: wp.float64,
+        share: wp.array(dtype=real),
+        home: wp.array(dtype=wp.int32),
+        thickness: wp.array2d(dtype=wp.float32),
+        temperature: wp.array2d(dtype=wp.float32),
+        first: int,
+    ):
+        """Sum the particles' shares in a cell, and their mean temperature."""
+        n, j = wp.tid()
+        i = row_from(first, n)
+        own_weight = thickness[i, j]
+        if own_weight == wp.float32(0.0) or wp.isnan(own_weight):
+            return
+        is_covered = own_weight > wp.float32(0.0)
+        own = i * terrain.columns + j
+        x = middle(terrain.x0, j, terrain.resolution)
+        y = middle(terrain.y0, i, terrain.resolution)
+        reach = real(radius)
+        inverse = real(1.0) / reach
+        height = real(0.0)
+        heat = real(0.0)
+        box = cells_around(cells, x, y, reach)
+        for r in range(box[0], box[1]):
+            near = range_in(cells, starts, r, box)
+            for k in range(near[0], near[1]):
+                part = real(0.0)
+                p = load(ordered, k)
+                if is_covered:
+                    dx = (x - p[0]) * inverse
+                    dy = (y - p[1]) * inverse
+                    square = dx * dx + dy * dy
+                    if square < real(1.0) and home[k] < 0:
+                        part = share[k] * shape(wp.sqrt(square))
+                elif home[k] == own:
+                    part = share[k]
+                height += part
+                heat += part * p[3]
+        if is_covered:
+            height *= real(own_weight)
+            heat *= real(own_weight)
+        thickness[i, j] = wp.float32(height)
+        if height != real(0.0):
+            temperature[i, j] = wp.float32(heat / height)
+
+    return weigh, share_out, gather
+
+
+class Raster:
+    """Output grids on a device, one value for each cell of a terrain.
+
+    Attributes:
+        grids: What ``fill`` fills, and more grids for others to fill, float32, shape [2 or more,
+            rows, columns].
+        thickness: The first of them [m], NaN where the terrain has no data.
+        temperature: The second [K], NaN where it is dry too.
+    """
+
+    def __init__(
+        self,
+        terrain: StaggeredTerrain,
+        radius: float,
+        kernel: str,
+        ratio: float,
+        device: Any,
+        *,
+        more: int = 0,
+    ) -> None:
+        """Allocate the grids.
+
+        Args:
+            terrain: The terrain whose cells are filled.
+            radius: Kernel radius of the output, l_render in the paper [m].
+            kernel: Name of the smoothing kernel.
+            ratio: Kernel radius over particle spacing.
+            device: Warp device.
+            more: Grids for others to fill.
+        """
+        self._terrain = terrain
+        self._radius = radius
+        self._choice = (kernel, ratio)
+        self._device = device
+        shape = (2 + more, terrain.frame.rows, terrain.frame.columns)
+        self.grids = wp.zeros(shape, dtype=wp.float32, device=device)
+        self.thickness, self.temperature = self.grids[0], self.grids[1]
+
+    def fill(self, state: State, neighbors: NeighborGrid) -> None:
+        """Fill thickness and temperature from the ordered particles' flow.
+
+        Between the passes ``thickness`` holds the cells' weights.
+        """
+        weigh, share_out, gather = _kernels(state.real, *self._choice)
+        rows, columns = self.thickness.shape
+        frame, known = self._terrain.exact_frame, self._terrain.known
+        grid = {
+            'device': self._device,
+            'least': math.ceil(LEAST_SUMS / columns),
+            'columns': columns,
+        }
+        maps = [self.thickness, self.temperature]
+        around = [neighbors.starts, neighbors.frame, frame]
+        launch(
+            weigh,
+            rows,
+            inputs=[state.ordered, state.flow, *around, known, self._radius],
+            outputs=maps,
+            **grid,
+        )
+        launch(
+            share_out,
+            state.extent,
+            inputs=[
+                state.ordered,
+                state.flow,
+                state.counts,
+                frame,
+                known,
+                self._radius,
+                self.thickness,
+            ],
+            outputs=[state.share, state.home],
+            device=self._device,
+        )
+        launch(
+            gather,
+            rows,
+            inputs=[state.ordered, *around, self._radius, state.share, state.home],
+            outputs=maps,
+            **grid,
+        )

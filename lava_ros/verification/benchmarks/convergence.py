@@ -1,0 +1,262 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""How far footprints depend on the resolution: scenes at presets from coarse to fine.
+
+A footprint is what at least half of several runs cover, turned and mirrored
+(hindcast/replicates.py):
+a flow forks where decimetres decide, and which way a single run goes is chance. How far two such
+footprints agree by chance is the agreement of both halves of the runs.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+import math
+
+import numpy as np
+
+from lava_ros.hindcast.case import Case
+from lava_ros.hindcast.replicates import agreed, run_several
+from lava_ros.hindcast.run import Settings, simulate
+from lava_ros.hindcast.score import judge, Score
+from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene.finer import finer
+from lava_ros.scene.lava import Lava
+from lava_ros.scene.terrain_files import ridge_terrain
+from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.simulation.resolution import resolution_of
+from lava_ros.verification.benchmarks.selection import jaccard, noise
+from lava_ros.verification.measure import machine_name
+
+#: Presets, from coarse to fine; all are compared with the last.
+LADDER = ('draft', 'standard', 'fine')
+
+#: Runs of a footprint: as many as there are directions.
+RUNS = 8
+
+#: Sides of the cells that the demo's terrain is averaged over, for cells as SRTM's [m].
+COARSE = 90.0
+
+_LAVA = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
+
+#: A vent of the demo, and its lava.
+_CREST, _TONGUES = Vent((4110.0, 5580.0), 40.0, radius=20.0), Lava(viscosity=5e4)
+
+_HOUR = 3600.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """A scene at a preset: a line of the CSV.
+
+    Attributes:
+        scene: Name of the scene.
+        preset: Name of the preset.
+        spacing_m: Distance between particles [m].
+        width_m: Width of the flow that the spacing follows [m].
+        across: Particles across it.
+        runs: Runs of the footprint.
+        jaccard: Cells in its footprint and in that of ``LADDER``'s last over cells in either.
+        noise: The same of the footprints of both halves of its runs.
+        single: Mean Jaccard index of two of its runs.
+        area_m2: Area of the footprint [m2].
+        area_ratio: The same over that of ``LADDER``'s last.
+        length_m: Length of the longest way along the footprint [m].
+        length_ratio: The same over that of ``LADDER``'s last.
+        score: Jaccard index with the mapped footprint, NaN where none is.
+        seconds: Wall time of a run alone, kernels compiled [s].
+        particles: Most particles of a run.
+        evaluations: Velocity evaluations of a run.
+        simulated_s: Simulated time [s].
+        device: Warp device.
+        machine: What it is.
+        command: What made the row.
+    """
+
+    scene: str
+    preset: str
+    spacing_m: float
+    width_m: float
+    across: float
+    runs: int
+    jaccard: float
+    noise: float
+    single: float
+    area_m2: float
+    area_ratio: float
+    length_m: float
+    length_ratio: float
+    score: float
+    seconds: float
+    particles: int
+    evaluations: int
+    simulated_s: float
+    device: str
+    machine: str
+    command: str
+
+
+def scenes() -> tuple[Case, ...]:
+    """A ridge, the same on coarse cells, and shapes of the ground."""
+    return (_ridge(), _coarse(), _hill(), _valley(), _cliff())
+
+
+def case_of(name: str, scene: Scene, horizon: float) -> Case:
+    """A scene that nobody has mapped."""
+    volume = horizon * sum(flux for vent in scene.vents for _, flux in vent.series)
+    nothing = np.zeros(scene.terrain.shape, dtype=bool)
+    return Case(name, name, '', scene, None, nothing, 0.0, horizon, volume)
+
+
+def _ridge() -> Case:
+    return case_of('ridge', Scene(finer(ridge_terrain(), 2), (_CREST,), _TONGUES), 3.0 * _HOUR)
+
+
+def _coarse() -> Case:
+    """The ground of ``ridge`` on cells like those of SRTM, with maps on finer ones."""
+    terrain = ridge_terrain()
+    size = round(COARSE / terrain.resolution)
+    rows, columns = (side // size for side in terrain.shape)
+    blocks = terrain.elevation[: rows * size, : columns * size]
+    mean = blocks.reshape(rows, size, columns, size).mean(axis=(1, 3))
+    wide = replace(terrain, elevation=mean, resolution=size * terrain.resolution)
+    return case_of('coarse_ridge', Scene(finer(wide, 6), (_CREST,), _TONGUES), 3.0 * _HOUR)
+
+
+def _grid(columns: int, rows: int, cell: float) -> tuple[np.ndarray, np.ndarray]:
+    """Places of the cells' middles: x from the western border, y from the middle [m]."""
+    x, y = np.meshgrid((np.arange(columns) + 0.5) * cell, (np.arange(rows) + 0.5) * cell)
+    return x, y - 0.5 * rows * cell
+
+
+def _hill() -> Case:
+    """A vent 60 m from the top of a Gaussian hill 150 m high."""
+    x, y = _grid(400, 400, 5.0)
+    height = 150.0 * np.exp(-((x - 1000.0) ** 2 + y**2) / (2.0 * 250.0**2))
+    vent = Vent((1060.0, 1000.0), 10.0)
+    return case_of('hill', Scene(Terrain(height, 5.0), (vent,), _LAVA), 2.0 * _HOUR)
+
+
+def _valley() -> Case:
+    """A V-shaped valley, 5 degrees steep, with walls of 1:10."""
+    x, y = _grid(440, 60, 5.0)
+    height = 500.0 - math.tan(math.radians(5.0)) * x + 0.1 * np.abs(y)
+    vent = Vent((150.0, 150.0), 10.0)
+    return case_of('valley', Scene(Terrain(height, 5.0), (vent,), _LAVA), 2.0 * _HOUR)
+
+
+def _cliff() -> Case:
+    """A slope of 5 degrees with a drop of 200 m in one cell."""
+    x, y = _grid(160, 81, 25.0)
+    height = 2000.0 - math.tan(math.radians(5.0)) * x - 200.0 * (x > 1000.0) + 0.0 * y
+    vent = Vent((500.0, 1012.5), 20.0, radius=30.0)
+    lava = replace(_LAVA, viscosity=5e3)
+    return case_of('cliff', Scene(finer(Terrain(height, 25.0), 2), (vent,), lava), 6.0 * _HOUR)
+
+
+@dataclass(frozen=True, eq=False)
+class _Footprint:
+    """What the runs of a case at a preset cover, and their cost."""
+
+    runs: np.ndarray
+    cells: np.ndarray
+    judged: Score
+    seconds: float
+    particles: int
+    evaluations: int
+
+
+def _footprint(case: Case, preset: str, device: str, runs: int) -> _Footprint:
+    settings = Settings(preset, device=device, maps=1)
+    results = run_several(case, settings, runs)
+    alone = simulate(case, settings)
+    maps = [result.snapshot.thickness for result in results]
+    share, thickness = agreed(maps)
+    return _Footprint(
+        np.array([np.nan_to_num(item) >= COVERED for item in maps]),
+        share >= 0.5,
+        judge(case, thickness),
+        alone.wall_time,
+        max(result.most_particles for result in results),
+        alone.snapshot.steps.evaluations,
+    )
+
+
+def measure(case: Case, *, device: str, command: str, runs: int = RUNS) -> list[Row]:
+    """Run a case at each preset, turned and mirrored."""
+    found = {preset: _footprint(case, preset, device, runs) for preset in LADDER}
+    finest = found[LADDER[-1]]
+    rows = []
+    for preset, item in found.items():
+        resolution = resolution_of(
+            case.scene, PRESETS[preset].accuracy, horizon=case.duration
+        )
+        pairs = [
+            jaccard(item.runs[one], item.runs[other])
+            for one in range(runs)
+            for other in range(one)
+        ]
+        rows.append(
+            Row(
+                scene=case.name,
+                preset=preset,
+                spacing_m=resolution.spacing,
+                width_m=resolution.width,
+                across=resolution.across,
+                runs=runs,
+                jaccard=jaccard(item.cells, finest.cells),
+                noise=noise(item.runs),
+                single=float(np.mean(pairs)),
+                area_m2=item.judged.area,
+                area_ratio=item.judged.area / finest.judged.area,
+                length_m=item.judged.length,
+                length_ratio=item.judged.length / finest.judged.length,
+                score=item.judged.jaccard if case.footprint.any() else math.nan,
+                seconds=item.seconds,
+                particles=item.particles,
+                evaluations=item.evaluations,
+                simulated_s=case.duration,
+                device=device,
+                machine=machine_name(device),
+                command=command,
+            )
+        )
+    return rows
+
+
+def run(
+    device: str,
+    cases: Sequence[Case] = (),
+    on_progress: Callable[[str, float], None] = lambda what, share: None,
+    runs: int = RUNS,
+) -> list[Row]:
+    """Measure every scene.
+
+    Args:
+        device: Warp device.
+        cases: Mapped eruptions, in place of the scenes.
+        on_progress: Told what begins, and the share of the work that is done, from 0 to 1.
+        runs: Runs of a footprint.
+    """
+    rows: list[Row] = []
+    items = tuple(cases) or scenes()
+    command = f'lava bench convergence --device {device} --runs {runs}'
+    command += ''.join(f' --case {case.name}' for case in cases)
+    for index, case in enumerate(items):
+        on_progress(case.name, index / len(items))
+        rows += measure(case, device=device, command=command, runs=runs)
+    on_progress('done', 1.0)
+    return rows

@@ -1,0 +1,222 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What an effect costs: the time of a step with it over that of the bare step.
+
+Every step is one stage of fixed length, so that the passes which effects make at a step's end are
+paid in full in each of them, and no effect changes how many steps there are.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from statistics import median
+import time as wall_clock
+
+import numpy as np
+import warp as wp
+
+from lava_ros.effects import EFFECTS, Effects
+from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene.lava import Lava
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.verification.measure import machine_name
+
+#: Particles by default: on a GPU, where fewer do not fill it, and on a CPU.
+PARTICLES = {'cuda': 1_000_000, 'cpu': 20_000}
+
+#: Least time that is measured at once [s].
+LEAST = 0.5
+
+#: Steps that a GPU takes at once: those past the last one would be idle, and measured.
+_AT_ONCE = 16
+
+#: Distance between particles and thickness of the lava [m].
+SPACING, THICKNESS = 2.0, 2.0
+
+#: Kernel radius over the distance between particles: 28 neighbours.
+RATIO = 3.0
+
+#: Length of a step [s]: nothing moves far, so every set of effects steps the same lava.
+STEP = 1e-3
+
+#: Lava that has every constant, hot enough not to freeze.
+_NUMBERS = {key: value for one in EFFECTS.values() for key, value in one.benchmark.items()}
+_AROUND = {key: _NUMBERS.pop(key) for one in EFFECTS.values() for key in one.environment}
+LAVA = Lava(viscosity=1e5, liquidus=1500.0, **_NUMBERS)
+
+#: What does not go with everything else: another form of an effect, or of the motion.
+APART = ('arrhenius', 'cooling', 'cover', 'helmholtz', 'inertia')
+
+
+@dataclass(frozen=True)
+class Row:
+    """The time of a step for one set of effects: a line of the CSV.
+
+    Attributes:
+        benchmark: The effects, in words.
+        particles: Particles.
+        value: Median time of a step over the particles.
+        unit: Unit of it, of low and of high.
+        low: Shortest of the repetitions.
+        high: Longest.
+        ratio: ``value`` over that of the bare step.
+        repetitions: How many times it was measured.
+        device: Warp device.
+        machine: What it is.
+        command: What made the row.
+    """
+
+    benchmark: str
+    particles: int
+    value: float
+    unit: str
+    low: float
+    high: float
+    ratio: float
+    repetitions: int
+    device: str
+    machine: str
+    command: str
+
+
+def effect_sets() -> dict[str, Effects]:
+    """The sets of effects that are measured, by name: none, each alone, and those that combine."""
+    off = dict.fromkeys(EFFECTS, False)
+    sets = {'bare': Effects(**off)}
+    sets |= {name: Effects(**{**off, name: True}) for name in EFFECTS}
+    everything = {name: name not in APART for name in EFFECTS}
+    sets['everything with green'] = Effects(**everything)
+    sets['everything with inertia'] = Effects(**{**everything, 'green': False, 'inertia': True})
+    return sets
+
+
+def lava_field(
+    particles: int,
+    effects: Effects,
+    device: str,
+    *,
+    cells: int | None = None,
+    ratio: float = RATIO,
+) -> Simulation:
+    """A field of lava on rough ground, and a vent in it.
+
+    Args:
+        particles: Particles, about.
+        effects: The physics.
+        device: Warp device.
+        cells: Cells along a side of the ground; when left out they are two spacings wide.
+        ratio: Kernel radius over spacing: pi times its square is the number of neighbours.
+    """
+    count = max(8, round(particles**0.5))
+    side = count * SPACING
+    extent = (count // 2 + 8) * 2.0 * SPACING
+    cells = cells or count // 2 + 8
+    resolution = extent / cells
+    rough = np.random.default_rng(1).normal(scale=0.2, size=(cells, cells))
+    ground = Terrain(
+        rough - 0.1 * resolution * np.arange(cells), resolution, origin=(0.0, 0.0)
+    )
+    middle = 0.5 * extent
+    ticks = middle + (np.arange(count) + 0.5) * SPACING - 0.5 * side
+    places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    # off the lattice, as in a flow
+    places += np.random.default_rng(2).uniform(-0.2 * SPACING, 0.2 * SPACING, places.shape)
+    return Simulation(
+        Scene(ground, (Vent((middle, middle), 10.0),), LAVA, **_AROUND),
+        effects=effects,
+        accuracy=Accuracy(
+            spacing=SPACING, thickness=THICKNESS, ratio=ratio, fixed_step=STEP, integrator='euler'
+        ),
+        device=device,
+        particles=Particles(places, THICKNESS * SPACING**2, 1400.0),
+    )
+
+
+def measure(
+    device: str,
+    *,
+    command: str,
+    particles: int | None = None,
+    repetitions: int = 5,
+    on_progress: Callable[[str, float], None] = lambda what, share: None,
+) -> Iterator[Row]:
+    """Time a step with every set of effects.
+
+    Args:
+        device: Warp device.
+        command: What the rows say made them.
+        particles: Particles, by the device when left out.
+        repetitions: How many times each is measured.
+        on_progress: Told what begins, and the share of the work that is done.
+    """
+    if particles is None:
+        particles = PARTICLES['cuda' if wp.get_device(device).is_cuda else 'cpu']
+    machine = machine_name(device)
+    sets = effect_sets()
+    bare = 0.0
+    for index, (name, effects) in enumerate(sets.items()):
+        on_progress(name, index / len(sets))
+        times, count = step_times(lava_field(particles, effects, device), repetitions, LEAST)
+        middle = median(times)
+        bare = bare or middle
+        yield Row(
+            benchmark=name,
+            particles=count,
+            value=middle,
+            unit='ns per particle and step',
+            low=min(times),
+            high=max(times),
+            ratio=middle / bare,
+            repetitions=repetitions,
+            device=device,
+            machine=machine,
+            command=command,
+        )
+    on_progress('done', 1.0)
+
+
+def step_times(
+    simulation: Simulation, repetitions: int, least: float
+) -> tuple[list[float], int]:
+    """Times of a step over the particles [ns], and the particles.
+
+    Args:
+        simulation: A field of lava.
+        repetitions: How many times it is measured.
+        least: Least time that is measured at once [s].
+    """
+    # compiles, captures and settles
+    _elapsed(simulation, 2 * _AT_ONCE)
+    steps = _AT_ONCE
+    while True:
+        elapsed = _elapsed(simulation, steps)
+        if elapsed >= least or steps >= 1 << 20:
+            break
+        steps *= max(2, int(1.2 * least / max(elapsed, 1e-9)))
+    count = simulation.particle_count
+    times = [_elapsed(simulation, steps) for _ in range(repetitions)]
+    return [1e9 * time / steps / count for time in times], count
+
+
+def _elapsed(simulation: Simulation, steps: int) -> float:
+    """Wall time of some steps [s]."""
+    before = simulation.steps
+    start = wall_clock.perf_counter()
+    simulation.advance(simulation.time + steps * STEP)
+    wp.synchronize_device(simulation.device)
+    elapsed = wall_clock.perf_counter() - start
+    return elapsed * steps / max(1, simulation.steps - before)

@@ -1,0 +1,223 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Small scenes that call for different effects, to measure the choice of effects by.
+
+Every material has more constants than its scene calls for: what is left out is left out by its
+number, not because there is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene.lava import Lava
+
+
+@dataclass(frozen=True, eq=False)
+class BenchScene:
+    """A scene and how long it is simulated.
+
+    Attributes:
+        name: Its name.
+        title: What it is, in a few words.
+        scene: Terrain, vents and lava.
+        horizon: Time to simulate and to choose the effects for [s].
+    """
+
+    name: str
+    title: str
+    scene: Scene
+    horizon: float
+
+
+#: Table 3.1 of the paper, with the heat that goes into the ground and from column to column.
+FLUID = Lava(conductivity=1.5, ground_conductivity=2.0)
+
+#: A basalt of the field: stiffens tenfold in 58 K, has hardly any strength, freezes.
+BASALT = Lava(
+    density=2600.0,
+    viscosity=1000.0,
+    arrhenius=0.04,
+    yield_strength=5.0,
+    solidus=1223.0,
+    latent_heat=3.5e5,
+    conductivity=1.5,
+    ground_conductivity=2.0,
+)
+
+#: The viscosity of the melt by temperature (2300 Pa s at 1423 K), that of its crystals on top.
+MELT = Lava(
+    density=2600.0,
+    vft_a=-4.55,
+    vft_b=6500.0,
+    vft_c=600.0,
+    solidus=1223.0,
+    crystal_law='einstein-roscoe',
+    crystals=0.5,
+    latent_heat=3.5e5,
+    conductivity=1.5,
+    ground_conductivity=2.0,
+)
+
+
+def scenes() -> tuple[BenchScene, ...]:
+    """Build the scenes."""
+    return (
+        BenchScene(
+            'plain',
+            'fluid lava on a plain',
+            Scene(_terrain((-200.0, 200.0), (-200.0, 200.0), 4.0, _plane(0.0)),
+                  (Vent((0.3, 0.2), 20.0),), FLUID),
+            1000.0,
+        ),
+        BenchScene(
+            'gentle_slope',
+            'basalt on a slope of 3 degrees that radiates and stiffens',
+            Scene(_terrain((-300.0, 100.0), (-200.0, 200.0), 3.2, _plane(0.052)),
+                  (Vent((0.3, 0.2), 10.0),), BASALT),
+            2400.0,
+        ),
+        BenchScene(
+            'valley',
+            'melt with crystals down a valley with sides of 22 degrees',
+            Scene(_terrain((-1200.0, 100.0), (-100.0, 100.0), 3.0, _valley(0.14, 0.4)),
+                  (Vent((0.3, 0.2), 20.0),), MELT),
+            1200.0,
+        ),
+        BenchScene(
+            'ridge',
+            'basalt on the crest of a ridge with flanks of 11 degrees',
+            Scene(_terrain((-400.0, 400.0), (-200.0, 200.0), 3.0, _ridge(0.2, 30.0)),
+                  (Vent((0.3, 0.2), 20.0),), replace(BASALT, viscosity=5000.0)),
+            1200.0,
+        ),
+        BenchScene(
+            'rough',
+            'lava that thins under shear on rough ground',
+            Scene(_terrain((-350.0, 100.0), (-200.0, 200.0), 3.2, _rough(0.08, 1.5)),
+                  (Vent((0.3, 0.2), 15.0),),
+                  replace(BASALT, viscosity=4000.0, flow_index=0.8, arrhenius=0.02)),
+            1800.0,
+        ),
+        BenchScene(
+            'crater',
+            'fluid lava that fills a crater',
+            Scene(_terrain((-120.0, 120.0), (-120.0, 120.0), 3.0, _crater(100.0, 15.0)),
+                  (Vent((60.3, 0.2), 30.0),), FLUID),
+            600.0,
+        ),
+        BenchScene(
+            'fast',
+            'fluid lava down a slope of 8 degrees',
+            Scene(_terrain((-900.0, 100.0), (-150.0, 150.0), 2.2, _plane(0.14)),
+                  (Vent((0.3, 0.2), 20.0),), FLUID),
+            400.0,
+        ),
+        BenchScene(
+            'dome',
+            'stiff, thick lava above its liquidus, finely resolved',
+            Scene(_terrain((-100.0, 60.0), (-80.0, 80.0), 2.0, _plane(0.1)),
+                  (Vent((0.3, 0.2), 50.0),),
+                  replace(MELT, vft_b=0.0, viscosity=1e6, liquidus=1400.0)),
+            600.0,
+        ),
+        BenchScene(
+            'strong',
+            'lava with a yield strength that grows as it cools, on a slope of 6 degrees',
+            Scene(_terrain((-400.0, 100.0), (-200.0, 200.0), 4.0, _plane(0.105)),
+                  (Vent((0.3, 0.2), 15.0),),
+                  replace(BASALT, viscosity=1e4, yield_strength=500.0, yield_rate=0.02)),
+            3600.0,
+        ),
+        BenchScene(
+            'lobe',
+            'a toe with a crust that freezes',
+            Scene(_terrain((-20.0, 12.0), (-16.0, 16.0), 0.4, _plane(0.05)),
+                  (Vent((0.03, 0.02), 0.0002, radius=0.4),),
+                  replace(BASALT, viscosity=1e4, conductivity=3.0, crust=True)),
+            16000.0,
+        ),
+        BenchScene(
+            'fissure',
+            'a fissure and two vents on rough ground',
+            Scene(_terrain((-350.0, 100.0), (-250.0, 250.0), 3.0, _rough(0.06, 1.0)),
+                  (Vent((0.3, -80.2), 15.0, end=(20.3, 80.2), radius=5.0),
+                   Vent((40.3, 120.2), 8.0), Vent((-120.3, -90.2), 5.0, temperature=1400.0)),
+                  replace(BASALT, viscosity=3000.0)),
+            1200.0,
+        ),
+        BenchScene(
+            'mountain',
+            'basalt down 2000 m at 27 degrees',
+            Scene(_terrain((-4000.0, 200.0), (-200.0, 200.0), 4.5, _valley(0.5, 0.1)),
+                  (Vent((0.3, 0.2), 60.0),),
+                  replace(BASALT, viscosity=5000.0, crust_cover=0.9, crust_cover_decay=0.16)),
+            1500.0,
+        ),
+    )
+
+
+def _terrain(
+    x_range: tuple[float, float],
+    y_range: tuple[float, float],
+    resolution: float,
+    surface: Callable[[np.ndarray, np.ndarray], np.ndarray],
+) -> Terrain:
+    """Terrain of a surface z(x, y) over a rectangle [m]."""
+    x, y = (
+        np.arange(first + 0.5 * resolution, last, resolution) for first, last in (x_range, y_range)
+    )
+    return Terrain(surface(*np.meshgrid(x, y)), resolution, (x_range[0], y_range[0]))
+
+
+def _plane(slope: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """A plane that falls towards -x."""
+    return lambda x, y: slope * x + 0.0 * y
+
+
+def _valley(slope: float, sides: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """A valley that falls towards -x, its floor 10 m round."""
+    return lambda x, y: slope * x + sides * np.hypot(y, 10.0)
+
+
+def _ridge(flanks: float, radius: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """A ridge along y, its crest as round as a radius [m]."""
+    return lambda x, y: -flanks * np.hypot(x, radius) + 0.0 * y
+
+
+def _crater(radius: float, depth: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """A bowl with a rim, level outside."""
+    return lambda x, y: depth * np.minimum((x**2 + y**2) / radius**2, 1.0)
+
+
+def _rough(slope: float, height: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    """A plane that falls towards -x with bumps of a root mean square height [m]."""
+    random = np.random.default_rng(1)
+    lengths = random.uniform(30.0, 120.0, 24)
+    angles, phases = random.uniform(0.0, 2.0 * np.pi, (2, 24))
+    scale = height * np.sqrt(2.0 / len(lengths))
+
+    def surface(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        ground = slope * x
+        for length, angle, phase in zip(lengths, angles, phases, strict=True):
+            along = np.cos(angle) * x + np.sin(angle) * y
+            ground = ground + scale * np.sin(2.0 * np.pi * along / length + phase)
+        return ground
+
+    return surface

@@ -1,0 +1,296 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How fast a step is, from few particles to many, and what else a user waits for.
+
+The lava is that of ``benchmarks/effects.py``, in steps of fixed length of one stage. A plain step
+(``benchmarks/reference.py``) is measured beside it, so that a gain is a ratio in one run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+import gc
+import math
+from statistics import median
+import subprocess
+import sys
+import time as wall_clock
+from typing import Any
+
+import warp as wp
+
+from lava_ros.errors import LavaError
+from lava_ros.simulation import Simulation
+from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP, step_times
+from lava_ros.verification.benchmarks.reference import Reference
+from lava_ros.verification.measure import machine_name
+
+#: Particles by default: on a GPU, and on a CPU.
+PARTICLES = {
+    'cuda': (10_000, 100_000, 1_000_000, 10_000_000),
+    'cpu': (10_000, 100_000),
+}
+
+#: Sets of effects, by their names in ``effect_sets``, each adding to those before it.
+SETS = ('bare', 'green', 'everything with green')
+
+#: A smaller kernel, over the distance between particles, and sets that are measured with it too.
+FEWER, FEWER_SETS = 2.6, ('bare', 'green')
+
+#: Least time that is measured at once [s].
+LEAST = 0.25
+
+#: Cells along a side of the grids that are published, and particles that cover them.
+GRIDS, COVERED_BY = (500, 1000, 2000), 100_000
+
+#: What a process of its own does up to the first grid, with every effect, and its particles.
+_FIRST = f'from {__name__} import first_snapshot; first_snapshot({{device!r}})'
+_FIRST_PARTICLES = 10_000
+
+#: Name, particles, values and unit of a measurement.
+Measured = tuple[str, int, Sequence[float], str]
+
+#: Longest that a process may take to its first grid [s]: it may have to compile.
+_PATIENCE = 300.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """One measurement: a line of the CSV.
+
+    Attributes:
+        benchmark: What was measured.
+        particles: Particles.
+        value: Median of the repetitions.
+        unit: Unit of it, of low and of high.
+        low: Least of the repetitions.
+        high: Largest.
+        repetitions: How many times it was measured.
+        device: Warp device.
+        machine: What it is.
+        command: What made the row.
+    """
+
+    benchmark: str
+    particles: int
+    value: float
+    unit: str
+    low: float
+    high: float
+    repetitions: int
+    device: str
+    machine: str
+    command: str
+
+
+def row_of(
+    benchmark: str,
+    particles: int,
+    values: Sequence[float],
+    unit: str,
+    *,
+    device: str,
+    command: str,
+) -> Row:
+    """The row of a benchmark's repetitions."""
+    return Row(
+        benchmark=benchmark,
+        particles=particles,
+        value=median(values),
+        unit=unit,
+        low=min(values),
+        high=max(values),
+        repetitions=len(values),
+        device=device,
+        machine=machine_name(device),
+        command=command,
+    )
+
+
+def measure(
+    device: str,
+    *,
+    command: str,
+    particles: Sequence[int] | None = None,
+    repetitions: int = 5,
+    on_progress: Callable[[str, float], None] = lambda what, share: None,
+) -> Iterator[Row]:
+    """Time steps, snapshots and the start.
+
+    Args:
+        device: Warp device.
+        command: What the rows say made them.
+        particles: Numbers of particles, by the device when left out.
+        repetitions: How many times each is measured.
+        on_progress: Told what begins, and the share of the work that is done.
+    """
+    if particles is None:
+        particles = PARTICLES['cuda' if wp.get_device(device).is_cuda else 'cpu']
+    row = partial(row_of, device=device, command=command)
+
+    parts = len(particles) + 2
+    for index, number in enumerate(particles):
+
+        def show(name: str, share: float, index: int = index, number: int = number) -> None:
+            on_progress(f'{name}: {number} particles', (index + share) / parts)
+
+        for name, count, values, unit in _steps(number, device, repetitions, show):
+            yield row(name, count, values, unit)
+    for index, cells in enumerate(GRIDS):
+        what = f'snapshot of {cells} x {cells} cells'
+        on_progress(what, (len(particles) + index / len(GRIDS)) / parts)
+        values, count = _snapshots(cells, device, repetitions)
+        yield row(what, count, values, 'ms')
+    on_progress('first snapshot', (parts - 1) / parts)
+    values = _starts(device, repetitions)
+    yield row('start of a process to its first snapshot', _FIRST_PARTICLES, values, 's')
+    on_progress('done', 1.0)
+
+
+def _steps(
+    number: int, device: str, repetitions: int, show: Callable[[str, float], None]
+) -> Iterator[Measured]:
+    """Yield what is measured with a number of particles."""
+    sets = effect_sets()
+    before = _used(device)
+    show(SETS[0], 0.0)
+    simulation = lava_field(number, sets[SETS[0]], device)
+    reference: Sequence[float] = ()
+    for index, name in enumerate(SETS):
+        show(name, index / (len(SETS) + 1))
+        # the same lava: to make ten million particles takes longer than to measure them
+        if index:
+            simulation.set_effects(asdict(sets[name]))
+        if simulation.effects != sets[name]:
+            raise LavaError('effects', name, 'a set that steps of fixed length can have')
+        each, count = step_times(simulation, repetitions, LEAST)
+        yield from _pace(name, count, each)
+        yield f'{name}: memory', count, [_memory(simulation, before) / count], 'B per particle'
+        if index == 0:
+            bare = median(each)
+            show('reference', 1 / (len(SETS) + 1))
+            reference = _reference_times(simulation, repetitions)
+            yield 'reference: step', count, [1e-3 * count * time for time in reference], 'us'
+            yield 'bare: gain', count, [time / bare for time in reference], 'of the reference'
+    simulation = lava_field(number, sets[SETS[0]], device, ratio=FEWER)
+    neighbours = round(math.pi * FEWER**2)
+    for name in FEWER_SETS:
+        what = f'{name}, {neighbours} neighbours'
+        show(what, len(SETS) / (len(SETS) + 1))
+        simulation.set_effects(asdict(sets[name]))
+        each, count = step_times(simulation, repetitions, LEAST)
+        yield from _pace(what, count, each)
+
+
+def _pace(what: str, count: int, each: Sequence[float]) -> Iterator[Measured]:
+    """Yield the time of a step and the rate, from times over the particles [ns]."""
+    yield f'{what}: step', count, [1e-3 * count * time for time in each], 'us'
+    yield f'{what}: rate', count, [1e3 / time for time in each], 'M particle-steps/s'
+
+
+def _reference_times(simulation: Simulation, repetitions: int) -> list[float]:
+    """Times of a plain step over the particles [ns]."""
+    reference = Reference(simulation, STEP)
+
+    def elapsed(steps: int) -> float:
+        wp.synchronize_device(simulation.device)
+        start = wall_clock.perf_counter()
+        reference.advance(steps)
+        wp.synchronize_device(simulation.device)
+        return wall_clock.perf_counter() - start
+
+    elapsed(2)
+    steps = 1 + int(LEAST / max(elapsed(4) / 4.0, 1e-9))
+    return [1e9 * elapsed(steps) / steps / reference.count for _ in range(repetitions)]
+
+
+def _snapshots(cells: int, device: str, repetitions: int) -> tuple[list[float], int]:
+    """Times of a snapshot [ms] of which lava covers nearly every cell, and the particles."""
+    simulation = lava_field(COVERED_BY, effect_sets()['bare'], device, cells=cells)
+    simulation.snapshot()
+    times = []
+    for _ in range(repetitions):
+        start = wall_clock.perf_counter()
+        simulation.snapshot()
+        times.append(1e3 * (wall_clock.perf_counter() - start))
+    return times, simulation.particle_count
+
+
+def first_snapshot(device: str) -> None:
+    """Take a step and a snapshot, with every effect: what a process begins with."""
+    simulation = lava_field(_FIRST_PARTICLES, effect_sets()[SETS[-1]], device)
+    simulation.advance(STEP)
+    simulation.snapshot()
+
+
+def _starts(device: str, repetitions: int) -> list[float]:
+    """Times of a process from its start until it has its first snapshot [s].
+
+    The first process fills the kernel cache and is not counted.
+
+    Raises:
+        LavaError: The process fails.
+    """
+    times = []
+    command = [sys.executable, '-c', _FIRST.format(device=device)]
+    for _ in range(repetitions + 1):
+        start = wall_clock.perf_counter()
+        try:
+            subprocess.run(command, check=True, capture_output=True, timeout=_PATIENCE, text=True)
+        except subprocess.SubprocessError as error:
+            output = getattr(error, 'stderr', None) or str(error)
+            raise LavaError('start', device, f'a snapshot ({output[-500:]})') from error
+        times.append(wall_clock.perf_counter() - start)
+    return times[1:]
+
+
+def _used(device: str) -> int:
+    """Memory that a GPU's pool has given out [B], 0 where there is no pool."""
+    found = wp.get_device(device)
+    if not found.is_mempool_enabled:
+        return 0
+    gc.collect()
+    wp.synchronize_device(found)
+    return int(wp.get_mempool_used_mem_current(found))
+
+
+def _memory(simulation: Simulation, before: int) -> int:
+    """Device memory of a simulation [B]: what the pool gave out since, or all its arrays."""
+    if wp.get_device(simulation.device).is_mempool_enabled:
+        return _used(simulation.device) - before
+    return sum(_arrays(simulation).values())
+
+
+def _arrays(root: Any) -> dict[int, int]:
+    """Bytes of the arrays that an object of this package holds, by their addresses."""
+    found: dict[int, int] = {}
+    seen: set[int] = set()
+    open_ones = [root]
+    while open_ones:
+        item = open_ones.pop()
+        if isinstance(item, wp.array):
+            address = int(item.ptr or 0)
+            found[address] = max(found.get(address, 0), int(item.capacity))
+        elif id(item) not in seen:
+            seen.add(id(item))
+            if isinstance(item, dict):
+                open_ones += item.values()
+            elif isinstance(item, list | tuple):
+                open_ones += item
+            elif type(item).__module__.startswith('lava_ros.'):
+                open_ones += getattr(item, '__dict__', {}).values()
+    return found

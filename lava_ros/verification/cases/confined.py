@@ -1,0 +1,249 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Lava between walls: what lateral stress does in a channel, and rest in a rough bowl."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+
+from lava_ros.scene import Scene, Terrain
+from lava_ros.simulation import Particles
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.verification import exact
+from lava_ros.verification.cases.case import (
+    Case,
+    FLAT,
+    GRAVITY,
+    ISOTHERMAL,
+    joined,
+    Measurement,
+    NU,
+    Run,
+    Trial,
+)
+
+#: Widths of the channel over the thickness, and particles across half of it, for the solve.
+WIDTHS = {1.0: 10, 2.5: 15, 5.0: 15}
+
+#: The same for the Green's function, and its support over 1 / k.
+GREEN_WIDTH, GREEN_PARTICLES, GREEN_SUPPORT = 6.0, 10, 6.0
+
+#: Slope of the channel's floor.
+SLOPE = 0.01
+
+#: Length of the channel, and of its middle where the velocity is read, over the thickness.
+LENGTH, MIDDLE = 12.0, 2.0
+
+#: Side of the terrain and of its cells [m].
+SIDE, CELL = 100.0, 2.0
+
+#: Elevation of the lava's surface above the bottom of the smooth bowl [m].
+LEVEL = 3.0
+
+#: Lava thicker than this counts as deep [m].
+DEEP = 1.0
+
+#: The pond is looked at an hour after it was filled; and, when it has come to rest, for an hour.
+#: Films that run off the shores slow down as one over the time, whatever their viscosity.
+HOUR, REST = 3600.0, 30.0 * 3600.0
+
+#: Waves that make the bowl rough, the height of each [m], and the shortest and longest [m].
+WAVES, WAVE_HEIGHT, WAVELENGTHS = 16, 0.06, (14.0, 40.0)
+
+
+def channel_velocity(
+    width: float, *, effect: str, accuracy: Accuracy, device: str = 'cpu'
+) -> tuple[Trial, Measurement]:
+    """Mean over local velocity in a channel of lava 1 m thick.
+
+    The channel lies between mirrored ones whose slope is the opposite: the flow is odd about the
+    walls, so it vanishes there, as on a wall without slip.
+
+    Args:
+        width: Width of the channel [m], an even multiple of the spacing: no particle is on a wall.
+        effect: ``green`` or ``helmholtz``.
+        accuracy: Resolution, the spacing included.
+        device: Warp device.
+    """
+    spacing = accuracy.spacing
+    assert spacing is not None
+    across, cell = 4.0 * width, min(0.1, 0.5 * spacing)
+    rows, columns = round(1.4 * across / cell), round(1.4 * LENGTH / cell)
+    y = (np.arange(rows) + 0.5 - 0.5 * rows) * cell
+    x = (np.arange(columns) + 0.5 - 0.5 * columns) * cell
+    sign = np.where(np.floor(y / width + 0.5) % 2 == 0, 1.0, -1.0)
+    terrain = Terrain(
+        -SLOPE * np.outer(sign, x), cell, origin=(-0.5 * columns * cell, -0.5 * rows * cell)
+    )
+    ticks = [
+        (np.arange(round(side / spacing)) + 0.5) * spacing - 0.5 * side
+        for side in (LENGTH, across)
+    ]
+    places = np.stack(np.meshgrid(*ticks), axis=-1).reshape(-1, 2)
+    trial = Trial(
+        Scene(terrain, lava=ISOTHERMAL),
+        effects=replace(FLAT, **{effect: True}),
+        accuracy=replace(accuracy, thickness=1.0),
+        particles=Particles(places, spacing**2, 1400.0),
+        device=device,
+    )
+    sample = trial.simulation.sample()
+    inside = np.abs(sample.position) < (0.5 * MIDDLE, 0.5 * width)
+    local = exact.sheet_velocity(1.0, math.asin(SLOPE), NU, GRAVITY)
+    return trial, Measurement(
+        f'{effect} W/h {width:g}',
+        float(sample.velocity[inside.all(axis=1), 0].mean()) / local,
+        exact.channel_mean_velocity(width, 1.0),
+        '1',
+    )
+
+
+def _run_channel(accuracy: Accuracy, device: str) -> Run:
+    """The solve in three channels, and the Green's function in a wide one.
+
+    The model's own limit is that it averages over the depth: full Stokes flow has means of 0.172,
+    0.515, 0.748 and 0.937 at W/h 1, 2.5, 5 and 20 where this equation has 0.192, 0.550, 0.769 and
+    0.942.
+    """
+    runs = []
+    for width, count in WIDTHS.items():
+        trial, measurement = channel_velocity(
+            width,
+            effect='helmholtz',
+            accuracy=replace(accuracy, spacing=_spacing(width, count * accuracy.refinement)),
+            device=device,
+        )
+        runs.append(trial.run('channel', measurement))
+    # the support is the kernel's radius: with it given, finer is more neighbours, up to a limit
+    spacing = _spacing(GREEN_WIDTH, GREEN_PARTICLES * min(1.0, accuracy.refinement))
+    ratio = GREEN_SUPPORT / math.sqrt(3.0) / spacing
+    trial, measurement = channel_velocity(
+        GREEN_WIDTH,
+        effect='green',
+        # differences would smooth the jump of the slope at a wall over the whole support
+        accuracy=replace(accuracy, spacing=spacing, ratio=ratio, gradient='energy'),
+        device=device,
+    )
+    return joined('channel', [*runs, trial.run('channel', measurement)])
+
+
+def _spacing(width: float, across_half: float) -> float:
+    return 0.5 * width / max(2, round(across_half))
+
+
+def rough_bowl() -> Terrain:
+    """A paraboloid with bumps of a few decimetres.
+
+    Wavelengths, directions and phases of the bumps are even over their ranges, in no order:
+    multiples of irrational numbers, modulo 1.
+    """
+    count = round(SIDE / CELL)
+    ticks = (np.arange(count) + 0.5 - 0.5 * count) * CELL
+    x, y = np.meshgrid(ticks, ticks)
+    elevation = 0.003 * (x**2 + y**2)
+    shortest, longest = WAVELENGTHS
+    for index in range(1, WAVES + 1):
+        length, turn, phase = np.modf(index * np.sqrt([2.0, 3.0, 5.0]))[0]
+        q = 2.0 * math.pi / (shortest * (longest / shortest) ** length)
+        angle = 2.0 * math.pi * turn
+        place = x * math.cos(angle) + y * math.sin(angle)
+        elevation += WAVE_HEIGHT * np.sin(q * place + 2.0 * math.pi * phase)
+    return Terrain(elevation, CELL, origin=(-0.5 * SIDE, -0.5 * SIDE))
+
+
+def ground_at(terrain: Terrain, position: np.ndarray) -> np.ndarray:
+    """Elevation of the surface whose gradient drives the lava [m]: the quadratic B-spline.
+
+    Args:
+        terrain: The terrain.
+        position: Places on it, at least two cells from its border [m], shape [count, 2].
+    """
+    place = (position - np.asarray(terrain.origin)) / terrain.resolution
+    cell = np.floor(place).astype(int)
+    t = place - cell - 0.5
+    weights = np.stack([0.5 * (0.5 - t) ** 2, 0.75 - t**2, 0.5 * (0.5 + t) ** 2])
+    total = np.zeros(len(position))
+    for i in range(3):
+        for j in range(3):
+            values = terrain.elevation[cell[:, 1] + i - 1, cell[:, 0] + j - 1]
+            total += weights[i, :, 1] * weights[j, :, 0] * values
+    return total
+
+
+def pond(accuracy: Accuracy, device: str = 'cpu') -> Trial:
+    """Lava filled into the rough bowl up to a level.
+
+    Args:
+        accuracy: Resolution; its spacing and thickness are set by the case.
+        device: Warp device.
+    """
+    terrain = rough_bowl()
+    spacing = 2.0 / accuracy.refinement
+    # off the grid of the terrain's cells
+    ticks = np.arange(-0.4 * SIDE, 0.4 * SIDE, spacing) + 0.15 * CELL
+    places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    depth = LEVEL - ground_at(terrain, places)
+    wet = depth > 0.05
+    return Trial(
+        Scene(terrain, lava=ISOTHERMAL),
+        accuracy=replace(accuracy, spacing=spacing, thickness=float(depth[wet].mean())),
+        particles=Particles(places[wet], depth[wet] * spacing**2, 1400.0),
+        device=device,
+    )
+
+
+def stillness(trial: Trial, when: str = '') -> tuple[Measurement, Measurement]:
+    """How far a pond is from rest: its fastest particle, and how level its surface is.
+
+    Speeds are over that of a fall from the surface to the bottom, heights over the largest depth.
+
+    Args:
+        trial: The pond.
+        when: What to add to the quantities' names.
+    """
+    sample = trial.simulation.sample()
+    deep = sample.thickness > DEEP
+    depth = float(sample.thickness.max())
+    surface = sample.thickness + ground_at(trial.simulation.scene.terrain, sample.position)
+    return (
+        Measurement(
+            f'speed{when}',
+            float(np.hypot(*sample.velocity.T).max()),
+            0.0,
+            'm/s',
+            scale=math.sqrt(2.0 * GRAVITY * depth),
+        ),
+        Measurement(f'flatness{when}', float(surface[deep].std()), 0.0, 'm', scale=depth),
+    )
+
+
+def _run_pond(accuracy: Accuracy, device: str) -> Run:
+    # nothing but the limits of stability bounds the steps of a pond at rest
+    trial = pond(replace(accuracy, longest_step=HOUR), device)
+    trial.advance(HOUR)
+    filled = stillness(trial, ' after an hour')
+    trial.advance(REST)
+    before, _ = stillness(trial)
+    trial.advance(REST + HOUR)
+    after, flatness = stillness(trial, ' at rest')
+    fastest = max(before, after, key=lambda item: item.measured)
+    return trial.run('pond', *filled, replace(fastest, quantity=after.quantity), flatness)
+
+
+CASES = (
+    Case('channel', 'lateral stress in a channel with walls', 'Kedadry 2023', _run_channel),
+    Case('pond', 'pond in a rough bowl', 'hydrostatics', _run_pond),
+)

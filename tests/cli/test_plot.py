@@ -1,0 +1,217 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""`lava plot` and `lava report` of bags, ensembles, and several of them."""
+
+import json
+from pathlib import Path
+import re
+import sys
+from typing import Any
+
+from matplotlib.image import imread
+import numpy as np
+import pytest
+import yaml
+
+from lava_ros.cli.main import main
+from lava_ros.scene import Terrain
+from recording import record, TERRAIN
+
+
+def plot(folder: Path, *words: str) -> dict[str, Any]:
+    """Draw something, and return what the page says."""
+    said = folder / 'said.json'
+    assert main(['plot', *words, '-o', str(folder / 'map.png'), '--json', str(said)]) == 0
+    assert imread(folder / 'map.png').shape[2] == 4
+    return json.loads(said.read_text())
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Frames at 200, 400, 600 and 800 s."""
+    return record(tmp_path_factory.mktemp('plot') / 'flow')
+
+
+@pytest.fixture(scope='module')
+def ensemble(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four members on the ground of the bag."""
+    folder = tmp_path_factory.mktemp('ensemble')
+    np.savez(
+        folder / 'ground.npz', elevation=TERRAIN.elevation, resolution=5.0, epsg=32633,
+        origin=TERRAIN.origin, offset=TERRAIN.offset, source='a slope of tests',
+    )
+    (folder / 'scene.yaml').write_text(yaml.safe_dump({
+        'terrain': {'file': 'ground.npz'},
+        'vents': [{'position': [50.0, 95.0], 'discharge': 3.0, 'radius': 8.0}],
+        'uncertainty': {'position': {'deviation': 5.0}},
+    }))
+    assert main(ensemble_words(folder)) == 0
+    return folder / 'members'
+
+
+def ensemble_words(folder: Path) -> list[str]:
+    """The command of the ensemble of a folder."""
+    words = ['ensemble', str(folder / 'scene.yaml'), '-o', str(folder / 'members'), '--members']
+    return [*words, '4', '--horizon', '3min', '--workers', '1', '--device', 'cpu']
+
+
+@pytest.fixture
+def seen(tmp_path: Path) -> str:
+    """Where lava was seen: a part of the bag's flow and of the ensemble's."""
+    crs = {'properties': {'name': 'EPSG:32633'}}
+    ring = [[499_950, 4_180_070], [500_060, 4_180_070], [500_060, 4_180_120],
+            [499_950, 4_180_120], [499_950, 4_180_070]]
+    area = {'type': 'Polygon', 'coordinates': [ring], 'crs': crs}
+    (tmp_path / 'seen.geojson').write_text(json.dumps(area))
+    return str(tmp_path / 'seen.geojson')
+
+
+def test_a_bag(bag: Path, tmp_path: Path) -> None:
+    """The page says what the bag knows, and what it is told."""
+    said = plot(tmp_path, str(bag))
+    assert said['title'] == 'Lava flow after 13 min'
+    assert said['maps'] == ['Lava thickness', 'Temperature', 'Hazard']
+    notes = said['notes']
+    assert notes['computed'] == '2026-09-21'
+    assert notes['discharge'] == '10 m³/s'
+    assert notes['elevation'] == 'maps in cells of 5 m'
+    assert notes['coordinates'] == 'WGS 84 / UTM zone 33N (EPSG:32633)'
+    assert 'expected error of the footprint 15 %' in notes['model']
+    said = plot(
+        tmp_path, str(bag), '--layers', 'arrival', '--time', '400', '--volcano', 'Etna',
+        '--source', 'INGV 2014', '--date', '2026-11-23',
+    )
+    assert said['title'] == 'Etna: Lava flow after 400 s'.replace('400 s', '7 min')
+    assert said['maps'] == ['Time of arrival of the lava, 0.1 m thick']
+    assert said['notes']['elevation'] == 'INGV 2014, maps in cells of 5 m'
+    assert said['notes']['date'] == '2026-11-23'
+
+
+def test_an_ensemble(ensemble: Path, tmp_path: Path, seen: str) -> None:
+    """Probability and arrivals; with what was seen also how reliable they were."""
+    said = plot(tmp_path, str(ensemble))
+    assert len(said['maps']) == 4 and said['title'] == 'Lava within 3 min, 4 runs'
+    assert said['notes']['elevation'] == 'a slope of tests, maps in cells of 5 m'
+    assert said['notes']['uncertain'] == 'position' and said['scores'] == {}
+    said = plot(tmp_path, str(ensemble), '--layers', 'probability', '--observed', seen)
+    assert 0.0 < said['scores']['members']['brier_score'] < 1.0
+
+
+def test_shapes_of_an_ensemble(ensemble: Path) -> None:
+    """Isochrones lie beside the contours of probability: each holds all that came before."""
+    for share in (10, 50, 90):
+        path = ensemble / f'arrival_time_p{share}.geojson'
+        times = [item['properties'] for item in json.loads(path.read_text())['features']]
+        assert [item['time_s'] for item in times] == [60.0, 120.0, 180.0][: len(times)]
+        areas = [item['area_m2'] for item in times]
+        assert areas == sorted(areas) and (areas or share == 90)
+
+
+def test_formats_of_an_ensemble(
+    ensemble: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The command given again writes what was not asked for before; what cannot be is refused."""
+    words = [*ensemble_words(ensemble.parent), '--formats', 'gpkg']
+    with monkeypatch.context() as patch:
+        patch.setitem(sys.modules, 'fiona', None)
+        assert main(words) == 2
+    assert "pip install 'lava_ros[gis]'" in capsys.readouterr().err
+    fiona = pytest.importorskip('fiona')
+    assert main(words) == 0
+    layers = fiona.listlayers(ensemble / 'lava.gpkg')
+    assert {'inundation_probability', 'arrival_time_p50'} <= set(layers)
+    with fiona.open(ensemble / 'lava.gpkg', layer='arrival_time_p50') as layer:
+        assert layer.crs.to_epsg() == 32633 and 'time_s' in layer.schema['properties']
+
+
+def test_several_runs(
+    bag: Path, ensemble: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They are told apart by their folders; what they have in common is said once."""
+    other = record(tmp_path / 'other' / 'flow', times=(200.0, 400.0))
+    said = plot(tmp_path, str(bag), str(other))
+    assert said['maps'] == [
+        f'{path.parent.name}/flow: Lava thickness' for path in (bag, other)
+    ]
+    assert said['notes']['discharge'] == '10 m³/s'
+    assert said['notes']['result'].count('covered') == 2
+    said = plot(tmp_path, str(bag), str(ensemble))
+    assert said['maps'][1] == 'members: Expected thickness of the lava'
+    nowhere = record(tmp_path / 'nowhere', terrain=Terrain(TERRAIN.elevation, 5.0, TERRAIN.origin))
+    words = ['-o', str(tmp_path / 'no.png')]
+    assert main(['plot', str(bag), str(nowhere), *words]) == 2
+    assert 'the same for all' in capsys.readouterr().err
+    assert main(['plot', str(bag), str(bag), *words]) == 2
+    assert 'different names' in capsys.readouterr().err
+    assert not (tmp_path / 'no.png').exists()
+
+
+def test_overlays(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], seen: str
+) -> None:
+    """Points, lines and outlines of others are drawn; those beyond the map are counted."""
+    plain = plot(tmp_path, str(bag), '--layers', 'hazard')
+    before = imread(tmp_path / 'map.png')
+    (tmp_path / 'stations.csv').write_text('x,y,name\n499980,4180090,a\n1,2,b\n')
+    words = ('--overlay', str(tmp_path / 'stations.csv'), '--observed', seen)
+    capsys.readouterr()
+    assert plot(tmp_path, str(bag), '--layers', 'hazard', *words) == plain
+    assert 'stations: 1 of 2 features lie outside' in capsys.readouterr().err
+    blue = [
+        int(((image[..., 2] > 0.4) & (image[..., 0] < 0.15)).sum())
+        for image in (before, imread(tmp_path / 'map.png'))
+    ]
+    assert blue[1] > blue[0] + 300
+
+
+@pytest.mark.parametrize(
+    ('words', 'named'),
+    [
+        (('--layers', 'probability'), 'one of thickness, temperature, hazard'),
+        (('--overlay', 'none.csv'), '--overlay is .none.csv., expected a file that exists'),
+        (('--observed', 'none.geojson'), '--observed is'),
+        (('--time', '9h'), 'time is'),
+    ],
+)
+def test_what_cannot_be_drawn(
+    bag: Path, tmp_path: Path, words: tuple[str, ...], named: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """One sentence, and no picture."""
+    assert main(['plot', str(bag), '-o', str(tmp_path / 'a.png'), *words]) == 2
+    assert re.search(named, capsys.readouterr().err)
+    assert not (tmp_path / 'a.png').exists()
+
+
+def test_an_ensemble_without_maps(ensemble: Path, tmp_path: Path) -> None:
+    """A folder that is not finished is named, and so is a time it has not."""
+    (tmp_path / 'ensemble.json').write_text((ensemble / 'ensemble.json').read_text())
+    assert main(['plot', str(tmp_path), '-o', str(tmp_path / 'a.png')]) == 2
+    assert main(['plot', str(ensemble), '--time', '1h', '-o', str(tmp_path / 'a.png')]) == 2
+    (tmp_path / 'ensemble.json').write_text('[]')
+    assert main(['report', str(tmp_path), '-o', str(tmp_path / 'a.html')]) == 2
+
+
+def test_reports(bag: Path, ensemble: Path, tmp_path: Path, seen: str) -> None:
+    """A page of an ensemble or of several runs has the maps as a picture, and the facts."""
+    page = tmp_path / 'a.html'
+    assert main(['report', str(ensemble), '-o', str(page), '--observed', seen]) == 0
+    text = page.read_text()
+    assert 'data:image/png;base64,' in text and 'brier score of members' in text
+    assert 'Simulation, not verified.' in text
+    assert main(['report', str(bag), str(ensemble), '-o', str(page)]) == 0
+    assert 'members: Expected thickness of the lava' in page.read_text()
+    assert main(['report', str(bag), '-o', str(page), '--observed', seen]) == 2

@@ -1,0 +1,154 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Lateral conduction of heat against exact solutions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.verification import exact
+
+CONDUCTING = Effects(arrhenius=False, cooling=False, steep=False, conduction=True)
+
+#: Diffusivity 1e-3 m2/s.
+LAVA = Lava(
+    density=1000.0,
+    specific_heat=1000.0,
+    viscosity=1e15,
+    emissivity=0.0,
+    convection=0.0,
+    conductivity=1000.0,
+)
+
+
+def layer(temperature_at, *, effects=CONDUCTING, lava=LAVA, jitter=0.0, **options):
+    """A strip 40 m by 8 m, 2 m thick, its particles half a metre apart."""
+    device = options.pop('device', 'cpu')
+    x, y = np.meshgrid(np.arange(-20.0, 20.0, 0.5) + 0.25, np.arange(-4.0, 4.0, 0.5) + 0.25)
+    places = np.stack([x, y], axis=-1).reshape(-1, 2)
+    places += jitter * np.random.default_rng(1).uniform(-0.5, 0.5, places.shape)
+    return Simulation(
+        Scene(Terrain(np.zeros((30, 60)), 1.0, origin=(-30.0, -15.0)), lava=lava),
+        effects=effects,
+        accuracy=Accuracy(spacing=0.5, thickness=2.0, **{'precision': 'float64', **options}),
+        particles=Particles(places, 0.5, temperature_at(places[:, 0])),
+        device=device,
+    )
+
+
+def step_at(x):
+    """400 K warmer on the right."""
+    return np.where(x < 0.0, 1000.0, 1400.0)
+
+
+@pytest.mark.parametrize('precision', ['float32', 'float64'])
+@pytest.mark.parametrize('jitter', [0.0, 0.2])
+def test_step_of_temperature_spreads_as_the_error_function(device, precision, jitter):
+    """Within 1 % of the step on a lattice, 2 % off it."""
+    simulation = layer(step_at, precision=precision, jitter=jitter, device=device)
+    for time in (1500.0, 6000.0):
+        simulation.advance(time)
+        sample = simulation.sample()
+        inside = (np.abs(sample.position[:, 1]) < 2.0) & (np.abs(sample.position[:, 0]) < 15.0)
+        right = exact.temperature_step(
+            sample.position[inside, 0], time, low=1000.0, high=1400.0, diffusivity=1e-3
+        )
+        assert sample.temperature[inside] == pytest.approx(right, abs=8.0 if jitter else 4.0)
+
+
+@pytest.mark.parametrize('step', [30.0, 600.0])
+def test_steps_of_any_length_give_the_same(step):
+    """Long steps are cut into sweeps."""
+    simulation = layer(step_at, longest_step=step)
+    simulation.advance(6000.0)
+    sample = simulation.sample()
+    inside = (np.abs(sample.position[:, 1]) < 2.0) & (np.abs(sample.position[:, 0]) < 15.0)
+    right = exact.temperature_step(
+        sample.position[inside, 0], 6000.0, low=1000.0, high=1400.0, diffusivity=1e-3
+    )
+    assert sample.temperature[inside] == pytest.approx(right, abs=4.0)
+
+
+@pytest.mark.parametrize('step', [60.0, 1e7])
+@pytest.mark.parametrize('jitter', [0.2, 1.0])
+def test_heat_is_conserved_to_rounding(device, step, jitter):
+    """Particles that lie unevenly, and steps beyond what the sweeps resolve."""
+    random = np.random.default_rng(2)
+    simulation = layer(
+        lambda x: random.uniform(500.0, 1500.0, len(x)),
+        jitter=jitter,
+        longest_step=step,
+        device=device,
+    )
+    before = simulation.sample()
+    simulation.advance(5.0 * step)
+    after = simulation.sample()
+    heat = before.volume @ before.temperature
+    assert after.temperature.std() < 0.5 * before.temperature.std()
+    assert after.volume @ after.temperature == pytest.approx(heat, rel=1e-13)
+
+
+@pytest.mark.parametrize('step', [1.0, 60.0, 1e4, 1e9])
+@pytest.mark.parametrize('jitter', [0.0, 1.0])
+def test_temperatures_stay_in_their_range(device, step, jitter):
+    """No step makes lava colder than the coldest or hotter than the hottest."""
+    simulation = layer(step_at, jitter=jitter, longest_step=step, device=device)
+    for number in (1, 3, 10):
+        simulation.advance(number * step)
+        temperature = simulation.sample().temperature
+        assert temperature.min() >= 1000.0 - 1e-9
+        assert temperature.max() <= 1400.0 + 1e-9
+    assert ((temperature > 1000.1) & (temperature < 1399.9)).any()
+
+
+def test_thin_and_thick_lava_share_heat_by_volume():
+    """Columns of different volumes: what one gains the other loses."""
+    places = np.array([[0.0, 0.0], [0.4, 0.0], [0.0, 0.4]])
+    simulation = Simulation(
+        Scene(Terrain(np.zeros((20, 20)), 1.0, origin=(-10.0, -10.0)), lava=LAVA),
+        effects=CONDUCTING,
+        accuracy=Accuracy(spacing=0.5, thickness=2.0, precision='float64'),
+        particles=Particles(places, np.array([5.0, 0.5, 0.05]), np.array([1400.0, 900.0, 700.0])),
+        device='cpu',
+    )
+    simulation.advance(1e4)
+    sample = simulation.sample()
+    mean = (5.0 * 1400.0 + 0.5 * 900.0 + 0.05 * 700.0) / 5.55
+    assert sample.temperature == pytest.approx(mean, abs=0.5)
+    assert sample.volume @ sample.temperature == pytest.approx(5.55 * mean, rel=1e-13)
+
+
+def test_latent_heat_is_exchanged_too():
+    """Heat content is conserved where columns melt and crystallise, and the range is kept."""
+    lava = replace(LAVA, latent_heat=3.5e5, liquidus=1300.0, solidus=1100.0)
+    simulation = layer(step_at, lava=lava, effects=replace(CONDUCTING, latent_heat=True))
+
+    def content(sample):
+        melt = np.clip((sample.temperature - 1100.0) / 200.0, 0.0, 1.0)
+        return sample.volume @ (sample.temperature + 350.0 * melt)
+
+    before = content(simulation.sample())
+    simulation.advance(6000.0)
+    sample = simulation.sample()
+    assert content(sample) == pytest.approx(before, rel=1e-13)
+    assert sample.temperature.min() >= 1000.0 - 1e-9
+    assert sample.temperature.max() <= 1400.0 + 1e-9
+    assert ((sample.temperature > 1101.0) & (sample.temperature < 1299.0)).any()

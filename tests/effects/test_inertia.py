@@ -1,0 +1,344 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Inertia: exact speeds, exact rest, conserved momentum and energy, and nothing when off."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.scene import Lava, Scene, Terrain, Vent, vents_from_list
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.verification import exact
+from lava_ros.verification.cases.inertia import broken_dams, INERTIAL, swing, THIN
+
+LOCAL = replace(INERTIAL, inertia=False)
+
+
+def square(half, spacing, volume, **particles):
+    """A square layer of particles."""
+    ticks = np.arange(-half, half, spacing) + 0.5 * spacing
+    places = np.stack(np.meshgrid(ticks, ticks), -1).reshape(-1, 2)
+    return Particles(places, volume, 1400.0, **particles)
+
+
+def ground(slope=0.0, half=40.0):
+    """A plane that falls towards +x."""
+    x = np.arange(-half, half) + 0.5
+    return Terrain(np.tile(-slope * x, (len(x), 1)), 1.0, origin=(-half, -half))
+
+
+def simulation(lava, particles, *, effects=INERTIAL, device='cpu', slope=0.0, **accuracy):
+    """Particles a metre apart on a plane."""
+    settings = {'spacing': 1.0, 'thickness': 1.0, 'precision': 'float64', **accuracy}
+    return Simulation(
+        Scene(ground(slope), lava=lava),
+        effects=effects,
+        accuracy=Accuracy(**settings),
+        particles=particles,
+        device=device,
+    )
+
+
+def integral(values, places):
+    """The trapezoidal rule."""
+    return float(np.diff(places) @ (values[1:] + values[:-1])) / 2.0
+
+
+def middle_velocity(seen):
+    """Mean velocity of what is next to the particles' middle."""
+    sample = seen.sample()
+    centre = sample.position.mean(axis=0)
+    near = np.linalg.norm(sample.position - centre, axis=1) < 3.0
+    return sample.velocity[near].mean(axis=0)
+
+
+def test_exact_dam_breaks_conserve_volume():
+    """What left the reservoir is in front of it, and the bore obeys both jump conditions."""
+    x = np.linspace(-40.0, 40.0, 400_001)
+    dams = (exact.RitterDamBreak(2.0, 9.81), exact.StokerDamBreak(2.0, 0.3, 9.81))
+    for dam, bed in zip(dams, (0.0, 0.3), strict=True):
+        thickness = dam.thickness(x, 3.0)
+        assert integral(thickness, x) == pytest.approx(40.0 * (2.0 + bed), rel=1e-4)
+        assert (np.diff(thickness) <= 1e-12).all()
+    stoker = dams[1]
+    speed = 2.0 * (math.sqrt(9.81 * 2.0) - math.sqrt(9.81 * stoker.plateau))
+    flux = 0.3 * stoker.bore
+    assert stoker.plateau * (stoker.bore - speed) == pytest.approx(flux)
+    push = 0.5 * 9.81 * (stoker.plateau**2 - 0.3**2)
+    assert flux * speed == pytest.approx(push)
+
+
+def test_exact_oscillation_obeys_its_equation():
+    """R'' = w^2 / 4 (R^-3 - R) for R = q^(-1/2), and the volume stays."""
+    bowl = exact.OscillatingBowl(1.5, 30.0, 0.4, 9.81)
+    time = np.linspace(0.0, bowl.period, 4001)
+    ratio = np.array([bowl.narrowness(moment) for moment in time]) ** -0.5
+    second = np.diff(ratio, 2) / (time[1] - time[0]) ** 2
+    w = 2.0 * math.pi / bowl.period
+    middle = ratio[1:-1]
+    assert np.allclose(second, 0.25 * w**2 * (middle**-3 - middle), atol=1e-4 * w**2)
+    r = np.linspace(0.0, 80.0, 40_001)
+    for moment in (0.0, 0.3 * bowl.period):
+        volume = integral(2.0 * math.pi * r * bowl.thickness(r, moment), r)
+        assert volume == pytest.approx(0.5 * math.pi * 1.5 * 30.0**2, rel=1e-4)
+
+
+@pytest.mark.parametrize('precision', ['float32', 'float64'])
+def test_a_sheet_relaxes_to_the_local_speed(device, precision):
+    """A sheet that is let go has the exponential's speed, on the way and at the end."""
+    lava = replace(THIN, viscosity=5000.0)
+    slope = math.atan(0.1)
+    effects = replace(INERTIAL, steep=True)
+    sheet = exact.AcceleratingSheet(1.0, slope, lava.viscosity / lava.density, 9.81)
+    seen = simulation(
+        lava,
+        square(10.0, 1.0, 1.0),
+        effects=effects,
+        device=device,
+        slope=0.1,
+        precision=precision,
+        longest_step=0.005 / sheet.rate,
+    )
+    for time in (0.0, 0.5 / sheet.rate, 1.0 / sheet.rate, 4.0 / sheet.rate):
+        seen.advance(time)
+        velocity = middle_velocity(seen)
+        assert velocity[0] == pytest.approx(sheet.speed(time), rel=0.005, abs=1e-9)
+        assert abs(velocity[1]) < 1e-3 * sheet.final_speed
+    assert sheet.final_speed == pytest.approx(
+        exact.sheet_velocity(math.cos(slope), slope, 5000.0 / 2600.0, 9.81) * math.cos(slope)
+    )
+
+
+def test_stiff_lava_flows_as_without_inertia():
+    """With a relaxation time far below the flow's own, the flow is the local balance's."""
+    lava = replace(THIN, viscosity=2e4)
+    places = []
+    for effects in (INERTIAL, LOCAL):
+        heap = square(8.0, 1.0, 2.0)
+        heap = Particles(heap.position, 2.0, 1000.0 + np.arange(len(heap.position)))
+        # with inertia a step is of the first order where drag rules: short ones
+        seen = simulation(
+            lava, heap, effects=effects, thickness=2.0, ratio=4.0, diffusion_number=0.2
+        )
+        seen.advance(30.0)
+        sample = seen.sample()
+        places.append(sample.position[np.argsort(sample.temperature)])
+    moved = np.linalg.norm(places[1] - heap.position, axis=1)
+    assert moved.max() > 3.0
+    assert np.linalg.norm(places[0] - places[1], axis=1).mean() < 0.015 * moved.mean()
+
+
+@pytest.mark.parametrize('power', [1.0, 0.5, 2.0])
+def test_lava_of_any_law_runs_at_the_local_speed_in_the_end(power):
+    """A sheet with strength or a power law ends at the speed it has without inertia."""
+    lava = replace(THIN, viscosity=300.0, yield_strength=800.0, flow_index=power)
+    effects = replace(INERTIAL, yielding=True, power_law=power != 1.0)
+    layer = square(12.0, 1.0, 1.0)
+    local = simulation(
+        lava, layer, effects=replace(effects, inertia=False), slope=0.1
+    )
+    expected = middle_velocity(local)[0]
+    assert expected > 0.1
+    # as fast as that from the start: nothing has to change
+    start = Particles(layer.position, 1.0, 1400.0, velocity=(expected, 0.0))
+    seen = simulation(lava, start, effects=effects, slope=0.1, longest_step=0.02)
+    seen.advance(0.5)
+    assert middle_velocity(seen)[0] == pytest.approx(expected, rel=0.002)
+    # and from rest it gets there
+    seen = simulation(lava, layer, effects=effects, slope=0.1, longest_step=0.02)
+    seen.advance(0.2)
+    assert 0.01 * expected < middle_velocity(seen)[0] < 0.95 * expected
+
+
+def test_a_yield_strength_stops_a_layer_that_slides():
+    """On the level u falls by tau_y / (rho h) t, and is 0, exactly, from then on."""
+    lava = replace(THIN, yield_strength=2600.0)
+    layer = square(25.0, 1.0, 0.2, velocity=(2.0, 0.0))
+    seen = simulation(
+        lava, layer, effects=replace(INERTIAL, yielding=True), thickness=0.2, longest_step=0.01
+    )
+    deceleration = 2600.0 / (2600.0 * 0.2)
+    assert middle_velocity(seen)[0] == 2.0
+    seen.advance(0.2)
+    assert middle_velocity(seen)[0] == pytest.approx(2.0 - 0.2 * deceleration, rel=0.01)
+    seen.advance(0.5)
+    sample = seen.sample()
+    assert (sample.velocity == 0.0).all()
+    inner = np.abs(sample.position[:, 1]) < 20.0
+    middle = np.median(sample.position[inner, 0])
+    assert middle == pytest.approx(0.5 * 2.0**2 / deceleration, rel=0.02)
+
+
+def test_what_drag_takes_warms_lava():
+    """A layer that slides to rest on the level is warmer by u^2 / (2 c)."""
+    lava = replace(THIN, yield_strength=2600.0)
+    seen = simulation(
+        lava,
+        square(25.0, 1.0, 0.2, velocity=(2.0, 0.0)),
+        effects=replace(INERTIAL, yielding=True, viscous_heating=True),
+        thickness=0.2,
+        longest_step=0.002,
+    )
+    seen.advance(0.5)
+    sample = seen.sample()
+    inner = np.linalg.norm(sample.position, axis=1) < 10.0
+    warmer = sample.temperature[inner] - 1400.0
+    assert warmer == pytest.approx(0.5 * 2.0**2 / lava.specific_heat, rel=0.02)
+
+
+def test_momentum_is_conserved():
+    """What collapses and collides without drag on a plane keeps its momentum to rounding."""
+    rng = np.random.default_rng(1)
+    heap = square(8.0, 1.0, 1.0)
+    drift = np.array([0.3, -0.2])
+    velocity = drift - 0.3 * heap.position + 0.3 * rng.normal(size=heap.position.shape)
+    heap = Particles(
+        heap.position, rng.uniform(0.5, 1.5, len(heap.position)), 1400.0, velocity=velocity
+    )
+    before = heap.volume @ heap.velocity
+    seen = simulation(replace(THIN, viscosity=1e-6), heap)
+    seen.advance(2.0)
+    sample = seen.sample()
+    assert np.abs(sample.velocity - drift).max() > 1.0
+    assert np.allclose(sample.volume @ sample.velocity, before, rtol=1e-5, atol=0.0)
+
+
+def test_oscillation_in_a_bowl():
+    """The period is within 1 %, and energy is lost, slowly, and never won."""
+    seen = swing(1500, accuracy=Accuracy(ratio=3.5), periods=2.0, looks=16)
+    assert seen.period == pytest.approx(seen.solution.period, rel=0.01)
+    assert seen.growth < 1e-4
+    assert 0.0 < seen.damping < 0.05
+
+
+@pytest.mark.parametrize('bed', [0.0, 0.1])
+def test_dam_breaks(device, bed):
+    """A fifth of the particles of the case: within 5 % of Ritter's and of Stoker's profile."""
+    accuracy = Accuracy(ratio=3.5, refinement=0.45)
+    if bed:
+        solution = exact.StokerDamBreak(1.0, bed, 9.81)
+        ahead = 12.0
+    else:
+        solution = exact.RitterDamBreak(1.0, 9.81)
+        ahead = 20.0
+    broken = broken_dams(bed, ahead, accuracy=accuracy, device=device)
+    inside = (broken.distance > -10.0) & (broken.distance < ahead)
+    expected = solution.thickness(broken.distance[inside], broken.trial.simulation.time)
+    difference = np.abs(broken.thickness[inside] - expected).mean()
+    assert difference < 0.05 * expected.mean()
+
+
+def test_vents_give_lava_their_velocity(device):
+    """Lava of a vent with a velocity flies off with it; without inertia it makes no difference."""
+    lava = replace(THIN, viscosity=10.0)
+    terrain = ground()
+    centres = {}
+    for effects in (INERTIAL, LOCAL):
+        for velocity in ((0.0, 0.0), (3.0, -1.5)):
+            vent = Vent((0.0, 0.0), 2.0, radius=2.0, velocity=velocity)
+            seen = Simulation(
+                Scene(terrain, (vent,), lava),
+                effects=effects,
+                accuracy=Accuracy(
+                    spacing=0.5,
+                    thickness=0.1,
+                    symmetric=True,
+                    deterministic=True,
+                    longest_step=0.05,
+                ),
+                device=device,
+            )
+            seen.advance(3.0)
+            sample = seen.sample()
+            centres[effects.inertia, velocity] = sample.position.mean(axis=0)
+    jet = centres[True, (3.0, -1.5)]
+    assert jet[0] > 1.0 and jet[1] == pytest.approx(-0.5 * jet[0], rel=0.1)
+    assert np.abs(centres[True, (0.0, 0.0)]).max() < 0.1
+    assert (centres[False, (3.0, -1.5)] == centres[False, (0.0, 0.0)]).all()
+
+
+def test_new_vents_and_a_new_terrain_leave_lava_its_velocity():
+    """What moves goes on moving when the scene around it changes."""
+    seen = simulation(THIN, square(10.0, 1.0, 0.01, velocity=(2.0, 1.0)), thickness=0.01)
+    seen.advance(0.5)
+    seen.set_vents([Vent((0.0, 20.0), 0.001)])
+    seen.advance(1.0)
+    seen.set_vents([])
+    seen.set_terrain(ground(half=45.0))
+    seen.advance(1.5)
+    assert middle_velocity(seen) == pytest.approx([2.0, 1.0], rel=0.01)
+
+
+def test_vents_refuse_what_is_no_velocity():
+    """Two finite numbers, from Python as from YAML."""
+    terrain = ground()
+    vents = vents_from_list(
+        [{'position': [0.0, 0.0], 'discharge': 1.0, 'velocity': [3, -1]}], terrain
+    )
+    assert vents[0].velocity == (3.0, -1.0)
+    for wrong in (5.0, (1.0,), (math.nan, 0.0)):
+        with pytest.raises(LavaError, match='velocity'):
+            Vent((0.0, 0.0), 1.0, velocity=wrong)
+    with pytest.raises(LavaError, match='particles.velocity'):
+        Particles(np.zeros((3, 2)), 1.0, 1400.0, velocity=np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize('lateral', ['green', 'helmholtz'])
+def test_inertia_and_lateral_stress_exclude_each_other(lateral):
+    """The lateral stress divides the local balance, which inertia replaces."""
+    with pytest.raises(LavaError, match=f'effects.{lateral}.*inertia'):
+        Effects(inertia=True, **{lateral: True})
+
+
+def test_the_printed_formulas_have_no_inertia():
+    """The paper drops it."""
+    with pytest.raises(LavaError, match='effects.inertia.*as-published'):
+        Simulation(
+            Scene(ground(), lava=Lava()),
+            effects=INERTIAL,
+            accuracy=Accuracy(formulation='as-published'),
+            device='cpu',
+        )
+
+
+def test_without_inertia_there_is_nothing_of_it():
+    """No array, no stage less."""
+    without = simulation(Lava(), square(5.0, 1.0, 1.0), effects=LOCAL)
+    for name in ('velocity', 'ordered_velocity', 'kick'):
+        assert not hasattr(without._state, name)
+    assert without._state.is_staged
+    assert not hasattr(without, '_momentum')
+    assert not simulation(Lava(), square(5.0, 1.0, 1.0))._state.is_staged
+
+
+def test_a_step_is_bound_by_waves_or_by_the_viscous_limit():
+    """Thin lava: half a radius over c; stiff lava: no longer than 2 gamma / (g h q^2)."""
+    steps = {}
+    for viscosity in (1e-6, 1e5):
+        seen = simulation(replace(THIN, viscosity=viscosity), square(8.0, 1.0, 1.0))
+        seen.advance(0.1)
+        steps[viscosity] = seen.snapshot().steps
+        assert steps[viscosity].limit in ('waves', 'advection')
+    stiffness = 10.18 / 3.0**2
+    wave = 1.6 / math.sqrt(9.81 * stiffness)
+    assert steps[1e-6].length < wave
+    assert steps[1e-6].length == pytest.approx(wave, rel=0.4)
+    drag = 3.0 * 1e5 / 2600.0
+    assert steps[1e5].length == pytest.approx(1.6 * drag / (9.81 * stiffness), rel=0.05)

@@ -1,0 +1,217 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Particles that merge and split."""
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import Effects
+from lava_ros.effects.merging import device as merging
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.state import FULL, IS_LAST, PARTICLES, STEP
+from lava_ros.verification.cases import CASES, spreading
+
+LAVA = Lava(viscosity=2e3, density=2600.0, arrhenius=0.0, emissivity=0.0, convection=0.0)
+
+MERGING = Effects(arrhenius=False, cooling=False, steep=False, merging=True)
+
+PLAIN = Effects(arrhenius=False, cooling=False, steep=False)
+
+
+def hillside(rows=60, columns=90, slope=0.2):
+    """A plane that falls towards +x."""
+    return Terrain(np.tile(-slope * 10.0 * np.arange(columns), (rows, 1)), 10.0)
+
+
+def simulation_of(device, particles, effects=MERGING, terrain=None, **accuracy):
+    """Particles on a plane, with a nominal spacing of 5 m and volume of 25 m3."""
+    accuracy = Accuracy(**{'spacing': 5.0, 'thickness': 1.0, **accuracy})
+    return Simulation(
+        Scene(terrain or hillside(slope=0.0), lava=LAVA),
+        effects=effects,
+        accuracy=accuracy,
+        device=device,
+        particles=particles,
+    )
+
+
+def one_pass(simulation):
+    """Let the particles merge and split where they are."""
+    state = simulation._state
+    simulation.evaluate()
+    state.take_order()
+    counts, clock = state.counts.numpy(), state.clock.numpy()
+    # the fastest particle has gone far enough for a pass
+    counts[IS_LAST], clock[STEP] = 1, 1.0
+    state.moved.assign([merging.EVERY, 0.0])
+    state.counts.assign(counts)
+    state.clock.assign(clock)
+    simulation._after_step['merging'].apply(state, simulation._neighbors)
+
+
+def rows_of(simulation):
+    """Rows of the particles that have a volume."""
+    rows = simulation._state.read_particles()
+    return rows[rows[:, 2] > 0.0]
+
+
+def lattice(spacing, count, volume, seed=3):
+    """Particles on a jittered lattice with temperatures of all kinds."""
+    random = np.random.default_rng(seed)
+    ticks = np.arange(count) * spacing + 300.0
+    places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    places += random.uniform(-0.2, 0.2, places.shape) * spacing
+    return Particles(places, volume, random.uniform(1000.0, 1400.0, len(places)))
+
+
+def moments(rows):
+    """Volume, first moments of place and temperature."""
+    return np.array([rows[:, 2].sum(), *(rows[:, [0, 1, 3]] * rows[:, 2:3]).sum(axis=0)])
+
+
+@pytest.mark.parametrize('precision', ['float32', 'float64'])
+@pytest.mark.parametrize(('spacing', 'volume', 'fewer'), [(2.5, 25.0, True), (10.0, 100.0, False)])
+def test_volume_heat_and_centre_are_kept(device, precision, spacing, volume, fewer):
+    """Crowded particles become fewer, stretched ones more; the sums of V, V x and V T stay."""
+    simulation = simulation_of(device, lattice(spacing, 20, volume), precision=precision)
+    before = rows_of(simulation)
+    one_pass(simulation)
+    after = rows_of(simulation)
+    assert (len(after) < 0.8 * len(before)) if fewer else (len(after) > 1.3 * len(before))
+    assert after[:, 2].sum() == before[:, 2].sum()
+    rounding = 1e-7 if precision == 'float32' else 1e-12
+    assert moments(after) == pytest.approx(moments(before), rel=rounding)
+
+
+def test_only_the_nearest_merge(device):
+    """Of three in a row the two that are closest become one, in their middle."""
+    row = [[300.0, 300.0], [300.5, 300.0], [301.2, 300.0]]
+    turn = np.arange(9) * 2.0 * np.pi / 9
+    ring = np.column_stack([300.5 + 4.0 * np.cos(turn), 300.0 + 4.0 * np.sin(turn)])
+    temperature = np.array([1400.0, 1200.0, 1350.0] + [1000.0] * 9)
+    simulation = simulation_of(device, Particles(np.vstack([row, ring]), 25.0, temperature))
+    one_pass(simulation)
+    rows = rows_of(simulation)
+    rows = rows[np.argsort(np.abs(rows[:, 0] + 149.5) + np.abs(rows[:, 1]))]
+    assert rows[0] == pytest.approx([-149.75, 0.0, 50.0, 1300.0], abs=1e-3)
+    assert rows[1] == pytest.approx([-148.8, 0.0, 25.0, 1350.0], abs=1e-3)
+
+
+def test_volumes_whose_sum_is_rounded_do_not_merge():
+    """Where a sum of float32 would lack a bit, particles stay as they are."""
+    random = np.random.default_rng(3)
+    volume = (20.0 * 7.0 ** -np.arange(8) * random.uniform(1.0, 1.2, 8)).astype(np.float32)
+    first, second = np.triu_indices(8, 1)
+    exact = volume.astype(float)[first] + volume.astype(float)[second]
+    assert (exact != volume[first] + volume[second]).all()
+    places = 300.0 + random.uniform(0.0, 1.0, (8, 2))
+    simulation = simulation_of('cpu', Particles(places, volume, 1400.0))
+    one_pass(simulation)
+    assert len(rows_of(simulation)) == 8
+
+
+def test_halves_are_no_smaller_than_what_vents_emit(device):
+    """A stretched particle of the vents' own volume stays whole."""
+    simulation = simulation_of(device, lattice(20.0, 10, 25.0))
+    one_pass(simulation)
+    assert len(rows_of(simulation)) == 100
+
+
+def test_momentum_and_age_are_kept(device):
+    """The sums of V u and of V times age stay, whether particles merge or split."""
+    effects = Effects(
+        arrhenius=False, cooling=True, steep=False, inertia=True, ground=True, merging=True
+    )
+    for spacing, volume in ((2.5, 25.0), (10.0, 100.0)):
+        simulation = simulation_of(device, lattice(spacing, 12, volume), effects)
+        state = simulation._state
+        random = np.random.default_rng(5)
+        simulation.evaluate()
+        state.take_order()
+        velocity, age = state.velocity.numpy(), state.age.numpy()
+        velocity[:] = random.normal(size=velocity.shape)
+        age[:] = random.uniform(size=age.shape)
+        state.velocity.assign(velocity)
+        state.age.assign(age)
+        state.ordered_velocity.assign(velocity)
+        state.ordered_age.assign(age)
+        before = [sum_of(state, name) for name in ('velocity', 'age')]
+        one_pass(simulation)
+        after = [sum_of(state, name) for name in ('velocity', 'age')]
+        assert after[0] == pytest.approx(before[0], rel=1e-5, abs=1e-2)
+        assert after[1] == pytest.approx(before[1], rel=1e-5)
+
+
+def sum_of(state, name):
+    """Sum of the volume times a carried quantity."""
+    rows = state.read_particles()
+    values = getattr(state, name).numpy()[: len(rows)].astype(np.float64)
+    return values.T @ rows[:, 2]
+
+
+def test_splitting_waits_for_room(device):
+    """With no room for all halves as many split as fit, and the host is told."""
+    simulation = simulation_of(device, lattice(10.0, 20, 100.0))
+    simulation._state.grow(410)
+    one_pass(simulation)
+    counts = simulation._state.counts.numpy()
+    assert counts[PARTICLES] == 410
+    assert counts[FULL] == 1
+    assert rows_of(simulation)[:, 2].sum() == 400 * 100.0
+
+
+def flow(device, effects, **accuracy):
+    """Half an hour of a strong vent on a slope."""
+    scene = Scene(hillside(slope=0.05), (Vent((150.0, 300.0), 20.0, radius=15.0),), LAVA)
+    accuracy = Accuracy(**{'spacing': 5.0, 'thickness': 0.6, **accuracy})
+    simulation = Simulation(scene, effects=effects, accuracy=accuracy, device=device)
+    simulation.advance(900.0)
+    return simulation
+
+
+def test_fewer_particles_give_the_same_flow(device):
+    """Two thirds of the particles or fewer, the same thickness to a few percent, exact volume."""
+    plain, merged = flow(device, PLAIN), flow(device, MERGING)
+    assert merged.particle_count < 0.67 * plain.particle_count
+    assert merged.budget().error < 1e-9
+    a, b = plain.snapshot().thickness, merged.snapshot().thickness
+    assert np.abs(a - b).sum() < 0.05 * a.sum()
+    assert abs((a > 0.1).sum() - (b > 0.1).sum()) < 0.03 * (a > 0.1).sum()
+
+
+def test_a_constant_flux_takes_fewer_particles_at_the_same_error(device, monkeypatch):
+    """Two thirds of the particles or fewer spread as exactly as all of them, to 0.1 %."""
+    accuracy = Accuracy(refinement=0.6, ratio=3.5)
+    plain = CASES['constant_flux'].run(accuracy, device)
+    monkeypatch.setattr(spreading, 'FLAT', MERGING)
+    merged = CASES['constant_flux'].run(accuracy, device)
+    assert merged.particles * merged.evaluations < plain.particles * plain.evaluations / 1.5
+    for item, other in zip(merged.measurements, plain.measurements, strict=True):
+        assert item.error <= other.error + 0.001, item
+
+
+def test_deterministic_runs_are_identical_to_the_bit(device):
+    """Who merges does not depend on the order in which threads run."""
+    first, second = (flow(device, MERGING, deterministic=True) for _ in range(2))
+    assert np.array_equal(first._state.read_particles(), second._state.read_particles())
+
+
+def test_without_merging_nothing_is_there():
+    """The arrays of the pass are not allocated."""
+    simulation = simulation_of('cpu', lattice(5.0, 4, 25.0), PLAIN)
+    assert not hasattr(simulation._state, 'partner')
+    assert not simulation._after_step

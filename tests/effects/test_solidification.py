@@ -1,0 +1,244 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Lava that freezes into terrain."""
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.terrain import ringed_heights
+
+#: Isothermal but for a temperature it comes with: what is given below 1200 K freezes at once.
+LAVA = Lava(viscosity=2e3, density=2600.0, arrhenius=0.0, emissivity=0.0, convection=0.0,
+            solidus=1200.0)
+
+#: Lava that cools by convection alone.
+COOLING = Lava(viscosity=2e4, density=2600.0, arrhenius=0.0, emissivity=0.0, convection=2000.0,
+               solidus=1300.0)
+
+
+def hillside(rows=40, columns=60, resolution=10.0, slope=0.1):
+    """A plane that falls towards +x."""
+    x = np.arange(columns) * resolution
+    return Terrain(np.tile(1000.0 - slope * x, (rows, 1)), resolution)
+
+
+def block(x0, y0, x1, y1, spacing, thickness, temperature):
+    """Evenly spaced particles on a rectangle."""
+    x, y = np.meshgrid(np.arange(x0, x1, spacing), np.arange(y0, y1, spacing))
+    places = np.column_stack([x.ravel(), y.ravel()]) + 0.5 * spacing
+    return Particles(places, spacing**2 * thickness, temperature)
+
+
+def freezing(device, terrain, *vents, lava=LAVA, spacing=5.0, **options):
+    """A simulation with solidification."""
+    effects = Effects(
+        arrhenius=False, cooling=lava.convection > 0.0, steep=False, solidification=True
+    )
+    accuracy = Accuracy(
+        spacing=spacing, thickness=1.0, longest_step=20.0, **options.pop('accuracy', {})
+    )
+    return Simulation(
+        Scene(terrain, vents, lava), effects=effects, accuracy=accuracy, device=device, **options
+    )
+
+
+@pytest.mark.parametrize('precision', ['float32', 'float64'])
+def test_an_even_layer_freezes_into_an_even_layer(device, precision):
+    """The ground rises by volume over area, and holds the volume to the last digits."""
+    particles = block(150.0, 100.0, 450.0, 300.0, 5.0, 2.0, 1100.0)
+    simulation = freezing(
+        device, hillside(), particles=particles, accuracy={'precision': precision}
+    )
+    simulation.advance(1.0)
+    snapshot = simulation.snapshot()
+    assert snapshot.particle_count == 0
+    assert snapshot.budget.held == 0.0
+    assert snapshot.budget.error < 1e-12
+    assert snapshot.budget.frozen == pytest.approx(300.0 * 200.0 * 2.0, rel=1e-12)
+    exact = simulation._after_step['solidification'].thickness()
+    assert exact.sum() * 100.0 == pytest.approx(120000.0, rel=1e-12)
+    inside = snapshot.frozen[13:27, 18:42]
+    assert inside == pytest.approx(np.full_like(inside, 2.0), abs=1e-3)
+    assert (snapshot.temperature[snapshot.frozen > 0.0] == 1200.0).all()
+    assert np.array_equal(snapshot.thickness, snapshot.frozen)
+    ground = ringed_heights(hillside())[1:-1, 1:-1]
+    raised = simulation._terrain.height.numpy()[1:-1, 1:-1]
+    assert raised - ground == pytest.approx(exact, abs=1e-5)
+
+
+def test_a_lone_column_makes_no_spike(device):
+    """A column freezes over its own area, and no higher than it was thick."""
+    particles = Particles([[303.0, 201.0]], 300.0, 1100.0)
+    simulation = freezing(device, hillside(resolution=2.0, columns=300, rows=200),
+                          particles=particles)
+    thickness = simulation.sample().thickness[0]
+    simulation.advance(1.0)
+    frozen = simulation.snapshot().frozen
+    assert frozen.sum() * 4.0 == pytest.approx(300.0, rel=1e-6)
+    assert 0.2 * thickness < frozen.max() < thickness
+    assert np.abs(np.diff(frozen, axis=1)).max() < 0.3 * frozen.max()
+
+
+def test_volume_is_exact_beside_the_border_and_beside_holes(device):
+    """What freezes there lies on cells with data only, all of it."""
+    terrain = hillside()
+    elevation = terrain.elevation.copy()
+    elevation[15:25, 30:40] = np.nan
+    places = np.array([[2.0, 3.0], [598.0, 399.0], [297.0, 201.0], [350.0, 148.0], [405.0, 255.0]])
+    simulation = freezing(
+        device, Terrain(elevation, 10.0), particles=Particles(places, 77.0, 1100.0)
+    )
+    simulation.advance(1.0)
+    snapshot = simulation.snapshot()
+    assert snapshot.budget.frozen == pytest.approx(5 * 77.0, rel=1e-12)
+    assert snapshot.budget.error < 1e-12
+    exact = simulation._after_step['solidification'].thickness()
+    assert exact.sum() * 100.0 == pytest.approx(5 * 77.0, rel=1e-12)
+    assert (exact[15:25, 30:40] == 0.0).all()
+    assert np.isnan(snapshot.frozen[15:25, 30:40]).all()
+
+
+def test_volume_is_exact_over_many_steps(device):
+    """A flow that cools and freezes as it goes keeps its budget, and what froze stays."""
+    simulation = freezing(
+        device,
+        hillside(),
+        Vent((150.0, 200.0), 20.0, temperature=1423.0, radius=10.0),
+        lava=COOLING,
+        accuracy={'precision': 'float64'},
+    )
+    before = np.zeros((40, 60))
+    for minutes in range(10, 41, 10):
+        simulation.advance(60.0 * minutes)
+        budget = simulation.budget()
+        assert budget.error < 1e-12
+        frozen = simulation._after_step['solidification'].thickness()
+        assert frozen.sum() * 100.0 == pytest.approx(budget.frozen, rel=1e-12, abs=1e-9)
+        assert (frozen >= before).all()
+        before = frozen
+    snapshot = simulation.snapshot()
+    assert 0.3 * budget.emitted < budget.frozen < budget.emitted
+    assert simulation.sample().temperature.min() >= COOLING.solidus
+    assert np.isfinite(snapshot.temperature[snapshot.thickness > 0.0]).all()
+    # no spike: frozen lava is about as thick as fluid lava gets
+    assert frozen.max() < 3.0 * simulation.sample().thickness.max()
+
+
+def ridge_and_flow(device, terrain=None, **options):
+    """A frozen ridge aslant of the slope, and a vent above it."""
+    index = np.arange(120)
+    along = np.column_stack([260.0 + 1.0 * index, 120.0 + 1.5 * index])
+    places = np.concatenate([along + shift * np.array([1.5, -1.0]) for shift in range(-4, 5)])
+    ridge = Particles(places, 40.0, 1100.0)
+    vent = Vent((150.0, 200.0), [(10.0, 30.0)], temperature=1423.0, radius=10.0)
+    if terrain is not None:
+        return freezing(device, terrain, vent, **options)
+    return freezing(device, hillside(), vent, particles=ridge, **options)
+
+
+def test_a_frozen_flow_diverts_a_second_one(device):
+    """A ridge that has frozen turns a flow aside, just as ground of its shape would."""
+    simulation = ridge_and_flow(device, accuracy={'precision': 'float64'})
+    simulation.advance(5.0)
+    frozen = simulation._after_step['solidification'].thickness()
+    assert frozen.max() > 5.0
+    assert simulation.particle_count == 0
+    simulation.advance(1800.0)
+    diverted = simulation.sample().position
+    assert np.array_equal(simulation._after_step['solidification'].thickness(), frozen)
+
+    raised = Terrain(hillside().elevation + frozen, 10.0)
+    same = ridge_and_flow(device, raised, accuracy={'precision': 'float64'})
+    same.advance(5.0)
+    same.advance(1800.0)
+    second = same.sample().position
+    # a terrain is in float32
+    assert len(second) == pytest.approx(len(diverted), rel=0.01)
+    assert second.mean(axis=0) == pytest.approx(diverted.mean(axis=0), abs=1.0)
+
+    plain = ridge_and_flow(device, hillside(), accuracy={'precision': 'float64'})
+    plain.advance(1800.0)
+    assert abs(plain.sample().position[:, 1].mean() - 200.0) < 3.0
+    assert abs(diverted[:, 1].mean() - 200.0) > 20.0
+
+
+def test_a_new_terrain_keeps_what_has_frozen(device):
+    """The same terrain keeps every digit; another keeps the volume; what is outside has left."""
+    particles = block(150.0, 100.0, 450.0, 300.0, 5.0, 2.0, 1100.0)
+    simulation = freezing(device, hillside(), particles=particles)
+    simulation.advance(1.0)
+    before = simulation.snapshot().frozen
+    height = simulation._terrain.height.numpy().copy()
+    simulation.set_terrain(hillside())
+    assert np.array_equal(simulation.snapshot().frozen, before)
+    assert np.array_equal(simulation._terrain.height.numpy(), height)
+
+    fine = Terrain(np.zeros((150, 260)), 4.0, origin=(-33.0, -41.0))
+    simulation.set_terrain(fine)
+    snapshot = simulation.snapshot()
+    assert snapshot.frozen.sum() * 16.0 == pytest.approx(120000.0, rel=1e-5)
+    assert snapshot.budget.left == 0.0
+    x = -33.0 + 4.0 * (np.arange(260) + 0.5)
+    centre = (snapshot.frozen.sum(axis=0) * x).sum() / snapshot.frozen.sum()
+    x = 10.0 * (np.arange(60) + 0.5)
+    assert centre == pytest.approx((before.sum(axis=0) * x).sum() / before.sum(), abs=0.01)
+
+    simulation.set_terrain(Terrain(np.zeros((50, 30)), 10.0))
+    budget = simulation.budget()
+    assert budget.left == budget.over_border == pytest.approx(60000.0, rel=0.05)
+    assert budget.error < 1e-12
+
+    holed = np.zeros((50, 30))
+    holed[:, 15:] = np.nan
+    simulation.set_terrain(Terrain(holed, 10.0))
+    after = simulation.budget()
+    assert after.in_holes == pytest.approx(budget.frozen - after.frozen)
+    assert after.in_holes > 0.9 * budget.frozen
+    assert after.over_border == budget.over_border
+    assert after.error < 1e-12
+
+
+def test_deterministic_runs_are_identical_to_the_bit(device):
+    """What freezes is the same to the bit in two runs."""
+    grids = []
+    for _ in range(2):
+        simulation = freezing(
+            device,
+            hillside(),
+            Vent((150.0, 200.0), 40.0, temperature=1423.0, radius=20.0),
+            lava=COOLING,
+            accuracy={'deterministic': True},
+        )
+        simulation.advance(600.0)
+        grids.append(simulation.snapshot())
+    assert grids[0].frozen.max() > 0.0
+    assert np.array_equal(grids[0].frozen, grids[1].frozen)
+    assert np.array_equal(grids[0].thickness, grids[1].thickness)
+    assert grids[0].budget == grids[1].budget
+
+
+def test_without_solidification_nothing_is_there():
+    """No array, no frozen grid, and the budget says zero."""
+    simulation = Simulation(Scene(
+        hillside(), lava=Lava()
+    ), effects=Effects(solidification=False), device='cpu')
+    assert not hasattr(simulation._state, 'frozen')
+    snapshot = simulation.snapshot()
+    assert snapshot.frozen is None
+    assert snapshot.budget.frozen == 0.0

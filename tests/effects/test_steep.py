@@ -1,0 +1,91 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Steep slopes: the sheet's speed up to the steepest layer, and no cliff that is a dam."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import Effects
+from lava_ros.effects.steep import STEEPEST
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+
+#: Cell of the plateau [m], and the column at whose centre it ends.
+CELL, EDGE = 25.0, 40
+
+
+@pytest.mark.parametrize('angle', [20.0, 50.0, 80.0, 89.0])
+@pytest.mark.parametrize('strength', [0.0, 100.0])
+def test_speed_of_a_sheet(device, angle, strength):
+    """Particles that keep their distance: cos^4 b up to the steepest layer, its own beyond."""
+    slope = math.tan(math.radians(angle))
+    x = np.arange(-20, 21) * 10.0
+    places = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2) / 4.0
+    lava = Lava(viscosity=1e6, yield_strength=strength, arrhenius=0.0)
+    simulation = Simulation(
+        Scene(Terrain(np.tile(-slope * x, (41, 1)), 10.0, origin=(-205.0, -205.0)), lava=lava),
+        effects=Effects(arrhenius=False, cooling=False, yielding=strength > 0.0),
+        accuracy=Accuracy(spacing=2.5, thickness=1.0, precision='float64'),
+        particles=Particles(places, 2.5**2, 1400.0),
+        device=device,
+    )
+    sample = simulation.sample()
+    inner = (np.abs(sample.position) < 20.0).all(axis=1)
+    square = math.cos(math.radians(min(angle, STEEPEST))) ** 2
+    b = strength / (lava.density * 9.81 * square * slope * sample.thickness[inner])
+    newtonian = lava.density * 9.81 * (square * sample.thickness[inner]) ** 2 * slope / 3e6
+    speed = np.hypot(*sample.velocity[inner].T)
+    assert speed == pytest.approx(newtonian * (1.0 - 1.5 * b + 0.5 * b**3), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ('effects', 'cells', 'drops'),
+    [
+        (None, 1, (50.0, 1000.0)),
+        ({'steep': False}, 4, (200.0,)),
+        ({'inertia': True}, 4, (50.0,)),
+        *(
+            pytest.param(effects, cells, (50.0, 200.0, 1000.0), marks=pytest.mark.nightly)
+            for effects in (None, {'steep': False}, {'inertia': True})
+            for cells in (1, 2, 4)
+        ),
+    ],
+    ids=str,
+)
+def test_a_cliff_is_no_dam(device, effects, cells, drops):
+    """What reaches an edge falls: as much lava passes a drop of any height over any width."""
+    x = np.arange(160) * CELL
+    shares = []
+    for drop in drops:
+        height = -math.tan(math.radians(5.0)) * x
+        height = height - np.clip((np.arange(160) - EDGE) / cells, 0.0, 1.0) * drop
+        simulation = Simulation(
+            Scene(
+                Terrain(np.tile(height, (81, 1)), CELL),
+                (Vent((20 * CELL, 40.5 * CELL), 20.0, radius=30.0),),
+                Lava(viscosity=5e3),
+            ),
+            effects=effects,
+            accuracy=Accuracy(spacing=5.8),
+            device=device,
+        )
+        simulation.advance(6 * 3600.0)
+        thickness = np.nan_to_num(simulation.snapshot().thickness)
+        shares.append(thickness[:, EDGE + cells :].sum() / thickness.sum())
+    assert min(shares) > 0.6
+    assert max(shares) < 0.7

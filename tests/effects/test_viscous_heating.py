@@ -1,0 +1,125 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Viscous heating against the potential energy that lava loses."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.verification import exact
+
+HEATING = Effects(arrhenius=False, cooling=False, steep=True, viscous_heating=True)
+
+# a small heat capacity, to warm by degrees
+LAVA = Lava(viscosity=1e4, specific_heat=1.0, emissivity=0.0, convection=0.0)
+
+
+def sheet(device='cpu', effects=HEATING, slope=10.0, **knobs):
+    """A sheet 1 m thick on a slope [degrees] of 200 m, and where its middle is."""
+    x = np.arange(200) - 99.5
+    terrain = Terrain(
+        np.tile(-math.tan(math.radians(slope)) * x, (60, 1)), 1.0, origin=(-100.0, -30.0)
+    )
+    ticks = np.arange(-24.0, 25.0)
+    places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+    simulation = Simulation(
+        Scene(terrain, lava=LAVA),
+        effects=effects,
+        accuracy=Accuracy(spacing=1.0, thickness=1.0, **knobs),
+        particles=Particles(places, 1.0, 1400.0),
+        device=device,
+    )
+
+    def middle():
+        sample = simulation.sample()
+        inside = (np.abs(sample.position[:, 0]) < 8.0) & (np.abs(sample.position[:, 1]) < 8.0)
+        return sample.temperature[inside], sample.velocity[inside, 0].mean()
+
+    return simulation, middle
+
+
+@pytest.mark.parametrize(
+    'knobs',
+    [{}, {'integrator': 'euler'}, {'gradient': 'balanced'}, {'precision': 'float64'}],
+    ids=['rkl2', 'euler', 'balanced', 'float64'],
+)
+def test_sheet_on_a_slope_warms_by_what_it_descends(device, knobs):
+    """A column that goes u t down a slope b warms by g tan(b) u t / c."""
+    simulation, middle = sheet(device, **knobs)
+    _, speed = middle()
+    simulation.advance(10.0)
+    temperature, later = middle()
+    descent = 0.5 * (speed + later) * 10.0 * math.tan(math.radians(10.0))
+    warming = exact.warming_by_descent(descent, gravity=9.81, specific_heat=1.0)
+    assert warming > 1.0
+    assert temperature.mean() - 1400.0 == pytest.approx(warming, rel=2e-3)
+
+
+def test_it_is_the_viscous_dissipation():
+    """The same from below: 3 mu u^2 / (rho c h^2), u and h along and across the slope."""
+    simulation, middle = sheet()
+    _, before = middle()
+    simulation.advance(10.0)
+    temperature, after = middle()
+    slope = math.radians(10.0)
+    speed = 0.5 * (before + after) / math.cos(slope)
+    rate = 3.0 * LAVA.viscosity * speed**2 / (LAVA.density * (math.cos(slope) * 1.0) ** 2)
+    assert temperature.mean() - 1400.0 == pytest.approx(10.0 * rate, rel=3e-3)
+
+
+@pytest.mark.parametrize('gradient', ['energy', 'balanced'])
+def test_spreading_turns_potential_energy_into_heat(gradient):
+    """All columns together: rho c sum V dT is the sum of rho g V h / 2 that was lost, to 3 %."""
+    solution = exact.FixedVolumeSpread(1e4, 4.0, 9.81)
+    places = solution.particles(2000, solution.time_of_radius(60.0))
+    simulation = Simulation(
+        Scene(Terrain(np.zeros((40, 40)), 10.0, origin=(-200.0, -200.0)), lava=LAVA),
+        effects=Effects(arrhenius=False, cooling=False, steep=False, viscous_heating=True),
+        accuracy=Accuracy(spacing=2.5, thickness=1.0, gradient=gradient, longest_step=5.0),
+        particles=Particles(places, 5.0, 1400.0),
+        device='cpu',
+    )
+    before = simulation.sample()
+    simulation.advance(1000.0)
+    after = simulation.sample()
+    lost = 0.5 * 9.81 * 5.0 * (before.thickness.sum() - after.thickness.sum())
+    gained = (after.volume * (after.temperature - 1400.0)).sum()
+    assert lost > 1e3
+    assert gained == pytest.approx(lost, rel=0.03)
+
+
+@pytest.mark.parametrize('lateral', ['green', 'helmholtz'])
+def test_heat_is_the_work_of_gravity_under_lateral_stress(lateral):
+    """Lateral stress moves the middle of a wide sheet as fast, so it warms as much."""
+    effects = Effects(arrhenius=False, cooling=False, viscous_heating=True, **{lateral: True})
+    simulation, middle = sheet(effects=effects)
+    _, before = middle()
+    simulation.advance(5.0)
+    temperature, after = middle()
+    descent = 0.5 * (before + after) * 5.0 * math.tan(math.radians(10.0))
+    assert temperature.mean() - 1400.0 == pytest.approx(9.81 * descent, rel=5e-3)
+
+
+def test_lava_at_rest_is_not_warmed():
+    """On level ground an even sheet's middle keeps its temperature."""
+    simulation, middle = sheet(slope=0.0)
+    simulation.advance(10.0)
+    assert middle()[0] == pytest.approx(1400.0, abs=2e-3)

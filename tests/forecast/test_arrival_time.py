@@ -1,0 +1,90 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Looks become arrival times: between two of them fronts run evenly."""
+
+import numpy as np
+import pytest
+
+from lava_ros.forecast.arrival_time import Gathering, passed
+
+
+def strip(front, rows=1, columns=12, thickness=2.0):
+    """Lava on the first columns."""
+    return np.where(np.arange(columns) < front, thickness, 0.0)[None].repeat(rows, axis=0)
+
+
+def gathered(looks, threshold=0.1):
+    """A gathering of (time, thickness)."""
+    gathering = Gathering(threshold)
+    for time, thickness in looks:
+        temperature = np.where(thickness > 0.0, 1400.0 - time, np.nan)
+        gathering.look(time, thickness.astype(np.float32), temperature.astype(np.float32))
+    return gathering
+
+
+@pytest.mark.parametrize('rows', [1, 5])
+def test_a_front_that_runs_evenly_is_met_exactly(rows):
+    """Whether it crosses a cell in many looks or many cells in one."""
+    times = gathered([(10.0, strip(2, rows)), (20.0, strip(7, rows)), (30.0, strip(10, rows))])
+    expected = [10.0, 10.0, 11.0, 13.0, 15.0, 17.0, 19.0, 20.0 + 10.0 / 6, 25.0, 30.0 - 10.0 / 6]
+    np.testing.assert_allclose(times.arrival[:, :10], [expected] * rows)
+    assert np.isnan(times.arrival[:, 10:]).all()
+
+
+def test_a_tongue_is_dated_along_its_way():
+    """Cells at its sides are as early as those beside them in its middle."""
+    before, after = np.zeros((9, 20)), np.zeros((9, 20))
+    before[:, :2] = after[:, :2] = 1.0
+    after[3:6, 2:12] = 1.0
+    times = gathered([(0.0, before), (10.0, after)]).arrival
+    np.testing.assert_allclose(times[3:6, 2:12], [np.arange(10) + 0.5] * 3)
+
+
+def test_what_rises_is_dated_by_its_thickness():
+    """Lava that was there, but thinner than the threshold, grows evenly."""
+    thin, thick = strip(5, thickness=0.02), strip(5, thickness=0.22)
+    times = gathered([(0.0, thin), (10.0, thick)]).arrival
+    np.testing.assert_allclose(times[0, :5], 4.0, rtol=1e-6)
+
+
+def test_lava_out_of_nowhere_comes_at_once():
+    """What no lava leads to may have come right after the look before: the safe side."""
+    times = gathered([(5.0, strip(0)), (15.0, strip(3))]).arrival
+    np.testing.assert_array_equal(times[0, :3], 5.0)
+
+
+def test_peaks_and_first_times_stay():
+    """Lava that goes leaves its arrival and its peaks; cells outside stay unknown."""
+    looks = [(0.0, strip(3)), (1.0, strip(6, thickness=4.0)), (2.0, strip(1))]
+    for _, thickness in looks:
+        thickness[0, 11] = np.nan
+    result = gathered(looks)
+    assert np.isfinite(result.arrival[0, :6]).all()
+    np.testing.assert_array_equal(result.thickness[0, :6], 4.0)
+    np.testing.assert_array_equal(result.temperature[0, :6], [1400.0] * 3 + [1399.0] * 3)
+    assert np.isnan(result.thickness[0, 11]) and np.isnan(result.arrival[0, 11])
+    assert (result.thickness[0, 6:11] == 0.0).all() and np.isnan(result.temperature[0, 6:]).all()
+
+
+@pytest.mark.parametrize('seed', range(5))
+def test_shares_are_shares(seed):
+    """Whatever lies where: between the two looks, and the farther from old lava the later."""
+    random = np.random.default_rng(seed)
+    before = np.where(random.random((20, 30)) < 0.1, random.random((20, 30)), 0.0)
+    after = np.where(random.random((20, 30)) < 0.6, random.random((20, 30)), 0.0)
+    is_new = (after >= 0.3) & (before < 0.3)
+    shares = passed(before, after, is_new, 0.3)
+    assert shares.shape == (is_new.sum(),)
+    assert ((shares >= 0.0) & (shares <= 1.0)).all()

@@ -1,0 +1,146 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A pool loses nothing and leaves nothing behind."""
+
+from contextlib import closing
+from functools import partial
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from lava_ros.errors import LavaError
+from lava_ros.forecast.pool import Pool, process_number
+
+#: Time within which a process is noticed to have gone [s].
+PATIENCE = 60.0
+
+
+def squared(job: int) -> tuple[int, int, int]:
+    """What a job gives, and who did it."""
+    return job**2, process_number(), os.getpid()
+
+
+def dies_once(marks: Path, job: int) -> int:
+    """Jobs kill their process the first time that they are done."""
+    mark = marks / str(job)
+    if not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return job
+
+
+def dies(job: int) -> int:
+    """Job 2 kills whoever does it."""
+    if job == 2:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return job
+
+
+def fails(job: int) -> int:
+    """A job cannot be done."""
+    raise LavaError('job', job, 'another')
+
+
+def waits(pids: Path, job: int) -> None:
+    """Jobs that never end."""
+    (pids / str(os.getpid())).touch()
+    time.sleep(3600.0)
+
+
+def gone(pid: int) -> bool:
+    """Whether a process has ended, reaped or not, before the patience ends."""
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        try:
+            if Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()[0] == 'Z':
+                return True
+        except OSError:
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def started(pids: Path) -> list[int]:
+    """The processes that have begun to wait, two of them."""
+    end = time.monotonic() + PATIENCE
+    while len(list(pids.iterdir())) < 2 and time.monotonic() < end:
+        time.sleep(0.01)
+    return [int(path.name) for path in pids.iterdir()]
+
+
+def test_jobs_are_shared_out() -> None:
+    """Each is done once, by one of as many processes as there may be; again by the same."""
+    with closing(Pool(squared, 2)) as pool:
+        first, second = dict(pool(range(20))), dict(pool(range(3)))
+    assert {number: result[0] for number, result in first.items()} == {
+        job: job**2 for job in range(20)
+    }
+    assert sorted(second) == [0, 1, 2]
+    assert {result[1] for result in first.values()} <= {0, 1}
+    pids = {result[2] for result in [*first.values(), *second.values()]}
+    assert len(pids) <= 2 and os.getpid() not in pids
+
+
+def test_what_a_dead_process_was_about_is_done_again(tmp_path: Path) -> None:
+    """Each of three jobs takes its process with it once, and none is lost."""
+    with closing(Pool(partial(dies_once, tmp_path), 1)) as pool:
+        assert sorted(pool(range(3))) == [(0, 0), (1, 1), (2, 2)]
+
+
+def test_a_job_that_kills_is_named() -> None:
+    """All others end; then the one that takes process after process with it is to blame."""
+    done = []
+    with closing(Pool(dies, 1)) as pool, pytest.raises(LavaError, match=r'jobs is \[2\]'):
+        for number, _ in pool(range(3)):
+            done.append(number)
+    assert done == [0, 1]
+
+
+def test_errors_come_as_they_are() -> None:
+    """The error of a job, with its parts."""
+    with closing(Pool(fails, 1)) as pool, pytest.raises(LavaError) as caught:
+        list(pool([7]))
+    assert (caught.value.field, caught.value.value) == ('job', 7)
+
+
+@pytest.mark.parametrize('signal_number', [signal.SIGKILL, signal.SIGINT])
+def test_processes_end_with_their_owner(signal_number: int, tmp_path: Path) -> None:
+    """At once, whatever they are about: with kill -9 and with Ctrl+C."""
+    code = f"""
+from contextlib import closing
+from functools import partial
+from pathlib import Path
+from lava_ros.forecast.pool import Pool
+from test_pool import waits
+with closing(Pool(partial(waits, Path({str(tmp_path)!r})), 2)) as pool:
+    list(pool(range(2)))
+"""
+    path = os.pathsep.join(map(str, [Path(__file__).parent, *sys.path]))
+    with subprocess.Popen(
+        [sys.executable, '-c', code], env={**os.environ, 'PYTHONPATH': path},
+        stderr=subprocess.DEVNULL,
+    ) as owner:
+        try:
+            pids = started(tmp_path)
+            owner.send_signal(signal_number)
+            assert owner.wait(PATIENCE) == -signal_number
+        finally:
+            owner.kill()
+    assert len(pids) == 2 and all(map(gone, pids))

@@ -1,0 +1,460 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Files that nobody means well with: bags, cases, tables and rasters with parts that lie.
+
+Each is made from a valid file of which a record, a field, a size or a count is another one, so
+that it gets past what only looks at the whole.
+"""
+
+from array import array
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+import io
+from itertools import takewhile
+import json
+import math
+import os
+from pathlib import Path
+import random
+import struct
+from typing import Any
+import zipfile
+import zlib
+
+from diagnostic_msgs.msg import DiagnosticArray
+import lz4.frame
+from mcap.opcode import Opcode
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+import numpy as np
+import rasterio
+from rasterio.transform import from_origin
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import Image, PointCloud2
+import yaml
+import zstandard
+
+from lava_ros.bag import BagReader, BagWriter
+from lava_ros.bag.records import DATA_END, FRAME, MAGIC
+
+#: Numbers that sizes, counts, times and offsets are set to.
+INTEGERS = (
+    *(0, 1, 2, 7, 255, 256, 32767, 32768, 65535, 2**20, 2**28, 2**31 - 1, 2**31, 2**32 - 1),
+    *(2**40, 2**63 - 1, 2**63, 2**64 - 1),
+)
+
+FLOATS = (
+    *(0.0, -0.0, 1.0, -1.0, 1e-300, 1e-30, 1e9, 1e30, 1e300, 1.7e308),
+    *(math.nan, math.inf, -math.inf),
+)
+
+TEXTS = (
+    *('', '\0', '\x1b[2J', '\x9b31m', '<b>', '9' * 5000, '1e999', 'nan', '../../x', 'ä' * 300),
+    *('[' * 3000, '{"a": NaN}', '[{"time": 1%s, "effects": {"a": "on"}}]' % ('0' * 500)),
+    *('{terrain: 5}', '{terrain: {epsg: [1], offset: x}}', 'layers: 5', '&a [*a]', '!!a/x {}'),
+)
+
+_TYPES = {
+    'sensor_msgs/msg/Image': Image,
+    'sensor_msgs/msg/PointCloud2': PointCloud2,
+    'nav_msgs/msg/MapMetaData': MapMetaData,
+    'nav_msgs/msg/OccupancyGrid': OccupancyGrid,
+    'diagnostic_msgs/msg/DiagnosticArray': DiagnosticArray,
+}
+
+#: Definitions that ask for more than a message holds, or that are none.
+_DEFINITIONS = (
+    'uint8[4000000000] data',
+    'Part[4000000000] parts\n===\nMSG: a/Part\nuint8[1] x',
+    'Part[] parts\n===\nMSG: a/Part\nuint8[1] x',
+    'Image self',
+    'no definition',
+    '',
+)
+
+
+def hostile_bag(chance: random.Random, source: Path, target: Path) -> None:
+    """Write a bag of which messages, texts or records are not what they were."""
+    kind = chance.choice((_messages, _messages, _described, _redefined, _records, _records, _bomb))
+    kind(chance, source, target)
+
+
+def _copied(
+    source: Path, target: Path, *, edit: Callable[..., Any] | None = None, texts: Any = None,
+    definition: str | None = None,
+) -> None:
+    bag = BagReader(source)
+    with BagWriter(target, custom_data=bag.custom_data if texts is None else texts) as writer:
+        for item in bag.messages():
+            topic = bag.topics[item.topic]
+            data = item.data if edit is None else edit(topic, item.data)
+            schema = topic.schema if definition is None else replace(topic.schema, text=definition)
+            writer.write(
+                topic.name, topic.message_type, data, item.publish_ns,
+                qos=topic.qos, schema=schema, log_time_ns=item.stamp_ns,
+            )
+
+
+def _messages(chance: random.Random, source: Path, target: Path) -> None:
+    """All messages of a type have another value in one field, or another length."""
+    name = chance.choice(list(_TYPES))
+    seed = chance.random()
+
+    def edit(topic: Any, data: bytes) -> bytes:
+        if topic.message_type != name:
+            return data
+        same = random.Random(seed)
+        if same.random() < 0.15:
+            # the writer takes no less than the header of CDR
+            return data[: same.randrange(4, len(data))]
+        message = deserialize_message(data, _TYPES[name])
+        for _ in range(same.choice((1, 1, 1, 2, 3))):
+            _change(same, message)
+        return serialize_message(message)
+
+    _copied(source, target, edit=edit)
+
+
+def _change(chance: random.Random, message: Any) -> None:
+    """Set a field, at any depth, to another value of its type."""
+    while True:
+        name = chance.choice(list(message.get_fields_and_field_types()))
+        value = getattr(message, name)
+        if isinstance(value, list) and value and hasattr(value[0], 'get_fields_and_field_types'):
+            if chance.random() < 0.2:
+                setattr(message, name, [])
+                return
+            value = chance.choice(value)
+        if not hasattr(value, 'get_fields_and_field_types'):
+            break
+        message = value
+    try:
+        setattr(message, name, _other(chance, value))
+    except (AssertionError, OverflowError, TypeError, ValueError, UnicodeError):
+        # rclpy lets no such value into the field
+        return
+
+
+def _other(chance: random.Random, value: Any) -> Any:
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, int):
+        most = 2 ** chance.choice((8, 16, 31, 32))
+        return chance.choice(INTEGERS) % most
+    if isinstance(value, float):
+        return chance.choice(FLOATS)
+    if isinstance(value, str):
+        return chance.choice(TEXTS)
+    if isinstance(value, array):
+        part = value[: chance.randrange(len(value) + 1)]
+        pattern = struct.pack('<f', chance.choice((math.nan, math.inf, 3.4e38, -1.0, 0.0)))
+        filled = array(value.typecode, (pattern * (len(value) // 4 + 1))[: len(value)])
+        return chance.choice((part, filled, value + value, array(value.typecode)))
+    return value
+
+
+def _described(chance: random.Random, source: Path, target: Path) -> None:
+    """A text that describes the recording is another one."""
+    texts = dict(BagReader(source).custom_data)
+    names = [*texts, 'effects', 'parameters', 'resumed_from', 'msg_config', 'version']
+    texts[chance.choice(names)] = chance.choice(TEXTS)
+    _copied(source, target, texts=texts)
+
+
+def _redefined(chance: random.Random, source: Path, target: Path) -> None:
+    """Types have another definition."""
+    _copied(source, target, definition=chance.choice(_DEFINITIONS))
+
+
+def split(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Opcode and content of each record of a sound file."""
+    place = len(MAGIC)
+    while place < len(data) - len(MAGIC):
+        opcode, length = FRAME.unpack_from(data, place)
+        yield opcode, data[place + FRAME.size : place + FRAME.size + length]
+        place += FRAME.size + length
+
+
+def data_section(path: Path) -> list[tuple[int, bytes]]:
+    """Opcode and content of the records of a sound file, up to those that end and index it."""
+    return list(takewhile(lambda item: item[0] != Opcode.DATA_END, split(path.read_bytes())))
+
+
+def joined(records: list[tuple[int, bytes]], end: bytes = MAGIC) -> bytes:
+    """A file of records; checksums over all are left out."""
+    parts = []
+    for opcode, content in records:
+        if opcode == Opcode.DATA_END:
+            content = bytes(DATA_END.size)
+        elif opcode == Opcode.FOOTER:
+            content = content[:-4] + bytes(4)
+        parts.append(FRAME.pack(opcode, len(content)) + content)
+    return MAGIC + b''.join(parts) + end
+
+
+def chunk(
+    records: bytes, *, compression: str = 'zstd', size: int | None = None, times: bytes = bytes(16)
+) -> bytes:
+    """Content of a chunk record."""
+    packed = {
+        '': lambda: records,
+        'lz4': lambda: lz4.frame.compress(records, store_size=False),
+        'zstd': lambda: zstandard.compress(records),
+    }[compression]()
+    size = len(records) if size is None else size
+    head = times + struct.pack('<QI', size, zlib.crc32(records))
+    name = compression.encode()
+    return head + struct.pack('<I', len(name)) + name + struct.pack('<Q', len(packed)) + packed
+
+
+def _set(chance: random.Random, content: bytes) -> bytes:
+    """Content of the same length with another number in it, mostly near its start."""
+    width = chance.choice((1, 2, 4, 8))
+    if len(content) < width:
+        return content
+    near = chance.random() < 0.8
+    place = chance.randrange(min(len(content) - width, 60 if near else len(content)) + 1)
+    number = chance.choice(INTEGERS) % 2 ** (8 * width)
+    return content[:place] + number.to_bytes(width, 'little') + content[place + width :]
+
+
+def _records(chance: random.Random, source: Path, target: Path) -> None:
+    """Records, also those in chunks, have other numbers, are twice there, missing or moved."""
+    data = (source / f'{source.name}_0.mcap').read_bytes()
+    records = list(split(data))
+    for _ in range(chance.choice((1, 1, 2, 4))):
+        index = chance.randrange(len(records))
+        opcode, content = records[index]
+        what = chance.random()
+        if opcode == Opcode.CHUNK and what < 0.7:
+            inner = zstandard.decompress(content[content.index(b'\x28\xb5\x2f\xfd') :], 2**24)
+            parts = list(split(MAGIC + inner + MAGIC))
+            place = chance.randrange(len(parts))
+            parts[place] = parts[place][0], _set(chance, parts[place][1])
+            again = joined(parts, b'')[len(MAGIC) :]
+            compression = chance.choice(('', 'lz4', 'zstd'))
+            records[index] = opcode, chunk(again, compression=compression, times=content[:16])
+        elif what < 0.8:
+            records[index] = opcode, _set(chance, content)
+        elif what < 0.87:
+            records.insert(chance.randrange(len(records)), records[index])
+        elif what < 0.93:
+            del records[index]
+        else:
+            records[index] = chance.randrange(256), content
+    again = joined(records)
+    if chance.random() < 0.3:
+        again = again[: chance.randrange(len(MAGIC), len(again))]
+    target.mkdir()
+    (target / f'{target.name}_0.mcap').write_bytes(again)
+
+
+def _bomb(chance: random.Random, source: Path, target: Path) -> None:
+    """Chunks of the same time, each of which unpacks to a thousand times its size and more."""
+    records = data_section(source / f'{source.name}_0.mcap')
+    content = next(content for opcode, content in records if opcode == Opcode.CHUNK)
+    message = struct.pack('<HIQQ', chance.randrange(1, 6), 0, *struct.unpack('<QQ', content[:16]))
+    size = chance.choice((2**26, 2**28, 2**29 + 2**20))
+    body = FRAME.pack(Opcode.MESSAGE, len(message) + size) + message + bytes(size)
+    claimed = chance.choice((None, None, 0, 1000, 2**40))
+    bomb = chunk(
+        body, compression=chance.choice(('lz4', 'zstd')), size=claimed, times=content[:16]
+    )
+    target.mkdir()
+    many = chance.choice((1, 2, 5))
+    again = joined([*records, *[(int(Opcode.CHUNK), bomb)] * many], b'')
+    (target / f'{target.name}_0.mcap').write_bytes(again)
+
+
+#: A valid case, by file.
+CASE = {
+    'case.yaml': 'epsg: 32633\ntitle: a case\nlow_pass: 5.0\nmaterial: etna_basalt\n'
+    'events: [{time: 900.0, barrier: {line: [[500050, 4180050], [500080, 4180080]], '
+    'height: 2}}]\n',
+    'vent.csv': 'x,y,name,share\n500100,4180100,a,1\n500110,4180100,b,2\n',
+    'effusion_rate.csv': 'start_s,end_s,discharge_m3_per_s\n0,1800,1\n1800,3600,0.5\n',
+}
+
+_CELLS = (*TEXTS, *map(str, FLOATS), *map(str, INTEGERS), '"', ',', '1;2', '1,5', ' ', '\n', '-5')
+
+
+def hostile_case(chance: random.Random, folder: Path) -> None:
+    """Write a case of which a value in a file, or the kind of a file, is another one."""
+    folder.mkdir()
+    values = np.add.outer(np.arange(20.0), np.zeros(20))
+    ground = grid(500_000, 4_180_000, 2.0 * values)
+    footprint = grid(500_000, 4_180_000, (abs(values - 10.0) < 3.0).astype(int))
+    texts = {**CASE, 'elevation.asc': ground, 'footprint.asc': footprint}
+    name = chance.choice(list(texts))
+    if name == 'case.yaml':
+        data = yaml.safe_load(texts[name])
+        where = chance.choice([*data, 'start', 'end', 'lava', 'vent_radius', 'vent_temperature'])
+        data[where] = any_value(chance)
+        texts[name] = yaml.safe_dump(data, allow_unicode=True)
+        if chance.random() < 0.2:
+            texts[name] = chance.choice(TEXTS)
+    elif name.endswith('.csv'):
+        rows = [line.split(',') for line in texts[name].splitlines()]
+        row = chance.choice(rows)
+        row[chance.randrange(len(row))] = chance.choice(_CELLS)
+        rows *= chance.choice((1, 1, 1, 2, 500))
+        texts[name] = '\n'.join(','.join(row) for row in rows) + '\n'
+    else:
+        texts[name] = other_grid(chance, texts[name])
+    for item, text in texts.items():
+        (folder / item).write_text(text, encoding='utf-8')
+    if chance.random() < 0.1:
+        (folder / name).unlink()
+        chance.choice((os.mkfifo, Path.mkdir, lambda path: path.symlink_to('/dev/zero')))(
+            folder / name
+        )
+
+
+def any_value(chance: random.Random, depth: int = 0) -> Any:
+    """Plain data of any shape."""
+    if depth < 3 and chance.random() < 0.3:
+        size = chance.randrange(4)
+        if chance.random() < 0.5:
+            return [any_value(chance, depth + 1) for _ in range(size)]
+        keys = ('time', 'terrain', 'barrier', 'line', 'height', 'width', 'material', 'density')
+        return {chance.choice(keys): any_value(chance, depth + 1) for _ in range(size)}
+    return chance.choice((*INTEGERS, *FLOATS, *TEXTS, None, True, -5, 0.5, 1000.0))
+
+
+def grid(x: float, y: float, values: np.ndarray) -> str:
+    """An ESRI ASCII grid."""
+    rows, columns = values.shape
+    head = f'ncols {columns}\nnrows {rows}\nxllcorner {x}\nyllcorner {y}\ncellsize 10\n'
+    return head + '\n'.join(' '.join(f'{item:g}' for item in row) for row in values) + '\n'
+
+
+def other_grid(chance: random.Random, text: str) -> str:
+    """A grid with another number in its header, or in a cell."""
+    lines = text.splitlines()
+    index = chance.randrange(5) if chance.random() < 0.7 else chance.randrange(5, len(lines))
+    words = lines[index].split()
+    words[-1] = chance.choice(_CELLS)
+    lines[index] = ' '.join(words)
+    if chance.random() < 0.3:
+        lines.insert(5, f'NODATA_value {chance.choice(_CELLS)}')
+    if chance.random() < 0.2:
+        del lines[chance.randrange(len(lines)) :]
+    return '\n'.join(lines) + '\n'
+
+
+def hostile_raster(chance: random.Random, folder: Path) -> Path:
+    """Write a raster of which a number in the header or the way it is kept is another one."""
+    values = np.add.outer(np.arange(20.0), np.zeros(20)).astype(np.float32)
+    kind = chance.choice(('npz', 'npz', 'asc', 'tif', 'tif'))
+    path = folder / f'ground.{kind}'
+    if kind == 'asc':
+        path.write_text(other_grid(chance, grid(0.0, 0.0, values)), encoding='utf-8')
+    elif kind == 'npz':
+        _write_npz(chance, path, values)
+    else:
+        _write_tif(chance, path, values)
+    return path
+
+
+def _npy(value: Any) -> bytes:
+    buffer = io.BytesIO()
+    np.lib.format.write_array(buffer, np.asarray(value))
+    return buffer.getvalue()
+
+
+def _write_npz(chance: random.Random, path: Path, values: np.ndarray) -> None:
+    members = {'elevation': _npy(values), 'resolution': _npy(10.0), 'epsg': _npy(32633)}
+    name = chance.choice([*members, 'origin', 'offset', 'row_order', 'dx', 'other'])
+    what = chance.random()
+    if what < 0.5:
+        sides = [chance.choice((*INTEGERS, -1, 20)) for _ in range(chance.choice((0, 1, 2, 2, 3)))]
+        kinds = ('<f4', '<f8', '|O', '<U9', '|V0', '<c16', '<f2', '|b1', 'x', '<i8')
+        header = f"{{'descr': '{chance.choice(kinds)}', 'fortran_order': False, "
+        header += f"'shape': ({''.join(f'{side}, ' for side in sides)})}}"
+        if chance.random() < 0.1:
+            header = chance.choice(('(' * 9000, '', header[:20], header * 2))
+        size = min(math.prod([max(side, 0) for side in sides]) * 4, 2**24)
+        body = bytes(chance.choice((0, 8, 1600, size)))
+        version = bytes([chance.choice((1, 1, 1, 2, 3, 9)), 0])
+        members[name] = (
+            b'\x93NUMPY' + version + struct.pack('<H', len(header)) + header.encode() + body
+        )
+    elif what < 0.8:
+        members[name] = _npy(chance.choice((*FLOATS, *INTEGERS, 'x', True, [1.0], [[1.0]] * 2)))
+    else:
+        members[name] = chance.randbytes(chance.randrange(300))
+    with zipfile.ZipFile(path, 'w', chance.choice((0, 8, 8, 12, 14))) as archive:
+        for item, data in members.items():
+            archive.writestr(f'{item}.npy', data)
+    if chance.random() < 0.2:
+        path.write_bytes(_set(chance, path.read_bytes()))
+
+
+def _write_tif(chance: random.Random, path: Path, values: np.ndarray) -> None:
+    numbers = (*FLOATS, 0.1, 10.0, -10.0)
+    x, y, dx, dy = 500_000.0, 4_180_000.0, 10.0, 10.0
+    epsg = chance.choice((32633, 32633, 4326, 3857, 2193))
+    if epsg == 4326:
+        x, y, dx, dy = 15.0, 37.0, 1e-4, 1e-4
+    if chance.random() < 0.5:
+        part = [x, y, dx, dy]
+        part[chance.randrange(4)] = chance.choice(numbers)
+        x, y, dx, dy = part
+    options: dict[str, Any] = {'dtype': 'float32', 'count': 1}
+    shape = values.shape
+    if chance.random() < 0.4:
+        options |= {'SPARSE_OK': True, 'tiled': True}
+        shape = tuple(chance.choice((1, 20, 300, 2000, 10_001, 32767, 40_000)) for _ in range(2))
+    options['dtype'] = chance.choice(('float32', 'float64', 'int16', 'uint8', 'complex64'))
+    with rasterio.open(
+        path, 'w', driver='GTiff', height=shape[0], width=shape[1], crs=f'EPSG:{epsg}',
+        transform=from_origin(x, y, dx or 1.0, dy or 1.0), **options,
+    ) as file:
+        if shape == values.shape:
+            file.write(values.astype(options['dtype']), 1)
+        if chance.random() < 0.2:
+            file.scales, file.offsets = (chance.choice(numbers),), (chance.choice(numbers),)
+    if chance.random() < 0.4:
+        data = path.read_bytes()
+        path.write_bytes(_set(chance, data[:600]) + data[600:])
+
+
+#: A valid scene.
+SCENE = {
+    'terrain': {'file': 'ground.npz'},
+    'vents': [{'position': [25.0, 15.0], 'discharge': [[0.0, 3.0], [60.0, 0.0]]}],
+    'lava': {'density': 2600.0},
+    'gravity': 9.81,
+    'uncertainty': {},
+}
+
+
+def hostile_scene(chance: random.Random, folder: Path) -> Path:
+    """Write a scene of which a value at any depth is another one."""
+    np.savez(folder / 'ground.npz', elevation=np.zeros((6, 7)), resolution=10.0)
+    data = json.loads(json.dumps(SCENE))
+    part, key = data, chance.choice([*data, 'material', 'ambient_temperature'])
+    while isinstance(part.get(key) if isinstance(part, dict) else part[key], dict | list):
+        inner = part[key]
+        if not inner or chance.random() < 0.3:
+            break
+        part, key = inner, chance.choice(list(inner) if isinstance(inner, dict) else [0])
+    part[key] = any_value(chance)
+    text = yaml.safe_dump(data, allow_unicode=True)
+    if chance.random() < 0.15:
+        place = chance.randrange(len(text))
+        text = text[:place] + chance.choice(TEXTS) + text[place:]
+    path = folder / 'scene.yaml'
+    path.write_text(text, encoding='utf-8')
+    return path

@@ -1,0 +1,40 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Prints what a run of `make nightly` has tried: python tests/fuzz/table.py build/fuzz.json."""
+
+import json
+from pathlib import Path
+import sys
+
+COLUMNS = ('tried', 'refused', 'failed', 'longest_s')
+
+#: What every night tries; a row is empty where a part has not come to that.
+KINDS = ('scenes', 'messages', 'files', 'command lines', 'kills', 'flips')
+
+
+def main() -> None:
+    """Print a row for each kind."""
+    path = Path(sys.argv[1])
+    figures = json.loads(path.read_text(encoding='utf-8')) if path.exists() else {}
+    print(f'{"":14}' + ''.join(f'{name:>11}' for name in COLUMNS))
+    for kind in dict.fromkeys((*KINDS, *figures)):
+        row = figures.get(kind, {})
+        cells = [row.get(name, '-') for name in COLUMNS]
+        shown = [f'{cell:.2f}' if isinstance(cell, float) else str(cell) for cell in cells]
+        print(f'{kind:14}' + ''.join(f'{cell:>11}' for cell in shown))
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,164 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Files that lie about themselves: a result, or one error, soon, in memory that does not grow."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from io import StringIO
+from pathlib import Path
+import random
+import resource
+import shutil
+import signal
+import warnings
+
+from hypothesis import given, Phase, settings
+from hypothesis import strategies as st
+import pytest
+
+from fuzz.files import hostile_bag, hostile_case, hostile_raster, hostile_scene
+from lava_ros.bag.replay import schedule
+from lava_ros.cli.main import main
+from lava_ros.errors import LavaError
+from lava_ros.hindcast.case import load_case
+from recording import record
+
+#: Files of each kind, and bags, which take seconds each: 25 and 6 in every test run, 500 in
+#: `make nightly`.
+FILES = max(1, settings.default.max_examples // 4)
+BAGS = FILES if FILES > 25 else 6
+
+#: Most that reading a file may take beside what is there [bytes], and how long [s].
+MEMORY, PATIENCE = 3 << 30, 120
+
+SEEDS = st.integers(0, 2**63)
+
+# a smaller seed makes no smaller file
+files = settings(max_examples=FILES, phases=[Phase.generate])
+
+
+@contextmanager
+def bounded() -> Iterator[None]:
+    """End what hangs, and what takes too much memory."""
+
+    def end(*_: object) -> None:
+        raise TimeoutError
+
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    pages = int(Path('/proc/self/statm').read_text().split()[0])
+    most = pages * resource.getpagesize() + MEMORY
+    signal.signal(signal.SIGALRM, end)
+    signal.alarm(PATIENCE)
+    resource.setrlimit(resource.RLIMIT_AS, (most, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+        signal.alarm(0)
+
+
+def call(*words: object) -> tuple[int, str]:
+    """Call the command line within bounds: its exit status and all that it prints."""
+    out = StringIO()
+    with redirect_stdout(out), redirect_stderr(out), bounded(), warnings.catch_warnings():
+        # what numpy warns of is a number that was not looked at
+        warnings.simplefilter('error', RuntimeWarning)
+        status = main([str(word) for word in words])
+    said = out.getvalue()
+    assert status in (0, 1, 2), said
+    assert 'no memory is left' not in said
+    assert said.replace('\n', '').replace('\t', '').isprintable()
+    # 2: refused by an error that says what would be right
+    assert status == 0 or 'expected' in said or 'damaged' in said or 'cut off' in said, said
+    return status, said
+
+
+@pytest.fixture(scope='module')
+def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small bag."""
+    return record(tmp_path_factory.mktemp('sound') / 'bag', (200.0, 400.0))
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Callable[[], Path]:
+    """Makes an empty folder, in the place of the one before."""
+    path = tmp_path_factory.mktemp('files') / 'folder'
+
+    def fresh() -> Path:
+        shutil.rmtree(path, ignore_errors=True)
+        path.mkdir()
+        return path
+
+    return fresh
+
+
+@pytest.fixture(scope='module', autouse=True)
+def unpublished() -> Iterator[None]:
+    """A replay goes through the bag and publishes nothing."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr('lava_ros.ros.player.play', lambda bag, **_: sum(1 for _ in schedule(bag)))
+        yield
+
+
+@settings(files, max_examples=BAGS)
+@given(seed=SEEDS)
+def test_bags(seed: int, sound: Path, folder: Callable[[], Path]) -> None:
+    """Commands that read one; what is recovered is a bag without damage."""
+    chance = random.Random(seed)
+    path = folder()
+    hostile_bag(chance, sound, path / 'bag')
+    commands = [
+        ('info', path / 'bag'),
+        ('info', path / 'bag', '--json', path / 'out.json'),
+        ('replay', path / 'bag'),
+        ('plot', path / 'bag', '-o', path / 'out.png'),
+        ('report', path / 'bag', '-o', path / 'out.html'),
+        ('export', path / 'bag', '-o', path / 'out', '--every'),
+        ('recover', path / 'bag', path / 'new'),
+    ]
+    for words in chance.sample(commands, 2):
+        call(*words)
+    if (path / 'new').exists():
+        status, said = call('info', path / 'new')
+        assert (status, 'damaged in' in said) == (0, False), said
+
+
+@files
+@given(seed=SEEDS)
+def test_cases(seed: int, folder: Callable[[], Path]) -> None:
+    """A hindcast's folder with a value of any kind in a file."""
+    path = folder() / 'case'
+    hostile_case(random.Random(seed), path)
+    with bounded():
+        try:
+            case = load_case(path)
+        except LavaError as error:
+            assert error.field
+        else:
+            assert case.volume > 0.0 and case.duration > 0.0
+
+
+@files
+@given(seed=SEEDS)
+def test_rasters(seed: int, folder: Callable[[], Path]) -> None:
+    """Ground whose header does not fit what follows."""
+    call('effects', '--terrain', hostile_raster(random.Random(seed), folder()))
+
+
+@files
+@given(seed=SEEDS)
+def test_scenes(seed: int, folder: Callable[[], Path]) -> None:
+    """A scene with a value of any kind at any place."""
+    call('effects', hostile_scene(random.Random(seed), folder()))

@@ -1,0 +1,220 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Whatever is typed after `lava`: it begins, or says in one line what is wrong."""
+
+import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from functools import cache
+import io
+from pathlib import Path
+import resource
+import tempfile
+from typing import Any
+
+from hypothesis import given, note
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+import yaml
+
+from eruption import write_case
+from lava_ros.cli import main as cli
+from lava_ros.cli import scenes
+from lava_ros.scene import scene_files, terrain_checks
+
+#: What a command may take beside what this process has [bytes].
+MEMORY = 2 << 30
+
+SAMPLE = Path(__file__).parents[2] / 'bags/sample'
+
+#: Commands that compute or draw, with what they cannot do without.
+COMMANDS = {
+    'accuracy': [],
+    'animate': [str(SAMPLE), '-o', 'film.gif'],
+    'barrier': ['ground.npz', '-o', 'ground.tif', '--line', '0,100', '400,150', '--height', '5'],
+    'bench': ['steps'],
+    'calibrate': ['valley'],
+    'demo': [],
+    'effects': ['scene.yaml'],
+    'ensemble': ['scene.yaml', '-o', 'out'],
+    'export': [str(SAMPLE), '-o', 'maps'],
+    'forecast-demo': [],
+    'hindcast': ['valley'],
+    'materials': [],
+    'plan': ['scene.yaml', '--within', '1min'],
+    'plot': [str(SAMPLE), '-o', 'frame.png'],
+    'verify': [],
+}
+
+#: Where the work begins: what is before that reads and checks.
+WORK = (
+    'lava_ros.maps.animation._Canvas.draw',
+    'lava_ros.verification.benchmarks.convergence.measure',
+    'lava_ros.cli.demo._flow',
+    'lava_ros.cli.forecast_demo._Truth.__init__',
+    'lava_ros.forecast.pool.Pool.__init__',
+    'lava_ros.simulation.simulation.Simulation.__init__',
+)
+
+WHOLE = (
+    '0', '-0', '-1', '1', '2', '8', '64', '101', '1_000', '2000000',
+    '99999999999999999999', '-99999999999999999999', '9' * 400, '9' * 5000, '\u0663', '',
+)
+NUMBERS = (
+    *WHOLE, '3.5', '1e-3', '1e3', '1e9', '1e18', '1e300', '1e-300', '5e-324', '1e309', 'inf',
+    '-inf', 'nan',
+)
+TIMES = ('1h', '0h', '-1h', '1e309s', '1e300d', '1e-320s', 'infh', 'nand', '9' * 400 + 'd', '1hh')
+PLACES = (
+    '0,0', '1e300,0', 'nan,nan', '1,2,3', ',', 'inf,5', '200,100', '200,100.0000001', '0,1e-200',
+)
+NAMES = (
+    'draft', 'cpu', 'cuda:0', 'inertia', 'etna_basalt', 'steps', 'viscosity', 'viscosity=1:2',
+    'viscosity=nan:inf', 'discharge=-1:1e300', 'new.json', 'none/new.json', 'ground.npz', 'valley',
+    'scene.yaml', '.', 'x' * 300, '\udcff',
+)
+WORDS = {
+    int: st.sampled_from(WHOLE) | st.integers(-10, 200).map(str),
+    float: st.sampled_from(NUMBERS) | st.floats().map(repr),
+    None: st.sampled_from(NUMBERS + TIMES + PLACES + NAMES) | st.text(
+        st.characters(exclude_categories=['Cs'], exclude_characters='\0'), max_size=5
+    ),
+}
+
+
+class BegunError(BaseException):
+    """The command has found nothing wrong, and would work now."""
+
+
+@cache
+def options(command: str) -> list[argparse.Action]:
+    """The options of a command, as its parser has them."""
+    subparsers = next(item for item in cli._parser()._actions if item.dest == 'command')
+    assert isinstance(subparsers.choices, dict)
+    return [
+        action
+        for action in subparsers.choices[command]._actions
+        if action.option_strings and action.dest != 'help'
+    ]
+
+
+@st.composite
+def command_lines(draw: st.DrawFn) -> list[str]:
+    """A command with up to three of its options, and words that may suit them."""
+    command = draw(st.sampled_from(sorted(COMMANDS)))
+    words = [command, *COMMANDS[command]]
+    known = options(command)
+    for action in draw(st.lists(st.sampled_from(known), max_size=3)) if known else ():
+        flag = action.option_strings[-1]
+        if action.nargs == 0:
+            words.append(flag)
+            continue
+        count = draw(st.integers(1, 3)) if action.nargs == '+' else action.nargs or 1
+        values = [draw(WORDS[action.type]) for _ in range(count)]
+        # a value that begins with a hyphen is one, not another option
+        words += [f'{flag}={values[0]}'] if count == 1 else [flag, *values]
+    return words
+
+
+@contextmanager
+def bounded_memory() -> Iterator[None]:
+    """What takes more than ``MEMORY`` gets a MemoryError."""
+    before = resource.getrlimit(resource.RLIMIT_AS)
+    now = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (now + MEMORY, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, before)
+
+
+def outcome(words: list[str]) -> tuple[int | None, str]:
+    """The status of a command and what it said on stderr; None where its work began."""
+    said = io.StringIO()
+    with bounded_memory(), redirect_stderr(said), redirect_stdout(io.StringIO()):
+        try:
+            status = cli.main(words)
+        except SystemExit as end:
+            status = end.code
+        except BegunError:
+            status = None
+    return status, said.getvalue()
+
+
+@pytest.fixture
+def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """A folder with a scene, a terrain and a case, where no work is done."""
+
+    def begin(*args: Any, **options: Any) -> None:
+        raise BegunError
+
+    for name in WORK:
+        monkeypatch.setattr(name, begin)
+    # what has been read is told before what is wrong
+    for module in (terrain_checks, scene_files, scenes):
+        monkeypatch.setattr(module._LOG, 'disabled', True)
+    with tempfile.TemporaryDirectory() as folder:
+        monkeypatch.chdir(folder)
+        north = np.arange(30)[:, None] * 20.0
+        ground = np.broadcast_to(500.0 - 0.1 * north, (30, 24))
+        np.savez('ground.npz', elevation=ground, resolution=20.0)
+        write_case(Path('valley'))
+        Path('scene.yaml').write_text(yaml.safe_dump({
+            'terrain': {'file': 'ground.npz'},
+            'vents': [{'position': [240.0, 100.0], 'discharge': 10.0, 'radius': 30.0}],
+            'lava': {'viscosity': 5e3},
+            'uncertainty': {'position': {'deviation': 20.0}},
+        }))
+        yield
+
+
+@given(words=command_lines())
+def test_a_command_line_is_taken_or_refused(words: list[str], place: None, trial: Any) -> None:
+    """Status 2 with one line on what is wrong, or none: no traceback, no hang, no exhaustion."""
+    note(' '.join(['lava', *words]))
+    with trial('command lines') as row:
+        status, said = outcome(words)
+        if status:
+            row['refused'] += 1
+            assert status in (1, 2), said
+            assert said.startswith(('lava: ', f'lava {words[0]}: ')), said
+            lines = [line for line in said.splitlines() if 'will be replaced' not in line]
+            assert len(lines) == 1 and len(said) < 1600, said
+
+
+@pytest.mark.parametrize(
+    'words',
+    [
+        # each began to work, or came to grief, and the last two work and mean nothing
+        ['calibrate', 'valley', '--seed=-1'],
+        ['hindcast', 'valley', '--runs=0'],
+        ['hindcast', 'valley', '--runs=1000000000'],
+        ['plan', 'scene.yaml', '--within', '1min', '--members', '9' * 5000],
+        ['plan', 'scene.yaml', '--within', '1e305d'],
+        ['bench', 'steps', '--repetitions=1000000000'],
+        ['accuracy', '--repetitions=1000000000'],
+        ['verify', '--json', 'x' * 300],
+        ['demo', '--output', 'x' * 300],
+        ['export', str(SAMPLE), '-o', '\udcff'],
+        ['barrier', 'ground.npz', '-o', 'new.tif', '--height=5', '--line', '0,0', '0,1e-200'],
+        ['bench', 'convergence', '--runs=0'],
+        ['export', str(SAMPLE), '-o', 'maps', '--at=nan'],
+    ],
+)
+def test_what_was_found_is_refused(words: list[str], place: None) -> None:
+    """In one line, before any work."""
+    status, said = outcome(words)
+    assert status == 2 and len(said.splitlines()) == 1, said

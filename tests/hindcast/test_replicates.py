@@ -1,0 +1,214 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Several runs: each is what it would be alone, and together they are steadier."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eruption import write_case
+from lava_ros.errors import LavaError
+from lava_ros.hindcast.case import Case, Event, load_case
+from lava_ros.hindcast.replicates import (
+    agreement,
+    directed,
+    directions,
+    restored,
+    run_several,
+    turned,
+)
+from lava_ros.hindcast.run import Run, Settings, simulate
+from lava_ros.hindcast.score import judge
+from lava_ros.simulation.accuracy import COVERED
+
+SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=2)
+
+
+@pytest.fixture(scope='module')
+def valley(tmp_path_factory: pytest.TempPathFactory) -> Case:
+    """A valley down which lava flows for an hour."""
+    text = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
+    return load_case(write_case(tmp_path_factory.mktemp('several') / 'valley', hours=1, yaml=text))
+
+
+def test_directions_are_all_different() -> None:
+    """Eight of them are all turns and mirror images; more move the vents by a little."""
+    first = directions(8)
+    assert {(item.quarters, item.mirror) for item in first} == {
+        (quarters, mirror) for quarters in range(4) for mirror in (False, True)
+    }
+    assert {item.moved for item in first} == {0.0}
+    assert len(set(directions(24))) == 24
+    assert directions(24)[:8] == first
+
+
+def test_each_run_is_what_it_would_be_alone(valley: Case) -> None:
+    """Each run has the bits that it has alone, put back on the cells of the case."""
+    settings = replace(SETTINGS, maps=1)
+    told: list[float] = []
+    results = run_several(valley, settings, 5, progress=told.append)
+    assert told == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
+    for direction, result in zip(directions(5), results, strict=True):
+        alone = simulate(directed(valley, direction), settings)
+        thickness = result.snapshot.thickness
+        own = restored(alone.snapshot.thickness, direction.quarters, mirror=direction.mirror)
+        np.testing.assert_array_equal(thickness, own)
+        np.testing.assert_array_equal(np.isnan(thickness), ~valley.scene.terrain.has_data)
+        assert result.snapshot.terrain is valley.scene.terrain
+        assert result.peak.shape == result.arrival.shape == valley.footprint.shape
+        assert result.snapshot.budget.emitted == pytest.approx(valley.volume)
+        assert result.snapshot.budget.error < 1e-5
+        assert result.effects == alone.effects
+        assert result.accuracy == alone.accuracy
+
+
+@pytest.mark.parametrize(('quarters', 'mirror'), [(1, False), (2, False), (3, True)])
+def test_a_turned_case_has_the_same_runs(
+    valley: Case, device: str, quarters: int, mirror: bool
+) -> None:
+    """In another order, to the bit: what half of them cover does not depend on the direction."""
+    settings = replace(SETTINGS, device=device, maps=1)
+    (vent,) = valley.scene.vents
+    x, y = vent.position
+    # no multiple of anything
+    vent = replace(vent, position=(x + 1e-3 / 3.0, y - 1e-3 / 7.0))
+    case = replace(valley, scene=replace(valley.scene, vents=(vent,)))
+    scores = []
+    for one in (case, turned(case, quarters, mirror=mirror)):
+        results = run_several(one, settings, 16)
+        scores.append(agreement(one, [item.snapshot.thickness for item in results]))
+    found, other = scores
+    assert sorted(item.jaccard for item in found.scores) == sorted(
+        item.jaccard for item in other.scores
+    )
+    assert found.majority.jaccard == other.majority.jaccard
+    np.testing.assert_array_equal(restored(other.share, quarters, mirror=mirror), found.share)
+
+
+def test_changes_of_the_ground_reach_each_run(valley: Case) -> None:
+    """A hill that rises in mid-eruption stands in the way of all of them, where it should."""
+    ground = valley.scene.terrain
+    elevation = ground.elevation.copy()
+    elevation[35, :] += 60.0
+    event = Event(valley.start + 60.0, replace(ground, elevation=elevation), 'a wall')
+    stopped_runs = run_several(replace(valley, events=(event,)), SETTINGS, 2)
+    free_runs = run_several(valley, SETTINGS, 2)
+    for stopped_run, free_run in zip(stopped_runs, free_runs, strict=True):
+        stopped, thickness = stopped_run.snapshot.thickness, free_run.snapshot.thickness
+        assert np.nansum(thickness[:32]) > 30.0
+        assert np.nansum(stopped[:32]) < 0.1 * np.nansum(thickness[:32])
+
+
+def test_agreement_is_what_half_of_the_runs_cover(valley: Case) -> None:
+    """Shares and the majority are of the runs' own maps; holes count for nothing."""
+    maps = [np.zeros(valley.footprint.shape) for _ in range(3)]
+    maps[0][10:20, 10:20] = 3.0
+    maps[1][10:20, 10:16] = 1.0
+    maps[2][10:14, 10:16] = COVERED
+    maps[2][0, 0] = np.nan
+    found = agreement(valley, maps)
+    assert found.share[10, 10] == 1.0
+    assert found.share[15, 10] == pytest.approx(2.0 / 3.0)
+    covered = found.thickness >= COVERED
+    expected = np.zeros_like(covered)
+    expected[10:20, 10:16] = True
+    np.testing.assert_array_equal(covered, expected)
+    numbers = found.as_dict()
+    assert numbers['count'] == 3
+    assert numbers['lowest'] <= numbers['mean'] <= numbers['highest']
+    assert numbers['standard_deviation'] == pytest.approx(np.std(numbers['jaccard'], ddof=1))
+    assert found.majority.area == 60 * valley.scene.terrain.resolution**2
+
+
+class CutOffError(Exception):
+    """What ends runs before their time."""
+
+
+def test_runs_that_are_cut_off_go_on(valley: Case, tmp_path: Path) -> None:
+    """They end with the same bits, with more of them as well; other settings are refused."""
+
+    def cut_off(share: float) -> None:
+        if share > 0.6:
+            raise CutOffError
+
+    whole = run_several(valley, SETTINGS, 3)
+    with pytest.raises(CutOffError):
+        run_several(valley, SETTINGS, 2, folder=tmp_path, progress=cut_off)
+    kept = tmp_path / 'run_01'
+    assert Run(directed(valley, directions(2)[1]), SETTINGS, folder=kept).is_resumed
+    told: list[float] = []
+    again = run_several(valley, SETTINGS, 3, folder=tmp_path, progress=told.append)
+    assert len(told) == SETTINGS.maps * 3 - 3
+    for one, other in zip(whole, again, strict=True):
+        np.testing.assert_array_equal(one.snapshot.thickness, other.snapshot.thickness)
+        np.testing.assert_array_equal(one.arrival, other.arrival)
+    with pytest.raises(LavaError, match='--fresh'):
+        run_several(valley, replace(SETTINGS, spacing=20.0), 3, folder=tmp_path)
+
+
+@pytest.mark.parametrize('runs', [1, 65])
+def test_number_of_runs_has_limits(valley: Case, runs: int) -> None:
+    """One is not several, and too many fit nowhere."""
+    with pytest.raises(LavaError, match='--runs'):
+        run_several(valley, SETTINGS, runs)
+
+
+@pytest.mark.parametrize('mirror', [False, True])
+def test_turned_and_mirrored_places_are_on_the_same_ground(valley: Case, mirror: bool) -> None:
+    """A vent keeps its ground in all eight directions, and maps come back as they were."""
+    (vent,) = valley.scene.vents
+    before = valley.scene.terrain
+    here = before.cell_at(*vent.position)
+    for quarters in range(4):
+        case = turned(valley, quarters, mirror=mirror)
+        ground, (moved,) = case.scene.terrain, case.scene.vents
+        cell = ground.cell_at(*moved.position)
+        assert cell is not None
+        assert ground.elevation[cell] == before.elevation[here]
+        assert case.footprint[cell] == valley.footprint[here]
+        back = restored(ground.elevation, quarters, mirror=mirror)
+        np.testing.assert_array_equal(back, before.elevation)
+        back = restored(case.footprint, quarters, mirror=mirror)
+        np.testing.assert_array_equal(back, valley.footprint)
+
+
+def test_turns_are_counterclockwise_after_the_mirror(valley: Case) -> None:
+    """A valley that falls to the south falls to the east; four turns are none."""
+    (vent,) = valley.scene.vents
+    once = turned(valley, 1)
+    assert np.median(np.diff(once.scene.terrain.elevation, axis=1)) < 0.0
+    again = turned(once, 3)
+    np.testing.assert_array_equal(again.scene.terrain.elevation, valley.scene.terrain.elevation)
+    assert again.scene.vents[0].position == pytest.approx(vent.position)
+    mirrored = turned(valley, 0, mirror=True)
+    x0, _, x1, _ = valley.scene.terrain.extent
+    assert mirrored.scene.vents[0].position[0] - x0 == pytest.approx(x1 - vent.position[0])
+
+
+def test_score_does_not_depend_on_the_direction(valley: Case) -> None:
+    """Jaccard of a turned case is the same: places where lava comes out turn with the ground."""
+    settings = Settings('draft', spacing=8.0, device='cpu')
+    scores = [
+        judge(case, simulate(case, settings).snapshot.thickness)
+        for case in (turned(valley, quarters) for quarters in range(4))
+    ]
+    found = [item.jaccard for item in scores]
+    assert max(found) - min(found) < 0.01
+    lengths = [item.length for item in scores]
+    # a cell more or less
+    assert max(lengths) - min(lengths) <= valley.scene.terrain.resolution

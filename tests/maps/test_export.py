@@ -1,0 +1,233 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""GeoTIFF files say what the bag said, where it was."""
+
+from pathlib import Path
+import sys
+
+import numpy as np
+import pytest
+import rasterio
+from rasterio.warp import transform
+
+from lava_ros.errors import LavaError
+from lava_ros.maps.export import export_bag, MAPS
+from lava_ros.maps.frames import read_frame
+from lava_ros.maps.gis import NODATA, NODATA_BYTE
+from lava_ros.scene import Terrain
+from recording import GRIDS, growing, RAW_CONFIG, record, silenced, TERRAIN
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    """Frames at 200, 400, 600 and 800 s."""
+    return record(tmp_path / 'bag', config=GRIDS)
+
+
+def test_values_come_back_as_the_frame_has_them(bag: Path, tmp_path: Path) -> None:
+    """Every cell of height, temperature and hazard, north up; nodata outside the terrain."""
+    exported = export_bag(bag, tmp_path / 'out')
+    assert [item.stem for item in exported.files] == list(MAPS)
+    frame = read_frame(bag)
+    outside = ~TERRAIN.has_data
+    for name, source, dry in (
+        ('height', 'thickness', NODATA),
+        ('temperature', 'temperature', NODATA),
+        ('hazard', 'hazard', 0.0),
+    ):
+        values = frame.layers[source].values
+        with rasterio.open(tmp_path / f'out/{name}.tif') as file:
+            cells = file.read(1)[::-1]
+            nodata = NODATA_BYTE if name == 'hazard' else NODATA
+            assert file.nodata == nodata
+            expected = np.where(np.isfinite(values), values, dry)
+            np.testing.assert_allclose(cells, np.where(outside, nodata, expected), rtol=1e-6)
+            np.testing.assert_array_equal(file.read_masks(1)[::-1] == 0, cells == nodata)
+
+
+def test_a_cell_is_where_it_was(bag: Path, tmp_path: Path) -> None:
+    """GDAL finds the tip of the flow at its easting and northing, in UTM zone 33."""
+    export_bag(bag, tmp_path / 'out', maps=['height'])
+    with rasterio.open(tmp_path / 'out/height.tif') as file:
+        assert file.crs.to_epsg() == 32633
+        assert file.bounds == (499_950.0, 4_180_020.0, 500_150.0, 4_180_170.0)
+        # Row 10, column 7 of the terrain: the south-eastern corner of the flow.
+        easting = 500_000.0 - 50.0 + 7.5 * 5.0
+        northing = 4_180_000.0 + 20.0 + 10.5 * 5.0
+        assert file.xy(*file.index(easting, northing)) == (easting, northing)
+        around = [(0.0, 0.0), (5.0, 0.0), (0.0, -5.0), (-5.0, 0.0), (0.0, 5.0)]
+        places = [(easting + x, northing + y) for x, y in around]
+        seen = [value[0] for value in file.sample(places)]
+        np.testing.assert_allclose(seen, [2.9, NODATA, NODATA, 3.0, 2.9], atol=1e-5)
+        longitude, latitude = transform(file.crs, 'EPSG:4326', [easting], [northing])
+    # 15 degrees east is the middle of the zone, 500 km east in its numbers.
+    assert longitude[0] == pytest.approx(15.0, abs=1e-3)
+    assert 37.0 < latitude[0] < 38.0
+
+
+def test_arrival_and_peak(bag: Path, tmp_path: Path) -> None:
+    """Seconds of the first map with lava; the thickest there was."""
+    export_bag(bag, tmp_path / 'out', threshold=0.5)
+    with rasterio.open(tmp_path / 'out/arrival.tif') as file:
+        times = file.read(1)[::-1]
+        tags = file.tags()
+        assert file.units == ('s',)
+    expected = [200, 200, 400, 400, 600, 600, 800, 800, NODATA, NODATA]
+    np.testing.assert_array_equal(times[12, :10], expected)
+    assert (times[:10] == NODATA).all()
+    assert (tags['threshold_m'], tags['longest_time_between_maps_s']) == ('0.5', '200.0')
+    with rasterio.open(tmp_path / 'out/peak_height.tif') as file:
+        peak = file.read(1)[::-1]
+    np.testing.assert_allclose(peak[12, [0, 7, 8]], [3.3, 2.9, NODATA], atol=1e-5)
+    assert peak[0, 0] == NODATA
+
+
+def test_tags_tell_unit_time_and_rounding(bag: Path, tmp_path: Path) -> None:
+    """A file by itself says what it holds."""
+    export_bag(bag, tmp_path / 'out', maps=['height', 'temperature'])
+    with rasterio.open(tmp_path / 'out/height.tif') as file:
+        tags = file.tags()
+        assert (file.units, file.descriptions) == (('m',), ('height',))
+    assert tags['simulated_time_s'] == '800.0'
+    assert tags['quantisation'].startswith('recorded in steps of 0.1 from 0 to 10, true to 0.05')
+    assert tags['thinnest_lava_shown_m'] == '0.1'
+    assert tags['saturated'] == 'no'
+    assert tags['bag'] == 'bag'
+    with rasterio.open(tmp_path / 'out/temperature.tif') as file:
+        assert file.units == ('degC',)
+        assert 'steps of 12 from 0 to 1200' in file.tags()['quantisation']
+
+
+def test_layers_of_floats_are_not_rounded(tmp_path: Path) -> None:
+    """A bag with unrounded layers gives unrounded files, which say so."""
+    export_bag(record(tmp_path / 'bag', config=RAW_CONFIG), tmp_path / 'out')
+    with rasterio.open(tmp_path / 'out/height.tif') as file:
+        cells = file.read(1)[::-1]
+        assert file.tags()['quantisation'] == 'none: recorded as float32'
+    expected = np.where(TERRAIN.has_data & (growing(800.0) > 0.0), growing(800.0), NODATA)
+    np.testing.assert_array_equal(cells, expected.astype(np.float32))
+
+
+def test_lava_is_as_thick_as_it_is(tmp_path: Path) -> None:
+    """A bag of the node's own layers has no largest thickness, and thin lava is there, too."""
+    flow = np.zeros(TERRAIN.shape, dtype=np.float32)
+    flow[12, 5:8] = 41.37, 0.004, 12.5
+    bag = record(tmp_path / 'bag', flow=lambda _: flow)
+    export_bag(bag, tmp_path / 'out', maps=['height', 'peak_height'])
+    for name in ('height', 'peak_height'):
+        with rasterio.open(tmp_path / f'out/{name}.tif') as file:
+            cells = file.read(1)[::-1]
+        np.testing.assert_array_equal(cells, np.where(flow > 0.0, flow, np.float32(NODATA)))
+
+
+def test_at_a_time(bag: Path, tmp_path: Path) -> None:
+    """Maps, arrival and peak are what was known at that time."""
+    export_bag(bag, tmp_path / 'out', time=450.0)
+    with rasterio.open(tmp_path / 'out/height.tif') as file:
+        assert (file.read(1)[::-1][12] > 0.0).sum() == 4
+        assert file.tags()['simulated_time_s'] == '400.0'
+    with rasterio.open(tmp_path / 'out/arrival.tif') as file:
+        assert file.read(1).max() == 400.0
+
+
+def test_every_frame(bag: Path, tmp_path: Path) -> None:
+    """A numbered file for each, with its time in the name."""
+    exported = export_bag(bag, tmp_path / 'out', every=True, maps=['height', 'arrival'])
+    names = [item.name for item in exported.files]
+    assert names == [
+        'height_0000_200s.tif',
+        'height_0001_400s.tif',
+        'height_0002_600s.tif',
+        'height_0003_800s.tif',
+        'arrival.tif',
+    ]
+    for index, name in enumerate(names[:4]):
+        with rasterio.open(tmp_path / 'out' / name) as file:
+            assert (file.read(1)[::-1][12] > 0.0).sum() == 2 * (index + 1)
+
+
+def test_a_bag_without_coordinate_system(tmp_path: Path) -> None:
+    """Its files have none, in the map frame, unless somebody says where it is."""
+    terrain = Terrain(TERRAIN.elevation, 5.0, origin=TERRAIN.origin)
+    bag = record(tmp_path / 'bag', terrain=terrain)
+    exported = export_bag(bag, tmp_path / 'plain', maps=['hazard'])
+    assert exported.placement.epsg is None
+    with rasterio.open(tmp_path / 'plain/hazard.tif') as file:
+        assert file.crs is None
+        assert file.bounds[:2] == (-50.0, 20.0)
+    export_bag(bag, tmp_path / 'said', maps=['hazard'], epsg=32633, offset=(1000.0, 2000.0))
+    with rasterio.open(tmp_path / 'said/hazard.tif') as file:
+        assert file.crs.to_epsg() == 32633
+        assert file.bounds[:2] == (950.0, 2020.0)
+
+
+@pytest.mark.parametrize(
+    ('options', 'words'),
+    [
+        ({'epsg': 32632}, 'epsg is 32632, expected 32633, as the bag says'),
+        ({'offset': (1.0, 2.0)}, 'offset is .*as the bag says'),
+        ({'time': 100.0}, 'time is 100.0, expected 200 to 800 s'),
+        ({'threshold': 0.01}, 'threshold is 0.01'),
+        ({'threshold': float('nan')}, 'threshold is nan'),
+        ({'maps': ['depth']}, 'maps'),
+    ],
+)
+def test_what_cannot_be_is_refused(
+    bag: Path, tmp_path: Path, options: dict[str, object], words: str
+) -> None:
+    """One error that names it, and nothing is written."""
+    with pytest.raises(LavaError, match=words):
+        export_bag(bag, tmp_path / 'out', **options)  # type: ignore[arg-type]
+    assert not (tmp_path / 'out').exists()
+
+
+def test_a_folder_with_something_in_it(bag: Path, tmp_path: Path) -> None:
+    """Files of two bags are never mixed."""
+    (tmp_path / 'out').mkdir()
+    (tmp_path / 'out/height.tif').touch()
+    with pytest.raises(LavaError, match='a folder that is new or empty'):
+        export_bag(bag, tmp_path / 'out')
+
+
+def test_an_epsg_code_nobody_knows(tmp_path: Path) -> None:
+    """GDAL's refusal names the code."""
+    bag = record(tmp_path / 'bag', terrain=Terrain(TERRAIN.elevation, 5.0, TERRAIN.origin))
+    with pytest.raises(LavaError, match='epsg is 999999'):
+        export_bag(bag, tmp_path / 'out', epsg=999_999)
+
+
+def test_a_topic_that_is_listed_but_empty(bag: Path, tmp_path: Path) -> None:
+    """A recorder that heard nothing on a topic lists it; no empty folder is left for it."""
+    heard = silenced(bag, tmp_path / 'heard.mcap', '/terrain')
+    with pytest.raises(LavaError, match='messages on the topic terrain'):
+        read_frame(heard)
+    with pytest.raises(LavaError, match='messages on the topic terrain'):
+        export_bag(heard, tmp_path / 'maps')
+    assert not (tmp_path / 'maps').exists()
+
+
+def test_a_terrain_that_comes_last(bag: Path, tmp_path: Path) -> None:
+    """There is no map after it: the error is about the bag, nobody has asked for a time."""
+    late = silenced(bag, tmp_path / 'late.mcap', '/terrain', late=True)
+    with pytest.raises(LavaError, match='bag is .*late.mcap.*a terrain and a map'):
+        export_bag(late, tmp_path / 'maps')
+    assert not (tmp_path / 'maps').exists()
+
+
+def test_without_rasterio(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The error says how to get it."""
+    monkeypatch.setitem(sys.modules, 'rasterio', None)
+    with pytest.raises(LavaError, match=r"pip install 'lava_ros\[terrain\]'"):
+        export_bag(bag, tmp_path / 'out')

@@ -1,0 +1,244 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a bag's messages say comes back in metres, Celsius and simulated seconds."""
+
+from pathlib import Path
+from typing import Any
+
+from nav_msgs.msg import MapMetaData, OccupancyGrid
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import Image, PointCloud2
+
+from lava_ros.bag import BagReader, BagWriter, LATCHED
+from lava_ros.errors import LavaError
+from lava_ros.maps.frames import read_frame, Recording
+from lava_ros.ros import codec
+from lava_ros.scene import Vent
+from recording import GRIDS, growing, RAW_CONFIG, record, TERRAIN, VENT
+
+SECOND = 1_000_000_000
+
+
+def test_last_frame_in_physical_units(tmp_path: Path) -> None:
+    """Without a time the last frame is read: metres, Celsius and 0..100, NaN where it is dry."""
+    frame = read_frame(record(tmp_path / 'bag', config=GRIDS))
+    assert frame.time == 800.0
+    assert set(frame.layers) == {'thickness', 'temperature', 'hazard'}
+    thickness = growing(800.0)
+    wet = thickness > 0.0
+    # Half a step of the grids: 10 m and 1200 C in 100 steps.
+    for source, expected, tolerance in (
+        ('thickness', thickness[wet], 0.05),
+        ('temperature', 820.0, 6.0),
+        ('hazard', 100.0, 0.0),
+    ):
+        values = frame.layers[source].values
+        np.testing.assert_array_equal(np.isfinite(values), wet)
+        np.testing.assert_allclose(values[wet], expected, atol=tolerance + 1e-4)
+    assert frame.layers['hazard'].is_saturated
+    assert not frame.layers['thickness'].is_saturated
+
+
+def test_ground_vents_and_scene(tmp_path: Path) -> None:
+    """Elevation, cells, the vents that emit and the scene come back as they were."""
+    closed = Vent((10.0, 60.0), 0.0, 1423.0, name='closed')
+    frame = read_frame(record(tmp_path / 'bag', vents=(VENT, closed)))
+    np.testing.assert_array_equal(frame.elevation, TERRAIN.elevation)
+    assert (frame.resolution, frame.origin) == (5.0, (-50.0, 20.0))
+    np.testing.assert_allclose(frame.vents, [VENT.position])
+    assert frame.scene['terrain']['epsg'] == 32633
+
+
+@pytest.mark.parametrize(('asked', 'shown'), [(200.0, 200.0), (599.0, 400.0), (800.0, 800.0)])
+def test_time(tmp_path: Path, asked: float, shown: float) -> None:
+    """The newest frame up to the simulated time is read."""
+    frame = read_frame(record(tmp_path / 'bag'), asked)
+    assert frame.time == shown
+    assert np.isfinite(frame.layers['thickness'].values).any(axis=0).sum() == shown / 100.0
+
+
+@pytest.mark.parametrize('asked', [100.0, 999999.0])
+def test_a_time_that_is_not_in_the_bag(tmp_path: Path, asked: float) -> None:
+    """The error names the times there are."""
+    with pytest.raises(LavaError, match=rf'time is {asked}, expected 200 to 800 s'):
+        read_frame(record(tmp_path / 'bag'), asked)
+
+
+def test_without_diagnostics(tmp_path: Path) -> None:
+    """The last frame has no simulated time then, and none can be asked for."""
+    bag = record(tmp_path / 'bag', clock=False)
+    assert read_frame(bag).time is None
+    with pytest.raises(LavaError, match='does not say its simulated time'):
+        read_frame(bag, 300.0)
+
+
+def test_the_bags_own_message_configuration(tmp_path: Path) -> None:
+    """Grids are decoded with the ranges they were recorded with; images need none."""
+    frame = read_frame(
+        record(
+            tmp_path / 'bag',
+            config="""
+            layers:
+              depth: {source: thickness, message: nav_msgs/OccupancyGrid, range: [0.0, 50.0]}
+              heat: {source: temperature, message: sensor_msgs/Image}
+            """,
+        )
+    )
+    thickness, temperature = (frame.layers[name].values for name in ('thickness', 'temperature'))
+    np.testing.assert_allclose(thickness[np.isfinite(thickness)], 3.0, atol=0.51)
+    np.testing.assert_allclose(temperature[np.isfinite(temperature)], 820.0, rtol=1e-6)
+    assert np.isfinite(temperature).sum() == 80
+    assert 'hazard' not in frame.layers
+
+
+def test_namespace(tmp_path: Path) -> None:
+    """A node that ran in a namespace is read like any other."""
+    bag = record(tmp_path / 'bag', prefix='/etna')
+    assert set(read_frame(bag).layers) == {'thickness', 'temperature', 'hazard'}
+
+
+def test_a_bag_of_something_else(tmp_path: Path) -> None:
+    """A bag without any layer is refused."""
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        writer.write('/chatter', 'std_msgs/msg/Empty', bytes(5), 0, qos=LATCHED)
+    with pytest.raises(LavaError, match='the layers of a simulation'):
+        read_frame(tmp_path / 'bag')
+
+
+def test_every_frame_in_order(tmp_path: Path) -> None:
+    """Each frame has its own time and its own maps."""
+    recording = Recording(record(tmp_path / 'bag'))
+    frames = list(recording.frames())
+    assert [frame.time for frame in frames] == [200.0, 400.0, 600.0, 800.0]
+    for frame in frames:
+        assert frame.time is not None
+        wet = np.isfinite(frame.layers['thickness'].values)
+        np.testing.assert_array_equal(wet, growing(frame.time) > 0.0)
+        np.testing.assert_allclose(frame.vents, [[-47.5, 95.0]])
+    assert [recording.share_at(frame) for frame in frames] == pytest.approx([0, 1 / 3, 2 / 3, 1])
+
+
+def test_what_a_new_file_repeats_is_no_frame(tmp_path: Path) -> None:
+    """A bag of several files has the frames of one that was not split."""
+    bag = record(tmp_path / 'bag', max_duration=2.5)
+    assert len(BagReader(bag).files) > 1
+    frames = list(Recording(bag).frames())
+    assert [frame.time for frame in frames] == [200.0, 400.0, 600.0, 800.0]
+    assert read_frame(bag, 450.0).time == 400.0
+
+
+def test_only_the_last_run_has_frames(tmp_path: Path) -> None:
+    """After a reset the flow begins again, and what was before is not mixed with it."""
+    recording = Recording(record(tmp_path / 'bag', [200.0, 400.0, 0.0, 100.0, 300.0]))
+    assert [frame.time for frame in recording.frames()] == [0.0, 100.0, 300.0]
+
+
+def test_a_recording_that_was_cut_off(tmp_path: Path) -> None:
+    """Frames whose time was never said are left out."""
+    recording = Recording(record(tmp_path / 'bag', close=False))
+    assert recording.bag.recovered
+    assert [frame.time for frame in recording.frames()] == [200.0, 400.0, 600.0, 800.0]
+
+
+def test_what_is_not_rounded_is_preferred(tmp_path: Path) -> None:
+    """Beside a grid of the same time, the image is what is read."""
+    config = RAW_CONFIG + """
+  grid: {source: thickness, message: nav_msgs/OccupancyGrid, range: [0.0, 10.0]}
+"""
+    for name, text in (('after', config), ('before', _last_layer_first(config))):
+        frame = read_frame(record(tmp_path / name, config=text))
+        assert frame.layers['thickness'].layer.name == 'height'
+        np.testing.assert_allclose(frame.layers['thickness'].values[12, 1], 3.21)
+
+
+@pytest.mark.parametrize('name', ['scene', 'msg_config'])
+def test_custom_data_that_is_no_yaml(tmp_path: Path, name: str) -> None:
+    """The error names which text it is."""
+    bag = record(tmp_path / 'bag', custom_data={name: '{not: [yaml'})
+    with pytest.raises(LavaError, match=f'custom_data {name} of '):
+        Recording(bag)
+
+
+def test_a_terrain_that_is_cut_off(tmp_path: Path) -> None:
+    """An image with too few bytes for its size is refused."""
+    bag = record(tmp_path / 'bag')
+    with BagWriter(tmp_path / 'broken', custom_data={}) as writer:
+        for item in BagReader(bag).messages():
+            data = item.data[:-9] if item.topic == '/terrain' else item.data
+            kind = BagReader(bag).topics[item.topic].message_type
+            writer.write(item.topic, kind, data, item.stamp_ns, qos=LATCHED)
+    with pytest.raises(LavaError, match='^/terrain.data is .*step x height = 4800 bytes'):
+        read_frame(tmp_path / 'broken')
+
+
+@pytest.mark.parametrize(
+    ('topic', 'fields', 'said'),
+    [
+        ('/terrain', {'height': 2**31, 'width': 1, 'step': 0}, 'terrain.step'),
+        ('/terrain', {'height': 0, 'width': 0, 'step': 0, 'data': []}, 'terrain.size'),
+        ('/terrain', {'height': 1, 'width': 1, 'step': 4, 'data': [0] * 4}, 'at least 2 x 2'),
+        ('/terrain', {'encoding': 'rgb8'}, 'terrain.encoding'),
+        ('/terrain_info', {'resolution': 0.0}, 'terrain.resolution'),
+        ('/terrain_info', {'resolution': float('nan')}, 'terrain.resolution'),
+        ('/terrain_info', {'resolution': -1.0}, 'terrain.resolution'),
+        ('/vents', {'point_step': 0}, 'vents.fields.x.offset'),
+        ('/vents', {'point_step': 7, 'row_step': 7}, 'vents.data'),
+        ('/vents', {'fields': []}, 'vents.fields'),
+        ('/vents', {'data': [0, 0, 0xC0, 0x7F] * 7}, 'vents.data'),
+        ('/height', {'info': MapMetaData(height=2**31, width=2)}, 'message on /height'),
+    ],
+)
+def test_messages_that_lie_are_refused(
+    tmp_path: Path, topic: str, fields: dict[str, Any], said: str
+) -> None:
+    """Sizes, steps and places that do not fit the data, or nothing on Earth."""
+    kinds = {'terrain': Image, 'terrain_info': MapMetaData, 'vents': PointCloud2}
+    bag = BagReader(record(tmp_path / 'bag', (200.0,), config=GRIDS))
+    with BagWriter(tmp_path / 'lies', custom_data=bag.custom_data) as writer:
+        for item in bag.messages():
+            data = item.data
+            if item.topic == topic:
+                kind = kinds.get(topic[1:], OccupancyGrid)
+                message = deserialize_message(data, kind)
+                for name, value in fields.items():
+                    setattr(message, name, value)
+                data = codec.serialise(message)
+            kind = bag.topics[item.topic].message_type
+            writer.write(item.topic, kind, data, item.stamp_ns, qos=LATCHED)
+    with pytest.raises(LavaError, match=said):
+        read_frame(tmp_path / 'lies')
+
+
+def _last_layer_first(config: str) -> str:
+    head, *lines = config.strip().splitlines()
+    return '\n'.join([head, lines[-1], *lines[:-1]])
+
+
+def test_masks_and_margins_are_no_maps(tmp_path: Path) -> None:
+    """A keepout mask says nothing of thickness; a layer with a margin shows lava where none is."""
+    config = """
+layers:
+  keepout: {source: hazard, message: nav_msgs/OccupancyGrid, step: 20.0}
+  wide: {source: thickness, message: nav_msgs/OccupancyGrid, range: [0.0, 10.0], margin: 20.0}
+  turned: {source: temperature, message: nav_msgs/OccupancyGrid, range: [0.0, 1200.0],
+    scale: [100, 40]}
+"""
+    frame = read_frame(record(tmp_path / 'bag', config=config))
+    assert set(frame.layers) == {'temperature'}
+    # 60 steps of 20 C downwards from 100.
+    values = frame.layers['temperature'].values
+    np.testing.assert_allclose(values[12, 0], 820.0, atol=10.01)

@@ -1,0 +1,303 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a page says and holds, without a browser."""
+
+import base64
+import hashlib
+from html.parser import HTMLParser
+import json
+from pathlib import Path
+import re
+from typing import Any
+import zlib
+
+import numpy as np
+import pytest
+
+from lava_ros.bag import BagReader
+from lava_ros.errors import LavaError
+from lava_ros.maps.frames import read_frame, Recording
+from lava_ros.pages.report import write_report
+from lava_ros.pages.report.page import page
+from lava_ros.pages.report.sections import facts, warnings
+from lava_ros.pages.report.survey import survey
+from lava_ros.pages.runs import read_run
+from lava_ros.scene import Terrain
+from pages.report.conftest import HOSTILE
+from recording import GRIDS, growing, RAW_CONFIG, record, TERRAIN
+
+ROOT = Path(__file__).parents[3]
+SAMPLE = ROOT / 'bags/sample'
+
+
+class Reader(HTMLParser):
+    """Takes a page apart, and insists that every element that is opened is closed.
+
+    Attributes:
+        elements: Names and attributes of all elements.
+        texts: Their texts, those of script and style left out.
+        data: The JSON for the script.
+    """
+
+    VOID = frozenset({'meta', 'link', 'input', 'img', 'br'})
+
+    def __init__(self, text: str) -> None:
+        """Read a page."""
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: list[str] = []
+        self.data: dict[str, Any] = {}
+        self._open: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(text)
+        self.close()
+        assert self._open == []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note an element."""
+        self.elements.append((tag, dict(attrs)))
+        if tag not in self.VOID and not self.get_starttag_text().endswith('/>'):
+            self._open.append((tag, dict(attrs)))
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note an element that is closed at once."""
+        self.elements.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        """Close the innermost element."""
+        assert self._open.pop()[0] == tag
+
+    def handle_data(self, data: str) -> None:
+        """Note a text."""
+        tag, attributes = self._open[-1] if self._open else ('', {})
+        if attributes.get('id') == 'data':
+            self.data = json.loads(data)
+        elif tag not in ('script', 'style') and data.strip():
+            self.texts.append(data.strip())
+
+
+@pytest.fixture(scope='module')
+def read(run: Path) -> Reader:
+    """The page of the run."""
+    return Reader(page(Recording(run)))
+
+
+def frames(data: dict[str, Any], name: str) -> np.ndarray:
+    """The codes of a layer as the script unpacks them, shape [frames, rows, columns]."""
+    (layer,) = [item for item in data['layers'] if item['name'] == name]
+    raw = zlib.decompress(base64.b64decode(layer['cells']))
+    shape = (len(data['times']), data['rows'], data['columns'])
+    return np.bitwise_xor.accumulate(np.frombuffer(raw, np.uint8).reshape(shape), axis=0)
+
+
+def test_a_page_needs_nothing_else(run: Path) -> None:
+    """No address of anything outside, and a policy that forbids to ask for any."""
+    text = page(Recording(run))
+    for _, attributes in Reader(text).elements:
+        for name in ('src', 'href', 'srcset', 'action'):
+            value = attributes.get(name)
+            assert value is None or value.startswith('data:')
+    assert "default-src 'none'" in text
+    # Relative addresses that style sheets and scripts could ask for.
+    assert re.search(r'@import|url\(|fetch\(|XMLHttpRequest|importScripts', text) is None
+
+
+@pytest.mark.parametrize('kind', ['script', 'style'])
+def test_the_policy_lets_the_page_run(run: Path, kind: str) -> None:
+    """Its hashes are those of the only script and the only style, to the last blank."""
+    text = page(Recording(run))
+    (content,) = re.findall(f'<{kind}>(.*?)</{kind}>', text, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(content.encode()).digest()).decode()
+    assert f"{kind}-src 'sha256-{digest}'" in text
+
+
+def test_the_script_finds_what_it_asks_for(read: Reader) -> None:
+    """Elements by their id, and each part of the data and of a layer by its name."""
+    script = (ROOT / 'lava_ros/pages/report/report.js').read_text(encoding='utf-8')
+    ids = set(re.findall(r"byId\('(\w+)'\)", script))
+    assert len(ids) >= 7
+    assert ids <= {attributes.get('id') for _, attributes in read.elements}
+    assert any(attributes.get('name') == 'layer' for _, attributes in read.elements)
+    parts = set(re.findall(r'\bdata\.(\w+)', script))
+    assert len(parts) >= 12
+    assert parts <= set(read.data)
+    layer = set(read.data['layers'][0]) | set(read.data['arrival'])
+    charts = set(read.data['charts'][0])
+    assert set(re.findall(r'\bitem\.(\w+)', script)) <= layer | charts
+
+
+def test_texts_of_the_bag_are_texts(run: Path, read: Reader) -> None:
+    """What a bag says is shown as it is, and never becomes an element or a script."""
+    assert sum('window.broken' in item for item in read.texts) >= 2
+    assert any(HOSTILE in item for item in read.texts)
+    assert not any(tag == 'img' for tag, _ in read.elements)
+    assert sum(tag == 'script' for tag, _ in read.elements) == 2
+
+
+def test_the_maps_are_those_of_the_bag(read: Reader) -> None:
+    """Each frame unpacks to the grid that was recorded, at its place."""
+    data = read.data
+    assert data['times'] == [0.0, 200.0, 400.0, 600.0, 800.0, 1000.0, 1200.0, 1400.0, 1600.0]
+    height = frames(data, 'height')
+    (layer,) = [item for item in data['layers'] if item['name'] == 'height']
+    row = round((data['south'] - 20.0) / 5.0)
+    column = round((data['west'] + 50.0) / 5.0)
+    part = (slice(row, row + data['rows']), slice(column, column + data['columns']))
+    for index, time in enumerate(data['times']):
+        expected = np.where(TERRAIN.has_data, growing(time), 0.0)[part]
+        shown = np.where(height[index] > 0, layer['low'] + height[index] * layer['step'], 0.0)
+        np.testing.assert_allclose(shown, expected, atol=0.051)
+        np.testing.assert_array_equal(shown > 0.0, expected > 0.0)
+    assert (frames(data, 'hazard')[-1] == 100).sum() == 160
+
+
+def test_arrival_is_never_late(read: Reader) -> None:
+    """The packed times are those of the frames, or earlier by less than a step."""
+    arrival = read.data['arrival']
+    raw = zlib.decompress(base64.b64decode(arrival['cells']))
+    codes = np.frombuffer(raw, '<u2').reshape(read.data['rows'], read.data['columns'])
+    times = arrival['start'] + (codes.astype(float) - 1.0) * arrival['step']
+    reached = np.unique(times[codes > 0])
+    expected = np.arange(200.0, 1601.0, 200.0)
+    assert (reached <= expected).all()
+    np.testing.assert_allclose(reached, expected, atol=1.01 * arrival['step'])
+
+
+def test_curves(read: Reader) -> None:
+    """Volume, area, front and temperature are those of the frames."""
+    charts = {item['key']: item['curves'] for item in read.data['charts']}
+    times = charts['area'][0]['times']
+    columns = [int(time / 100.0) for time in times]
+    assert charts['area'][0]['values'] == [250.0 * count for count in columns]
+    volumes = [round(float(growing(time).sum()) * 25.0, 1) for time in times]
+    for curve in charts['volume'][:2]:
+        assert curve['values'] == pytest.approx(volumes, rel=1e-4)
+    # From the vent in the first column's middle to the corner of the flow's last column.
+    tip = np.hypot(5.0 * (columns[-1] - 1), 22.5)
+    assert charts['front'][0]['values'][-1] == pytest.approx(tip, rel=1e-4)
+    assert charts['front'][0]['values'][0] is None
+    assert charts['temperature'][0]['values'][1] == pytest.approx(880.0, abs=6.1)
+
+
+def test_effects_and_accuracy(read: Reader) -> None:
+    """What is on and why, what changed, and the preset with its measured error and cost."""
+    texts = read.texts
+    at = texts.index('cooling')
+    assert texts[at : at + 3] == ['cooling', 'on', 'heat lost = 2.5 > 0.01']
+    at = texts.index('Changed while it ran')
+    assert texts[at + 5 : at + 9] == ['5 min', 'crust', 'on', 'forced']
+    assert any(item.startswith('standard: For maps') for item in texts)
+    at = texts.index('particles across the flow')
+    assert float(texts[at + 1]) > 1.0
+    at = texts.index('expected error of the footprint')
+    assert re.fullmatch(r'[0-9.]+ %', texts[at + 1])
+    assert '-1' in texts and 'lethal: 0.5 m of lava or more, or 300 °C or more' in texts
+
+
+def test_a_bag_that_was_cut_off(tmp_path: Path) -> None:
+    """The page says it before anything else."""
+    bag = record(tmp_path / 'bag', close=False)
+    assert BagReader(bag).recovered
+    read = Reader(page(Recording(bag)))
+    alerts = [item for tag, item in read.elements if item.get('role') == 'alert']
+    assert len(alerts) == 2
+    assert read.texts.index(
+        'The recording was cut off: what came after its last whole message is lost.'
+    ) < read.texts.index('simulated')
+
+
+def test_the_picture_and_the_page_agree(tmp_path: Path) -> None:
+    """Area and largest thickness are one number, of lava from 0.1 m on; nothing ends at 10 m."""
+
+    def flow(time: float) -> np.ndarray:
+        thickness = growing(time)
+        thickness[12, :8] = 0.05
+        thickness[14, 0] = 7.2 if time < 800.0 else 41.3
+        return thickness
+
+    bag = record(tmp_path / 'bag', flow=flow)
+    frame = read_frame(bag)
+    rows = dict(facts(Recording(bag), survey(Recording(bag))))
+    # 10 rows of 8 columns, less the row that is too thin
+    assert frame.area == 72 * 25.0
+    assert rows['covered by 0.1 m or more'] == '1800 m²'
+    assert rows['thickest'] == '41.3 m'
+    texts = Reader(page(Recording(bag))).texts
+    at = texts.index('over a roof')
+    assert texts[at - 1 : at + 2] == ['from 5 m on', 'over a roof', '25 m²']
+    assert read_run(bag).summary == '1800 m² covered  ·  up to 41.3 m thick'
+    assert not any('thicker in places' in item for item in warnings(
+        Recording(bag), survey(Recording(bag))))
+
+
+def test_layers_of_floats(tmp_path: Path) -> None:
+    """Unrounded layers are packed in steps of a 250th of the largest value."""
+    read = Reader(page(Recording(record(tmp_path / 'bag', config=RAW_CONFIG))))
+    (layer,) = [item for item in read.data['layers'] if item['name'] == 'height']
+    assert layer['step'] == pytest.approx(3.26 / 250.0, rel=1e-5)
+    assert frames(read.data, 'height').max() == 250
+
+
+def test_a_large_and_long_run_stays_small(tmp_path: Path) -> None:
+    """Cells and frames are thinned; the worst of those that become one is kept."""
+    elevation = np.add.outer(np.arange(380.0), np.arange(500.0))
+    terrain = Terrain(elevation, 5.0, TERRAIN.origin, 32633)
+
+    def flow(time: float) -> np.ndarray:
+        thickness = np.zeros(terrain.shape, dtype=np.float32)
+        thickness[10:370, 10 : 10 + int(time)] = 1.0
+        thickness[201, 401] = 9.0
+        return thickness
+
+    times = [4.0 * index for index in range(122)]
+    bag = record(tmp_path / 'bag', times, flow=flow, terrain=terrain, config=GRIDS)
+    size = write_report(bag, tmp_path / 'report.html')
+    read = Reader((tmp_path / 'report.html').read_text(encoding='utf-8'))
+    assert read.data['cell'] == 10.0
+    assert read.data['rows'] * read.data['columns'] <= 90_000
+    assert len(read.data['times']) <= 120
+    assert (read.data['times'][0], read.data['times'][-1]) == (0.0, 484.0)
+    assert (frames(read.data, 'height') == 90).any(axis=(1, 2)).all()
+    assert size < 300_000
+
+
+def test_a_run_without_lava(tmp_path: Path) -> None:
+    """All of the terrain is shown, and nothing divides by zero."""
+    bag = record(tmp_path / 'bag', flow=lambda time: np.zeros(TERRAIN.shape, dtype=np.float32))
+    read = Reader(page(Recording(bag)))
+    assert (read.data['rows'], read.data['columns']) == (30, 40)
+    assert read.data['arrival'] is None
+
+
+def test_a_bag_that_does_not_say_its_times(tmp_path: Path) -> None:
+    """Without them there is no report."""
+    with pytest.raises(LavaError, match='/diagnostics of the node'):
+        page(Recording(record(tmp_path / 'bag', clock=False)))
+
+
+@pytest.mark.parametrize('name', ['report.pdf', 'missing/report.html'])
+def test_a_page_that_cannot_be_written(run: Path, tmp_path: Path, name: str) -> None:
+    """A bad path or format is one error that names it."""
+    with pytest.raises(LavaError, match='output is '):
+        write_report(run, tmp_path / name)
+
+
+def test_the_sample(tmp_path: Path) -> None:
+    """The recorded sample gives a page of some 100 kB, with the effects that were on."""
+    size = write_report(SAMPLE, tmp_path / 'report.html')
+    read = Reader((tmp_path / 'report.html').read_text(encoding='utf-8'))
+    assert 50_000 < size < 250_000
+    assert read.data['epsg'] == 26710
+    assert 'The bag does not say.' not in read.texts
+    assert 'solidification' in read.texts

@@ -1,0 +1,332 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Terrain, vents, description and checkpoints of a bag."""
+
+from concurrent.futures import Future
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import yaml
+
+from lava_ros.bag import BagReader, LATCHED, QosProfile
+from lava_ros.bag.checkpoints import checkpoints_of
+from lava_ros.cli.main import main
+from lava_ros.errors import LavaError
+from lava_ros.ros.recorder import Recorder
+from lava_ros.ros.recording import CheckpointRecording, PATIENCE, SceneRecording
+from lava_ros.ros.session import Origin
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation.budget import VolumeBudget
+from lava_ros.simulation.snapshot import Snapshot, StepReport
+from small_checkpoint import small_checkpoint
+
+TERRAIN = Terrain(np.zeros((4, 5)), 10.0)
+STEEP = {'steep': 'on: slope = 0.5 > 0.12', 'inertia': 'off: number = 0.01 <= 0.1'}
+FAST = {'steep': 'on: slope = 0.5 > 0.12', 'inertia': 'on: number = 0.2 > 0.1'}
+
+
+class Names:
+    """What a recording asks of a node."""
+
+    @staticmethod
+    def resolve_topic_name(name):
+        return f'/{name}'
+
+
+class Taped:
+    """A recording that is told of one frame after the other."""
+
+    def __init__(self, directory, terrain=TERRAIN):
+        self.directory = directory
+        self.scene = Scene(terrain, (Vent((25.0, 15.0), 2.0),), lava=Lava())
+        self.schedule = self.scene.vents
+        self.origin = None
+        self.recorder = Recorder()
+        self.recording = SceneRecording(
+            Names(), self.recorder, frame_id='map', msg_config='', parameters=dict
+        )
+
+    def write(self, time, effects):
+        terrain = self.scene.terrain
+        empty = np.zeros(terrain.shape, np.float32)
+        budget, steps = VolumeBudget(0.0, 0.0, 0.0, 0.0), StepReport(1, 1, 1, 1.0, 'longest')
+        snapshot = Snapshot(time, terrain, empty, empty, budget, 0, steps)
+        stamp_ns = int(time * 1e9)
+        eruption = SimpleNamespace(
+            scene=self.scene,
+            effects=effects,
+            schedule=self.schedule,
+            origin=self.origin,
+            device='cpu',
+        )
+        self.recording.write(eruption, snapshot, stamp_ns)
+        self.recorder.flush()
+
+    def effects(self, name):
+        return json.loads(BagReader(self.directory / name).custom_data['effects'])
+
+
+@pytest.fixture
+def taped(tmp_path):
+    """A recording that has begun with one effect on."""
+    result = Taped(tmp_path)
+    result.recorder.arm(tmp_path / 'one')
+    result.write(1.0, STEEP)
+    return result
+
+
+def test_the_bag_begins_with_the_whole_table(taped):
+    """The first entry has every effect, with its reason."""
+    taped.recorder.stop()
+    assert taped.effects('one') == [{'stamp_ns': 10**9, 'time': 1.0, 'effects': STEEP}]
+
+
+def test_changes_of_effects_are_kept(taped):
+    """Each time that some went on or off is an entry; a new number alone is none."""
+    taped.write(2.0, {**STEEP, 'steep': 'on: slope = 0.6 > 0.12'})
+    taped.write(3.0, FAST)
+    taped.scene = Scene(TERRAIN, lava=Lava())
+    taped.write(4.0, FAST)
+    taped.write(5.0, STEEP)
+    taped.recorder.stop()
+    entries = taped.effects('one')
+    assert [entry['time'] for entry in entries] == [1.0, 3.0, 5.0]
+    assert entries[1]['effects'] == {'inertia': FAST['inertia']}
+    assert entries[2]['effects'] == {'inertia': STEEP['inertia']}
+
+
+def test_a_recording_that_was_cut_off_has_the_changes(taped):
+    """The list is in the file as soon as the frame is."""
+    taped.write(3.0, FAST)
+    assert [entry['time'] for entry in taped.effects('one')] == [1.0, 3.0]
+    taped.recorder.stop()
+
+
+def test_the_next_bag_begins_anew(taped):
+    """A second recording has the whole table again, as it is then."""
+    taped.write(3.0, FAST)
+    taped.recorder.stop()
+    taped.recorder.arm(taped.directory / 'two')
+    taped.write(6.0, FAST)
+    taped.recorder.stop()
+    assert taped.effects('two') == [{'stamp_ns': 6 * 10**9, 'time': 6.0, 'effects': FAST}]
+
+
+def test_a_bag_names_the_checkpoint_it_begins_after(taped):
+    """Only a bag that was begun then, and it goes on to after the simulation starts anew."""
+    taped.origin = Origin('bags/first', 120.0, 7)
+    taped.write(2.0, STEEP)
+    taped.recorder.stop()
+    taped.recorder.arm(taped.directory / 'two')
+    taped.write(3.0, STEEP)
+    taped.origin = None
+    taped.write(0.0, FAST)
+    taped.recorder.stop()
+    data = [BagReader(taped.directory / name).custom_data for name in ('one', 'two')]
+    assert 'resumed_from' not in data[0]
+    assert json.loads(data[1]['resumed_from']) == {
+        'bag': 'bags/first', 'time': 120.0, 'stamp_ns': 7
+    }
+
+
+def test_a_bag_has_the_whole_schedule(taped):
+    """Not only what the vents emitted last: of vents that closed as well."""
+    taped.schedule = (Vent((25.0, 15.0), ((0.0, 2.0), (3.0, 5.0), (4.0, 0.0)), 1423.0),)
+    taped.scene = Scene(TERRAIN, lava=Lava())
+    taped.write(4.0, STEEP)
+    taped.recorder.stop()
+    scene = yaml.safe_load(BagReader(taped.directory / 'one').custom_data['scene'])
+    assert scene['vents'][0]['discharge'] == [[0.0, 2.0], [3.0, 5.0], [4.0, 0.0]]
+    assert main(['info', str(taped.directory / 'one')]) == 0
+
+
+def test_terrain_and_vents_come_again(tmp_path):
+    """Once a minute, when the bag has grown by as much as they are."""
+    random = np.random.default_rng(0)
+    taped = Taped(tmp_path, Terrain(random.random((50, 60)), 1.0))
+    taped.recorder.arm(tmp_path / 'one')
+    for second in range(1, 186):
+        taped.recorder.write(
+            '/noise', 'std_msgs/msg/Empty', random.bytes(1000), second * 10**9, qos=LATCHED
+        )
+        taped.write(float(second), STEEP)
+    for second in range(1000, 2000, 100):
+        taped.write(float(second), STEEP)
+    taped.recorder.stop()
+    seen = {}
+    for item in BagReader(tmp_path / 'one').messages():
+        seen.setdefault(item.topic, []).append(item.stamp_ns // 10**9)
+    # after that there is nothing beside them
+    assert seen['/terrain'] == [1, 61, 121, 181]
+    assert seen['/terrain'] == seen['/terrain_info'] == seen['/vents']
+
+
+PERIOD = 60.0
+
+
+def state(time, particles=10):
+    """The bytes of a checkpoint at a time."""
+    return small_checkpoint(time, particles).to_bytes()
+
+
+class Eruption:
+    """Gives checkpoints of its time; by itself or when it is told."""
+
+    def __init__(self, particles=10):
+        self.time = 0.0
+        self.particles = particles
+        self.asked = []
+        self.is_slow = False
+
+    def take(self):
+        future = Future()
+        self.asked.append(future)
+        if not self.is_slow:
+            self.answer()
+        return future
+
+    def answer(self):
+        self.asked[-1].set_result(state(self.time, self.particles))
+
+
+@pytest.fixture
+def recording(tmp_path):
+    """A recorder with an open bag, an eruption, and what puts its checkpoints into the bag."""
+    recorder = Recorder()
+    recorder.arm(tmp_path / 'bag')
+    recorder.begin({})
+    eruption = Eruption()
+    checkpoints = CheckpointRecording(recorder, eruption.take, clock=lambda: eruption.time)
+    yield recorder, eruption, checkpoints
+    recorder.stop()
+
+
+def run(recorder, eruption, checkpoints, seconds, bytes_a_second=0):
+    """Poll twice a second; each second a message of a size goes into the bag."""
+    random = np.random.default_rng(0)
+    for _ in range(2 * seconds):
+        eruption.time += 0.5
+        if bytes_a_second and eruption.time % 1.0 == 0.0:
+            data = bytes(4) + random.bytes(bytes_a_second)
+            stamp = int(eruption.time * 1e9)
+            recorder.write('/words', 'std_msgs/msg/String', data, stamp, qos=QosProfile())
+            recorder.flush()
+        assert checkpoints.poll(PERIOD, int(eruption.time * 1e9)) == ''
+
+
+def test_one_at_the_start_and_one_each_period(tmp_path, recording):
+    """And the last when the bag is closed, with what it holds by then."""
+    recorder, _eruption, checkpoints = recording
+    run(*recording, 150, bytes_a_second=1000)
+    assert checkpoints.finish(PERIOD, 150 * 10**9, timeout=1.0) == ''
+    recorder.stop()
+    stored = checkpoints_of(tmp_path / 'bag')
+    assert [item.time for item in stored] == [0.5, 60.5, 120.5, 150.0]
+    assert stored[-1].log_time_ns == 150 * 10**9
+    assert (checkpoints.last.time, checkpoints.last.count) == (150.0, 4)
+    assert checkpoints.last.size == stored[-1].size
+    assert checkpoints.poll(PERIOD, 0) == ''
+    assert checkpoints.last is None
+
+
+def test_none_when_they_are_off_or_nothing_is_recorded(tmp_path, recording):
+    """A period of 0, and a recorder without a bag, ask for nothing."""
+    recorder, eruption, checkpoints = recording
+    assert checkpoints.poll(0.0, 1) == checkpoints.finish(0.0, 1, timeout=1.0) == ''
+    recorder.stop()
+    assert checkpoints.poll(PERIOD, 1) == checkpoints.finish(PERIOD, 1, timeout=1.0) == ''
+    assert eruption.asked == []
+    assert checkpoints_of(tmp_path / 'bag') == []
+
+
+def test_the_same_is_not_written_twice(tmp_path, recording):
+    """A simulation that stands still costs the bag one checkpoint."""
+    recorder, _eruption, checkpoints = recording
+    checkpoints._take = lambda: _done(state(7.0))
+    run(*recording, 300, bytes_a_second=1000)
+    checkpoints.finish(PERIOD, 1, timeout=1.0)
+    recorder.stop()
+    assert [item.time for item in checkpoints_of(tmp_path / 'bag')] == [7.0]
+
+
+def test_nothing_waits_for_a_slow_simulation(recording):
+    """While the simulation is busy there is one request, and it is written when it is done."""
+    _recorder, eruption, checkpoints = recording
+    eruption.is_slow = True
+    run(*recording, 200)
+    assert len(eruption.asked) == 1
+    assert checkpoints.last is None
+    eruption.answer()
+    run(*recording, 1)
+    assert checkpoints.last.time == 200.0
+    assert checkpoints.finish(PERIOD, 1, timeout=0.01) == 'no checkpoint within 0.01 s'
+
+
+def test_large_ones_wait_for_the_bag_to_grow(tmp_path, recording):
+    """Checkpoints take no more than half of the bag, but one comes within ten periods."""
+    recorder, eruption, _checkpoints = recording
+    eruption.particles = 10_000
+    size = len(state(0.0, 10_000))
+    assert size > 100_000
+    run(*recording, 3600, bytes_a_second=size // 100)
+    recorder.stop()
+    stored = checkpoints_of(tmp_path / 'bag')
+    waits = np.diff([item.time for item in stored])
+    # a message's record and its index add to the hundredth; the second waits for two of them
+    assert waits[1:].min() > 80.0 and waits.max() < 202.0
+    bag = sum(item.stat().st_size for item in (tmp_path / 'bag').glob('*.mcap'))
+    assert sum(item.size for item in stored) <= 0.52 * bag
+    eruption.time = 0.0
+    recorder.arm(tmp_path / 'next')
+    recorder.begin({})
+    run(*recording, 1500)
+    recorder.stop()
+    waits = np.diff([item.time for item in checkpoints_of(tmp_path / 'next')])
+    assert waits.tolist() == [PATIENCE * PERIOD] * 2
+
+
+def test_what_goes_wrong_is_said_and_tried_again(recording):
+    """An eruption that has not begun or has failed: a reason, and the next period."""
+    _recorder, eruption, checkpoints = recording
+    failures = [LavaError('checkpoint', 'no simulation', 'one'), RuntimeError('out of memory')]
+    for failure in failures:
+        future = Future()
+        future.set_exception(failure)
+        checkpoints._take = lambda future=future: future
+        assert checkpoints.finish(PERIOD, 1, timeout=1.0) == str(failure)
+    checkpoints._take = eruption.take
+    run(*recording, 1)
+    assert checkpoints.last.count == 1
+
+
+def test_a_new_bag_begins_with_a_checkpoint(tmp_path, recording):
+    """A recording that starts in the middle of a period can be resumed from its start."""
+    recorder, _eruption, checkpoints = recording
+    run(*recording, 10)
+    recorder.stop()
+    recorder.arm(tmp_path / 'second')
+    recorder.begin({})
+    run(*recording, 2)
+    assert checkpoints.last.time == 10.5
+    recorder.stop()
+    assert [item.time for item in checkpoints_of(tmp_path / 'second')] == [10.5]
+
+
+def _done(data):
+    future = Future()
+    future.set_result(data)
+    return future

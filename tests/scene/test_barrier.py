@@ -1,0 +1,131 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Barriers and the filter: what they do to a terrain."""
+
+import numpy as np
+import pytest
+
+from lava_ros.errors import LavaError
+from lava_ros.scene import Terrain
+from lava_ros.scene.barrier import Barrier, with_barrier
+from lava_ros.scene.low_pass import low_pass
+
+GROUND = Terrain(
+    np.add.outer(np.arange(40.0), np.zeros(50)), 10.0, epsg=32633, offset=(500_000.0, 4_180_000.0)
+)
+
+
+def _place(x: float, y: float) -> tuple[float, float]:
+    return (500_000.0 + x, 4_180_000.0 + y)
+
+
+def _added(terrain: Terrain) -> np.ndarray:
+    return terrain.elevation - GROUND.elevation
+
+
+def test_barrier_has_its_height_width_and_sides() -> None:
+    """Full height on the crest, a fall of one beside it, nothing further away."""
+    barrier = Barrier((_place(100, 205), _place(400, 205)), height=20.0, width=30.0)
+    added = _added(with_barrier(GROUND, barrier))
+    np.testing.assert_allclose(added[17:25, 25], [5, 15, 20, 20, 20, 15, 5, 0], atol=1e-4)
+    assert added[20, 10:40].min() == pytest.approx(20.0)
+    assert added[20, 3] == 0.0
+    assert added[20, 47] == 0.0
+    assert with_barrier(GROUND, barrier).epsg == 32633
+
+
+def test_thin_barrier_has_no_gap() -> None:
+    """A wall narrower than a cell stops what goes from cell to cell, also on its diagonal."""
+    barrier = Barrier((_place(5, 5), _place(395, 385)), height=5.0, width=0.5, slope=100.0)
+    raised = _added(with_barrier(GROUND, barrier)) > 4.0
+    for row in range(1, 37):
+        columns = np.flatnonzero(raised[row])
+        following = np.flatnonzero(raised[row + 1])
+        assert len(columns)
+        # the parts of two rows overlap: no way leads through between them
+        assert set(columns) & set(following)
+
+
+def test_corners_are_not_piled_up() -> None:
+    """Where two parts of a line meet the barrier is as high as elsewhere."""
+    line = (_place(100, 100), _place(300, 100), _place(300, 300))
+    added = _added(with_barrier(GROUND, Barrier(line, 8.0, 20.0)))
+    assert added.max() == pytest.approx(8.0)
+
+
+def test_turned_barrier_is_the_same() -> None:
+    """A barrier on turned ground is the turned barrier."""
+    flat = Terrain(np.zeros((40, 40)), 10.0)
+    one = with_barrier(flat, Barrier(((55.0, 105.0), (255.0, 305.0)), 8.0, 20.0))
+    other = with_barrier(flat, Barrier(((400.0 - 105.0, 55.0), (400.0 - 305.0, 255.0)), 8.0, 20.0))
+    turned = np.rot90(one.elevation[::-1], 1)[::-1]
+    np.testing.assert_allclose(other.elevation, turned, atol=1e-4)
+
+
+def test_holes_stay_holes() -> None:
+    """Cells without data get none from a barrier or a filter."""
+    elevation = np.array(GROUND.elevation)
+    elevation[20, 20:30] = np.nan
+    holed = Terrain(elevation, 10.0)
+    raised = with_barrier(holed, Barrier(((100.0, 205.0), (400.0, 205.0)), 8.0, 20.0))
+    np.testing.assert_array_equal(raised.has_data, holed.has_data)
+    smooth = low_pass(holed, 30.0)
+    np.testing.assert_array_equal(smooth.has_data, holed.has_data)
+    assert np.isfinite(smooth.elevation[19, 25])
+
+
+@pytest.mark.parametrize(
+    ('line', 'height', 'width', 'word'),
+    [
+        (((0.0, 0.0),), 5.0, 5.0, 'two or more places'),
+        (((0.0, 0.0), (0.0, 0.0)), 5.0, 5.0, 'that differ'),
+        ('0,0 1,1', 5.0, 5.0, 'two or more places'),
+        (((0.0, 0.0), (1.0, 1.0)), -5.0, 5.0, 'barrier.height'),
+        (((0.0, 0.0), (1.0, 1.0)), 5.0, 0.0, 'barrier.width'),
+        (((0.0, 0.0), (1.0, np.nan)), 5.0, 5.0, r'barrier.line\[1\]'),
+    ],
+)
+def test_wrong_barriers_are_refused(
+    line: object, height: float, width: float, word: str
+) -> None:
+    """Each by the name of what is wrong."""
+    with pytest.raises(LavaError, match=word):
+        Barrier(line, height, width)  # type: ignore[arg-type]
+
+
+def test_barrier_somewhere_else_is_refused() -> None:
+    """A line that does not touch the terrain is a mistake, not a barrier without effect."""
+    with pytest.raises(LavaError, match='a line on the terrain, which covers x 500000 to 500500'):
+        with_barrier(GROUND, Barrier(((0.0, 0.0), (100.0, 0.0)), 5.0, 5.0))
+
+
+def test_filter_takes_short_waves_and_leaves_planes() -> None:
+    """A wave of 8 widths keeps 73 % of its height, one of 2 widths less than 1 %."""
+    x = (np.arange(400) + 0.5) * 10.0
+    for length, share in ((800.0, 0.7346), (400.0, 0.2912), (200.0, 0.0072)):
+        waves = Terrain(1000.0 + np.tile(np.sin(2.0 * np.pi * x / length), (200, 1)), 10.0)
+        left = low_pass(waves, 100.0).elevation[100, 60:340] - 1000.0
+        assert np.abs(left).max() == pytest.approx(share, abs=2e-3)
+    smooth = low_pass(GROUND, 30.0)
+    np.testing.assert_allclose(smooth.elevation[13:27], GROUND.elevation[13:27], atol=1e-3)
+    assert low_pass(GROUND, 0.0) is GROUND
+
+
+@pytest.mark.parametrize('width', [-1.0, np.nan, 1e4])
+def test_widths_that_make_no_sense_are_refused(width: float) -> None:
+    """Negative ones, and those that leave nothing of the terrain."""
+    with pytest.raises(LavaError, match='low_pass'):
+        low_pass(GROUND, width)

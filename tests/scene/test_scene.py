@@ -1,0 +1,257 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The scene: validation, discharge, YAML."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.errors import LavaError
+from lava_ros.files.resources import share_path
+from lava_ros.scene import (
+    check_vents,
+    Lava,
+    Scene,
+    scene_from_yaml,
+    scene_to_dict,
+    Terrain,
+    Vent,
+    vents_from_list,
+)
+from lava_ros.scene.materials import material_named
+from lava_ros.scene.uncertainty import Uncertainty
+
+
+def flat(rows=10, columns=20, **options):
+    """A flat terrain of 10 m cells."""
+    return Terrain(np.zeros((rows, columns)), 10.0, **options)
+
+
+def test_terrain_knows_where_its_cells_are():
+    """Extent, cells and coverage follow origin and resolution; outside there is no cell."""
+    terrain = flat(origin=(100.0, -50.0))
+    assert terrain.extent == (100.0, -50.0, 300.0, 50.0)
+    assert terrain.cell_at(100.0, -50.0) == (0, 0)
+    assert terrain.cell_at(299.9, 49.9) == (9, 19)
+    assert terrain.cell_at(300.0, 0.0) is None
+    assert not terrain.covers(0.0, 0.0)
+
+
+def test_terrain_does_not_cover_cells_without_data():
+    """A NaN cell is a hole: nothing lies on it."""
+    elevation = np.zeros((4, 4))
+    elevation[1, 2] = np.nan
+    terrain = Terrain(elevation, 1.0)
+    assert not terrain.covers(2.5, 1.5)
+    assert terrain.covers(1.5, 2.5)
+
+
+@pytest.mark.parametrize(
+    ('field', 'change'),
+    [
+        ('elevation', {'elevation': np.zeros(5)}),
+        ('elevation', {'elevation': np.zeros((1, 5))}),
+        ('elevation', {'elevation': np.full((3, 3), np.nan)}),
+        ('elevation', {'elevation': np.full((3, 3), np.inf)}),
+        ('elevation', {'elevation': 'hill'}),
+        ('elevation', {'elevation': np.broadcast_to(np.float32(0), (2, 40000))}),
+        ('resolution', {'resolution': 0.0}),
+        ('resolution', {'resolution': -5.0}),
+        ('origin', {'origin': (0.0, math.nan)}),
+        ('epsg', {'epsg': 'UTM'}),
+        ('offset', {'offset': 3}),
+    ],
+)
+def test_terrain_refuses_by_name(field, change):
+    """Each unusable field raises an error that names it."""
+    with pytest.raises(LavaError, match=rf'^terrain\.{field}'):
+        Terrain(**{'elevation': np.zeros((3, 3)), 'resolution': 1.0, **change})
+
+
+@pytest.mark.parametrize(
+    ('field', 'change'),
+    [
+        ('discharge', {'discharge': -1.0}),
+        ('discharge', {'discharge': math.nan}),
+        ('discharge', {'discharge': []}),
+        ('discharge', {'discharge': [(0.0, 1.0), (0.0, 2.0)]}),
+        ('discharge', {'discharge': [(0.0, -1.0)]}),
+        ('temperature', {'temperature': 20.0}),
+        ('temperature', {'temperature': 1e5}),
+        ('radius', {'radius': 0.0}),
+        ('position', {'position': (1.0,)}),
+        ('end', {'end': 'far'}),
+    ],
+)
+def test_vent_refuses_by_name(field, change):
+    """Each unusable field raises an error that names it."""
+    with pytest.raises(LavaError, match=rf'{field}'):
+        Vent(**{'position': (0.0, 0.0), 'discharge': 1.0, **change})
+
+
+@pytest.mark.parametrize(
+    ('name', 'value'), [('density', 0), ('viscosity', -1), ('emissivity', 1.1), ('arrhenius', 'x')]
+)
+def test_lava_refuses_by_name(name, value):
+    """Each unusable material constant raises an error that names it."""
+    with pytest.raises(LavaError, match=rf'^lava\.{name}'):
+        Lava(**{name: value})
+
+
+def test_discharge_series_integrates_exactly():
+    """The volume is the integral of the stepwise series, over any span."""
+    vent = Vent((0.0, 0.0), [(0.0, 2.0), (10.0, 5.0), (20.0, 0.0)])
+    assert vent.volume_between(0.0, 30.0) == 70.0
+    assert vent.volume_between(5.0, 15.0) == 35.0
+    assert vent.volume_between(-10.0, 0.0) == 0.0
+    assert Vent((0.0, 0.0), 3.0).volume_between(10.0, 12.0) == 6.0
+
+
+def test_a_long_discharge_series_is_read_once():
+    """A long table: each point looked at for each other would take an hour."""
+    count = 100_000
+    series = tuple((float(time), float(time % 7)) for time in range(count))
+    # what is validated point by point takes seconds
+    vent = Vent((0.0, 0.0), 1.0)
+    object.__setattr__(vent, 'discharge', series)
+    volumes = vent.volumes_at([time for time, _ in series], since=0.0)
+    assert (volumes[0], volumes[7], volumes[-1]) == (0.0, 21.0, vent.volume_between(0.0, 99999.0))
+    assert [vent.discharge_at(time + 0.5) for time in range(count)] == [q for _, q in series]
+
+
+def test_volumes_begin_where_they_are_asked_for():
+    """Before the first point nothing comes out; times before ``since`` count nothing."""
+    vent = Vent((0.0, 0.0), [(10.0, 2.0), (20.0, 5.0), (25.0, 0.0)])
+    assert vent.volumes_at([0.0, 12.0, 20.0, 30.0], since=11.0) == [0.0, 2.0, 18.0, 43.0]
+    assert Vent((0.0, 0.0), 3.0).volumes_at([4.0, 5.0, 7.0], since=5.0) == [0.0, 0.0, 6.0]
+    assert [vent.discharge_at(time) for time in (9.0, 10.0, 24.0, 25.0)] == [0.0, 2.0, 5.0, 0.0]
+
+
+def test_vents_must_lie_on_the_terrain():
+    """A vent, or its fissure's end, outside the terrain is an error that names it."""
+    with pytest.raises(LavaError, match=r'vents\[1\]\.position'):
+        Scene(flat(), (Vent((5.0, 5.0), 1.0), Vent((5.0, 500.0), 1.0)), lava=Lava())
+    with pytest.raises(LavaError, match=r'vents\[0\]\.end'):
+        check_vents([Vent((5.0, 5.0), 1.0, end=(-1.0, 5.0))], flat())
+
+
+def test_scene_from_yaml_reads_everything(tmp_path):
+    """A scene file gives terrain, lava and vents, in map or projected coordinates."""
+    ground = {'elevation': np.zeros((10, 20)), 'resolution': 10.0, 'origin': (1000.0, 2000.0)}
+    np.savez(tmp_path / 'ground.npz', **ground)
+    (tmp_path / 'scene.yaml').write_text(
+        """
+terrain: {file: ground.npz, offset: [1000.0, 2000.0]}
+lava: {material: kedadry2023, viscosity: 1e4, density: 2600}
+vents:
+  - {position: [50, 50], discharge: 3, temperature: 1400}
+  - {projected: [1060, 2070], projected_end: [1080, 2070], radius: 2, discharge: [[0, 1], [60, 2]]}
+ambient_temperature: 290
+"""
+    )
+    scene = scene_from_yaml(tmp_path / 'scene.yaml')
+    assert scene.lava == Lava(viscosity=1e4, density=2600.0)
+    assert scene.vents[0] == Vent((50.0, 50.0), 3.0, 1400.0, name='vent 0')
+    assert scene.vents[1].position == (60.0, 70.0)
+    assert scene.vents[1].end == (80.0, 70.0)
+    assert scene.vents[1].discharge == ((0.0, 1.0), (60.0, 2.0))
+    assert scene.ambient_temperature == 290.0
+    assert scene_to_dict(scene)['terrain']['offset'] == [1000.0, 2000.0]
+
+
+@pytest.mark.parametrize(
+    ('text', 'field'),
+    [
+        ('[1, 2', 'scene'),
+        ('- 1', 'scene'),
+        ('volcano: Etna', r'scene\.volcano'),
+        ('terrain: {}', r'scene\.terrain\.file'),
+        ('lava: {stickiness: 3}\nterrain: {file: ground.npz}', r'scene\.lava\.stickiness'),
+        ('vents: 3\nterrain: {file: ground.npz}', 'vents'),
+        ('vents: [{position: [5, 5]}]\nterrain: {file: ground.npz}', r'vents\[0\]\.discharge'),
+        ('vents: [{discharge: 5}]\nterrain: {file: ground.npz}', r'vents\[0\]\.position'),
+    ],
+)
+def test_scene_from_yaml_refuses_by_name(tmp_path, text, field):
+    """A wrong scene file is refused with the key that is wrong."""
+    np.savez(tmp_path / 'ground.npz', elevation=np.zeros((10, 20)), resolution=10.0)
+    (tmp_path / 'scene.yaml').write_text(text)
+    with pytest.raises(LavaError, match=f'^{field}'):
+        scene_from_yaml(tmp_path / 'scene.yaml')
+
+
+def scene_file(folder, text):
+    """Write a scene on flat ground whose lower-left corner is at 1000, 2000."""
+    ground = {'elevation': np.zeros((10, 20)), 'resolution': 10.0, 'offset': (1000.0, 2000.0)}
+    np.savez(folder / 'ground.npz', **ground)
+    (folder / 'scene.yaml').write_text('terrain: {file: ground.npz}\n' + text)
+    return folder / 'scene.yaml'
+
+
+def test_a_scene_that_names_no_lava_is_of_etna(tmp_path):
+    """Its lava becomes solid; constants of the scene replace those of the material."""
+    vents = 'vents: [{position: [50, 50], discharge: 3}]\n'
+    scene = scene_from_yaml(scene_file(tmp_path, vents))
+    assert scene.lava == material_named('etna_basalt').lava
+    assert scene.vents[0].temperature == 1360.0
+    scene = scene_from_yaml(scene_file(tmp_path, vents + 'lava: {viscosity: 1e4}'))
+    assert (scene.lava.viscosity, scene.lava.solidus) == (1e4, 1143.0)
+
+
+@pytest.mark.parametrize('name', ['etna', 'uncertain'])
+def test_scenes_of_the_package_can_be_used(name):
+    """Their vent is in the crater of the terrain that comes with the package; one is uncertain."""
+    scene = scene_from_yaml(share_path(f'examples/{name}.yaml'))
+    (vent,) = scene.vents
+    assert scene.terrain.elevation[scene.terrain.cell_at(*vent.position)] > 1700.0
+    assert (scene.uncertainty == Uncertainty()) == (name == 'etna')
+
+
+def test_celsius_in_place_of_kelvin_does_not_go_unnoticed(tmp_path, caplog):
+    """Solid lava is refused and cold lava warned of, both with the temperature in kelvin."""
+    vent = 'vents: [{{position: [50, 50], discharge: 3, temperature: {}}}]\n'
+    with pytest.raises(LavaError, match=r'is 1114.*solidus, 1143 K.*\(1114 Celsius are 1387.15 K'):
+        scene_from_yaml(scene_file(tmp_path, vent.format(1114)))
+    paper = 'lava: {material: kedadry2023}'
+    scene_from_yaml(scene_file(tmp_path, vent.format(1114) + paper))
+    assert '309 K below lava.reference_temperature: 1114 Celsius would be' in caplog.text
+    caplog.clear()
+    scene_from_yaml(scene_file(tmp_path, vent.format(1300) + paper))
+    assert caplog.text == ''
+
+
+def test_an_error_about_a_projected_vent_is_in_projected_coordinates(tmp_path):
+    """It shows what was typed, and where the terrain is in the same system."""
+    text = 'vents: [{projected: [900, 2050], discharge: 3}]'
+    sentence = r'projected is \(900.0, 2050.0\).*easting 1000 to 1200 m and northing 2000 to 2100'
+    with pytest.raises(LavaError, match=sentence):
+        scene_from_yaml(scene_file(tmp_path, text))
+
+
+def test_projected_and_map_position_exclude_each_other():
+    """A vent is placed once."""
+    data = [{'position': [5, 5], 'projected': [5, 5], 'discharge': 1}]
+    with pytest.raises(LavaError, match='absent beside position'):
+        vents_from_list(data, flat())
+
+
+def test_a_vent_of_solid_lava_is_refused():
+    """Lava colder than the solidus would be ground before it flows."""
+    terrain = Terrain(np.zeros((4, 4)), 10.0)
+    vents = (Vent((20.0, 20.0), 1.0, temperature=1100.0),)
+    with pytest.raises(LavaError, match=r'vents\[0\].temperature is 1100'):
+        Scene(terrain, vents, Lava(solidus=1200.0))
+    assert Scene(terrain, vents, Lava(solidus=1000.0)).vents

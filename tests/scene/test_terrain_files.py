@@ -1,0 +1,614 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Elevation files become terrain, or one clear error."""
+
+from importlib import import_module
+from pathlib import Path
+import socket
+import sys
+import threading
+from types import ModuleType
+from typing import Any
+import zipfile
+
+from matplotlib import cbook
+import numpy as np
+import pytest
+import rasterio
+from rasterio.transform import Affine, from_origin
+from rasterio.warp import transform as transform_points
+
+from lava_ros.errors import LavaError
+from lava_ros.scene.terrain_files import demo_terrain, load_terrain, ridge_terrain
+
+ETNA = Path(__file__).parents[3] / 'shared/data/etna2001/elevation.asc'
+
+#: Rows from the north, as every raster file has them.
+NORTH_FIRST = np.array([[7.0, 8.0, 9.0], [4.0, 5.0, 6.0], [1.0, 2.0, 3.0], [0.5, 0.6, 0.7]])
+
+
+def write_tif(path: Path, bands: np.ndarray, **options: Any) -> Path:
+    """Write a GeoTIFF of one band, shape [rows, columns], or several."""
+    bands = bands if bands.ndim == 3 else bands[None]
+    profile = {
+        'transform': from_origin(500_000.0, 4_180_000.0, 10.0, 10.0),
+        'crs': 'EPSG:32633',
+        'dtype': bands.dtype,
+        **{key: value for key, value in options.items() if key not in ('unit', 'scale', 'shift')},
+    }
+    count, height, width = bands.shape
+    with rasterio.open(
+        path, 'w', driver='GTiff', count=count, height=height, width=width, **profile
+    ) as sink:
+        sink.write(bands)
+        if 'unit' in options:
+            sink.units = [options['unit']]
+        if 'scale' in options:
+            sink.scales, sink.offsets = [options['scale']], [options['shift']]
+    return path
+
+
+def write_asc(
+    path: Path, cell: str = 'cellsize 25', *, hole: object = -9999, nodata: object = -9999
+) -> Path:
+    """Write an ESRI ASCII grid with a hole in its north-east corner."""
+    rows = [[7, 8, hole], [4, 5, 6], [1, 2, 3]]
+    text = f'ncols 3\nnrows 3\nxllcorner 1000\nyllcorner 2000\n{cell}\nNODATA_value {nodata}\n'
+    path.write_text(text + '\n'.join(' '.join(map(str, row)) for row in rows) + '\n')
+    return path
+
+
+def plane(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A slope [m] of small coordinates: what interpolation must give back exactly."""
+    return 1000.0 + 0.2 * (x - 500_000.0) - 0.1 * (y - 4_180_000.0)
+
+
+def plane_rows(rows: int, columns: int, *, height: float = 10.0) -> np.ndarray:
+    """The slope on cells 10 m wide from (500,000, 4,180,000) on, rows from the north."""
+    x = 500_000.0 + (np.arange(columns) + 0.5) * 10.0
+    y = 4_180_000.0 - (np.arange(rows) + 0.5) * height
+    return plane(*np.meshgrid(x, y)).astype(np.float32)
+
+
+def check_plane(terrain: Any) -> None:
+    """The slope is what it was, but for the borders."""
+    error = terrain.elevation - plane(*centres(terrain))
+    assert np.abs(error[4:-4, 4:-4]).max() < 1e-2
+
+
+def centres(terrain: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Easting and northing of the cell centres [m], shape [rows, columns] each."""
+    rows, columns = terrain.shape
+    east = terrain.offset[0] + terrain.origin[0] + (np.arange(columns) + 0.5) * terrain.resolution
+    north = terrain.offset[1] + terrain.origin[1] + (np.arange(rows) + 0.5) * terrain.resolution
+    return np.meshgrid(east, north)
+
+
+def test_esri_grid(tmp_path: Path) -> None:
+    """Row 0 is the south, NODATA is NaN, and the map starts at the lower-left corner."""
+    terrain = load_terrain(write_asc(tmp_path / 'a.asc'))
+    np.testing.assert_array_equal(terrain.elevation, [[1, 2, 3], [4, 5, 6], [7, 8, np.nan]])
+    assert (terrain.resolution, terrain.origin, terrain.offset) == (25.0, (0, 0), (1000, 2000))
+    assert terrain.epsg is None
+
+
+@pytest.mark.parametrize(('hole', 'nodata'), [('nan', 'nan'), ('NaN', 'nan'), ('nan', 'NaN')])
+def test_esri_grid_with_a_hole_that_is_no_number(tmp_path: Path, hole: str, nodata: str) -> None:
+    """Text is no data where the header says so."""
+    terrain = load_terrain(write_asc(tmp_path / 'a.asc', hole=hole, nodata=nodata))
+    np.testing.assert_array_equal(terrain.elevation, [[1, 2, 3], [4, 5, 6], [7, 8, np.nan]])
+
+
+@pytest.mark.parametrize('number', ['-1', '+1.5', '.5', '2.', '1,5', '1e2', '1.5E-3', '-9999.0'])
+def test_esri_grid_of_all_kinds_of_numbers(tmp_path: Path, number: str) -> None:
+    """What GDAL reads as a number is one, also with a comma."""
+    terrain = load_terrain(write_asc(tmp_path / 'a.asc', hole=number))
+    value = float(number.replace(',', '.'))
+    expected = np.nan if value == -9999.0 else np.float32(value)
+    np.testing.assert_array_equal(terrain.elevation[2, 2], expected)
+
+
+@pytest.mark.parametrize('text', ['nan', 'NaN', 'N/A', '-', '1o1', '1D3', '0x1F', 'inf', '1.2.3'])
+def test_esri_grid_with_text_is_refused(tmp_path: Path, text: str) -> None:
+    """Each would be 0 m or a part of itself; the error says where it stands."""
+    with pytest.raises(LavaError) as caught:
+        load_terrain(write_asc(tmp_path / 'a.asc', hole=text))
+    assert caught.value.field == 'line 7, column 5 of a.asc'
+    assert caught.value.value == text
+
+
+def test_esri_grid_with_text_for_nodata_is_refused(tmp_path: Path) -> None:
+    """It would make holes of what is 0."""
+    with pytest.raises(LavaError, match=r"NODATA_value of a\.asc is 'N/A', expected a number"):
+        load_terrain(write_asc(tmp_path / 'a.asc', hole='N/A', nodata='N/A'))
+
+
+@pytest.mark.parametrize('sort', ['vrt', 'wms'])
+@pytest.mark.parametrize('name', ['a.tif', 'a.asc'])
+def test_a_raster_that_refers_to_others_is_refused(tmp_path: Path, sort: str, name: str) -> None:
+    """Nobody is asked for what such a file names, whatever it is called."""
+    with socket.create_server(('127.0.0.1', 0)) as server:
+        server.settimeout(0.2)
+        url = f'http://127.0.0.1:{server.getsockname()[1]}/x'
+        text = {
+            'vrt': '<VRTDataset rasterXSize="20" rasterYSize="20"><SRS>EPSG:32633</SRS>'
+            '<GeoTransform>0,10,0,100,0,-10</GeoTransform><VRTRasterBand dataType="Float32" '
+            'band="1"><SimpleSource><SourceFilename relativeToVRT="0">/vsicurl/'
+            f'{url}.tif</SourceFilename></SimpleSource></VRTRasterBand></VRTDataset>',
+            'wms': f'<GDAL_WMS><Service name="WMS"><ServerUrl>{url}?</ServerUrl><Layers>a</Layers>'
+            '</Service><DataWindow><UpperLeftX>0</UpperLeftX><UpperLeftY>200</UpperLeftY>'
+            '<LowerRightX>200</LowerRightX><LowerRightY>0</LowerRightY><SizeX>20</SizeX>'
+            '<SizeY>20</SizeY></DataWindow><BandsCount>1</BandsCount></GDAL_WMS>',
+        }
+        (tmp_path / name).write_text(text[sort])
+        asked = []
+        thread = threading.Thread(target=_answer, args=(server, asked))
+        thread.start()
+        with pytest.raises(LavaError, match='a GeoTIFF or an ESRI ASCII grid'):
+            load_terrain(tmp_path / name)
+        thread.join()
+    assert asked == []
+
+
+def _answer(server: socket.socket, asked: list[bytes]) -> None:
+    """Note who asks, until nobody does for a while."""
+    try:
+        while True:
+            connection, _ = server.accept()
+            with connection:
+                asked.append(connection.recv(60))
+                connection.sendall(b'HTTP/1.1 404 x\r\nContent-Length: 0\r\n\r\n')
+    except TimeoutError:
+        pass
+
+
+def test_esri_grid_takes_the_epsg_it_cannot_say(tmp_path: Path) -> None:
+    """The caller's coordinate system is kept, and the cells are not touched."""
+    terrain = load_terrain(write_asc(tmp_path / 'a.asc'), epsg=32633)
+    assert terrain.epsg == 32633
+    assert terrain.elevation[0, 0] == 1.0
+
+
+def test_geotiff(tmp_path: Path) -> None:
+    """A projected GeoTIFF comes through cell by cell, with its place and code."""
+    path = write_tif(tmp_path / 'a.tif', NORTH_FIRST.astype(np.float32))
+    terrain = load_terrain(path)
+    np.testing.assert_array_equal(terrain.elevation, NORTH_FIRST[::-1].astype(np.float32))
+    assert terrain.epsg == 32633
+    assert terrain.offset == (500_000.0, 4_180_000.0 - 40.0)
+    assert terrain.resolution == 10.0
+
+
+def test_geotiff_integers_with_scale_and_nodata(tmp_path: Path) -> None:
+    """Stored integers are scaled to metres; the NODATA value is NaN."""
+    stored = np.array([[0, 10], [20, 65535]], dtype=np.uint16)
+    path = write_tif(tmp_path / 'a.tif', stored, nodata=65535, scale=0.5, shift=-100.0)
+    np.testing.assert_allclose(load_terrain(path).elevation, [[-90.0, np.nan], [-100.0, -95.0]])
+
+
+def test_offset_of_the_callers_choice(tmp_path: Path) -> None:
+    """Another map frame moves the origin; the place on Earth stays."""
+    path = write_tif(tmp_path / 'a.tif', NORTH_FIRST.astype(np.float32))
+    terrain = load_terrain(path, offset=(499_000.0, 4_179_000.0))
+    assert terrain.offset == (499_000.0, 4_179_000.0)
+    assert terrain.origin == (1000.0, 960.0)
+
+
+@pytest.mark.parametrize(
+    ('latitude', 'code'), [(37.7, 32633), (-37.7, 32733)], ids=['north', 'south']
+)
+def test_degrees_become_utm(tmp_path: Path, latitude: float, code: int) -> None:
+    """A hill in degrees stands at its place in its UTM zone, as high and as wide as it is."""
+    west, north, step = 14.8, latitude + 0.06, 1.0 / 1200.0
+    longitudes = west + (np.arange(144) + 0.5) * step
+    latitudes = north - (np.arange(144) + 0.5) * step
+    at = (14.87, latitude + 0.005)
+    (x0,), (y0,) = transform_points('EPSG:4326', f'EPSG:{code}', [at[0]], [at[1]])
+    grid = np.meshgrid(longitudes, latitudes)
+    flat = transform_points('EPSG:4326', f'EPSG:{code}', grid[0].ravel(), grid[1].ravel())
+    x, y = (np.reshape(values, grid[0].shape) for values in flat)
+    hill = 500.0 + 900.0 * np.exp(-((x - x0) ** 2 + (y - y0) ** 2) / (2.0 * 800.0**2))
+    path = write_tif(
+        tmp_path / 'a.tif',
+        hill.astype(np.float32),
+        crs='EPSG:4326',
+        transform=from_origin(west, north, step, step),
+    )
+    terrain = load_terrain(path)
+    assert terrain.epsg == code
+    assert 70.0 < terrain.resolution < 95.0
+    east, northing = centres(terrain)
+    exact = 500.0 + 900.0 * np.exp(
+        -((east - x0) ** 2 + (northing - y0) ** 2) / (2.0 * 800.0**2)
+    )
+    known = terrain.has_data
+    assert known.mean() > 0.9
+    assert np.abs(terrain.elevation - exact)[known].max() < 5.0
+
+
+def test_cells_become_square(tmp_path: Path) -> None:
+    """Cells of 10 m by 20 m become 10 m, and a plane stays the plane it was."""
+    transform = from_origin(500_000.0, 4_180_000.0, 10.0, 20.0)
+    elevation = plane_rows(30, 40, height=20.0)
+    terrain = load_terrain(write_tif(tmp_path / 'a.tif', elevation, transform=transform))
+    assert (terrain.resolution, terrain.shape) == (10.0, (60, 40))
+    check_plane(terrain)
+
+
+@pytest.mark.parametrize('resolution', [5.0, 30.0])
+def test_resolution_of_the_callers_choice(tmp_path: Path, resolution: float) -> None:
+    """Finer cells interpolate and coarser ones average: a plane stays the plane it was."""
+    elevation = plane_rows(60, 60)
+    terrain = load_terrain(write_tif(tmp_path / 'a.tif', elevation), resolution=resolution)
+    assert terrain.resolution == resolution
+    assert terrain.shape == (600 // resolution, 600 // resolution)
+    check_plane(terrain)
+
+
+def test_window_keeps_a_part_where_it_is(tmp_path: Path) -> None:
+    """A window gives the cells it touches, at the same place on Earth."""
+    elevation = plane_rows(60, 60)
+    path = write_tif(tmp_path / 'a.tif', elevation)
+    part = load_terrain(path, window=(500_100.0, 4_179_505.0, 500_195.0, 4_179_600.0))
+    assert part.shape == (10, 10)
+    assert part.offset == (500_100.0, 4_179_500.0)
+    np.testing.assert_allclose(part.elevation, plane(*centres(part)), rtol=1e-6)
+
+
+@pytest.mark.parametrize('order', ['south', 'north'])
+def test_npz_row_order(tmp_path: Path, order: str) -> None:
+    """Both orders of rows give the same ground."""
+    rows = NORTH_FIRST if order == 'north' else NORTH_FIRST[::-1]
+    np.savez(tmp_path / 'a.npz', elevation=rows, resolution=30.0, row_order=order)
+    terrain = load_terrain(tmp_path / 'a.npz')
+    np.testing.assert_array_equal(terrain.elevation, NORTH_FIRST[::-1].astype(np.float32))
+    assert (terrain.origin, terrain.offset, terrain.epsg) == ((0.0, 0.0), (0.0, 0.0), None)
+
+
+def test_npz_keeps_its_frame(tmp_path: Path) -> None:
+    """Origin, offset and code of an npz are taken as they are."""
+    np.savez(
+        tmp_path / 'a.npz',
+        elevation=NORTH_FIRST,
+        dx=30.0,
+        dy=30.0,
+        origin=[-45.0, -60.0],
+        offset=[500_000.0, 4_180_000.0],
+        epsg=32633,
+    )
+    terrain = load_terrain(tmp_path / 'a.npz')
+    assert terrain.origin == (-45.0, -60.0)
+    assert (terrain.offset, terrain.epsg) == ((500_000.0, 4_180_000.0), 32633)
+
+
+@pytest.mark.parametrize(
+    'shape', ['(100000, 100000)', '(4611686018427387904, 4)', '(-1, -5)']
+)
+def test_npz_headers_are_not_believed(tmp_path: Path, shape: str) -> None:
+    """Memory is taken for what is there only."""
+    header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}".encode()
+    data = b'\x93NUMPY\x01\x00' + len(header).to_bytes(2, 'little') + header + bytes(64)
+    np.savez(tmp_path / 'a.npz', resolution=10.0)
+    with zipfile.ZipFile(tmp_path / 'a.npz', 'a') as archive:
+        archive.writestr('elevation.npy', data)
+    with pytest.raises(LavaError, match='of shape'):
+        load_terrain(tmp_path / 'a.npz')
+
+
+@pytest.mark.parametrize('where', [6, 8, 10])
+def test_damaged_npz_are_refused(tmp_path: Path, where: int) -> None:
+    """Versions, flags and compressions that nobody has, in the list of members."""
+    np.savez(tmp_path / 'a.npz', elevation=np.zeros((3, 3)), resolution=10.0)
+    data = bytearray((tmp_path / 'a.npz').read_bytes())
+    data[data.index(b'PK\x01\x02') + where] |= 99
+    (tmp_path / 'a.npz').write_bytes(data)
+    with pytest.raises(LavaError, match='a readable .npz file'):
+        load_terrain(tmp_path / 'a.npz')
+
+
+def test_npz_codes_are_whole(tmp_path: Path) -> None:
+    """A coordinate system is not rounded to another one."""
+    np.savez(tmp_path / 'a.npz', elevation=np.zeros((3, 3)), resolution=10.0, epsg=32633.7)
+    with pytest.raises(LavaError, match='epsg is 32633.7'):
+        load_terrain(tmp_path / 'a.npz')
+
+
+def test_grids_without_end_are_refused(tmp_path: Path) -> None:
+    """A file of a few kilobytes may stand for a billion cells."""
+    path = tmp_path / 'a.tif'
+    with rasterio.open(
+        path, 'w', driver='GTiff', height=32_000, width=32_000, count=1, dtype='float64',
+        crs='EPSG:32633', transform=from_origin(0, 100, 10, 10), SPARSE_OK=True, tiled=True,
+    ):
+        pass
+    with pytest.raises(LavaError, match='32000 x 32000 cells.*at most 100000000'):
+        load_terrain(path)
+
+
+@pytest.mark.parametrize('line', ['cellsize nan', 'cellsize inf', 'cellsize 1e300'])
+def test_cells_without_size_are_refused(tmp_path: Path, line: str) -> None:
+    """They have been taken for a size."""
+    head = f'ncols 3\nnrows 3\nxllcorner 0\nyllcorner 0\n{line}\n'
+    (tmp_path / 'a.asc').write_text(head + '1 2 3\n' * 3)
+    with pytest.raises(LavaError, match='terrain file'):
+        load_terrain(tmp_path / 'a.asc')
+
+
+def test_npz_needs_no_rasterio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An npz of square cells is read where rasterio is not installed; a GeoTIFF says how."""
+    np.savez(tmp_path / 'a.npz', elevation=NORTH_FIRST, resolution=30.0, epsg=32633)
+    path = write_tif(tmp_path / 'a.tif', NORTH_FIRST.astype(np.float32))
+    monkeypatch.setitem(sys.modules, 'rasterio', None)
+    assert load_terrain(tmp_path / 'a.npz').resolution == 30.0
+    with pytest.raises(LavaError, match=r"pip install 'lava_ros\[terrain\]'"):
+        load_terrain(path)
+
+
+def _corrupt(tmp_path: Path) -> Path:
+    path = tmp_path / 'a.tif'
+    path.write_bytes(b'II*\0 this is no raster')
+    return path
+
+
+def _corrupt_npz(tmp_path: Path) -> Path:
+    path = tmp_path / 'a.npz'
+    np.savez(path, elevation=NORTH_FIRST, resolution=30.0)
+    path.write_bytes(path.read_bytes()[:200])
+    return path
+
+
+def _npz(tmp_path: Path, **data: Any) -> Path:
+    np.savez(tmp_path / 'a.npz', **data)
+    return tmp_path / 'a.npz'
+
+
+FLOATS = NORTH_FIRST.astype(np.float32)
+
+BAD_FILES = {
+    'missing': (lambda folder: folder / 'none.tif', 'a file that exists'),
+    'folder': (lambda folder: folder, 'a file that exists'),
+    'corrupt tif': (_corrupt, 'that GDAL can read'),
+    'corrupt npz': (_corrupt_npz, 'a readable .npz file'),
+    'picture': (
+        lambda folder: write_tif(folder / 'a.tif', np.zeros((3, 4, 4), np.uint8)),
+        'one band of elevations, not 3',
+    ),
+    'feet': (
+        lambda folder: write_tif(folder / 'a.tif', FLOATS, unit='ft'),
+        'elevations in metres, not ft',
+    ),
+    'coordinates in feet': (
+        lambda folder: write_tif(folder / 'a.tif', FLOATS, crs='EPSG:2274'),
+        'coordinates in metres, such as UTM, not US survey foot',
+    ),
+    'complex': (
+        lambda folder: write_tif(folder / 'a.tif', FLOATS.astype(np.complex64)),
+        'numbers, not complex64',
+    ),
+    'rotated': (
+        lambda folder: write_tif(
+            folder / 'a.tif',
+            FLOATS,
+            transform=Affine(8.0, 6.0, 500_000.0, 6.0, -8.0, 4_180_000.0),
+        ),
+        'north up',
+    ),
+    'degrees without a system': (
+        lambda folder: write_asc(folder / 'a.asc', 'cellsize 0.000833'),
+        'epsg 4326',
+    ),
+    'near the pole': (
+        lambda folder: write_tif(
+            folder / 'a.tif', FLOATS, crs='EPSG:4326', transform=from_origin(10, 88, 0.01, 0.01)
+        ),
+        'at most 84 degrees',
+    ),
+    'npz without elevation': (lambda folder: _npz(folder, resolution=30.0), 'elevation'),
+    'npz without size': (lambda folder: _npz(folder, elevation=NORTH_FIRST), 'dx is None'),
+    'npz with a strange key': (
+        lambda folder: _npz(folder, elevation=NORTH_FIRST, resolution=1.0, height=1.0),
+        'no such key',
+    ),
+    'npz of objects': (
+        lambda folder: _npz(folder, elevation=np.array([None, 1]), resolution=1.0),
+        'a readable .npz file',
+    ),
+    'npz of one row': (
+        lambda folder: _npz(folder, elevation=np.arange(4.0), resolution=1.0),
+        'numbers .m. of shape .rows, columns.',
+    ),
+    'npz order': (
+        lambda folder: _npz(folder, elevation=NORTH_FIRST, resolution=1.0, row_order='east'),
+        'one of south, north',
+    ),
+}
+
+
+@pytest.mark.parametrize('name', BAD_FILES)
+def test_bad_file(tmp_path: Path, name: str) -> None:
+    """What cannot be used is one error that says what would be right."""
+    make, message = BAD_FILES[name]
+    with pytest.raises(LavaError, match=message):
+        load_terrain(make(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ('options', 'message'),
+    [
+        ({'epsg': 32634}, 'the file says EPSG:32633'),
+        ({'epsg': 1}, 'an EPSG code'),
+        ({'resolution': -1.0}, 'terrain.resolution'),
+        ({'resolution': 1e6}, 'cells a side'),
+        ({'offset': (1.0,)}, 'terrain.offset'),
+        ({'window': (0.0, 0.0, 1.0, 1.0)}, 'overlap the file, which covers x 500000 to 500030 m'),
+        ({'window': (0.0, 0.0)}, 'x0, y0, x1, y1'),
+        ({'window': 5.0}, 'x0, y0, x1, y1'),
+    ],
+)
+def test_bad_option(tmp_path: Path, options: dict[str, Any], message: str) -> None:
+    """An option that does not fit the file is one error that names it."""
+    path = write_tif(tmp_path / 'a.tif', FLOATS)
+    with pytest.raises(LavaError, match=message):
+        load_terrain(path, **options)
+
+
+def test_demo_terrain_is_mount_st_helens() -> None:
+    """Its summit is where maps have it, and the crater lies to the north of it."""
+    terrain = demo_terrain()
+    assert (terrain.epsg, terrain.resolution, terrain.origin) == (26710, 30.0, (0.0, 0.0))
+    assert terrain.has_data.all()
+    assert 900.0 < terrain.elevation.min() < 2500.0 < terrain.elevation.max() < 2550.0
+    row, column = np.unravel_index(terrain.elevation.argmax(), terrain.shape)
+    place = (np.array([column, row]) + 0.5) * 30.0 + terrain.offset
+    longitude, latitude = transform_points('EPSG:26710', 'EPSG:4326', *place[:, None])
+    assert (longitude[0], latitude[0]) == pytest.approx((-122.1945, 46.1912), abs=0.003)
+    # 1.5 km north of the summit: western rim, floor, eastern rim
+    west, floor, east = terrain.elevation[row + 50, column + np.array([-20, 20, 50])]
+    assert floor < min(west, east) - 300.0
+
+
+def test_ridge_is_where_the_sample_says() -> None:
+    """The hills are the sample's, at the same longitude and latitude, the right way up."""
+    terrain = ridge_terrain()
+    assert (terrain.epsg, terrain.resolution, terrain.origin) == (32616, 30.0, (0.0, 0.0))
+    assert terrain.has_data.all()
+    assert 200.0 < terrain.elevation.min() < 300.0 < 1000.0 < terrain.elevation.max() < 1080.0
+    x, y = centres(terrain)
+    here = np.s_[20:-20:25, 20:-20:25]
+    longitude, latitude = (
+        np.array(values)
+        for values in transform_points('EPSG:32616', 'EPSG:4326', x[here].ravel(), y[here].ravel())
+    )
+    with cbook.get_sample_data('jacksboro_fault_dem.npz') as sample:
+        step = float(sample['dx'])
+        column = np.floor((longitude - float(sample['xmin'])) / step).astype(int)
+        row = np.floor((float(sample['ymin']) - latitude) / step).astype(int)
+        expected = sample['elevation'][row, column]
+    # Half a cell of the sample on a slope of 1 in 2 is 23 m.
+    error = terrain.elevation[here].ravel() - expected
+    assert np.abs(error).max() < 45.0
+    assert abs(error.mean()) < 3.0
+
+
+@pytest.mark.skipif(not ETNA.exists(), reason='the Etna 2001 data is not beside the checkout')
+def test_etna_2001() -> None:
+    """The 10 m terrain of Mount Etna loads with its hole of one column."""
+    terrain = load_terrain(ETNA)
+    assert (terrain.shape, terrain.resolution) == ((819, 382), 10.0)
+    assert terrain.offset == (1_027_550.0, 4_183_020.0)
+    assert (~terrain.has_data).sum() == 819
+    # The file's first number is the north-west corner.
+    assert terrain.elevation[-1, 0] == np.float32(2201.57)
+
+
+def hill(rows: int = 40, columns: int = 50) -> np.ndarray:
+    """A smooth hill [m], rows from the north."""
+    y, x = np.mgrid[0:rows, 0:columns]
+    return (500.0 + 2.0 * x + 300.0 * np.exp(-((y - 20.0) ** 2) / 200.0)).astype(np.float32)
+
+
+def test_what_was_understood_is_logged(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """System, cells, holes and heights; nothing is warned of."""
+    caplog.set_level('INFO')
+    cells = hill()
+    cells[0, :3] = -1.0
+    load_terrain(write_tif(tmp_path / 'a.tif', cells, nodata=-1.0))
+    (record,) = caplog.records
+    said = 'a.tif: EPSG:32633, 50 x 40 cells of 10 m, 3 without data, elevations 546.601 to 898 m'
+    assert (record.levelname, record.getMessage()) == ('INFO', said)
+
+
+@pytest.mark.parametrize('mark', [-32768.0, -9999.0])
+def test_a_mark_of_missing_data_that_is_not_declared_is_refused(
+    tmp_path: Path, mark: float
+) -> None:
+    """It is no ground; the error says how to declare it."""
+    cells = hill()
+    cells[10, 10] = mark
+    with pytest.raises(LavaError, match=rf'a height of a\.tif is {mark}.*a_nodata {mark:g}'):
+        load_terrain(write_tif(tmp_path / 'a.tif', cells))
+    assert not load_terrain(write_tif(tmp_path / 'a.tif', cells, nodata=mark)).has_data.all()
+
+
+def test_heights_in_feet_are_refused(tmp_path: Path) -> None:
+    """Those of a high mountain are beyond all summits; elsewhere a height may be any."""
+    with pytest.raises(LavaError, match=r'at most 9000: feet times 0\.3048'):
+        load_terrain(write_tif(tmp_path / 'a.tif', hill() + 10_000.0))
+    assert load_terrain(write_tif(tmp_path / 'a.tif', hill() + 10_000.0, crs=None)).epsg is None
+
+
+@pytest.mark.parametrize('code', [3857, 3395])
+def test_mercator_becomes_utm(tmp_path: Path, code: int) -> None:
+    """At 21 degrees south its metres are 7 % too long; those of UTM are true."""
+    (x,), (y,) = transform_points('EPSG:4326', f'EPSG:{code}', [55.7], [-21.2])
+    path = write_tif(
+        tmp_path / 'a.tif', hill(), crs=f'EPSG:{code}', transform=from_origin(x, y, 10.0, 10.0)
+    )
+    terrain = load_terrain(path)
+    assert terrain.epsg == 32740
+    assert terrain.resolution == pytest.approx(10.0 * np.cos(np.radians(21.2)), rel=5e-3)
+
+
+def test_a_map_of_slopes_is_warned_of(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """All between 0 and 90 may be a low coast, or degrees."""
+    load_terrain(write_tif(tmp_path / 'a.tif', 0.05 * hill()))
+    assert 'a map of slopes in degrees looks like that' in caplog.text
+
+
+def test_holes_and_pits_inside_are_warned_of_and_filled(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """What is open to the border stays; an error says where the first is."""
+    cells, whole = hill(), hill()
+    cells[10:13, 10:14] = -1.0
+    cells[30, 30] -= 100.0
+    cells[:, -2:] = -1.0
+    path = write_tif(tmp_path / 'a.tif', cells, nodata=-1.0)
+    holed = load_terrain(path)
+    said = '13 cells inside have no data or lie deep below all their neighbours, the first at '
+    assert said + '500305, 4179695: lava that gets there is lost or held' in caplog.text
+    filled = load_terrain(path, fill_holes=True)
+    assert 'filled from what is around' in caplog.text
+    assert not holed.has_data[:, -2:].any() and not filled.has_data[:, -2:].any()
+    np.testing.assert_allclose(filled.elevation[:, :-2], whole[::-1, :-2], atol=15.0)
+    untouched = holed.has_data & (np.abs(holed.elevation - whole[::-1]) < 1.0)
+    np.testing.assert_array_equal(filled.elevation[untouched], holed.elevation[untouched])
+
+
+def test_holes_are_not_left_in_silence_without_scipy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What finds them is an extra; who asks for it hears that."""
+    path = write_tif(tmp_path / 'a.tif', hill())
+
+    def without_scipy(name: str) -> ModuleType:
+        if name == 'scipy':
+            raise ImportError(name)
+        return import_module(name)
+
+    monkeypatch.setattr('lava_ros.files.optional.import_module', without_scipy)
+    assert load_terrain(path).has_data.all()
+    with pytest.raises(LavaError, match=r'lava_ros\[hindcast\]'):
+        load_terrain(path, fill_holes=True)
+
+
+def test_fill_holes_is_true_or_false(tmp_path: Path) -> None:
+    """A word of a scene file is not."""
+    with pytest.raises(LavaError, match="terrain.fill_holes is 'no', expected true or false"):
+        load_terrain(write_tif(tmp_path / 'a.tif', hill()), fill_holes='no')

@@ -1,0 +1,198 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Distributions of what is uncertain: quantiles are exact, what is no distribution is refused."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+import yaml
+
+from lava_ros.errors import LavaError
+from lava_ros.scene import Lava, Scene, scene_from_yaml, scene_to_dict, Terrain
+from lava_ros.scene.uncertainty import (
+    Displacement,
+    Distribution,
+    Roughness,
+    Uncertainty,
+    uncertainty_from_dict,
+    uncertainty_to_dict,
+)
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.checkpoint import from_bytes
+
+WHOLE = {
+    'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5, 'limits': [0.3, 3]},
+    'temperature': {'distribution': 'normal', 'mean': 0.0, 'deviation': 15.0},
+    'viscosity': {'distribution': 'loguniform', 'low': 0.3, 'high': 3.0},
+    'yield_strength': {'distribution': 'triangular', 'low': 0.5, 'mode': 1.0, 'high': 2.0},
+    'position': {'radius': 40.0},
+    'terrain': {'deviation': 1.5, 'correlation': 100.0},
+    'constants': {'crust_temperature': {'distribution': 'uniform', 'low': 700, 'high': 750}},
+}
+
+
+def scene_file(folder: Path, uncertainty: object) -> Path:
+    """A scene file with an uncertainty."""
+    np.savez(folder / 'ground.npz', elevation=np.zeros((10, 10)), resolution=10.0)
+    scene = {
+        'terrain': {'file': 'ground.npz'},
+        'vents': [{'position': [50.0, 50.0], 'discharge': 5.0}],
+        'lava': {'yield_strength': 100.0},
+        'uncertainty': uncertainty,
+    }
+    (folder / 'scene.yaml').write_text(yaml.safe_dump(scene))
+    return folder / 'scene.yaml'
+
+
+@pytest.mark.parametrize(
+    ('distribution', 'reference'),
+    [
+        (Distribution('normal', (2.0, 3.0)), stats.norm(2.0, 3.0)),
+        (Distribution('lognormal', (2.0, 1.5)), stats.lognorm(math.log(1.5), scale=2.0)),
+        (Distribution('uniform', (-1.0, 3.0)), stats.uniform(-1.0, 4.0)),
+        (Distribution('loguniform', (0.5, 3.0)), stats.loguniform(0.5, 3.0)),
+        (Distribution('triangular', (0.0, 1.0, 4.0)), stats.triang(0.25, 0.0, 4.0)),
+        (Distribution('triangular', (0.0, 0.0, 4.0)), stats.triang(0.0, 0.0, 4.0)),
+        (Distribution('normal', (0.0, 2.0), (-1.0, 4.0)), stats.truncnorm(-0.5, 2.0, 0.0, 2.0)),
+    ],
+)
+def test_quantiles_are_those_of_scipy(distribution: Distribution, reference: object) -> None:
+    """Of each kind, to 12 digits, far out too."""
+    for share in (1e-6, 0.01, 0.2, 0.5, 0.7, 0.99, 1.0 - 1e-6):
+        expected = reference.ppf(share)  # type: ignore[attr-defined]
+        assert distribution.quantile(share) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def test_limits_hold() -> None:
+    """No value lies beyond them, however unlikely it is to be asked for."""
+    cut = Distribution('lognormal', (1.0, 2.0), (0.5, 1.5))
+    values = [cut.quantile(share) for share in (1e-300, 0.5, 1.0 - 1e-16)]
+    assert 0.5 <= values[0] < values[1] < values[2] <= 1.5
+    assert cut.support == (0.5, 1.5)
+
+
+def test_displacements() -> None:
+    """A disc is filled evenly; a normal one has its deviation."""
+    shares = (np.arange(2000) + 0.5) / 2000
+    disc = Displacement(radius=10.0)
+    reaches = np.array([math.hypot(*disc.quantile(share, 0.3)) for share in shares])
+    assert (reaches < 5.0).mean() == pytest.approx(0.25, abs=1e-3)
+    normal = Displacement(deviation=10.0)
+    assert np.std([normal.quantile(share, 0.5)[0] for share in shares]) == pytest.approx(
+        10.0, rel=0.01
+    )
+
+
+def test_a_scene_file_says_it_all(tmp_path: Path) -> None:
+    """Every quantity of the section arrives, and plain data give the same again."""
+    scene = scene_from_yaml(scene_file(tmp_path, WHOLE))
+    assert scene.uncertainty == uncertainty_from_dict(WHOLE)
+    assert scene.uncertainty.discharge == Distribution('lognormal', (1.0, 1.5), (0.3, 3.0))
+    assert scene.uncertainty.position == Displacement(radius=40.0)
+    assert scene.uncertainty.terrain == Roughness(1.5, 100.0)
+    plain = scene_to_dict(scene)['uncertainty']
+    assert uncertainty_from_dict(plain) == scene.uncertainty
+    assert yaml.safe_load(yaml.safe_dump(plain)) == plain
+    assert uncertainty_to_dict(Uncertainty()) == {}
+
+
+def test_a_checkpoint_keeps_it(tmp_path: Path) -> None:
+    """What is resumed can be forecast as before."""
+    scene = scene_from_yaml(scene_file(tmp_path, WHOLE))
+    checkpoint = Simulation(scene, device='cpu').checkpoint()
+    assert from_bytes(checkpoint.to_bytes()).scene.uncertainty == scene.uncertainty
+
+
+@pytest.mark.parametrize(
+    ('section', 'field'),
+    [
+        ({'discharg': {}}, 'uncertainty.discharg'),
+        ({'discharge': 1.5}, 'uncertainty.discharge'),
+        ({'discharge': {'median': 1.0, 'factor': 2.0}}, 'uncertainty.discharge'),
+        ({'discharge': {'distribution': 'gamma'}}, 'uncertainty.discharge.distribution'),
+        (
+            {'discharge': {'distribution': 'lognormal', 'median': 1.0}},
+            'uncertainty.discharge.factor',
+        ),
+        (
+            {'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.0}},
+            'uncertainty.discharge.factor',
+        ),
+        (
+            {'viscosity': {'distribution': 'normal', 'mean': 1.0, 'deviation': 0.1}},
+            'uncertainty.viscosity',
+        ),
+        (
+            {'viscosity': {'distribution': 'uniform', 'low': 2.0, 'high': 1.0}},
+            'uncertainty.viscosity.high',
+        ),
+        (
+            {'viscosity': {'distribution': 'triangular', 'low': 1.0, 'mode': 3.0, 'high': 2.0}},
+            'uncertainty.viscosity.mode',
+        ),
+        (
+            {'temperature': {'distribution': 'uniform', 'low': -9, 'high': 9, 'limits': [0, 1]}},
+            'uncertainty.temperature.limits',
+        ),
+        (
+            {'temperature': {'distribution': 'normal', 'mean': 0.0, 'deviation': 1.0,
+                             'limits': [20.0, 30.0]}},
+            'uncertainty.temperature.limits',
+        ),
+        (
+            {'temperature': {'distribution': 'normal', 'mean': 'hot', 'deviation': 1.0}},
+            'uncertainty.temperature.mean',
+        ),
+        ({'position': {'deviation': 10.0, 'radius': 10.0}}, 'uncertainty.position'),
+        ({'position': {'radius': -1.0}}, 'uncertainty.position.radius'),
+        ({'terrain': {'deviation': 1.0}}, 'uncertainty.terrain.correlation'),
+        ({'terrain': {'deviation': 0.0, 'correlation': 5.0}}, 'uncertainty.terrain.deviation'),
+        ([], 'uncertainty'),
+    ],
+)
+def test_what_is_no_distribution_is_refused(
+    section: object, field: str, tmp_path: Path
+) -> None:
+    """The error names the field of the file."""
+    with pytest.raises(LavaError) as caught:
+        scene_from_yaml(scene_file(tmp_path, section))
+    assert caught.value.field == field
+
+
+@pytest.mark.parametrize(
+    'make',
+    [
+        lambda: Distribution('normal', (0.0,)),
+        lambda: Distribution('uniform', (1.0, 1.0)),
+        lambda: Distribution('uniform', (0.0, 1.0), (0.0, 1.0)),
+        lambda: Displacement(),
+        lambda: Displacement(math.nan),
+        lambda: Roughness(1.0, -1.0),
+        lambda: Uncertainty(discharge=Distribution('normal', (1.0, 0.1))),
+        lambda: Uncertainty(discharge=2.0),  # type: ignore[arg-type]
+        lambda: Scene(
+            Terrain(np.zeros((4, 4)), 1.0),
+            lava=Lava(),
+            uncertainty=Uncertainty(yield_strength=Distribution('uniform', (0.5, 2.0))),
+        ),
+    ],
+)
+def test_what_code_makes_is_checked_too(make: object) -> None:
+    """Wrong values never become an object; a yield strength that is 0 cannot be uncertain."""
+    with pytest.raises(LavaError):
+        make()  # type: ignore[operator]

@@ -1,0 +1,468 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What the compiler makes of a stage's kernels, without a GPU; most of it in ``make nightly``.
+
+An access that is no longer 16 bytes wide, an array that no longer fits the registers or a division
+that is no longer the hardware's changes no result, and takes up to twice the time.
+"""
+
+from collections import Counter
+from dataclasses import dataclass, replace
+import re
+import struct
+from types import SimpleNamespace
+
+import pytest
+import warp as wp
+
+from lava_ros.effects.green import device as green
+from lava_ros.simulation import flow, neighbors, Simulation, sums
+from lava_ros.simulation import stage as stages
+from lava_ros.simulation.backend.compiled import FEW_THREADS, quick_kernel, waits_first
+from lava_ros.simulation.fused_stage import BOUNDS
+from lava_ros.simulation.state import State
+from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
+
+#: Sets of effects, by the names in the benchmark: one in every run, all of them nightly.
+SETS = (
+    'green',
+    *(pytest.param(name, marks=pytest.mark.nightly) for name in ('bare', 'everything with green')),
+)
+GREEN_SETS = (SETS[0], SETS[2])
+
+#: Kernels that sum over neighbours in every step, and those that only carry particles.
+SUMS = ('thickness_and_velocity', 'elevate', 'velocity_of_differences', 'green_motion')
+CARRIERS = ('order_particles', 'move', 'green_motion')
+
+#: Carriers in a stage.
+CARRIED_BY = 2
+
+#: Loads that a neighbour takes at most.
+MOST_LOADS = 3
+
+#: Bytes of a thread's stack that the first block of many particles' motion may keep numbers in.
+DIRECTORS_STACK = 56
+
+#: Registers that four neighbours take which are loaded at once, with all else that is in use.
+FOUR_AT_ONCE = 40
+
+#: Attributes in a cubin's .nv.info: a kernel's least stack, and its registers.
+_STACK, _REGISTERS = 0x12, 0x2F
+
+
+@dataclass(frozen=True)
+class Code:
+    """A kernel as it is compiled.
+
+    Attributes:
+        name: The kernel's name.
+        text: Its PTX.
+        stack: Bytes of local memory of a thread, what registers are spilled to included.
+        registers: Registers of a thread.
+    """
+
+    name: str
+    text: str
+    stack: int
+    registers: int
+
+    @property
+    def loops(self) -> list[str]:
+        """PTX of the loops without a branch."""
+        blocks = re.findall(r'(\$L__BB\w+):(.*?)(?=\n\$L__BB\w+:|\Z)', self.text, re.DOTALL)
+        return [text for label, text in blocks if re.search(rf'\sbra\S*\s+\{label};', text)]
+
+
+def opcodes(text):
+    """Count the opcodes of some PTX, .ftz left out."""
+    found = re.findall(r'^\s*(?:@\S+\s+)?([a-z][a-z0-9_]*\.[a-z0-9_.:]+)\s', text, re.MULTILINE)
+    return Counter(opcode.replace('.ftz', '') for opcode in found)
+
+
+def needs_of(cubin):
+    """Read the stack and the registers of a cubin's only kernel: the ELF's .nv.info names them."""
+    (table,) = struct.unpack_from('<Q', cubin, 0x28)
+    count, names = struct.unpack_from('<HH', cubin, 0x3C)
+    sections = [struct.unpack_from('<IIQQQQ', cubin, table + 64 * n) for n in range(count)]
+    begin = sections[names][4]
+    (offset, end), found = next(
+        (at, at + size)
+        for name, _, _, _, at, size in sections
+        if cubin[begin + name :].startswith(b'.nv.info\0')
+    ), {_STACK: [], _REGISTERS: []}
+    while offset < end:
+        form, attribute, size = struct.unpack_from('<BBH', cubin, offset)
+        offset += 4
+        if form == 4:
+            if attribute in found:
+                found[attribute].append(struct.unpack_from('<II', cubin, offset)[1])
+            offset += size
+    (stack,), (registers,) = found.values()
+    return stack, registers
+
+
+def compiled(kernel, arch, folder):
+    """Compile a kernel for an architecture."""
+    files = [
+        wp.compile_aot_module(kernel.module, arch=arch, module_dir=folder, use_ptx=use_ptx)[0]
+        for use_ptx in (True, False)
+    ]
+    ptx = files[0].read_text(encoding='latin-1')
+    entry = ptx[ptx.index('.entry') :]
+    return Code(kernel.key.rpartition('__')[2], entry, *needs_of(files[1].read_bytes()))
+
+
+def launched(name, lanes=1, integrator='euler', is_short=None, directs=None):
+    """Kernels that a stage launches, none of which runs; with lanes those for few particles."""
+    is_short = lanes > 1 if is_short is None else is_short
+    directs = is_short if directs is None else directs
+    kernels = []
+
+    def record(kernel, *_, record_cmd=False, **__):
+        def launch():
+            if kernel not in kernels:
+                kernels.append(kernel)
+
+        if record_cmd:
+            return SimpleNamespace(launch=launch)
+        return launch()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(wp, 'launch', record)
+        patch.setattr(State, 'lanes', property(lambda _: lanes))
+        patch.setattr(State, 'is_short', is_short)
+        patch.setattr(stages, 'is_within_the_motion', lambda *_, **__: directs)
+        patch.setattr(State, 'is_wide', False)
+        simulation = lava_field(400, effect_sets()[name], 'cpu')
+        if integrator != 'euler':
+            accuracy = replace(simulation.accuracy, integrator=integrator, fixed_step=None)
+            simulation = Simulation(
+                simulation.scene, effects=simulation.effects, accuracy=accuracy, device='cpu'
+            )
+        kernels.clear()
+        simulation._stage.take(simulation.scene, simulation._vents)
+    return kernels
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory):
+    """Where everything is compiled once."""
+    return tmp_path_factory.mktemp('compiled')
+
+
+@pytest.fixture(scope='module')
+def stage(folder):
+    """The kernels of a stage, compiled for sm_90, those of a set once."""
+    known = {}
+
+    def of(name):
+        if name not in known:
+            known[name] = [compiled(kernel, 90, folder) for kernel in launched(name)]
+        return known[name]
+
+    return of
+
+
+def check_sum(code):
+    """A neighbour, a root or a logarithm, takes few loads: read-only, most of them wide."""
+    loops = []
+    for loop in code.loops:
+        counts = opcodes(loop)
+        neighbours = counts['sqrt.approx.f32'] + counts['lg2.approx.f32']
+        # others are of the first block (fused_stage.py), or wait for it
+        if neighbours and not any(name.startswith('ld.relaxed') for name in counts):
+            loops.append((neighbours, counts))
+    assert loops, f'{code.name} has no loop over neighbours without a branch'
+    for neighbours, counts in loops:
+        loads = {name: n for name, n in counts.items() if name.startswith('ld.')}
+        wide = sum(n for name, n in loads.items() if re.search(r'\.v[24]\.f32$', name))
+        assert all(name.startswith('ld.global.nc.') for name in loads), f'{code.name}: {loads}'
+        assert wide >= neighbours, f'{code.name}: {loads}'
+        assert sum(loads.values()) <= MOST_LOADS * neighbours, f'{code.name}: {loads}'
+
+
+def check_carrier(code, wide):
+    """Particles are read and written 16 bytes at once, what their positions lack 8 bytes."""
+    counts = opcodes(code.text)
+    for access in ('ld.global.nc', 'st.global'):
+        assert counts[f'{access}.v4.f32'] >= wide, code.name
+        assert counts[f'{access}.v2.f32'] >= 1, code.name
+
+
+def check_local(code):
+    """Nothing is kept, or spilled, outside the registers."""
+    assert '.local' not in code.text, code.name
+    assert code.stack == 0, f'{code.name}: {code.stack} bytes'
+
+
+def check_arithmetic(code):
+    """No float32 takes the subroutines that are right to the last bit."""
+    slow = [name for name in opcodes(code.text) if re.fullmatch(r'(div|sqrt|rcp)\.r.\.f32', name)]
+    assert not slow, f'{code.name}: {slow}'
+
+
+@pytest.mark.parametrize('name', SETS)
+def test_neighbours_are_read_at_once(stage, name):
+    """Every sum over neighbours reads them by few loads."""
+    sums = [code for code in stage(name) if code.name in SUMS]
+    assert len(sums) == 1 + ('green' in name)
+    for code in sums:
+        check_sum(code)
+
+
+@pytest.mark.parametrize('name', SETS)
+def test_particles_are_carried_at_once(stage, name):
+    """The order and the motion read and write 16 bytes."""
+    carriers = [code for code in stage(name) if code.name in CARRIERS]
+    assert len(carriers) == CARRIED_BY
+    for code in carriers:
+        check_carrier(code, 1)
+
+
+@pytest.mark.nightly
+def test_stages_are_carried_at_once(folder):
+    """So are the start and the displacement of a step of several stages."""
+    kernels = launched('bare', integrator='rkl2')
+    kernels = [kernel for kernel in kernels if kernel.key.endswith(CARRIERS)]
+    assert len(kernels) == CARRIED_BY
+    for kernel in kernels:
+        code = compiled(kernel, 90, folder)
+        check_carrier(code, 3)
+        check_local(code)
+        check_arithmetic(code)
+
+
+@pytest.mark.parametrize('name', SETS)
+def test_nothing_is_in_local_memory(stage, name):
+    """No kernel of a stage spills registers, or has an array without a place."""
+    for code in stage(name):
+        check_local(code)
+
+
+@pytest.mark.parametrize('name', SETS)
+def test_arithmetic_is_the_hardwares(stage, name):
+    """Divisions and roots of float32 are approximate, and there are some."""
+    for code in stage(name):
+        check_arithmetic(code)
+        if code.name in SUMS:
+            assert opcodes(code.text)['sqrt.approx.f32'] >= 1
+
+
+@pytest.mark.parametrize('name', GREEN_SETS)
+def test_k0_is_one_logarithm_and_power(stage, name):
+    """A neighbour costs one logarithm and one power of two, and no root."""
+    (code,) = [code for code in stage(name) if code.name == 'green_motion']
+    (loop,) = code.loops
+    counts = opcodes(loop)
+    # the loop is unrolled, and each neighbour is kept off its own disc once
+    neighbours = counts['max.f32']
+    assert neighbours >= 1
+    for opcode in ('lg2.approx.f32', 'ex2.approx.f32'):
+        assert counts[opcode] == neighbours, opcode
+    others = ('div', 'rcp', 'rsqrt', 'sqrt')
+    assert not [opcode for opcode in counts if opcode.startswith(others)]
+
+
+@pytest.mark.parametrize('name', SETS)
+def test_kernels_wait_before_they_read(stage, name):
+    """Kernels that may begin early touch no memory before those they come after have ended."""
+    for code in stage(name):
+        before, wait, after = code.text.partition('griddepcontrol.wait;')
+        assert wait, f'{code.name} does not wait'
+        access = re.compile(r'^\s*(@\S+\s+)?(ld|st|atom|red)\.(global|volatile|relaxed)', re.M)
+        assert not access.search(before), code.name
+        assert access.search(after), code.name
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize(('arch', 'lanes'), [(80, 1), (80, 4), (90, 4)])
+def test_sums_on_other_hardware_and_shared(folder, arch, lanes):
+    """The same holds for the former architecture, and for threads that share a particle."""
+    kernels = launched('green', lanes=lanes)
+    codes = [
+        compiled(kernel, arch, folder)
+        for kernel in kernels
+        if kernel.key.rpartition('__')[2] in SUMS
+    ]
+    assert len(codes) == 2
+    for code in codes:
+        check_sum(code)
+        check_local(code)
+        check_arithmetic(code)
+        assert bool(opcodes(code.text)['shfl.sync.bfly.b32']) == (lanes > 1)
+
+
+@pytest.mark.nightly
+def test_sums_of_differences(folder):
+    """The other gradient's two sums are as lean."""
+    kernels = flow.flow_kernels(
+        wp.float32, 'wendland', 3.0, 'balanced', effect_sets()['everything with green']
+    )
+    for kernel in (kernels.elevate, kernels.flow):
+        code = compiled(kernel, 90, folder)
+        check_sum(code)
+        check_local(code)
+        check_arithmetic(code)
+
+
+@pytest.mark.nightly
+def test_deterministic_order(folder):
+    """What only a deterministic run on a GPU launches is as lean."""
+    *_, order, _, members = neighbors._kernels(
+        wp.float32, True, False, True, False, True
+    )
+    for kernel in (order, members):
+        code = compiled(kernel, 90, folder)
+        check_local(code)
+        assert waits_first(kernel)
+        if kernel is order:
+            check_carrier(code, 3)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize('lanes', [1, 4])
+@pytest.mark.parametrize('name', SETS)
+def test_few_particles_are_loaded_at_once(folder, name, lanes):
+    """With few particles the compiler spares no registers, and does not wait for each load."""
+    kernels = launched(name, lanes=lanes, is_short=True)
+    codes = [
+        compiled(kernel, 90, folder)
+        for kernel in kernels
+        if kernel.key.rpartition('__')[2] in (*SUMS, 'move')
+    ]
+    assert len(codes) == 2
+    for code in codes:
+        assert FOUR_AT_ONCE <= code.registers <= 65536 // FEW_THREADS[0] // FEW_THREADS[1]
+        check_local(code)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize('name', ['green', 'everything with green'])
+def test_what_directs_takes_no_registers_of_others(folder, name):
+    """Only the first block keeps numbers in memory: without it the same registers are enough."""
+    motions = [
+        next(kernel for kernel in kernels if kernel.key.endswith('green_motion'))
+        for kernels in (launched(name), launched(name, directs=True))
+    ]
+    assert motions[1].options['launch_bounds'] == BOUNDS[False]
+    alone, directed = (compiled(kernel, 90, folder) for kernel in motions)
+    assert alone.registers == directed.registers == 65536 // BOUNDS[False][0] // 8 // 6 * 8
+    assert alone.stack == 0 < directed.stack <= DIRECTORS_STACK
+    check_sum(directed)
+    check_carrier(directed, 1)
+    check_arithmetic(directed)
+
+
+@pytest.mark.parametrize(
+    ('names', 'is_short'),
+    [
+        (('everything with inertia',), False),
+        pytest.param(tuple(effect_sets()), False, marks=pytest.mark.nightly),
+        pytest.param(tuple(effect_sets()), True, marks=pytest.mark.nightly),
+    ],
+    ids=['with inertia', 'all', 'all, few particles'],
+)
+def test_effects_compile_without_local_memory(folder, names, is_short):
+    """No effect, alone or with others, makes a kernel spill on the hardware with least room."""
+    kernels = {
+        kernel.module.name: kernel
+        for name in names
+        for kernel in launched(name, is_short=is_short)
+    }
+    found = {kernel.key.rpartition('__')[2] for kernel in kernels.values()}
+    assert found >= {'accelerate', 'exchange_heat', 'freeze', 'merge', 'emit'}
+    assert len(names) == 1 or found >= {*CARRIERS, 'sweep'}
+    for kernel in kernels.values():
+        (file,) = wp.compile_aot_module(
+            kernel.module, arch=80, module_dir=folder, use_ptx=False
+        )
+        stack, _ = needs_of(file.read_bytes())
+        assert stack == 0, kernel.key
+
+
+vec64 = wp.types.vector(64, float)
+
+
+@wp.kernel(module='unique', enable_backward=False)
+def indexed_at_run_time(values: wp.array(dtype=float)):
+    """Keep an array that cannot be in registers."""
+    kept = vec64()
+    for n in range(values.shape[0]):
+        kept[n % 64] = kept[(n * n) % 64] + values[n]
+    values[0] = kept[values.shape[0] % 64]
+
+
+def test_checks_see_local_memory(folder):
+    """An array that is indexed at run time is in local memory."""
+    code = compiled(indexed_at_run_time, 90, folder)
+    assert code.stack > 0
+    with pytest.raises(AssertionError):
+        check_local(code)
+
+
+def plain_load(width):
+    """Read as Warp does, number by number."""
+
+    def load_of(real):
+        kind = wp.types.vector(width, real) if width > 1 else real
+
+        @wp.func
+        def load(values: wp.array(dtype=kind), i: int):
+            return values[i]
+
+        return load
+
+    return load_of
+
+
+def plain_kernel(function=None, **_):
+    """Make a kernel without the hardware's own arithmetic."""
+    if function is None:
+        return plain_kernel
+    return wp.kernel(function, module='unique', enable_backward=False, grid_stride=False)
+
+
+@pytest.mark.nightly
+def test_checks_see_plain_reads(folder, monkeypatch):
+    """Without the loads of compiled.py no sum passes."""
+    for module in (sums, flow, green):
+        for width in (1, 2, 4):
+            if hasattr(module, f'load{width}'):
+                monkeypatch.setattr(module, f'load{width}', plain_load(width))
+    # none that was made with the others
+    monkeypatch.setattr(flow, 'sums_function', sums.sums_function.__wrapped__)
+    monkeypatch.setattr(green, '_sums_function', green._sums_function.__wrapped__)
+    monkeypatch.setattr(green, '_velocity_function', green._velocity_function.__wrapped__)
+    kernels = [
+        flow.flow_kernels.__wrapped__(
+            wp.float32, 'wendland', 3.0, 'energy', effect_sets()['green']
+        ).flow,
+        green._velocity_kernel.__wrapped__(wp.float32, 1, False, False),
+    ]
+    for kernel in kernels:
+        with pytest.raises(AssertionError):
+            check_sum(compiled(kernel, 90, folder))
+
+
+@pytest.mark.nightly
+def test_checks_see_slow_arithmetic(folder, monkeypatch):
+    """Without ``quick_kernel`` the flow does not pass."""
+    assert flow.quick_kernel is quick_kernel
+    monkeypatch.setattr(flow, 'quick_kernel', plain_kernel)
+    kernels = flow.flow_kernels.__wrapped__(
+        wp.float32, 'wendland', 3.0, 'energy', effect_sets()['bare']
+    )
+    with pytest.raises(AssertionError):
+        check_arithmetic(compiled(kernels.flow, 90, folder))

@@ -1,0 +1,97 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""A device without memory for more lava: a clear error, and the state of before."""
+
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+import warp as wp
+
+from lava_ros.ros.session import failure_text
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.state import SPARE
+
+#: More particles than any GPU has room for: an array of them takes up to 34 GB, and there are ten.
+TOO_MANY = 2**31 - 1 - SPARE
+
+NO_ROOM = f'room for {TOO_MANY} particles: Failed to allocate'
+
+
+def flow(device):
+    """Lava that has come a little way down a plane."""
+    x = np.arange(40) * 10.0
+    simulation = Simulation(
+        Scene(
+            Terrain(np.tile(500.0 - 0.2 * x, (30, 1)), 10.0),
+            (Vent((60.0, 155.0), 20.0),),
+            lava=Lava(),
+        ),
+        accuracy=Accuracy(spacing=5.0, deterministic=True),
+        device=device,
+    )
+    simulation.advance(60.0)
+    return simulation
+
+
+@contextmanager
+def scarce(simulation):
+    """Leave no memory: a GPU really has none, on the CPU an allocation says so as Warp does."""
+    state, zeros, given = simulation._state, wp.zeros, []
+
+    def refuse(shape, *arguments, **options):
+        given.append(shape)
+        if len(given) > 1:
+            raise RuntimeError("Failed to allocate 34359738352 bytes on device 'cpu'")
+        return zeros(16 if shape == TOO_MANY else shape, *arguments, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        if not state.device.is_cuda:
+            patch.setattr(wp, 'zeros', refuse)
+        yield
+
+
+def test_a_device_without_memory_keeps_its_lava(device):
+    """The error says what was wanted; afterwards the flow goes on as if nothing had been."""
+    simulation, other = flow(device), flow(device)
+    before, capacity = simulation.checkpoint().to_bytes(), simulation._state.capacity
+    with scarce(simulation), pytest.raises(RuntimeError, match=NO_ROOM) as caught:
+        simulation._state.grow(TOO_MANY)
+    words = failure_text(caught.value, simulation.snapshot())
+    assert words.startswith('out of memory with')
+    assert 'a larger spacing or a coarser terrain needs less' in words
+    assert simulation._state.capacity == capacity
+    assert simulation.checkpoint().to_bytes() == before
+    for run in (simulation, other):
+        run.advance(120.0)
+    assert simulation.checkpoint().to_bytes() == other.checkpoint().to_bytes()
+
+
+def test_a_new_simulation_after_an_allocation_that_failed(device):
+    """A GPU keeps the error of an allocation that failed for who comes next: it is taken away."""
+    simulation = flow(device)
+    if simulation._state.device.is_cuda:
+        blocks = []
+        with pytest.raises(RuntimeError, match='Failed to allocate'):
+            while True:
+                blocks.append(wp.empty(TOO_MANY, dtype=wp.vec4, device=device))
+        blocks.clear()
+    else:
+        with scarce(simulation), pytest.raises(RuntimeError, match='Failed to allocate'):
+            flow(device)
+    again = flow(device)
+    assert again.checkpoint().to_bytes() == simulation.checkpoint().to_bytes()

@@ -1,0 +1,194 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Sums that take eight neighbours at a time on a CPU, against those that take one."""
+
+import numpy as np
+import pytest
+import warp as wp
+
+from lava_ros.effects.green import device as green
+from lava_ros.effects.helmholtz import device as helmholtz
+from lava_ros.simulation import sums as flow_sums
+from lava_ros.simulation.backend.simd import WIDTH
+from lava_ros.simulation.cells import cell_frame
+from lava_ros.simulation.kernels import k0_within, smoothing_kernel
+from lava_ros.simulation.state import SPARE
+
+#: Rows and columns of cells that lie in a row of the grid before, in and after the box.
+ROWS, COLUMNS = 5, 9
+BOX = (1, 4, 2, 7)
+RADIUS = 3.0
+
+WENDLAND = smoothing_kernel('wendland', wp.float32)
+
+#: Sums of the flow and of two effects, in float32: one neighbour after the other, two and four of
+#: them at once, and eight.
+FLOW = (
+    flow_sums.sums_function(wp.float32, WENDLAND, 1, False),
+    flow_sums.sums_function(wp.float32, WENDLAND, 1, True),
+    flow_sums.wide_sums_function(WENDLAND.wide_terms),
+)
+GREEN = (
+    green._sums_function(wp.float32, 1, False),
+    green._sums_function(wp.float32, 1, True),
+    green._wide_sums_function(),
+)
+HELMHOLTZ = (
+    helmholtz._sums_function(wp.float32, WENDLAND, 1),
+    helmholtz._wide_sums_function(WENDLAND.wide_terms),
+)
+
+
+def kernel_of_flow(sums):
+    """A kernel of the flow's sums around one place."""
+
+    @wp.kernel(module='unique')
+    def sum_up(
+        values: wp.array(dtype=wp.vec4),
+        area: wp.array(dtype=float),
+        pairs: wp.array(dtype=wp.vec2),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(wp.float32),
+        box: wp.vec4i,
+        p: wp.vec4,
+        result: wp.array(dtype=wp.vec3),
+    ):
+        result[0] = sums(0, values, starts, cells, box, p, wp.static(1.0 / RADIUS))
+
+    return sum_up
+
+
+def kernel_of_green(sums):
+    """A kernel of the Green's function's sums around one place, of lava half as thick as wide."""
+    powers_of = k0_within(wp.float32).powers_of
+
+    @wp.kernel(module='unique')
+    def sum_up(
+        values: wp.array(dtype=wp.vec4),
+        area: wp.array(dtype=float),
+        pairs: wp.array(dtype=wp.vec2),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(wp.float32),
+        box: wp.vec4i,
+        p: wp.vec4,
+        result: wp.array(dtype=wp.vec3),
+    ):
+        result[0] = sums(0, values, area, starts, cells, box, p, powers_of(2.0), 0.2)
+
+    return sum_up
+
+
+def kernel_of_helmholtz(sums):
+    """A kernel of the sums of a sweep around one place."""
+
+    @wp.kernel(module='unique')
+    def sum_up(
+        values: wp.array(dtype=wp.vec4),
+        area: wp.array(dtype=float),
+        pairs: wp.array(dtype=wp.vec2),
+        starts: wp.array(dtype=wp.int32),
+        cells: cell_frame(wp.float32),
+        box: wp.vec4i,
+        p: wp.vec4,
+        result: wp.array(dtype=wp.vec3),
+    ):
+        u = wp.vec2(0.3, -0.4)
+        result[0] = sums(0, values, pairs, starts, cells, box, p, u, wp.static(1.0 / RADIUS))
+
+    return sum_up
+
+
+KERNELS = {
+    'flow': [kernel_of_flow(sums) for sums in FLOW],
+    'green': [kernel_of_green(sums) for sums in GREEN],
+    'helmholtz': [kernel_of_helmholtz(sums) for sums in HELMHOLTZ],
+}
+
+
+def sums_of(kernel, sizes, seed=0, outside=np.nan, room=0):
+    """What a kernel makes of cells with so many particles each.
+
+    All others have one value, and there is room for some of them behind the last.
+    """
+    random = np.random.default_rng(seed)
+    starts = np.concatenate([[0], np.cumsum(sizes.ravel())]).astype(np.int32)
+    values = random.uniform(-2.0, 2.0, (starts[-1], 4)).astype(np.float32)
+    area = random.uniform(0.5, 1.5, len(values)).astype(np.float32)
+    pairs = random.uniform(-1.0, 1.0, (len(values), 2)).astype(np.float32)
+    inside = np.zeros(sizes.shape, bool)
+    inside[BOX[0] : BOX[1], BOX[2] : BOX[3]] = True
+    counts = np.repeat(inside.ravel(), sizes.ravel())
+    values[~counts], area[~counts], pairs[~counts] = outside, outside, outside
+    room = max(room, WIDTH - len(values))
+    values, area, pairs = (
+        np.concatenate([items, np.full((room, *items.shape[1:]), outside, np.float32)])
+        for items in (values, area, pairs)
+    )
+    cells = cell_frame(wp.float32)()
+    cells.rows, cells.columns = ROWS, COLUMNS
+    result = wp.zeros(1, dtype=wp.vec3, device='cpu')
+    wp.launch(
+        kernel,
+        dim=1,
+        inputs=[
+            wp.array(values, dtype=wp.vec4, device='cpu'),
+            wp.array(area, dtype=float, device='cpu'),
+            wp.array(pairs, dtype=wp.vec2, device='cpu'),
+            wp.array(starts, dtype=wp.int32, device='cpu'),
+            cells,
+            wp.vec4i(*BOX),
+            wp.vec4(0.1, -0.2, 1.0, 2.0),
+        ],
+        outputs=[result],
+        device='cpu',
+    )
+    return result.numpy()[0]
+
+
+def plain_sums(kernels, sizes, seed=0):
+    """What the sums without vectors make of it, which take any numbers from outside times 0."""
+    first, *others = (sums_of(one, sizes, seed, outside=7.0, room=SPARE) for one in kernels)
+    for other in others:
+        assert other == pytest.approx(first, abs=1e-5 * max(float(np.abs(first).max()), 1.0))
+    return first
+
+
+@pytest.mark.parametrize('name', KERNELS)
+@pytest.mark.parametrize('most', [1, 2, 3, 5, 40])
+def test_wide_sums_are_those_of_one_after_the_other(name, most):
+    """Whatever is in a row, and wherever in the arrays that is, what is outside does not count."""
+    random = np.random.default_rng(most)
+    *plain, wide = KERNELS[name]
+    for seed in range(20):
+        sizes = random.integers(0, most + 1, (ROWS, COLUMNS))
+        if seed % 2:
+            # the box's last particles are the array's
+            sizes[BOX[1] - 1, BOX[3] :] = sizes[BOX[1] :] = 0
+        expected = plain_sums(plain, sizes, seed)
+        scale = 1e-5 * max(float(np.abs(expected).max()), 1.0)
+        assert np.isfinite(expected).all()
+        assert sums_of(wide, sizes, seed) == pytest.approx(expected, abs=scale)
+
+
+@pytest.mark.parametrize('name', KERNELS)
+def test_wide_sums_over_nothing(name):
+    """An empty box, and an array with no more than is read at a time."""
+    *plain, wide = KERNELS[name]
+    sizes = np.zeros((ROWS, COLUMNS), int)
+    assert (sums_of(wide, sizes) == 0.0).all()
+    sizes[2, 3] = 3
+    expected = plain_sums(plain, sizes)
+    assert np.abs(expected).max() > 0.01
+    assert sums_of(wide, sizes) == pytest.approx(expected, rel=1e-5, abs=1e-6)

@@ -1,0 +1,211 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Launches in parts on the cores of a CPU: the same to the bit, and no part is lost."""
+
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+import warp as wp
+
+from lava_ros.errors import LavaError
+from lava_ros.simulation import motion, neighbors
+from lava_ros.simulation.backend import threads
+from lava_ros.simulation.backend.compiled import counted_from, quick_kernel, raise_to
+from lava_ros.simulation.backend.cores import usable_cores
+from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
+
+#: Sets of effects: in them every kernel that is launched in parts has a part.
+SETS = ('green', 'helmholtz', 'inertia', 'solidification', 'everything with green')
+
+#: Launches with helpers, in the process and in a fork of it, and ends while they wait.
+ENDS = """
+import os, sys
+import numpy as np, warp as wp
+from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
+from lava_ros.simulation.backend.threads import use_threads
+use_threads(3)
+def flown():
+    simulation = lava_field(2000, effect_sets()['bare'], 'cpu')
+    simulation.advance(STEP)
+    return simulation.sample().position.tobytes()
+here = flown()
+child = os.fork()
+if child == 0:
+    os._exit(0 if flown() == here else 1)
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.fixture(autouse=True)
+def as_before():
+    """What a test says about threads holds for it alone."""
+    before = threads._asked
+    yield
+    threads.use_threads(before)
+
+
+raised = raise_to(wp.float32)
+
+
+@quick_kernel
+def count_visits(
+    values: wp.array(dtype=wp.float32),
+    visits: wp.array(dtype=wp.int32),
+    most: wp.array(dtype=wp.float32),
+    first: int,
+):
+    """Count how often each item is visited, and find the largest value."""
+    i = counted_from(first, wp.tid())
+    visits[i] += 1
+    raised(most, 0, values[i])
+
+
+def visited(count, parts, least=1):
+    """Visit every item with some threads; return the visits and the largest value."""
+    threads.use_threads(parts)
+    values = wp.array(np.random.default_rng(1).random(count), dtype=wp.float32, device='cpu')
+    visits = wp.zeros(count, dtype=wp.int32, device='cpu')
+    most = wp.zeros(1, dtype=wp.float32, device='cpu')
+    threads.launch(
+        count_visits, count, inputs=[values], outputs=[visits, most],
+        device=wp.get_device('cpu'), least=least,
+    )
+    return visits.numpy(), most.numpy()[0], values.numpy().max()
+
+
+@pytest.mark.parametrize('count', [1, 2, 7, 1000])
+@pytest.mark.parametrize('parts', [1, 2, 5])
+def test_every_item_is_visited_once(count, parts):
+    """However many threads there are, and items to a thread."""
+    visits, most, largest = visited(count, parts)
+    assert (visits == 1).all()
+    assert most == largest
+
+
+@pytest.mark.parametrize('name', SETS)
+def test_threads_change_no_bit(monkeypatch, name):
+    """Particles, volumes and grids are the same with one thread and with three."""
+    for module in (motion, neighbors):
+        monkeypatch.setattr(module, 'LEAST_MOVES', 100)
+
+    def run(count):
+        threads.use_threads(count)
+        simulation = lava_field(2500, effect_sets()[name], 'cpu')
+        simulation.advance(3 * STEP)
+        snapshot = simulation.snapshot()
+        arrays = simulation._state.save()
+        return arrays | {'h': snapshot.thickness, 't': snapshot.temperature}
+
+    alone, together = run(1), run(3)
+    assert set(alone) == set(together)
+    for key, values in alone.items():
+        np.testing.assert_array_equal(values, together[key], err_msg=key)
+
+
+def test_few_items_are_launched_in_one_go(monkeypatch):
+    """Nobody is called for what one thread has done before they would be there."""
+    monkeypatch.setattr(threads, '_helpers', lambda: pytest.fail('a helper was called'))
+    visits, *_ = visited(1000, 4, least=501)
+    assert (visits == 1).all()
+
+
+class Recorded:
+    """Stands in for a recorded launch: each part calls a function with its first item."""
+
+    def __init__(self, function):
+        """Take the function."""
+        self.function, self.params, self.fwd_args = function, [], [0]
+
+    def set_dim(self, dim):
+        """Take any number of items."""
+
+    def set_param_at_index(self, index, value):
+        """Take the first item."""
+        self.first = value
+
+    def launch(self):
+        """Call the function."""
+        self.function(self.first)
+
+
+def test_what_a_helper_raises_reaches_the_caller():
+    """And the caller leaves only when the helper is done; then both can go on."""
+    caller, entered, done = threading.get_ident(), threading.Event(), threading.Event()
+
+    def part(first):
+        if threading.get_ident() == caller:
+            assert entered.wait(10.0)
+            return
+        entered.set()
+        done.wait(0.2)
+        done.set()
+        raise RuntimeError('of a helper')
+
+    job = threads._Job(lambda: Recorded(part), (), [(0, 1), (1, 2), (2, 3)])
+    with pytest.raises(RuntimeError, match='of a helper'):
+        job.compute(1)
+    assert done.is_set()
+    assert (visited(1000, 2)[0] == 1).all()
+
+
+def test_what_the_caller_raises_ends_the_job():
+    """No helper begins with another part of it."""
+    job = threads._Job(lambda: Recorded(lambda _: 1 / 0), (), [(0, 1), (1, 2)])
+    with pytest.raises(ZeroDivisionError):
+        job.compute(0)
+    job.help()
+    assert not job._parts
+
+
+def test_a_launch_that_cannot_be_recorded():
+    """The helpers that were called find nothing to do, and the next launch is as any other."""
+    device = wp.get_device('cpu')
+    threads.use_threads(2)
+    with pytest.raises(RuntimeError, match='requires 4'):
+        threads.launch(count_visits, 1000, inputs=[], outputs=[], device=device, least=1)
+    assert (visited(1000, 2)[0] == 1).all()
+
+
+def test_a_process_ends_with_helpers_and_forks():
+    """Helpers keep no process from its end, and a fork has its own."""
+    run = subprocess.run(
+        [sys.executable, '-c', ENDS], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert run.returncode == 0, run.stderr
+
+
+def test_the_number_of_threads(monkeypatch):
+    """As many as cores that may be used, or as the environment or the program says."""
+    threads.use_threads(None)
+    monkeypatch.delenv(threads.VARIABLE, raising=False)
+    assert threads.threads() == usable_cores()
+    monkeypatch.setenv(threads.VARIABLE, '3')
+    assert threads.threads() == 3
+    threads.use_threads(2)
+    assert threads.threads() == 2
+
+
+@pytest.mark.parametrize('text', ['0', '-1', 'two', '1.5'])
+def test_a_number_of_threads_that_is_none(monkeypatch, text):
+    """It is refused by name."""
+    threads.use_threads(None)
+    monkeypatch.setenv(threads.VARIABLE, text)
+    with pytest.raises(LavaError, match=threads.VARIABLE):
+        threads.threads()
+    with pytest.raises(LavaError, match='threads'):
+        threads.use_threads(0)

@@ -1,0 +1,124 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Presets are points on the measured front, and their evidence is the committed file's."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from lava_ros.errors import LavaError
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import COMMAND, DEFAULT, EVIDENCE, preset_accuracy, PRESETS
+from lava_ros.verification.rows import points, read_csv
+
+ROWS = read_csv(Path(__file__).parents[2] / EVIDENCE)
+
+POINTS = points(ROWS)
+
+#: The ladder of accuracy, without what is there for comparison only.
+LADDER = ('draft', 'standard', 'fine', 'reference')
+
+
+def point(case, preset):
+    """The preset's point in a case."""
+    found = [item for item in POINTS if (item.case, item.preset) == (case, preset)]
+    assert len(found) == 1
+    return found[0]
+
+
+def test_names():
+    """The ladder, and the paper's settings; the default is one of them."""
+    assert tuple(PRESETS) == (*LADDER, 'as-published')
+    assert DEFAULT in PRESETS
+    assert all(preset.name == name for name, preset in PRESETS.items())
+
+
+def test_the_reference_is_float64():
+    """Only the reference pays for float64."""
+    wide = [name for name, item in PRESETS.items() if item.accuracy.precision == 'float64']
+    assert wide == ['reference']
+
+
+def test_spacing_takes_the_place_of_the_automatic_one():
+    """A spacing is taken as it is; without one the preset is as it stands."""
+    assert preset_accuracy('draft') == PRESETS['draft'].accuracy
+    chosen = preset_accuracy('draft', spacing=12.0)
+    assert chosen.spacing == 12.0
+    assert chosen.ratio == PRESETS['draft'].accuracy.ratio
+
+
+def test_unknown_preset():
+    """Another name is refused with those there are."""
+    with pytest.raises(LavaError, match='one of draft, standard, fine, reference, as-published'):
+        preset_accuracy('best')
+
+
+def test_the_evidence_was_made_as_it_says():
+    """The rows that are quoted name the command, and none a place on somebody's disk."""
+    cases = {preset.evidence.case for preset in PRESETS.values()}
+    assert {row.command for row in ROWS if row.case in cases} == {COMMAND}
+    assert all(row.command.startswith('lava accuracy ') for row in ROWS)
+    assert not any('/' in row.command for row in ROWS)
+
+
+@pytest.mark.parametrize('name', PRESETS)
+def test_evidence_is_what_was_measured(name):
+    """The committed errors are those quoted, rounded up by less than a half."""
+    evidence = PRESETS[name].evidence
+    rows = [row for row in ROWS if (row.case, row.preset) == (evidence.case, name)]
+    assert {row.quantity for row in rows} >= set(evidence.errors)
+    for row in rows:
+        if row.quantity in evidence.errors:
+            assert row.error <= evidence.errors[row.quantity] <= 1.5 * row.error, row.quantity
+
+
+@pytest.mark.parametrize('name', LADDER)
+def test_presets_lie_on_the_front(name):
+    """No setting is better than a preset by more than a fifth in both error and time."""
+    own = point(PRESETS[name].evidence.case, name)
+    others = [item for item in POINTS if item.case == own.case and item is not own]
+    better = [
+        item.setting
+        for item in others
+        if item.error < 0.8 * own.error and item.cost < 0.8 * own.cost
+    ]
+    assert better == []
+
+
+def test_the_ladder_climbs():
+    """Each preset of the ladder does more work than the one before, and its error is smaller."""
+    steps = [point(PRESETS[name].evidence.case, name) for name in LADDER]
+    work = []
+    for step in steps:
+        row = next(row for row in ROWS if (row.case, row.preset) == (step.case, step.preset))
+        # so few particles do not fill a GPU: its time is that of waiting
+        work.append(row.particles * row.evaluations)
+    for cheap, dear in pairwise(zip(steps, work, strict=True)):
+        assert dear[1] > cheap[1]
+        assert dear[0].error < cheap[0].error
+
+
+def test_the_paper_is_dominated():
+    """At no more time than the paper's settings take, a draft errs five times less."""
+    evidence = PRESETS['as-published'].evidence
+    paper, draft = point(evidence.case, 'as-published'), point(evidence.case, 'draft')
+    assert draft.cost < paper.cost
+    assert draft.error < 0.2 * paper.error
+
+
+def test_standard_is_what_eight_thousand_particles_are_for():
+    """`standard` is the automatic spacing as it is."""
+    assert PRESETS['standard'].accuracy.refinement == Accuracy().refinement

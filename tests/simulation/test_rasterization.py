@@ -1,0 +1,211 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The map: where the lava ends, how thick it is there, and that no volume is lost."""
+
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import Effects
+from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene.lava import Lava
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import PRESETS
+from lava_ros.verification.exact import FixedVolumeSpread
+
+RADIUS, VOLUME = 130.0, 1e5
+DOME = FixedVolumeSpread(VOLUME, 1e4 / 2600.0, 9.81)
+TIME = DOME.time_of_radius(RADIUS)
+
+
+def mapped(count, ratio, device='cpu', cells=300):
+    """The map of Huppert's profile given as particles, and the area of its cells [m2]."""
+    side = 400.0
+    simulation = Simulation(
+        Scene(
+            Terrain(np.zeros((cells, cells)), side / cells, origin=(-0.5 * side,) * 2), lava=Lava()
+        ),
+        effects=Effects(arrhenius=False, cooling=False, steep=False),
+        accuracy=Accuracy(
+            spacing=RADIUS * math.sqrt(math.pi / count),
+            thickness=VOLUME / (math.pi * RADIUS**2),
+            ratio=ratio,
+        ),
+        particles=Particles(DOME.particles(count, TIME), VOLUME / count, 1400.0),
+        device=device,
+    )
+    return simulation.snapshot(), (side / cells) ** 2
+
+
+@pytest.mark.parametrize('count', [500, 2000, 8000])
+@pytest.mark.parametrize('ratio', [2.5, 3.0, 3.5])
+def test_footprint_does_not_swell_with_the_kernel(device, count, ratio):
+    """The radius where cells hold over 10 cm is right within 1 %; a bare sum is 1 to 5 % out."""
+    snapshot, area = mapped(count, ratio, device)
+    side, parts = math.sqrt(area), 8
+    places = (np.arange(300 * parts) + 0.5) * side / parts - 150.0 * side
+    exact = DOME.thickness(np.hypot(places, places[:, None]), TIME)
+    means = exact.reshape(300, parts, 300, parts).mean(axis=(1, 3))
+    wet = [np.count_nonzero(item > 0.1) for item in (snapshot.thickness, means)]
+    assert math.sqrt(wet[0]) == pytest.approx(math.sqrt(wet[1]), rel=0.01)
+
+
+def test_a_cell_at_the_border_holds_its_mean(device):
+    """Whatever the cells, they hold the means of a finer map of the same particles."""
+    fine, _ = mapped(2000, 3.5, device, cells=400)
+    coarse, _ = mapped(2000, 3.5, device, cells=80)
+    means = fine.thickness.reshape(80, 5, 80, 5).mean(axis=(1, 3))
+    error = np.abs(coarse.thickness - means).sum() / means.sum()
+    # cells that hold lava or none: 1.7 %
+    assert error < 0.004
+
+
+def test_map_has_the_profile():
+    """Thickness along a radius follows the exact profile to the edge."""
+    snapshot, _ = mapped(8000, 3.0)
+    row = snapshot.thickness[150]
+    x = (np.arange(300) + 0.5) * 400.0 / 300 - 200.0
+    inside = np.abs(x) < 0.9 * RADIUS
+    assert row[inside] == pytest.approx(DOME.thickness(np.abs(x[inside]), TIME), rel=0.03)
+
+
+def slope(valley=0.0, holes=False, rows=30, columns=40, cell=5.0):
+    """A plane that falls towards +x, a valley of a few cells along it, or holes on the way."""
+    x, y = (np.arange(columns) + 0.5) * cell, (np.arange(rows) + 0.5) * cell
+    elevation = 100.0 - 0.1 * x + valley * np.abs(y - 0.5 * rows * cell)[:, None]
+    if holes:
+        elevation[12:20, 14:17] = np.nan
+        elevation[18:, 5] = np.nan
+    return Terrain(elevation, cell)
+
+
+#: Terrain, place of the vent, and lava.
+SCENES = {
+    'plane': (slope(), (60.0, 75.0), Lava(viscosity=5e3)),
+    'valley': (slope(valley=0.6), (60.0, 76.0), Lava(viscosity=5e3)),
+    'holes': (slope(holes=True), (62.0, 80.0), Lava(viscosity=2e3)),
+    'border': (slope(), (192.0, 6.0), Lava(viscosity=2e3)),
+    'freezing': (
+        slope(),
+        (60.0, 75.0),
+        Lava(viscosity=5e3, arrhenius=0.0, convection=2000.0, solidus=1400.0),
+    ),
+}
+
+
+@pytest.mark.parametrize('preset', ['draft', 'standard', 'fine', 'reference'])
+@pytest.mark.parametrize('scene', SCENES)
+def test_map_holds_the_volume(device, scene, preset):
+    """Thickness times area, summed over the cells, is what particles and deposit hold."""
+    terrain, place, lava = SCENES[scene]
+    simulation = Simulation(
+        Scene(terrain, (Vent(place, 20.0, temperature=1423.0, radius=5.0),), lava),
+        effects={'solidification': scene == 'freezing'},
+        accuracy=PRESETS[preset].accuracy,
+        device=device,
+    )
+    simulation.advance(60.0)
+    snapshot = simulation.snapshot()
+    budget = snapshot.budget
+    assert snapshot.flaw() == ''
+    assert (budget.in_holes > 0.0) == (scene == 'holes')
+    assert (budget.over_border > 0.0) == (scene == 'border')
+    assert (budget.frozen > 0.0) == (scene == 'freezing')
+    volume = np.nansum(snapshot.thickness, dtype=np.float64) * terrain.resolution**2
+    held = budget.held - budget.pending + budget.frozen
+    assert volume == pytest.approx(held, rel=1e-5)
+    assert (np.isnan(snapshot.thickness) == ~terrain.has_data).all()
+
+
+@pytest.mark.parametrize('cell', [0.5, 4.0, 30.0])
+@pytest.mark.parametrize('place', [(60.0, 60.0), (60.1, 71.3), (0.2, 119.9)])
+def test_a_lone_particle_keeps_its_volume(device, cell, place):
+    """On cells finer and coarser than it, in their corners and beside the border."""
+    count = round(120.0 / cell)
+    simulation = Simulation(
+        Scene(Terrain(np.zeros((count, count)), cell), lava=Lava()),
+        accuracy=Accuracy(spacing=4.0, thickness=1.0),
+        particles=Particles([place], 16.0, 1400.0),
+        device=device,
+    )
+    snapshot = simulation.snapshot()
+    assert snapshot.thickness.sum() * cell**2 == pytest.approx(16.0, rel=1e-5)
+    assert snapshot.temperature[snapshot.thickness > 0.0] == pytest.approx(1400.0, rel=1e-6)
+
+
+def test_a_stream_narrower_than_half_a_cell_is_in_the_cells_it_lies_in(device):
+    """No cell is covered by more than half, so each holds what lies in it."""
+    x = np.arange(1.0, 119.0, 2.0)
+    simulation = Simulation(
+        Scene(Terrain(np.zeros((6, 6)), 20.0), lava=Lava()),
+        accuracy=Accuracy(spacing=2.0, thickness=1.0),
+        particles=Particles(np.column_stack([x, np.full_like(x, 47.0)]), 4.0, 1400.0),
+        device=device,
+    )
+    exact = np.zeros((6, 6))
+    exact[2] = np.bincount((x / 20.0).astype(int), minlength=6) * 4.0 / 400.0
+    assert simulation.snapshot().thickness == pytest.approx(exact, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ('count', 'cells', 'error'),
+    [(500, 40, 0.04), (500, 100, 0.035), (2000, 100, 0.016), (8000, 40, 0.012), (8000, 100, 8e-3)],
+)
+def test_map_has_the_thickness_of_its_cells(count, cells, error):
+    """Volume in wrong cells; sums of V W over their cover had 4.5, 4.2, 1.9, 1.6 and 0.9 %."""
+    snapshot, area = mapped(count, 3.5, cells=cells)
+    parts = 8
+    x = (np.arange(cells * parts) + 0.5) * 400.0 / (cells * parts) - 200.0
+    distance = np.minimum(np.hypot(x, x[:, None]), RADIUS)
+    exact = DOME.thickness(distance, TIME).reshape(cells, parts, cells, parts).mean(axis=(1, 3))
+    assert np.abs(snapshot.thickness - exact).sum() * area < error * VOLUME
+
+
+@pytest.mark.parametrize('wavelength', [2.4, 3.0])
+def test_map_has_the_height_of_waves(wavelength):
+    """To the first order the map undoes what the kernel smooths (docs/MODEL.md).
+
+    Of a wave of a length in kernel radii a sum of V W has T, the kernel's transform, and the map
+    T + (1 - T^2) (T^2 - T / 2).
+    """
+    radius, side, thickness = 3.5, 80.0, 1.0
+    wave = 2.0 * math.pi / (wavelength * radius)
+    q = (np.arange(20000) + 0.5) / 20000
+    angle = (np.arange(400) + 0.5) * math.pi / 400
+    bessel = np.cos(np.outer(wave * radius * q, np.cos(angle))).mean(axis=1)
+    smoothed = 14.0 * np.mean((1.0 - q) ** 4 * (1.0 + 4.0 * q) * q * bessel)
+    # columns of equal volume, moved so that their density has the wave
+    steps = np.linspace(0.0, side, 100001)
+    held = steps + 0.1 / wave * np.sin(wave * (steps - 0.5 * side))
+    places = (np.arange(round(side)) + 0.5) / round(side)
+    x = np.interp(held[0] + places * (held[-1] - held[0]), held, steps)
+    y = np.arange(0.5, side)
+    rows = np.column_stack([np.tile(x, len(y)), np.repeat(y, len(x))])
+    simulation = Simulation(
+        Scene(Terrain(np.zeros((160, 160)), 0.5), lava=Lava()),
+        accuracy=Accuracy(spacing=1.0, thickness=thickness, ratio=radius, raster_ratio=1.0),
+        particles=Particles(rows, thickness * (held[-1] - held[0]) / side, 1400.0),
+        device='cpu',
+    )
+    middle = (np.arange(160) + 0.5) * 0.5 - 0.5 * side
+    inside = np.abs(middle) < wavelength * radius
+    line = simulation.snapshot().thickness[60:100].mean(axis=0)[inside]
+    gain = np.polyfit(np.cos(wave * middle[inside]), line, 1)[0] / 0.1
+    exact = smoothed + (1.0 - smoothed**2) * (smoothed**2 - 0.5 * smoothed)
+    assert smoothed < 0.9
+    assert gain == pytest.approx(exact, abs=0.01)
+    assert abs(1.0 - gain) < 0.65 * (1.0 - smoothed)

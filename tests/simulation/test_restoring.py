@@ -1,0 +1,273 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Checkpoints: going on from one equals never having stopped, to the last bit."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import neighbors, Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.checkpoint import from_bytes
+
+#: The moment a run is stopped at, and the end [s].
+STOP, END = 200.0, 400.0
+
+LAVA = Lava(viscosity=2e3, density=2600.0)
+
+COOLING = Lava(viscosity=5e3, density=2600.0, convection=300.0, yield_strength=500.0,
+               yield_rate=0.01, solidus=1395.0)
+
+CRUSTED = Lava(viscosity=2e3, density=2600.0, conductivity=900.0, crust=True,
+               ground_conductivity=2.0)
+
+SCENES = {
+    'bare': (LAVA, Effects(arrhenius=False, cooling=False)),
+    'freezing': (COOLING, Effects(yielding=True, solidification=True)),
+    'inertia': (replace(LAVA, viscosity=50.0), Effects(inertia=True)),
+    'crust': (CRUSTED, Effects(crust=True, ground=True, conduction=True)),
+    'merging': (LAVA, Effects(merging=True)),
+}
+
+VENTS = (
+    Vent((95.0, 150.0), ((0.0, 30.0), (100.0, 5.0), (300.0, 60.0)), radius=12.0, name='main'),
+    Vent((60.0, 60.0), 8.0, end=(80.0, 90.0), radius=4.0, velocity=(2.0, 0.0)),
+)
+
+
+def hill():
+    """A rough slope towards +x that lava runs off, with a hole that it falls into."""
+    x, y = np.meshgrid(np.arange(28) * 10.0, np.arange(30) * 10.0)
+    height = 900.0 - 0.25 * x + 3.0 * np.sin(x / 17.0) * np.cos(y / 23.0)
+    height[14:16, 16:18] = np.nan
+    return Terrain(height, 10.0, origin=(5.0, -3.0), epsg=32633, offset=(500000.0, 4177000.0))
+
+
+def stopped(name, device, precision='float32'):
+    """A simulation that has run up to ``STOP``; its vents have changed on the way."""
+    lava, effects = SCENES[name]
+    accuracy = Accuracy(
+        spacing=4.0, thickness=0.5, longest_step=20.0, deterministic=True, precision=precision
+    )
+    simulation = Simulation(
+        Scene(hill(), VENTS[:1], lava), effects=effects, accuracy=accuracy, device=device
+    )
+    simulation.advance(37.0)
+    simulation.set_vents(VENTS)
+    simulation.advance(STOP)
+    return simulation
+
+
+@lru_cache
+def taken(name):
+    """The checkpoint of such a simulation on the CPU, and the run that has gone on from it."""
+    checkpoint = stopped(name, 'cpu').checkpoint()
+    run = Simulation.resume(checkpoint, device='cpu')
+    run.advance(END)
+    return checkpoint, run
+
+
+def equal(one, other):
+    """Whether two simulations are the same in every array and in all they show."""
+    first, second = one.snapshot(), other.snapshot()
+    same_maps = all(
+        getattr(first, name) is getattr(second, name)
+        or np.array_equal(getattr(first, name), getattr(second, name), equal_nan=True)
+        for name in ('thickness', 'temperature', 'frozen')
+    )
+    return (
+        same_maps
+        and first.budget == second.budget
+        and first.steps == second.steps
+        and one.checkpoint().to_bytes() == other.checkpoint().to_bytes()
+    )
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_going_on_equals_never_having_stopped(name, device):
+    """Vents that change in time, two sets of them, lava that leaves: bit for bit the same."""
+    simulation = stopped(name, device)
+    resumed = Simulation.resume(from_bytes(simulation.checkpoint().to_bytes()), device=device)
+    assert resumed.time == STOP
+    for run in (simulation, resumed):
+        run.advance(END)
+    assert equal(simulation, resumed)
+    budget = simulation.budget()
+    assert budget.emitted > 3000.0
+    assert budget.error < 1e-5
+    assert budget.left > 0.0 or budget.frozen > 0.0
+
+
+def test_a_double_precision_run_goes_on_alike(device):
+    """Float64 carries no remainders; the rest is the same."""
+    simulation = stopped('bare', device, precision='float64')
+    resumed = Simulation.resume(from_bytes(simulation.checkpoint().to_bytes()), device=device)
+    for run in (simulation, resumed):
+        run.advance(END)
+    assert equal(simulation, resumed)
+
+
+def test_what_is_chosen_and_changed_later_is_the_same(device):
+    """Effects by choice, forced ones, new vents and a new terrain after the checkpoint."""
+    lava = replace(COOLING, convection=1000.0)
+    simulation = Simulation(
+        Scene(hill(), VENTS, lava),
+        effects={'merging': False, 'solidification': True},
+        accuracy=Accuracy(spacing=4.0, deterministic=True),
+        device=device,
+        horizon=7200.0,
+    )
+    simulation.advance(STOP)
+    resumed = Simulation.resume(from_bytes(simulation.checkpoint().to_bytes()), device=device)
+    assert resumed.decisions() == simulation.decisions()
+    ground = hill()
+    raised = replace(ground, elevation=ground.elevation + np.linspace(0.0, 5.0, 28))
+    for run in (simulation, resumed):
+        run.advance(260.0)
+        run.set_vents(VENTS[1:])
+        run.advance(300.0)
+        run.set_terrain(raised)
+        run.set_effects({'yielding': False}, horizon=3600.0)
+        run.advance(350.0)
+    assert resumed.effects == simulation.effects
+    assert not simulation.effects.yielding
+    assert simulation.budget().frozen > 0.0
+    assert equal(simulation, resumed)
+
+
+def test_room_that_was_made_is_kept(device):
+    """The arrays grow at the same moment to the same size."""
+    scene = Scene(hill(), (Vent((95.0, 150.0), ((0.0, 1.0), (215.0, 7.2e3)), radius=40.0),), LAVA)
+    accuracy = Accuracy(spacing=2.0, thickness=0.5, deterministic=True, longest_step=20.0)
+    simulation = Simulation(scene, effects=Effects(), accuracy=accuracy, device=device)
+    simulation.advance(STOP)
+    checkpoint = simulation.checkpoint()
+    resumed = Simulation.resume(checkpoint, device=device)
+    for run in (simulation, resumed):
+        run.advance(216.0)
+    assert simulation.checkpoint().capacity > checkpoint.capacity
+    assert equal(simulation, resumed)
+
+
+def test_lava_far_from_its_vents_is_found(device, monkeypatch):
+    """The neighbour grid of a large terrain covers the lava at once, not only the vents."""
+    ground = Terrain(np.zeros((300, 300)), 10.0)
+    places = np.stack(np.meshgrid(*[np.arange(100.0, 300.0, 10.0)] * 2), axis=-1).reshape(-1, 2)
+    simulation = Simulation(
+        Scene(ground, (Vent((2800.0, 2800.0), 1.0),), Lava()),
+        effects=Effects(),
+        accuracy=Accuracy(spacing=10.0, thickness=1.0),
+        device=device,
+        particles=Particles(places, 100.0, 1400.0),
+    )
+    monkeypatch.setattr(neighbors, 'MOST_IN_CELL', 50)
+    resumed = Simulation.resume(simulation.checkpoint(), device=device)
+    snapshots = [run.snapshot() for run in (simulation, resumed)]
+    assert snapshots[0].budget.held == pytest.approx(4e4, rel=1e-6)
+    assert (snapshots[0].thickness == snapshots[1].thickness).all()
+
+
+def test_a_checkpoint_that_does_not_say_where_lava_has_left():
+    """What was written before there were two sums goes on, all of it over the border."""
+    checkpoint, run = taken('bare')
+    left = checkpoint.arrays['state.left']
+    arrays = {**checkpoint.arrays, 'state.left': left.sum(keepdims=True)}
+    budget = Simulation.resume(replace(checkpoint, arrays=arrays), device='cpu').budget()
+    assert (budget.over_border, budget.in_holes) == (left.sum(), 0.0)
+    assert run.budget().left >= left.sum()
+
+
+@pytest.mark.parametrize(
+    ('scene', 'array'),
+    [
+        ('bare', 'state.particle'),
+        ('bare', 'state.remainder'),
+        ('bare', 'state.left'),
+        ('bare', 'vents.carried'),
+        ('bare', 'vents.released'),
+        ('freezing', 'solidification.deposit'),
+        ('freezing', 'state.frozen'),
+        ('inertia', 'state.velocity'),
+        ('inertia', 'state.clock'),
+        ('crust', 'state.age'),
+        ('crust', 'state.waited'),
+        ('merging', 'state.moved'),
+    ],
+)
+def test_each_array_is_needed(scene, array):
+    """Without one of its arrays a checkpoint is refused; with another one it goes on otherwise."""
+    checkpoint, run = taken(scene)
+    without = {name: values for name, values in checkpoint.arrays.items() if name != array}
+    with pytest.raises(LavaError, match=r'checkpoint\.') as refused:
+        Simulation.resume(replace(checkpoint, arrays=without), device='cpu')
+    assert array.partition('.')[2] in str(refused.value)
+    values = checkpoint.arrays[array].copy()
+    assert values.any()
+    if array == 'state.clock':
+        # the step before, which inertia starts from
+        values[1] *= 0.5
+    else:
+        values = values // 2 if values.dtype.kind == 'i' else 0.5 * values
+    other = replace(checkpoint, arrays={**checkpoint.arrays, array: values})
+    otherwise = Simulation.resume(other, device='cpu')
+    otherwise.advance(END)
+    assert not equal(run, otherwise)
+
+
+def test_arrays_of_another_scene_are_refused():
+    """A state that does not belong to the effects and the terrain is named."""
+    checkpoint, _ = taken('freezing')
+    with pytest.raises(LavaError, match=r'checkpoint\.arrays is \[.solidification.\]'):
+        Simulation.resume(replace(checkpoint, effects=Effects(yielding=True)), device='cpu')
+    small = replace(checkpoint.scene.terrain, elevation=checkpoint.scene.terrain.elevation[:-1])
+    with pytest.raises(LavaError, match=r'checkpoint\.solidification\.deposit'):
+        Simulation.resume(
+            replace(checkpoint, scene=replace(checkpoint.scene, terrain=small)), device='cpu'
+        )
+    with pytest.raises(LavaError, match=r'checkpoint\.time'):
+        Simulation.resume(replace(checkpoint, time=1.0), device='cpu')
+    wide = {**checkpoint.arrays, 'state.particle': checkpoint.arrays['state.particle'] * 1.0}
+    wide['state.particle'] = wide['state.particle'].astype(np.float64)
+    with pytest.raises(LavaError, match=r'checkpoint\.state\.particle is .*float64'):
+        Simulation.resume(replace(checkpoint, arrays=wide), device='cpu')
+
+
+def test_a_checkpoint_changes_nothing(device):
+    """Taking one neither moves the simulation nor is changed by what comes after."""
+    simulation, other = stopped('freezing', device), stopped('freezing', device)
+    checkpoint = simulation.checkpoint()
+    before = checkpoint.to_bytes()
+    for run in (simulation, other):
+        run.advance(END)
+    assert equal(simulation, other)
+    assert checkpoint.to_bytes() == before
+
+
+def test_another_device_goes_on(device):
+    """What was taken on any device goes on on the CPU, with the volume it had."""
+    simulation = stopped('crust', device)
+    resumed = Simulation.resume(simulation.checkpoint(), device='cpu')
+    assert resumed.device == 'cpu'
+    assert resumed.budget() == simulation.budget()
+    resumed.advance(END)
+    assert resumed.budget().error < 1e-5
+    assert resumed.budget().emitted == pytest.approx(
+        simulation.budget().emitted + (8.0 + 5.0) * 100.0 + (8.0 + 60.0) * 100.0
+    )

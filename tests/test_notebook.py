@@ -1,0 +1,67 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The notebook runs from its first cell to its last, and holds nothing that a run left in it."""
+
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+pytest.importorskip('matplotlib')
+rasterio = pytest.importorskip('rasterio')
+
+ROOT = Path(__file__).parents[1]
+NOTEBOOK = json.loads((ROOT / 'examples/lava_ros.ipynb').read_text(encoding='utf-8'))
+
+
+def test_it_is_a_clean_notebook() -> None:
+    """Ten cells of nbformat 4.5, without outputs."""
+    assert (NOTEBOOK['nbformat'], NOTEBOOK['nbformat_minor']) == (4, 5)
+    assert len(NOTEBOOK['cells']) == 10
+    assert len({cell['id'] for cell in NOTEBOOK['cells']}) == 10
+    code = [cell for cell in NOTEBOOK['cells'] if cell['cell_type'] == 'code']
+    assert len(code) == 9
+    assert all(cell['outputs'] == [] and cell['execution_count'] is None for cell in code)
+
+
+def test_its_cells_run_one_after_the_other(tmp_path: Path) -> None:
+    """Each in the names of those before; figures are drawn, maps are written."""
+    cells = [''.join(c['source']) for c in NOTEBOOK['cells'] if c['cell_type'] == 'code']
+    draw = "for number in plt.get_fignums(): plt.figure(number).savefig(f'{number}.png')"
+    (tmp_path / 'cells.json').write_text(json.dumps([*cells, draw]))
+    program = "import json; n = {}\nfor cell in json.load(open('cells.json')): exec(cell, n)"
+    done = subprocess.run(
+        [sys.executable, '-c', program],
+        cwd=tmp_path,
+        env=os.environ | {'MPLBACKEND': 'Agg', 'PYTHONPATH': str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=300.0,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert len(list(tmp_path.glob('*.png'))) == 4
+    with rasterio.open(tmp_path / 'maps/thickness.tif') as file:
+        thickness = file.read(1, masked=True)
+    # 40 m3/s for an hour and 15 for another
+    assert thickness.sum() * 30.0**2 == pytest.approx(198_000.0, rel=0.01)
+    with rasterio.open(tmp_path / 'maps/probability.tif') as file:
+        probability = file.read(1, masked=True)
+    assert np.isclose(probability.max(), 100.0)
+    assert np.isin(probability.compressed(), 12.5 * np.arange(9)).all()

@@ -1,0 +1,140 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The benchmark of steps, and the plain step that gains are measured by."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lava_ros.cli import main as cli
+from lava_ros.errors import LavaError
+from lava_ros.verification.benchmarks import steps
+from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
+from lava_ros.verification.benchmarks.reference import Reference
+
+
+def test_the_plain_step_is_the_same_step(device):
+    """After ten steps its particles are where the product's are, and have moved."""
+    simulation = lava_field(900, effect_sets()['bare'], device)
+    reference = Reference(simulation, STEP)
+    start = reference.position
+    reference.advance(10)
+    # the reference's particles are in the order of the first sample: find them by their places
+    simulation.advance(10 * STEP)
+    moved = np.linalg.norm(reference.position - start, axis=1)
+    there = simulation.sample().position
+    apart = np.linalg.norm(reference.position[:, None] - there[None], axis=2).min(axis=1)
+    assert np.median(moved) > 0.0
+    assert np.median(apart) < 0.05 * np.median(moved)
+
+
+@pytest.fixture
+def brief(monkeypatch):
+    """Measure a little, and start no process."""
+    monkeypatch.setattr(steps, 'LEAST', 0.0)
+    monkeypatch.setattr(steps, 'COVERED_BY', 400)
+    monkeypatch.setattr(steps, 'GRIDS', (20,))
+    monkeypatch.setattr(steps, '_starts', lambda device, repetitions: [2.0, 1.0])
+
+
+def test_every_measurement_is_a_row(device, brief):
+    """Each set of effects has a step, a rate and its memory for each number of particles."""
+    seen = []
+    rows = list(
+        steps.measure(
+            device,
+            command='it',
+            particles=(100, 400),
+            repetitions=3,
+            on_progress=lambda what, share: seen.append(share),
+        )
+    )
+    assert seen == sorted(seen)
+    assert seen[-1] == 1.0
+    assert all(0.0 < row.low <= row.value <= row.high for row in rows)
+    assert {(row.command, row.device) for row in rows} == {('it', device)}
+    table = {(row.benchmark, row.particles): row for row in rows}
+    for name in steps.SETS:
+        for particles in (100, 400):
+            step, rate = table[f'{name}: step', particles], table[f'{name}: rate', particles]
+            assert rate.value * step.value == pytest.approx(particles)
+            assert (rate.low, rate.high) == pytest.approx(
+                (particles / step.high, particles / step.low)
+            )
+            # position, volume and temperature twice over, in float32, is the least there can be
+            assert table[f'{name}: memory', particles].value > 32.0
+    gain = table['bare: gain', 400]
+    assert gain.value == pytest.approx(
+        table['reference: step', 400].value / table['bare: step', 400].value
+    )
+    assert table['snapshot of 20 x 20 cells', 400].unit == 'ms'
+    assert table['start of a process to its first snapshot', 10_000].low == 1.0
+
+
+def test_memory_counts_an_array_once(device):
+    """Twice the particles take about twice as much, and a view no more."""
+    few, many = (lava_field(n, effect_sets()['bare'], device) for n in (40_000, 160_000))
+    one, four = (sum(steps._arrays(field).values()) for field in (few, many))
+    assert 3.0 < four / one < 4.5
+    array = few._state.particle
+    assert steps._arrays([array, array[:5], {'it': array}]) == {array.ptr: array.capacity}
+
+
+def test_a_start_that_fails_says_why(monkeypatch):
+    """The text holds what the process said."""
+    monkeypatch.setattr(steps, '_FIRST', 'raise RuntimeError("no such {device}")')
+    with pytest.raises(LavaError, match='no such thing'):
+        steps._starts('thing', 1)
+
+
+def test_the_command_writes_its_table(tmp_path, capsys, monkeypatch, brief):
+    """Rows in the columns of every benchmark, as CSV, as JSON and on the screen."""
+    output, text = tmp_path / 'steps.csv', tmp_path / 'steps.json'
+    words = ['bench', 'steps', '--device', 'cpu', '--repetitions', '2']
+    words += ['--particles', '100', '400']
+    assert cli.main([*words, '--output', str(output), '--json', str(text)]) == 0
+    with output.open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    columns = 'benchmark,particles,value,unit,low,high,repetitions,device,machine,command'
+    assert list(rows[0]) == columns.split(',')
+    assert {row['command'] for row in rows} == {'lava ' + ' '.join(words)}
+    assert len(json.loads(text.read_text())) == len(rows)
+    assert 'everything with green: rate' in capsys.readouterr().out
+
+
+def test_what_cannot_be_used_is_refused(capsys):
+    """Every number of particles is looked at; effects take one."""
+    assert cli.main(['bench', 'steps', '--device', 'cpu', '--particles', '400', '3']) == 2
+    assert '--particles' in capsys.readouterr().err
+    assert cli.main(['bench', 'effects', '--device', 'cpu', '--particles', '400', '500']) == 2
+    assert 'one number' in capsys.readouterr().err
+
+
+def test_committed_tables_say_how_they_were_made():
+    """Each row has its unit, machine and command, and a spread around its value."""
+    paths = list((Path(__file__).parents[3] / 'docs/benchmarks').glob('steps_*.csv'))
+    assert paths
+    for path in paths:
+        with path.open(newline='') as file:
+            rows = list(csv.DictReader(file))
+        assert {'bare: rate', 'bare: gain', 'everything with green: memory'} <= {
+            row['benchmark'] for row in rows
+        }
+        for row in rows:
+            assert row['unit'] and row['machine'] and row['command'].startswith('lava bench steps')
+            assert float(row['low']) <= float(row['value']) <= float(row['high'])

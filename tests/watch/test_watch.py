@@ -1,0 +1,229 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The live view without a browser: what is served, and what the page holds as frames come."""
+
+from pathlib import Path
+import socket
+import sys
+import time
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+
+pytest.importorskip('bokeh')
+from bokeh.client import pull_session
+from bokeh.models import Slider
+from bokeh.util.token import generate_session_id
+
+from lava_ros.cli import main as cli
+from lava_ros.errors import LavaError
+from lava_ros.maps.frames import read_frame
+from lava_ros.maps.layers import ARRIVED, PROBABILITY
+from lava_ros.watch import page
+from lava_ros.watch.frames import BagFrames, Level, watched_layers
+from lava_ros.watch.page import Page, serve
+from recording import record, TERRAIN
+from watch_page import Growing, served
+
+
+@pytest.fixture
+def frames(tmp_path: Path) -> Growing:
+    """Four of six frames."""
+    return Growing(tmp_path, 4)
+
+
+@pytest.fixture
+def shown(frames: Growing) -> Page:
+    """A page that has been told of the first frames."""
+    result = Page(frames)
+    result.update()
+    return result
+
+
+def test_a_document_is_served_and_changes(frames: Growing) -> None:
+    """Who asks gets a page of this server alone, and what it shows grows with the run."""
+    with served(frames) as address:
+        with urlopen(address) as answer:
+            text = answer.read().decode()
+        assert '<title>lava watch</title>' in text
+        assert 'src="http' not in text
+        session = generate_session_id()
+        assert _slider(address, session) == (3, 3)
+        frames.grow(6)
+        end = time.monotonic() + 60.0
+        while _slider(address, session) != (5, 5):
+            assert time.monotonic() < end
+            time.sleep(0.2)
+
+
+def _slider(address: str, session: str) -> tuple[int, int]:
+    """Value and end of the slider in a session's document, as it is on the server."""
+    pulled = pull_session(session, address)
+    try:
+        slider = pulled.document.select_one({'type': Slider})
+        return (slider.value, slider.end)
+    finally:
+        pulled.close()
+
+
+def test_maps_of_the_page(shown: Page, frames: Growing) -> None:
+    """The map is that of the newest frame at its place; of an earlier time, that one's."""
+    (image,) = shown.map.data['image']
+    np.testing.assert_array_equal(image, frames.frame(3).layers['thickness'].values)
+    place = [shown.map.data[name] for name in ('x', 'y', 'dw', 'dh')]
+    assert place == [[-50.0], [20.0], [200.0], [150.0]]
+    shown.slider.value = 1
+    (image,) = shown.map.data['image']
+    np.testing.assert_array_equal(image, frames.frame(1).layers['thickness'].values)
+    shown.choice.active = shown.choice.labels.index('Arrival')
+    (image,) = shown.map.data['image']
+    # in minutes
+    np.testing.assert_allclose(image[15, :4], np.arange(1, 5) * 100 / 60, rtol=1e-6)
+
+
+def test_the_slider_follows_only_at_its_end(shown: Page, frames: Growing) -> None:
+    """Who looks at an earlier time goes on seeing it, also when frames before it are left out."""
+    frames.grow(5)
+    shown.update()
+    assert shown.slider.value == 4
+    shown.slider.value = 2
+    frames.grow(6)
+    shown.update()
+    assert (shown.slider.value, shown.slider.end) == (2, 5)
+    del frames.times[1], frames._frames[1]
+    frames.version += 1
+    shown.update()
+    assert (shown.slider.value, shown.slider.end) == (1, 4)
+    assert '10 min' in shown.title.text
+
+
+def test_probabilities_are_offered_while_there_are_some(shown: Page, frames: Growing) -> None:
+    """Another button comes with them; the map that was chosen stays."""
+    names = ['Lava thickness', 'Hazard', 'Temperature', 'Arrival']
+    assert shown.choice.labels == names
+    shown.choice.active = 1
+    frames.grow(6)
+    shown.update()
+    assert shown.choice.labels == [*names, 'Probability']
+    shown.choice.active = 4
+    assert shown.map.data['image'][0][15, 0] == pytest.approx(32.6)
+    assert 'nothing on this map' not in shown.title.text
+    frames.frame(5).layers[PROBABILITY].values[:] = np.nan
+    frames.version += 1
+    shown.update()
+    assert 'nothing on this map now' in shown.title.text
+    shown.slider.value = 0
+    assert (shown.choice.labels, shown.choice.active) == (names, 0)
+
+
+def test_large_maps_are_sent_coarse(frames: Growing, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cells are put together to their largest value, and cover the same ground."""
+    monkeypatch.setattr(page, 'MOST_CELLS', 300)
+    shown = Page(frames)
+    shown.update()
+    (image,), (relief,) = shown.map.data['image'], shown.relief.data['image']
+    assert image.shape == relief.shape == (15, 20)
+    assert image[5, 0] == np.float32(3.26)
+    assert (shown.map.data['dw'], shown.map.data['dh']) == ([200.0], [150.0])
+
+
+def test_texts_of_others_are_no_markup(shown: Page) -> None:
+    """What a status quotes is shown as it is."""
+    assert 'no node answers &lt;here&gt;' in shown.status.text
+
+
+def test_a_bag_that_grows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The frames of a bag are those there are by now, as `read_frame` reads them."""
+    monkeypatch.setattr('lava_ros.watch.frames.PERIOD', 0.0)
+    monkeypatch.setattr('lava_ros.watch.frames.REST', 0.0)
+    whole = record(tmp_path / 'whole', close=False)
+    part = record(tmp_path / 'part', [200.0, 400.0], close=False)
+    (path,), (source,) = part.glob('*.mcap'), whole.glob('*.mcap')
+    frames = BagFrames(part)
+    frames.poll()
+    assert frames.times == [200.0, 400.0]
+    version = frames.version
+    frames.poll()
+    assert frames.version == version
+    path.write_bytes(source.read_bytes())
+    frames.poll()
+    assert frames.times == [200.0, 400.0, 600.0, 800.0]
+    assert frames.status.level is Level.WELL
+    seen, expected = frames.frame(1), read_frame(whole, 400.0)
+    assert seen.time == 400.0
+    for source_name, item in expected.layers.items():
+        np.testing.assert_array_equal(seen.layers[source_name].values, item.values)
+    np.testing.assert_array_equal(seen.elevation, TERRAIN.elevation.astype(np.float32))
+
+
+def test_a_bag_without_maps_waits(tmp_path: Path) -> None:
+    """It may have just begun: the page says what is missing."""
+    bag = record(tmp_path / 'bag', [])
+    frames = BagFrames(bag)
+    frames.poll()
+    assert frames.status.level is Level.WAITING
+    assert 'layers of a simulation' in frames.status.words
+    assert frames.times == []
+    shown = Page(frames)
+    shown.update()
+    assert 'layers of a simulation' in shown.status.text
+
+
+def test_what_is_watched() -> None:
+    """One layer for each map: the thickness that is not rounded."""
+    found = {item.source: item.name for item in watched_layers()}
+    assert found['thickness'] == 'height_raw'
+    assert {ARRIVED, PROBABILITY, 'hazard', 'arrival'} <= set(found)
+    assert found['arrival'] == 'arrival_time'
+
+
+@pytest.mark.parametrize(
+    ('words', 'said'),
+    [
+        (['nothing.mcap'], 'nothing.mcap'),
+        (['--port', '70000'], '--port is 70000'),
+        (['bag', '--namespace', '/etna'], 'absent beside a bag'),
+        (['--namespace', '/no good'], '--namespace is'),
+    ],
+)
+def test_refusals(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """What cannot be watched is one sentence."""
+    assert cli.main(['watch', *words]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count('\n') == 1
+
+
+def test_a_port_that_is_taken(frames: Growing) -> None:
+    """It is named, and nothing is served."""
+    with socket.socket() as taken:
+        taken.bind(('127.0.0.1', 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(LavaError, match=f'--port is {port}'):
+            serve(frames, '127.0.0.1', port)
+    for address in ('203.0.113.1', '', 'x' * 300, '\0'):
+        with pytest.raises(LavaError, match='--address'):
+            serve(frames, address, 0)
+
+
+def test_without_bokeh(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The error says how to get it."""
+    monkeypatch.setitem(sys.modules, 'bokeh', None)
+    assert cli.main(['watch']) == 2
+    assert "pip install 'lava_ros[watch]'" in capsys.readouterr().err
