@@ -210,7 +210,9 @@ def test_a_failed_simulation_is_not_activated(managed):
     managed.end()
     assert managed.client.call('reset')['success']
     status = managed.status(lambda item: item['state'] == 'paused')
-    assert status['message'] == 'inactive: paused'
+    # not what it says of the last map, where lava may have reached the border
+    assert status['message'].startswith('inactive: ')
+    assert 'device lost' not in status['message']
     managed.change('activate', state='active')
     managed.status(lambda item: item['state'] == 'running')
 
