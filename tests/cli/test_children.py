@@ -107,6 +107,8 @@ import signal
 import sys
 import time
 from lava_ros.cli.children import Child
+# whoever runs the tests may ignore it, as nohup does
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
 child = Child('program', 'a_program', [], log=Path('a.log'), env=os.environ)
 try:
     while not Path('a.log').read_text():
