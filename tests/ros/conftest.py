@@ -94,6 +94,20 @@ class Process:
                     what = f'silent for {timeout} s, exit code {self.child.returncode}'
                     raise AssertionError(f'{what}; stderr:\n{self.log}') from None
 
+    def wait_for_log(self, text, timeout=PATIENCE, *, after=0):
+        """Wait until a text is in the log, beyond so many characters of it: a pipe may lag."""
+        end = time.monotonic() + timeout
+        while text not in self.log[after:]:
+            assert self.child.poll() is None, self.log
+            assert time.monotonic() < end, self.log
+            time.sleep(0.05)
+
+    def ask(self, **order):
+        """Send a line and return the one that answers it."""
+        self.child.stdin.write(json.dumps(order) + '\n')
+        self.child.stdin.flush()
+        return json.loads(self.line(2.0 * PATIENCE))
+
     def wait_for_end(self, timeout=PATIENCE):
         """The exit code, once the process has ended and all that it wrote has been read."""
         code = self.child.wait(timeout)
@@ -135,13 +149,6 @@ class Node(Process):
         ]
         super().__init__([*program, *_ros_arguments(remap), *words], directory, aside)
 
-    def wait_for_log(self, text, timeout=PATIENCE):
-        """Wait until the node has logged a text."""
-        end = time.monotonic() + timeout
-        while text not in self.log:
-            assert self.child.poll() is None, self.log
-            assert time.monotonic() < end, self.log
-            time.sleep(0.05)
 
 
 class Publisher(Process):
@@ -151,35 +158,30 @@ class Publisher(Process):
         arguments = [str(HERE / 'graph_publisher.py'), *_ros_arguments(remap)]
         super().__init__(arguments, directory, aside)
 
-    def _order(self, **order):
-        self.child.stdin.write(json.dumps(order) + '\n')
-        self.child.stdin.flush()
-        return json.loads(self.line(60.0))
-
     def publish(self, *names):
         """Send messages by their names in ``graph_publisher.CASES``."""
         for name in names:
-            self._order(publish=name)
+            self.ask(publish=name)
 
     def flood(self, count, rate, last):
         """Send vents of discharges up to a last one, so many a second; return how long it took."""
-        return self._order(flood=count, rate=rate, last=last)['seconds']
+        return self.ask(flood=count, rate=rate, last=last)['seconds']
 
     def clock(self, seconds):
         """Send a time on /clock."""
-        self._order(clock=seconds)
+        self.ask(clock=seconds)
 
     def call(self, service, data=False):
         """Call a service of the node and return its answer."""
-        return self._order(call=service, data=data)
+        return self.ask(call=service, data=data)
 
     def map(self, topic):
         """Get a map of the node: its shape, its stamp and the hash of its cells."""
-        return self._order(map=topic)
+        return self.ask(map=topic)
 
     def set(self, **values):
         """Set parameters of the node and return the answer."""
-        return self._order(set={name.replace('__', '.'): item for name, item in values.items()})
+        return self.ask(set={name.replace('__', '.'): item for name, item in values.items()})
 
 
 class Client(Process):
@@ -188,30 +190,25 @@ class Client(Process):
     def __init__(self, directory, aside=False):
         super().__init__([str(HERE / 'graph_client.py')], directory, aside)
 
-    def _order(self, **order):
-        self.child.stdin.write(json.dumps(order) + '\n')
-        self.child.stdin.flush()
-        return json.loads(self.line(60.0))
-
     def change(self, transition, **options):
         """Ask for a transition and return whether it went well."""
-        return self._order(change=transition, **options)
+        return self.ask(change=transition, **options)
 
     def state(self, **options):
         """The state that the node is in."""
-        return self._order(state=True, **options)
+        return self.ask(state=True, **options)
 
     def names(self, **options):
         """Topics and services of the node, once they have stopped changing."""
-        return self._order(names=True, **options)
+        return self.ask(names=True, **options)
 
     def call(self, service, data=None, **options):
         """Call a Trigger, or a SetBool with data, and return the answer."""
-        return self._order(call=service, data=data, **options)
+        return self.ask(call=service, data=data, **options)
 
     def set(self, values, **options):
         """Set parameters and return the answer."""
-        return self._order(set=values, **options)
+        return self.ask(set=values, **options)
 
 
 class Listener(Process):
@@ -240,15 +237,50 @@ class Listener(Process):
             lambda message: message['topic'] == topic and condition(message), timeout
         )
 
-    def wait_for_status(self, task, condition=lambda _: True, timeout=PATIENCE, node='lava'):
+    def wait_for_status(
+        self, task, condition=lambda _: True, timeout=PATIENCE, node='lava', since_ns=0
+    ):
         """Read diagnostics until a task's status fulfils a condition, and return that status."""
         name = f'{node}: {task}'
         message = self.wait_for_topic(
             'diagnostics',
-            lambda item: name in item['status'] and condition(item['status'][name]),
+            lambda item: (
+                item['stamp_ns'] >= since_ns
+                and name in item['status']
+                and condition(item['status'][name])
+            ),
             timeout,
         )
         return message['status'][name]
+
+    def status_now(self, task, condition=lambda _: True, node='lava'):
+        """The same of diagnostics that are told from now on: what waits to be read is older."""
+        return self.wait_for_status(task, condition, node=node, since_ns=time.time_ns())
+
+    def newest(self, *topics, condition=lambda _: True):
+        """The newest message of each topic once all are there, in whatever order they come."""
+
+        def is_there(_=None):
+            found.update({item['topic']: item for item in self.seen if item['topic'] in topics})
+            return len(found) == len(topics) and condition(found)
+
+        found = {}
+        self.hear()
+        if not is_there():
+            self.wait(is_there)
+        return found
+
+    def at_rest(self, *topics):
+        """The same once time stands still and diagnostics tell of these messages."""
+
+        def is_last(newest):
+            status = newest['diagnostics']['status']['lava: simulation']
+            stamp = int(status.get('frame_stamp_ns', 0))
+            is_whole = all(newest[topic]['stamp_ns'] == stamp for topic in topics)
+            return is_whole and status['state'] != 'running'
+
+        found = self.newest(*topics, 'diagnostics', condition=is_last)
+        return {topic: found[topic] for topic in topics}
 
     def hear(self):
         """Read everything that has come so far, and return how much that is in all."""
@@ -266,14 +298,14 @@ class Robot:
         options = [word for item in parameters for word in ('-p', item)]
         self.example = graph.process(str(example), *words, *options)
         self.rest = graph.process(str(HERE / 'graph_robot.py'), topic, *words)
-        assert self.rest.line(30.0) == 'ready'
+        assert self.rest.line(PATIENCE) == 'ready'
 
     def tell(self, **what):
         """Publish something."""
         self.rest.child.stdin.write(json.dumps(what) + '\n')
         self.rest.child.stdin.flush()
 
-    def plan(self, condition, timeout=20.0):
+    def plan(self, condition, timeout=PATIENCE):
         """The next plan that fulfils a condition."""
         end = time.monotonic() + timeout
         while True:
@@ -286,12 +318,9 @@ class Robot:
             if condition(plan):
                 return plan
 
-    def says(self, text, timeout=10.0):
+    def says(self, text):
         """Wait until the example has logged a text."""
-        end = time.monotonic() + timeout
-        while text not in self.example.log:
-            assert time.monotonic() < end, self.example.log
-            time.sleep(0.05)
+        self.example.wait_for_log(text)
 
 
 class Graph:
@@ -361,7 +390,7 @@ def bench(request):
 
     result = Bench(**getattr(request, 'param', {}))
     yield result
-    assert result.worker.stop(5.0)
+    assert result.worker.stop(PATIENCE)
 
 
 @pytest.fixture(scope='module')
