@@ -198,9 +198,9 @@ class Client(Process):
         """The state that the node is in."""
         return self.ask(state=True, **options)
 
-    def names(self, **options):
-        """Topics and services of the node, once they have stopped changing."""
-        return self.ask(names=True, **options)
+    def names(self, expected=None, **options):
+        """Topics and services of the node, once they are as expected or have stopped changing."""
+        return self.ask(names=expected, **options)
 
     def call(self, service, data=None, **options):
         """Call a Trigger, or a SetBool with data, and return the answer."""

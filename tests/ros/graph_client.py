@@ -15,7 +15,7 @@
 """A process that asks a node for things, one JSON line at a time; each is answered with one.
 
 {"change": TRANSITION} asks for a transition by its name, {"state": true} for the state,
-{"names": true} for what the node has in the graph, {"call": SERVICE, "data": BOOL} calls a
+{"names": NAMES} for what the node has in the graph, {"call": SERVICE, "data": BOOL} calls a
 service, {"set": {NAME: VALUE}} sets parameters. ``"node"`` says which, /lava without.
 """
 
@@ -30,6 +30,9 @@ import rclpy
 from rclpy.node import NodeNameNonExistentError
 from rclpy.parameter import Parameter
 from std_srvs.srv import SetBool, Trigger
+
+#: How long to wait for an answer, on a busy machine too [s].
+PATIENCE = 60.0
 
 TRANSITIONS = {
     'configure': Transition.TRANSITION_CONFIGURE,
@@ -52,10 +55,10 @@ class Asker:
         if name not in self._clients:
             self._clients[name] = self._node.create_client(kind, name)
         client = self._clients[name]
-        if not client.wait_for_service(timeout_sec=30.0):
+        if not client.wait_for_service(timeout_sec=PATIENCE):
             raise TimeoutError(f'no service {name}')
         future = client.call_async(request)
-        rclpy.spin_until_future_complete(self._node, future, timeout_sec=30.0)
+        rclpy.spin_until_future_complete(self._node, future, timeout_sec=PATIENCE)
         if not future.done():
             raise TimeoutError(f'no answer from {name}')
         return future.result()
@@ -71,24 +74,30 @@ class Asker:
         """The label of the state."""
         return self.call(GetState, f'{node}/get_state', GetState.Request()).current_state.label
 
-    def names(self, node):
-        """Topics and services of a node, sorted, once they have stopped changing."""
+    def names(self, node, expected):
+        """Topics and services of a node, sorted, once they are as expected or change no more.
+
+        Without any that are expected they have to stay for two seconds: a busy machine learns of
+        them one by one.
+        """
         space, _, name = node.rpartition('/')
         ways = (
             self._node.get_publisher_names_and_types_by_node,
             self._node.get_subscriber_names_and_types_by_node,
             self._node.get_service_names_and_types_by_node,
         )
-        seen, end = [], time.monotonic() + 30.0
-        while len(seen) < 4 or not seen[-1] or seen[-1] != seen[-4]:
-            assert time.monotonic() < end, seen[-1:]
+        found, since, end = [], 0.0, time.monotonic() + PATIENCE
+        while found != expected and time.monotonic() < end:
             time.sleep(0.1)
+            before = found
             try:
-                found = [item for way in ways for item, _ in way(name, space or '/')]
+                found = sorted({item for way in ways for item, _ in way(name, space or '/')})
             except NodeNameNonExistentError:
                 found = []
-            seen.append(sorted({*found}))
-        return seen[-1]
+            since = since if found == before else time.monotonic()
+            if not expected and f'{node}/get_state' in found and time.monotonic() - since > 2.0:
+                break
+        return found
 
     def set(self, node, values):
         """Set parameters together."""
@@ -115,7 +124,7 @@ class Asker:
         if 'state' in order:
             return self.state(node)
         if 'names' in order:
-            return self.names(node)
+            return self.names(node, order['names'])
         if 'set' in order:
             return self.set(node, order['set'])
         return self.service(node, order['call'], order['data'])

@@ -237,10 +237,10 @@ def main():
 
     def call(kind, name, request):
         client = node.create_client(kind, name)
-        if not client.wait_for_service(timeout_sec=10.0):
+        if not client.wait_for_service(timeout_sec=60.0):
             return {'error': f'no service {name}'}
         future = client.call_async(request)
-        rclpy.spin_until_future_complete(node, future, timeout_sec=10.0)
+        rclpy.spin_until_future_complete(node, future, timeout_sec=60.0)
         node.destroy_client(client)
         return future.result()
 

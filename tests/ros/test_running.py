@@ -67,14 +67,9 @@ class Running:
             'vents_markers:markers',
         )
 
-    def newest(self, topic):
-        """The newest message of a topic."""
-        self.listener.hear()
-        return [item for item in self.listener.seen if item['topic'] == topic][-1]
-
-    def labels_now(self):
-        """What is written beside the vents."""
-        return [item['text'] for item in self.newest('vents_markers')['markers'] if item['text']]
+    def recorder(self, condition=lambda _: True):
+        """The recorder's status that is told from now on and fulfils a condition."""
+        return self.listener.status_now('recorder', condition)
 
     def label_height(self, condition):
         """Height of what is written beside the only vent, once it fulfils a condition."""
@@ -85,7 +80,6 @@ class Running:
         message = self.listener.wait_for_topic(
             'vents_markers',
             lambda message: len(heights(message)) == 1 and condition(*heights(message)),
-            timeout=60.0,
         )
         return heights(message)[0]
 
@@ -96,7 +90,7 @@ class Running:
             return [item['text'] for item in message['markers'] if item['text']]
 
         message = self.listener.wait_for_topic(
-            'vents_markers', lambda message: condition(texts(message)), timeout=60.0
+            'vents_markers', lambda message: condition(texts(message))
         )
         assert message['markers'][0]['action'] == DELETEALL
         assert {item['action'] for item in message['markers'][1:]} <= {ADD}
@@ -121,21 +115,33 @@ def test_services_of_an_inactive_node(running):
 
 def test_markers_follow_the_discharge(running):
     """Markers are there from the start, and told again when the discharge of a vent changes."""
+    # who listens hears the first of them only when it is there before
+    running.listener.wait_for_topic('diagnostics')
     assert running.client.change('activate'), running.node.log
     assert running.labels(bool) == ['north: 20 m3/s, 1087 C']
     assert running.labels(lambda texts: ' 0 m3/s' in texts[0]) == ['north: 0 m3/s, 1087 C']
     heard = [item for item in running.listener.seen if item['topic'] == 'vents_markers']
     # once for each discharge, not with every map
     assert len(heard) == 2
+    # an inactive node holds time: nobody has paused it
+    assert running.client.change('deactivate'), running.node.log
+    running.listener.status_now('simulation', lambda status: status['state'] == 'paused')
+    running.node.wait_for_log('inactive')
+    assert running.client.change('activate'), running.node.log
+    running.node.wait_for_log('simulation running')
+    assert 'paused' not in running.node.log
 
 
 def test_optional_layers_are_switched_on_and_off(running):
     """Named layers are published beside those of the file, and others are not."""
-    image = running.listener.wait_for_topic('height_raw', lambda item: item['max'] > 0.0)
-    assert image['encoding'] == '32FC1'
-    running.listener.wait_for_topic('temperature_raw')
-    cloud = running.listener.wait_for_topic('lava_points', lambda item: item['points'] > 3)
-    mean = cloud['mean']
+    newest = running.listener.newest(
+        *OPTIONAL,
+        condition=lambda newest: (
+            newest['height_raw']['max'] > 0.0 and newest['lava_points']['points'] > 3
+        ),
+    )
+    assert newest['height_raw']['encoding'] == '32FC1'
+    mean = newest['lava_points']['mean']
     assert list(mean) == ['x', 'y', 'z', 'thickness', 'temperature']
     assert 0.1 <= mean['thickness'] < 50.0
     assert 300.0 < mean['temperature'] < 1150.0
@@ -149,11 +155,7 @@ def test_optional_layers_are_switched_on_and_off(running):
 def test_get_map_gives_what_is_published(running):
     """A latecomer gets the newest map, cell for cell the one on the topic."""
     assert running.publisher.call('pause', True)['success']
-    running.listener.hear()
-    running.listener.wait_for_status('simulation', lambda status: status['state'] == 'paused')
-    running.listener.wait_for_topic('diagnostics')
-    for topic in ('height', 'hazard'):
-        published = running.newest(topic)
+    for topic, published in running.listener.at_rest('height', 'hazard').items():
         answer = running.publisher.map(topic)
         names = ('stamp_ns', 'shape', 'cells')
         assert answer == {name: published[name] for name in names}
@@ -170,7 +172,7 @@ def test_save_makes_a_bag_of_this_moment(running):
     """The bag has terrain, vents, maps and a checkpoint, and each call makes another."""
     first, second = (saved(running.publisher.call('save')) for _ in range(2))
     assert first != second
-    status = running.listener.wait_for_status('simulation')
+    status = running.listener.status_now('simulation')
     for name in (first, second):
         bag = BagReader(running.graph.directory / name)
         assert not bag.recovered
@@ -181,7 +183,7 @@ def test_save_makes_a_bag_of_this_moment(running):
         found = newest_checkpoint(running.graph.directory / name).checkpoint
         assert found.time == pytest.approx(float(status['simulated_time_s']))
         assert found.scene.vents[0].name == 'north'
-    state = running.listener.wait_for_status('recorder')
+    state = running.recorder()
     assert (state['state'], state['level']) == ('off', 0)
 
 
@@ -193,7 +195,7 @@ def test_save_while_recording_goes_into_that_bag(running):
     assert saved(running.publisher.call('save')) == str(bag)
     # a killed node would leave what was saved
     assert newest_checkpoint(bag).checkpoint.particle_count > 0
-    before = running.listener.wait_for_status('recorder')
+    before = running.recorder()
     assert (before['state'], before['checkpoints']) == ('recording', '1')
     assert running.publisher.call('record', False)['message'] == f'recorded {bag}'
     topics = [message.topic for message in BagReader(bag).messages()]
@@ -209,13 +211,14 @@ def test_a_bag_that_is_gone_while_it_is_recorded(running):
     assert running.publisher.call('record', True)['success']
     bag.rename(running.bags / 'moved')
     bag.symlink_to(outside)
-    status = running.listener.wait_for_status('recorder', lambda status: status['level'] == 2)
+    status = running.recorder(lambda status: status['level'] == 2)
     assert status['state'] == 'off'
     reason = f'recording to {bag} stopped: {bag} was removed, moved or replaced'
     assert status['message'] == reason
     answer = running.publisher.call('record', False)
     assert not answer['success']
     assert reason in answer['message']
+    running.node.wait_for_log(reason)
     said = [line for line in running.node.log.splitlines() if reason in line]
     assert len(said) == 1 and '[ERROR]' in said[0], said
     assert list(outside.iterdir()) == []
@@ -277,23 +280,20 @@ def refused(running, words):
     )
 
 
-@pytest.mark.parametrize(
-    ('limit', 'case', 'words'),
-    [
-        ({'max_vents': 1}, 'click', 'one more vent'),
-        ({'max_terrain_cells': 1199}, 'terrain', '40 x 30'),
-        ({'max_input_bytes': 4799}, 'terrain', '4800 bytes'),
-    ],
-)
-def test_limits_can_be_changed(running, limit, case, words):
+def test_limits_can_be_changed(running):
     """What is beyond a limit that has just been set is refused, and taken again after that."""
-    ((name, _),) = limit.items()
-    assert running.publisher.set(**limit)['success']
-    running.publisher.publish(case)
-    refused(running, (words, name))
-    assert running.publisher.set(**{name: 100_000})['success']
+    for name, limit, case, words in (
+        ('max_vents', 1, 'click', 'one more vent'),
+        ('max_terrain_cells', 1199, 'terrain', '40 x 30'),
+        ('max_input_bytes', 4799, 'terrain', '4800 bytes'),
+    ):
+        assert running.publisher.set(**{name: limit})['success']
+        running.publisher.publish(case)
+        refused(running, (words, name))
+        assert running.publisher.set(**{name: 100_000})['success']
     # the marker of the click before stays until something else is taken
-    assert len(running.labels_now()) == 1
+    newest = running.listener.newest('vents_markers')['vents_markers']
+    assert len([item for item in newest['markers'] if item['text']]) == 1
 
 
 def test_how_terrain_is_read_can_be_changed(running):
@@ -344,7 +344,7 @@ def test_the_end_can_be_changed(running):
     assert running.publisher.set(end_time=10.0)['success']
     assert running.publisher.call('pause', False)['success']
     status = running.listener.wait_for_status(
-        'simulation', lambda status: status['state'] == 'finished', timeout=60.0
+        'simulation', lambda status: status['state'] == 'finished'
     )
     assert float(status['simulated_time_s']) == 10.0
     assert running.publisher.set(end_time=0.0)['success']
@@ -359,17 +359,17 @@ def test_how_bags_are_written_can_be_changed(running):
     values = {'bag_directory': str(bag), 'bag_max_duration': 0.1}
     assert running.publisher.set(**values)['success']
     assert running.publisher.call('record', True)['success']
-    status = running.listener.wait_for_status('recorder', lambda item: int(item['files']) > 1)
+    status = running.recorder(lambda item: int(item['files']) > 1)
     assert 'checkpoints' not in status
     assert running.publisher.set(checkpoint_period=0.1)['success']
-    running.listener.wait_for_status('recorder', lambda item: 'checkpoints' in item)
+    running.recorder(lambda item: 'checkpoints' in item)
     assert running.publisher.call('record', False)['success']
     assert len(BagReader(bag).topics) > 5
 
 
-@pytest.mark.parametrize(
-    'values',
-    [
+def test_what_may_not_change_says_so(running):
+    """A parameter that is read when the node is configured refuses another value later."""
+    for values in (
         {'layers_on': ['lava_points']},
         {'layers_off': ['height']},
         {'frame_id': 'odom'},
@@ -378,13 +378,9 @@ def test_how_bags_are_written_can_be_changed(running):
         {'autostart': False},
         {'bag_root': 'elsewhere'},
         {'terrain_subscribe_transient_local': False},
-    ],
-)
-def test_what_may_not_change_says_so(running, values):
-    """A parameter that is read when the node is configured refuses another value later."""
-    answer = running.publisher.set(**values)
-    assert not answer['success']
-    assert 'read-only' in answer['message']
+    ):
+        answer = running.publisher.set(**values)
+        assert not answer['success'] and 'read-only' in answer['message'], values
     assert 'Traceback' not in running.node.log
 
 
@@ -394,22 +390,14 @@ def test_a_storm_of_saves_is_bounded(running):
     It is the last test of this node: it leaves nothing of the allowance to others, whose five
     saves fit into it at whatever speed they come.
     """
-    assert running.publisher.set(bag_directory='')['success']
-    before = set(running.bags.parent.rglob('*.mcap'))
+    assert running.publisher.set(bag_directory='', bag_max_duration=0.0)['success']
+    before = set(running.graph.directory.rglob('*.mcap'))
     answers = [running.publisher.call('save')]
+    # where saves are slow their allowance grows meanwhile, and less than they take of it
     while len(answers) < 30 and answers[-1]['success']:
         answers.append(running.publisher.call('save'))
     assert 'one more each' in answers[-1]['message'], answers[-1]
-    made = set(running.bags.parent.rglob('*.mcap')) - before
+    made = set(running.graph.directory.rglob('*.mcap')) - before
     assert len(made) == len(answers) - 1
-    status = running.listener.wait_for_status('recorder')
+    status = running.recorder()
     assert (status['state'], status['level']) == ('off', 0)
-
-
-def test_a_layer_that_is_none_is_refused(graph):
-    """A node that is to publish a layer its file lacks says which it has."""
-    node = graph.node(aside=True, device='cpu', layers_on=['points'])
-    assert node.wait_for_end() == 1
-    (sentence,) = [line for line in node.log.splitlines() if 'cannot start' in line]
-    assert "layers_on is 'points', expected one of height, temperature, hazard," in sentence
-    assert 'lava_points' in sentence
