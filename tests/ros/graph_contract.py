@@ -18,19 +18,36 @@ import json
 import sys
 import time
 
-from graph_endpoints import endpoints_of
 from lifecycle_msgs.srv import GetAvailableTransitions
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 import rclpy
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 
+def endpoints_of(looking, name):
+    """Type, reliability and durability by kind and topic, as they are known now."""
+    found = {'publishers': {}, 'subscriptions': {}}
+    for topic, _ in looking.get_topic_names_and_types():
+        for kind, infos in (
+            ('publishers', looking.get_publishers_info_by_topic(topic)),
+            ('subscriptions', looking.get_subscriptions_info_by_topic(topic)),
+        ):
+            for info in infos:
+                if info.node_name == name:
+                    found[kind][topic] = {
+                        'type': info.topic_type,
+                        'reliability': info.qos_profile.reliability.name,
+                        'durability': info.qos_profile.durability.name,
+                    }
+    return found
+
+
 def call(looking, kind, name, **fields):
     """Call a service and return its answer."""
     client = looking.create_client(kind, name)
-    assert client.wait_for_service(timeout_sec=30.0), name
+    assert client.wait_for_service(timeout_sec=60.0), name
     future = client.call_async(kind.Request(**fields))
-    rclpy.spin_until_future_complete(looking, future, timeout_sec=30.0)
+    rclpy.spin_until_future_complete(looking, future, timeout_sec=60.0)
     assert future.done(), name
     return future.result()
 
@@ -67,20 +84,25 @@ def main():
     rclpy.init()
     looking = rclpy.create_node('test_looking_at_the_contract')
     name, end = sys.argv[1], time.monotonic() + 60.0
+    # a busy machine learns of them one by one: for two seconds nothing has come
     seen = []
-    while len(seen) < 3 or not seen[-1][0]['publishers'] or seen[-1] != seen[-3]:
+    while len(seen) < 5 or not seen[-1][0]['publishers'] or seen[-1] != seen[-5]:
         assert time.monotonic() < end, f'nothing steady of {name}: {seen[-1:]}'
         time.sleep(0.5)
-        services = (
-            looking.get_service_names_and_types_by_node(name, '/')
-            if name in looking.get_node_names()
-            else []
+        there = name in looking.get_node_names()
+        services, clients = (
+            get(name, '/') if there else []
+            for get in (
+                looking.get_service_names_and_types_by_node,
+                looking.get_client_names_and_types_by_node,
+            )
         )
-        seen.append((endpoints_of(looking, name), services))
-    endpoints, services = seen[-1]
+        seen.append((endpoints_of(looking, name), services, clients))
+    endpoints, services, clients = seen[-1]
     found = {
         **endpoints,
         'services': dict(services),
+        'clients': dict(clients),
         'parameters': parameters_of(looking, name),
         'transitions': transitions_of(looking, name),
     }
