@@ -12,24 +12,51 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A ROS clock that jumps: simulated time neither leaps nor goes back, and maps keep coming."""
+"""Time on /clock: none, that of a replay, one that jumps; and layers of a file of one's own."""
 
+import signal
 import time
 
 import pytest
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+
+from lava_ros.bag import BagWriter, QosProfile
+
+SECOND = 10**9
 
 #: Simulated seconds per second of the clock, and what of the clock is made up for at most [s].
-SCALE, LAG = 10.0, 1.0
+SCALE, LAG = 2.0, 1.0
+
+#: Seconds of the clock that the map shown last, with its time, may be behind: maps are due once a
+#: second of the clock, and the simulation may have been behind then.
+BEHIND = 1.0 + LAG
+
+#: Seconds of the replayed bag, which may end before that, and how fast it is replayed.
+START, LENGTH, RATE = 1000, 600, 10
+
+CONFIG = """
+layers:
+  depth: {source: thickness, message: sensor_msgs/Image, threshold: 0.0, rate: 1.0}
+  danger: {source: hazard, message: nav_msgs/OccupancyGrid, rate: 1.0}
+"""
 
 
 class Clocked:
     """A node under /clock, whoever sends that, and a listener."""
 
     def __init__(self, graph):
-        self.node = graph.node(device='cpu', time_scale=SCALE, use_sim_time=True)
+        self.graph, self.now = graph, 0.0
+        (graph.directory / 'mine.yaml').write_text(CONFIG, encoding='utf-8')
+        self.node = graph.node(
+            device='cpu',
+            time_scale=SCALE,
+            use_sim_time=True,
+            msg_config='mine.yaml',
+            effects_off=['cooling'],
+        )
         self.publisher = graph.publisher()
-        self.listener = graph.listener('height')
-        self.jump(1000.0)
+        self.listener = graph.listener('depth:image', 'danger', 'height')
         self.publisher.publish('vents', 'terrain_info', 'terrain')
         self.node.wait_for_log('simulation running', timeout=90.0)
 
@@ -45,27 +72,82 @@ class Clocked:
             time.sleep(0.02)
         last = (self.now - 1.1) * 1e9
         return self.listener.wait_for_topic(
-            'height', lambda grid: last < grid['stamp_ns'] <= self.now * 1e9
+            'danger', lambda grid: last < grid['stamp_ns'] <= self.now * 1e9
         )
 
     def simulated(self):
         """Simulated time once it stands, as it does with the clock [s]."""
         told = []
-        while len(told) < 2 or told[-1] != told[-2]:
-            status = self.listener.wait_for_status(
-                'simulation', lambda status: 'simulated_time_s' in status
-            )
-            assert status['state'] == 'running'
-            told.append(status['simulated_time_s'])
-        return float(told[-1])
+
+        def stands(status):
+            told.append(status.get('simulated_time_s'))
+            # a step of a busy machine outlasts a heartbeat: it is still behind then
+            return told[-2:] == 2 * told[-1:] and 'slower' not in status['message']
+
+        self.listener.hear()
+        status = self.listener.wait_for_status('simulation', stands)
+        assert status['state'] == 'running'
+        return float(status['simulated_time_s'])
 
 
 @pytest.fixture(scope='module')
 def clocked(graph):
-    """One node for all jumps, one after the other."""
-    result = Clocked(graph)
-    result.run(5.0)
-    return result
+    """One node for all tests, one after the other."""
+    return Clocked(graph)
+
+
+def test_a_clock_that_does_not_come(clocked):
+    """There is no time, but a heartbeat, a first map and a warning."""
+    silent = clocked.listener.wait_for_status(
+        'simulation', lambda status: '/clock' in status['message']
+    )
+    assert (silent['level'], silent['state']) == (1, 'running')
+    assert silent['message'].startswith('/clock does not arrive, so simulated time stands still')
+    assert (silent['simulated_time_s'], clocked.listener.seen[-1]['stamp_ns']) == ('0.0', 0)
+    clocked.node.wait_for_log('/clock does not arrive')
+
+
+def test_the_clock_of_a_replay(clocked, tmp_path):
+    """The node follows it, stamps by it, publishes by its rate and stops with it."""
+    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
+        # a graph without lava: what puts its time on /clock
+        for second in range(LENGTH + 1):
+            data = serialize_message(String(data=f'{second}'))
+            stamp = (START + second) * SECOND
+            writer.write('/text', 'std_msgs/msg/String', data, stamp, qos=QosProfile())
+    words = ('replay', '--rate', f'{RATE}', str(tmp_path / 'bag'))
+    player = clocked.graph.process('-m', 'lava_ros.cli.main', *words)
+    listener = clocked.listener
+    found = listener.newest(
+        'depth',
+        'danger',
+        condition=lambda newest: newest['depth']['max'] > 0.0 and newest['danger']['max'] == 100,
+    )
+    assert (found['depth']['shape'], found['depth']['encoding']) == ([30, 40], '32FC1')
+    # more than is made up for at once
+    listener.wait_for_status(
+        'simulation',
+        lambda status: (
+            float(status['simulated_time_s']) > 4.0 * SCALE * LAG
+            and '/clock' not in status['message']
+        ),
+    )
+    player.end(signal.SIGINT)
+    listener.wait_for_status('simulation', lambda told: 'clock stands still' in told['message'])
+    clocked.node.wait_for_log('/clock stands still')
+    said = [line for line in clocked.node.log.splitlines() if '/clock' in line]
+    assert all('[WARN]' in line for line in said), said
+    beats = [item['stamp_ns'] for item in listener.seen if item['topic'] == 'diagnostics']
+    assert beats[-1] == beats[-2]
+    # no second more than there was; a busy machine that falls behind loses some of them
+    assert clocked.simulated() <= SCALE * (beats[-1] / SECOND - START + LAG)
+    stamps = [item['stamp_ns'] for item in listener.seen if item['topic'] == 'danger']
+    stamps = [stamp for stamp in stamps if stamp > 0]
+    assert stamps == sorted(stamps) and START * SECOND <= stamps[0] and stamps[-1] <= beats[-1]
+    # one for each second of the clock at most
+    assert 1 < len(stamps) <= (stamps[-1] - stamps[0]) / SECOND + 2
+    assert 'height' not in {item['topic'] for item in listener.seen}
+    assert listener.wait_for_status('effects')['cooling'] == 'off: forced'
 
 
 def test_a_clock_that_jumps(clocked):
@@ -74,11 +156,11 @@ def test_a_clock_that_jumps(clocked):
     for to in (1e6, 500.0, 0.0):
         clocked.jump(to)
         after = clocked.simulated()
-        assert before <= after <= before + SCALE * LAG + 1e-3
+        assert before <= after <= before + SCALE * (LAG + BEHIND)
         grid = clocked.run(3.0)
         assert to < grid['stamp_ns'] / 1e9 <= to + 3.0
         before = clocked.simulated()
-        assert after < before <= after + SCALE * 3.0 + 1e-3
+        assert after < before <= after + SCALE * (3.0 + BEHIND)
 
 
 def test_a_clock_that_shows_no_time(clocked):
@@ -92,6 +174,7 @@ def test_a_clock_that_shows_no_time(clocked):
         'inputs', lambda status: 'rejected.message' in status
     )
     assert status['level'] == 1
+    clocked.node.wait_for_log('must not be negative')
     assert clocked.node.log.count('must not be negative') == 1
     clocked.jump(2000.0)
     clocked.run(2.0)

@@ -15,7 +15,6 @@
 """Faults of the simulation in a running node: said, survived, and never shown as a map."""
 
 from pathlib import Path
-import signal
 
 import pytest
 
@@ -56,23 +55,13 @@ class Faulty:
 
     def status(self, condition=lambda _: True):
         """The state of the simulation in diagnostics that fulfil a condition."""
-        return self.listener.wait_for_status('simulation', condition, timeout=30.0)
+        return self.listener.status_now('simulation', condition)
 
 
 @pytest.fixture(scope='module')
 def faulty(graph):
     """One node for all faults, one after the other."""
     return Faulty(graph)
-
-
-def check_late_subscriber(graph, last):
-    """Whoever comes late gets the last maps there were."""
-    late, got = graph.listener(*GRIDS), {}
-    while set(got) != set(GRIDS):
-        message = late.wait(lambda item: item['topic'] in GRIDS)
-        got[message['topic']] = message
-    assert got == last
-    late.end(signal.SIGINT)
 
 
 @pytest.mark.parametrize(
@@ -94,23 +83,24 @@ def check_late_subscriber(graph, last):
 )
 def test_a_fault_is_told_and_the_last_maps_stay(faulty, fault, words):
     """Error state with the reason, maps of before for who comes late, and a reset helps."""
+    logged = len(faulty.node.log)
     faulty.begin(fault)
     status = faulty.status(lambda status: status['state'] == 'failed')
     assert status['level'] == ERROR
     assert all(word in status['message'] for word in words), status['message']
     # The pipe of the log is another than the graph.
-    faulty.node.wait_for_log('[ERROR]')
+    faulty.node.wait_for_log('[ERROR]', after=logged)
     error = [line for line in faulty.node.log.splitlines() if '[ERROR]' in line][-1]
     assert all(word in error for word in words), error
     assert '~/reset' in error
 
     # Nothing new is shown, and what was shown is sound.
-    faulty.listener.wait_for_topic('diagnostics')
-    last = {item['topic']: item for item in faulty.listener.seen if item['topic'] in GRIDS}
+    last = faulty.listener.at_rest(*GRIDS)
     assert last['height']['wet'] > 0
     assert last['height']['min'] == 0
     if fault == 'raise':
-        check_late_subscriber(faulty.graph, last)
+        # whoever comes late gets the last maps there were
+        assert faulty.graph.listener(*GRIDS).newest(*GRIDS) == last
 
     faulty.end()
     assert faulty.publisher.call('reset')['success']
@@ -139,9 +129,11 @@ def test_the_limit_of_particles(faulty):
     assert faulty.publisher.set(max_particles=30)['success']
     assert faulty.publisher.set(time_scale=60.0)['success']
     status = faulty.status(lambda status: status['state'] == 'failed')
-    assert 'expected at most 30 (max_particles)' in status['message']
     # The last map shows what there was when it stopped.
-    assert 30 < int(status['particles']) < 300
+    assert f"{status['particles']} particles, expected at most 30 (max_particles)" in (
+        status['message']
+    )
+    assert int(status['particles']) > 30
     assert faulty.publisher.set(max_particles=100_000, time_scale=20.0)['success']
     assert faulty.publisher.call('reset')['success']
     faulty.status(lambda status: status['state'] == 'running')
@@ -150,6 +142,8 @@ def test_the_limit_of_particles(faulty):
 
 def test_a_step_that_does_not_end_is_told(faulty):
     """In diagnostics, in the log once, and to whoever asks for something; then all goes on."""
+    # where kernels are compiled a step may have taken as long before
+    logged = len(faulty.node.log)
     faulty.begin('slow')
     status = faulty.status(lambda status: 'a step takes' in status['message'])
     assert (status['state'], status['level']) == ('running', 1)
@@ -158,7 +152,8 @@ def test_a_step_that_does_not_end_is_told(faulty):
     assert answer['message'].startswith('starting again at time 0, but later: a step takes')
     faulty.status(lambda status: 'waiting for it: ' in status['message'])
     faulty.status(lambda status: 'reset' in status['message'])
-    said = [line for line in faulty.node.log.splitlines() if 'a step takes' in line]
+    faulty.node.wait_for_log('a step takes', after=logged)
+    said = [line for line in faulty.node.log[logged:].splitlines() if 'a step takes' in line]
     assert len(said) == 1 and '[WARN]' in said[0], said
     faulty.end()
     faulty.status(lambda status: 'a step takes' not in status['message'])
