@@ -70,7 +70,7 @@ class KeepsTime:
 
     def set_effects(self, forced, *, horizon):
         effects_for(self.scene, forced, horizon=horizon)
-        assert self.is_compiled.wait(30.0)
+        assert self.is_compiled.wait(PATIENCE)
         self.forced, self.horizon = dict(forced), horizon
 
     def emitted(self):
@@ -107,7 +107,7 @@ class KeepsTime:
         begun, self.begun = self.snapshot(), self.begun + 1
 
         def finish():
-            assert self.is_copied.wait(30.0)
+            assert self.is_copied.wait(PATIENCE)
             return begun
 
         return PendingSnapshot(finish)

@@ -66,7 +66,7 @@ def test_first_day_of_etna_2001(graph):
     listener = graph.listener('height')
     graph.process('-m', 'lava_ros.cli.main', 'feed', '--scene', str(scene))
     status = listener.wait_for_status(
-        'simulation', lambda status: status['state'] == 'finished', timeout=240.0
+        'simulation', lambda status: status['state'] == 'finished', timeout=900.0
     )
     emitted = float(status['volume_emitted_m3'])
     assert emitted == pytest.approx(table[0, 2] * DAY, rel=1e-6)

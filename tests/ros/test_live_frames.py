@@ -82,8 +82,8 @@ class Speaker(Watcher):
 
 
 def until(condition: Callable[[], bool], poll: Callable[[], None] = lambda: None) -> None:
-    """Wait for at most half a minute."""
-    end = time.monotonic() + 30.0
+    """Wait for at most a minute."""
+    end = time.monotonic() + 60.0
     while not condition():
         assert time.monotonic() < end
         poll()

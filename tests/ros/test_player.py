@@ -15,6 +15,7 @@
 """Replay into a real graph, from another process."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 import signal
 import subprocess
@@ -48,6 +49,9 @@ from lava_ros.bag import BagReader
 from lava_ros.ros.player import play
 print(play(BagReader(sys.argv[1]), **json.loads(sys.argv[2])))
 """
+
+#: How long to wait for what has to come, on a busy machine too [s].
+PATIENCE = 60.0
 
 Written = dict[str, list[bytes]]
 
@@ -109,17 +113,26 @@ class Listener:
     def _on_clock(self, message: Clock) -> None:
         self.clock.append(message.clock.sec * SECOND + message.clock.nanosec)
 
-    def spin_until(self, process: 'subprocess.Popen[str]', timeout: float = 30.0) -> str:
-        """Take what arrives until the process has ended; returns its output."""
-        deadline = time.monotonic() + timeout
-        while process.poll() is None and time.monotonic() < deadline:
-            self.executor.spin_once(timeout_sec=0.05)
-        until = time.monotonic() + 0.2
-        while time.monotonic() < until:
-            self.executor.spin_once(timeout_sec=0.02)
-        output, errors = process.communicate(timeout=5.0)
+    def spin_until(self, process: 'subprocess.Popen[str]') -> str:
+        """Take what arrives until the process has ended and all is there; returns its output."""
+        deadline, heard = time.monotonic() + PATIENCE, -1
+        while process.poll() is None or heard < self.heard:
+            assert time.monotonic() < deadline
+            heard = self.heard
+            for _ in range(20):
+                self.executor.spin_once(timeout_sec=0.02)
+        output, errors = process.communicate(timeout=PATIENCE)
         assert process.returncode == 0, errors
         return output
+
+    def back(self) -> list[int]:
+        """Times of the clock that are earlier than the one before."""
+        return [b for a, b in pairwise(self.clock) if b < a]
+
+    @property
+    def heard(self) -> int:
+        """How many messages have come."""
+        return sum(map(len, (*self.raw.values(), self.clock)))
 
 
 def same_bytes(received: list[bytes], written: list[bytes]) -> bool:
@@ -147,9 +160,9 @@ def test_subscribers_get_the_recorded_bytes(bag: tuple[Path, Written], node: Nod
     listener = Listener(node)
     begin = time.monotonic()
     output = listener.spin_until(
-        start_player(directory, '{"rate": 2, "wait_for_subscribers": 20}')
+        start_player(directory, '{"rate": 2, "wait_for_subscribers": 60}')
     )
-    assert 1.0 < time.monotonic() - begin < 25.0
+    assert time.monotonic() - begin > 1.0
     assert same_bytes(listener.raw['/map'], written['/map'])
     assert same_bytes(listener.raw['/text'], written['/text'])
     assert deserialize_message(listener.raw['/text'][3], String).data.startswith('3 lava')
@@ -157,15 +170,17 @@ def test_subscribers_get_the_recorded_bytes(bag: tuple[Path, Written], node: Nod
     assert listener.clock == sorted(listener.clock)
     assert listener.clock[-1] == 52 * SECOND
     assert listener.clock[0] >= 50 * SECOND
-    # A second at 100 Hz and 23 messages; nobody waits for the clock's subscriber to be matched.
-    assert 30 < len(listener.clock) < 150
+    # Between messages too; nobody waits for the clock's subscriber to be matched.
+    assert {stamp for stamp in listener.clock if stamp % (SECOND // 10)}
+    # A second at 100 Hz and 23 messages, where nothing makes it longer.
+    assert len(listener.clock) < 150
 
 
 def test_an_offset_delivers_the_latched_map_first(bag: tuple[Path, Written], node: Node) -> None:
     """The map from before the start arrives, the volatile text from before does not."""
     directory, written = bag
     listener = Listener(node)
-    options = '{"start_offset": 1.55, "wait_for_subscribers": 20, "clock": false}'
+    options = '{"start_offset": 1.55, "wait_for_subscribers": 60, "clock": false}'
     listener.spin_until(start_player(directory, options))
     assert same_bytes(listener.raw['/map'], written['/map'][-1:])
     assert same_bytes(listener.raw['/text'], written['/text'][16:])
@@ -179,17 +194,13 @@ def test_signals_end_a_loop_cleanly(
     """A player in an endless loop stops at once, with exit status 0 and without a traceback."""
     directory, _ = bag
     listener = Listener(node)
-    process = start_player(directory, '{"loop": true, "rate": 50, "wait_for_subscribers": 20}')
-    deadline = time.monotonic() + 25.0
-    while len(listener.raw['/text']) < 50 and time.monotonic() < deadline:
+    process = start_player(directory, '{"loop": true, "rate": 50, "wait_for_subscribers": 60}')
+    deadline = time.monotonic() + PATIENCE
+    while not (back := listener.back()) or len(listener.raw['/text']) < 50:
+        assert time.monotonic() < deadline
         listener.executor.spin_once(timeout_sec=0.05)
-    assert len(listener.raw['/text']) >= 50
     process.send_signal(number)
-    sent = time.monotonic()
     listener.spin_until(process)
-    assert time.monotonic() - sent < 15.0
-    back = [b for a, b in zip(listener.clock, listener.clock[1:], strict=False) if b < a]
-    assert back
     assert set(back) == {50 * SECOND}
 
 
@@ -205,7 +216,7 @@ def test_topics_of_unknown_types_are_left_out(tmp_path: Path, node: Node) -> Non
         capture_output=True,
         text=True,
         cwd=ROOT,
-        timeout=20.0,
+        timeout=PATIENCE,
     )
     assert process.returncode == 0, process.stderr
     assert process.stdout.strip() == '1'

@@ -69,8 +69,8 @@ class Echo(Watcher):
         self._publisher.publish(DiagnosticArray(status=[DiagnosticStatus(message='here')]))
 
     def listen_for(self, count: int) -> None:
-        """Listen until so many messages were heard, for at most 15 s."""
-        deadline = time.monotonic() + 15.0
+        """Listen until so many messages were heard, for at most a minute."""
+        deadline = time.monotonic() + 60.0
         while len(self.heard) < count and time.monotonic() < deadline:
             self.listen(0.1)
 

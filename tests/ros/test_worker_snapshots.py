@@ -96,7 +96,7 @@ def test_a_flaw_of_the_former_simulation_is_none_of_the_next(bench):
     former.is_copied.set()
     bench.run(reset)
     time.sleep(0.1)
-    assert bench.worker.status.state is WorkerState.RUNNING
+    bench.wait_for_state(WorkerState.RUNNING)
     assert bench.worker.latest.time == 0.0
 
 
@@ -115,5 +115,5 @@ def test_what_is_at_rest_has_been_waited_for(copying):
 def test_the_end_waits_for_it(copying):
     """Stopping leaves no thread behind."""
     copying.simulation.is_copied.set()
-    assert copying.worker.stop(5.0)
+    assert copying.worker.stop(60.0)
     assert copying.worker.latest.time == pytest.approx(0.5)
