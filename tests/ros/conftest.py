@@ -152,7 +152,7 @@ class Node(Process):
 
 
 class Publisher(Process):
-    """A process that sends the node what a test tells it to."""
+    """A process that tells nodes what a test says, and asks them; ``node`` is /lava without."""
 
     def __init__(self, directory, aside=False, remap=()):
         arguments = [str(HERE / 'graph_publisher.py'), *_ros_arguments(remap)]
@@ -165,50 +165,36 @@ class Publisher(Process):
 
     def flood(self, count, rate, last):
         """Send vents of discharges up to a last one, so many a second; return how long it took."""
-        return self.ask(flood=count, rate=rate, last=last)['seconds']
+        return self.ask(flood=count, rate=rate, last=last)
 
     def clock(self, seconds):
         """Send a time on /clock."""
         self.ask(clock=seconds)
 
-    def call(self, service, data=False):
+    def call(self, service, data=False, **node):
         """Call a service of the node and return its answer."""
-        return self.ask(call=service, data=data)
+        return self.ask(call=service, data=data, **node)
 
     def map(self, topic):
         """Get a map of the node: its shape, its stamp and the hash of its cells."""
         return self.ask(map=topic)
 
-    def set(self, **values):
+    def set(self, node='/lava', **values):
         """Set parameters of the node and return the answer."""
-        return self.ask(set={name.replace('__', '.'): item for name, item in values.items()})
+        values = {name.replace('__', '.'): item for name, item in values.items()}
+        return self.ask(set=values, node=node)
 
-
-class Client(Process):
-    """A process that calls services of nodes, those of their lifecycle among them."""
-
-    def __init__(self, directory, aside=False):
-        super().__init__([str(HERE / 'graph_client.py')], directory, aside)
-
-    def change(self, transition, **options):
+    def change(self, transition, **node):
         """Ask for a transition and return whether it went well."""
-        return self.ask(change=transition, **options)
+        return self.ask(change=transition, **node)
 
-    def state(self, **options):
+    def state(self, **node):
         """The state that the node is in."""
-        return self.ask(state=True, **options)
+        return self.ask(state=True, **node)
 
-    def names(self, expected=None, **options):
+    def names(self, expected=None, **node):
         """Topics and services of the node, once they are as expected or have stopped changing."""
-        return self.ask(names=expected, **options)
-
-    def call(self, service, data=None, **options):
-        """Call a Trigger, or a SetBool with data, and return the answer."""
-        return self.ask(call=service, data=data, **options)
-
-    def set(self, values, **options):
-        """Set parameters and return the answer."""
-        return self.ask(set=values, **options)
+        return self.ask(names=expected, **node)
 
 
 class Listener(Process):
@@ -346,10 +332,6 @@ class Graph:
     def publisher(self, *, aside=False, remap=()):
         """Start a process that publishes what it is told to."""
         return self._start(Publisher, aside=aside, remap=remap)
-
-    def client(self, *, aside=False):
-        """Start a process that calls services."""
-        return self._start(Client, aside=aside)
 
     def listener(self, *topics, aside=False):
         """Start a process that reports what it hears."""

@@ -12,12 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A process that publishes to the node what it is told to, one JSON line at a time.
+"""A process that tells and asks nodes what it is told to, one JSON line at a time.
 
-{"publish": NAME} sends a message of CASES; {"call": SERVICE, "data": BOOL} calls a service;
-{"map": TOPIC} gets a map; {"set": {NAME: VALUE}} sets parameters; {"clock": SECONDS} publishes
-/clock; {"flood": COUNT, "rate": HERTZ, "last": DISCHARGE} sends vents, the last ones with that
-discharge. Each line is answered with a JSON line.
+{"publish": NAME} sends a message of CASES; {"clock": SECONDS} publishes /clock; {"flood": COUNT,
+"rate": HERTZ, "last": DISCHARGE} sends vents, the last ones with that discharge. {"call": SERVICE,
+"data": BOOL} calls a service; {"map": TOPIC} gets a map; {"set": {NAME: VALUE}} sets parameters;
+{"change": NAME} asks for a transition, {"state": true} for the state, {"names": NAMES} for what
+the node has in the graph; ``"node"`` says which, /lava without. Each is answered with a JSON line.
 """
 
 import hashlib
@@ -26,17 +27,23 @@ import sys
 import time
 
 from geometry_msgs.msg import PointStamped
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.srv import GetMap
 import numpy as np
 from rcl_interfaces.srv import SetParametersAtomically
 import rclpy
+from rclpy.node import NodeNameNonExistentError
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import SetBool, Trigger
+
+#: How long to wait for an answer, on a busy machine too [s].
+PATIENCE = 60.0
 
 ROWS, COLUMNS, RESOLUTION = 30, 40, 10.0
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -54,6 +61,12 @@ SERVICES = {
     'save': Trigger,
     'pause': SetBool,
     'record': SetBool,
+}
+TRANSITIONS = {
+    'configure': Transition.TRANSITION_CONFIGURE,
+    'activate': Transition.TRANSITION_ACTIVATE,
+    'deactivate': Transition.TRANSITION_DEACTIVATE,
+    'cleanup': Transition.TRANSITION_CLEANUP,
 }
 
 
@@ -226,63 +239,114 @@ def send_flood(publisher, flood, rate, last):
     return time.monotonic() - start
 
 
+class Teller:
+    """Does what lines ask for; each kind of order is a method, which gets the rest of the line."""
+
+    def __init__(self):
+        """Join the graph."""
+        self._node = rclpy.create_node('test_publisher')
+        self._publishers = {
+            topic: self._node.create_publisher(kind, topic, qos)
+            for topic, (kind, qos) in TYPES.items()
+        }
+        self._clock = self._node.create_publisher(Clock, '/clock', 1)
+        self._clients = {}
+
+    def _ask(self, kind, name, **fields):
+        """Call a service and return its answer."""
+        if name not in self._clients:
+            self._clients[name] = self._node.create_client(kind, name)
+        client = self._clients[name]
+        if not client.wait_for_service(timeout_sec=PATIENCE):
+            raise TimeoutError(f'no service {name}')
+        future = client.call_async(kind.Request(**fields))
+        rclpy.spin_until_future_complete(self._node, future, timeout_sec=PATIENCE)
+        if not future.done():
+            raise TimeoutError(f'no answer from {name}')
+        return future.result()
+
+    def publish(self, case):
+        """Send a message once somebody hears it."""
+        topic, make = CASES[case]
+        while self._publishers[topic].get_subscription_count() == 0:
+            rclpy.spin_once(self._node, timeout_sec=0.02)
+        self._publishers[topic].publish(make())
+
+    def flood(self, count, rate, last):
+        """Send vents, and say how long it took."""
+        return send_flood(self._publishers['vents'], count, rate, last)
+
+    def clock(self, seconds):
+        """Send a time."""
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = int(seconds), int(seconds % 1 * 1e9)
+        self._clock.publish(message)
+
+    def map(self, topic, node='/lava'):
+        """What the map of a topic is."""
+        grid = self._ask(GetMap, f'{node}/{topic}/get_map').map
+        return {
+            'cells': hashlib.sha256(grid.data).hexdigest(),
+            'shape': [grid.info.height, grid.info.width],
+            'stamp_ns': grid.header.stamp.sec * 10**9 + grid.header.stamp.nanosec,
+        }
+
+    def set(self, values, node='/lava'):
+        """Set parameters together."""
+        messages = [Parameter(key, value=item).to_parameter_msg() for key, item in values.items()]
+        name = f'{node}/set_parameters_atomically'
+        result = self._ask(SetParametersAtomically, name, parameters=messages).result
+        return {'success': result.successful, 'message': result.reason}
+
+    def call(self, service, data=False, node='/lava'):
+        """Call one of the node's own services."""
+        kind = SERVICES[service]
+        result = self._ask(kind, f'{node}/{service}', **{'data': data} if kind is SetBool else {})
+        return {'success': result.success, 'message': result.message}
+
+    def change(self, name, node='/lava'):
+        """Ask for a transition: ``shutdown`` is another in each state, and found by its label."""
+        transition = Transition(id=TRANSITIONS.get(name, 0))
+        transition.label = '' if name in TRANSITIONS else name
+        return self._ask(ChangeState, f'{node}/change_state', transition=transition).success
+
+    def state(self, _, node='/lava'):
+        """The label of the state."""
+        return self._ask(GetState, f'{node}/get_state').current_state.label
+
+    def names(self, expected, node='/lava'):
+        """Topics and services of a node, sorted, once they are as expected or change no more.
+
+        Without any that are expected they have to stay for two seconds: a busy machine learns of
+        them one by one.
+        """
+        space, _, name = node.rpartition('/')
+        ways = (
+            self._node.get_publisher_names_and_types_by_node,
+            self._node.get_subscriber_names_and_types_by_node,
+            self._node.get_service_names_and_types_by_node,
+        )
+        found, since, end = [], 0.0, time.monotonic() + PATIENCE
+        while found != expected and time.monotonic() < end:
+            time.sleep(0.1)
+            before = found
+            try:
+                found = sorted({item for way in ways for item, _ in way(name, space or '/')})
+            except NodeNameNonExistentError:
+                found = []
+            since = since if found == before else time.monotonic()
+            if not expected and f'{node}/get_state' in found and time.monotonic() - since > 2.0:
+                break
+        return found
+
+
 def main():
     """Answer lines until there are no more."""
     rclpy.init()
-    node = rclpy.create_node('test_publisher')
-    publishers = {
-        topic: node.create_publisher(kind, topic, qos) for topic, (kind, qos) in TYPES.items()
-    }
-    clock = node.create_publisher(Clock, '/clock', 1)
-
-    def call(kind, name, request):
-        client = node.create_client(kind, name)
-        if not client.wait_for_service(timeout_sec=60.0):
-            return {'error': f'no service {name}'}
-        future = client.call_async(request)
-        rclpy.spin_until_future_complete(node, future, timeout_sec=60.0)
-        node.destroy_client(client)
-        return future.result()
-
-    def answer(order):
-        if 'publish' in order:
-            topic, make = CASES[order['publish']]
-            while publishers[topic].get_subscription_count() == 0:
-                rclpy.spin_once(node, timeout_sec=0.02)
-            publishers[topic].publish(make())
-            return {'published': order['publish']}
-        if 'flood' in order:
-            return {'seconds': send_flood(publishers['vents'], **order)}
-        if 'map' in order:
-            grid = call(GetMap, f"/lava/{order['map']}/get_map", GetMap.Request()).map
-            return {
-                'cells': hashlib.sha256(grid.data).hexdigest(),
-                'shape': [grid.info.height, grid.info.width],
-                'stamp_ns': grid.header.stamp.sec * 10**9 + grid.header.stamp.nanosec,
-            }
-        if 'clock' in order:
-            message = Clock()
-            message.clock.sec = int(order['clock'])
-            message.clock.nanosec = int(order['clock'] % 1 * 1e9)
-            clock.publish(message)
-            return {'clock': order['clock']}
-        if 'set' in order:
-            request = SetParametersAtomically.Request()
-            request.parameters = [
-                Parameter(name, value=value).to_parameter_msg()
-                for name, value in order['set'].items()
-            ]
-            result = call(SetParametersAtomically, '/lava/set_parameters_atomically', request)
-            return {'success': result.result.successful, 'message': result.result.reason}
-        kind = SERVICES[order['call']]
-        request = kind.Request(data=order['data']) if kind is SetBool else kind.Request()
-        result = call(kind, f"/lava/{order['call']}", request)
-        return {'success': result.success, 'message': result.message}
-
+    teller = Teller()
     for line in sys.stdin:
-        print(json.dumps(answer(json.loads(line))), flush=True)
-    node.destroy_node()
-    rclpy.shutdown()
+        (kind, what), *rest = json.loads(line).items()
+        print(json.dumps(getattr(teller, kind)(what, **dict(rest))), flush=True)
 
 
 if __name__ == '__main__':

@@ -177,7 +177,7 @@ def test_ensembles(listener, node, publisher):
     assert node.log.count('observed_outline refused') == 6
 
 
-def test_withdrawals(graph, listener, node, publisher):
+def test_withdrawals(listener, node, publisher):
     """What was said of one scene is taken back when there is another; then it comes again."""
     listener.hear()
     begun_ns = time.time_ns()
@@ -192,7 +192,7 @@ def test_withdrawals(graph, listener, node, publisher):
         'arrival', lambda item: item['max'] == 100 and item['stamp_ns'] >= begun_ns
     )
     # paused: time stands still, and a forecast stays as good as it was
-    assert graph.client().call('pause', True)['success']
+    assert publisher.call('pause', True)['success']
     still = listener.wait_for_status(
         'forecast', lambda item: item['progress'] == '' and item['age_s'] == '0'
     )

@@ -46,7 +46,6 @@ class Managed:
             bag_root=str(graph.directory / 'bags'),
             bag_directory=str(graph.directory / 'bags' / 'there'),
         )
-        self.client = graph.client()
         self.publisher = graph.publisher()
         self.listener = graph.listener('height')
 
@@ -63,14 +62,14 @@ class Managed:
     def change(self, *names, state):
         """Make transitions that go well, and see where they lead."""
         for name in names:
-            assert self.client.change(name), self.node.log
-        assert self.client.state() == state
+            assert self.publisher.change(name), self.node.log
+        assert self.publisher.state() == state
 
     def refuse(self, name, *, state, words):
         """Ask for a transition that goes wrong; the log says why."""
         before = len(self.node.log)
-        assert not self.client.change(name)
-        assert self.client.state() == state
+        assert not self.publisher.change(name)
+        assert self.publisher.state() == state
         self.node.wait_for_log(words, after=before)
         self.node.wait_for_log('[ERROR]', after=before)
 
@@ -80,7 +79,7 @@ class Managed:
 
     def is_alone(self):
         """Whether nothing is left in the graph but what the node has unconfigured."""
-        return self.client.names(self.alone) == self.alone
+        return self.publisher.names(self.alone) == self.alone
 
     def activate(self):
         """Activate, and wait for the map that comes then."""
@@ -93,7 +92,7 @@ class Managed:
     def use_bag(self, name):
         """Name the next bag."""
         bag = self.directory / 'bags' / name
-        assert self.client.set({'bag_directory': str(bag) if name else ''})['success']
+        assert self.publisher.set(bag_directory=str(bag) if name else '')['success']
         return bag
 
     def resources(self):
@@ -115,13 +114,13 @@ def wait_until(condition):
 def managed(graph):
     """One node for all tests here, one after the other."""
     result = Managed(graph)
-    result.alone = result.client.names()
+    result.alone = result.publisher.names()
     return result
 
 
 def test_unconfigured(managed):
     """There is nothing of the simulation, and what the state does not have is refused."""
-    assert managed.client.state() == 'unconfigured'
+    assert managed.publisher.state() == 'unconfigured'
     assert '/lava/change_state' in managed.alone
     assert not {*GRIDS, '/terrain', '/diagnostics', '/lava/step'} & {*managed.alone}
     for name in ('activate', 'deactivate', 'cleanup'):
@@ -140,7 +139,7 @@ def test_configuring_that_fails(managed):
     assert managed.is_alone()
     managed.end()
     managed.change('configure', state='inactive')
-    assert {*GRIDS, '/terrain', '/diagnostics', '/lava/step'} < {*managed.client.names()}
+    assert {*GRIDS, '/terrain', '/diagnostics', '/lava/step'} < {*managed.publisher.names()}
 
 
 def test_inactive(managed):
@@ -151,11 +150,11 @@ def test_inactive(managed):
     # as soon as nothing is compiled any more; no lava has come to a border, or anywhere
     status = managed.status(lambda item: item['message'] == 'inactive: paused')
     assert (status['lifecycle'], status['state']) == ('inactive', 'paused')
-    for name, data in (('step', None), ('save', None), ('record', True)):
-        answer = managed.client.call(name, data)
+    for name, data in (('step', False), ('save', False), ('record', True)):
+        answer = managed.publisher.call(name, data)
         assert not answer['success']
         assert f"{name} is 'inactive', expected an active node" in answer['message']
-    assert managed.client.call('pause', True)['success']
+    assert managed.publisher.call('pause', True)['success']
     assert not [item for item in managed.listener.seen if item['topic'] == 'height']
     managed.refuse('configure', state='inactive', words='no transition of id 1 from')
 
@@ -170,17 +169,17 @@ def test_activating_that_fails(managed):
     status = managed.status()
     assert (status['lifecycle'], status['state']) == ('active', 'paused')
     assert float(status['simulated_time_s']) == 0.0
-    assert managed.client.call('pause', False)['success']
+    assert managed.publisher.call('pause', False)['success']
     managed.listener.wait_for_topic('height', lambda grid: grid['wet'] > 0)
 
 
 def test_time_stands_still_while_inactive(managed):
     """Deactivated there is no map and no time; active again it goes on with no leap."""
     # The map of a pause is that of its moment: diagnostics tell the time of the last map.
-    assert managed.client.call('pause', True)['success']
+    assert managed.publisher.call('pause', True)['success']
     managed.listener.at_rest('height')
     managed.change('deactivate', state='inactive')
-    assert managed.client.call('pause', False)['success']
+    assert managed.publisher.call('pause', False)['success']
     since = managed.listener.hear()
     paused, before = managed.status(), managed.status()
     assert before['lifecycle'] == 'inactive'
@@ -197,13 +196,13 @@ def test_time_stands_still_while_inactive(managed):
 
 def test_a_step_ends_with_the_deactivation(managed):
     """Inactive means that time stands still, also in the middle of a step."""
-    assert managed.client.call('pause', True)['success']
+    assert managed.publisher.call('pause', True)['success']
     before = managed.listener.at_rest('height')
     # longer than any machine takes to hear of the deactivation
-    assert managed.client.set({'time_scale': 1e6})['success']
-    assert managed.client.call('step')['success']
+    assert managed.publisher.set(time_scale=1e6)['success']
+    assert managed.publisher.call('step')['success']
     managed.change('deactivate', state='inactive')
-    assert managed.client.set({'time_scale': SCALE})['success']
+    assert managed.publisher.set(time_scale=SCALE)['success']
     assert managed.activate()['stamp_ns'] > before['height']['stamp_ns']
     told = []
 
@@ -212,7 +211,7 @@ def test_a_step_ends_with_the_deactivation(managed):
         return told[-3:] == 3 * told[-1:]
 
     assert float(managed.status(stands)['simulated_time_s']) < 1e6
-    assert managed.client.call('pause', False)['success']
+    assert managed.publisher.call('pause', False)['success']
 
 
 def test_a_failed_simulation_is_not_activated(managed):
@@ -222,7 +221,7 @@ def test_a_failed_simulation_is_not_activated(managed):
     managed.change('deactivate', state='inactive')
     managed.refuse('activate', state='inactive', words='device lost')
     managed.end()
-    assert managed.client.call('reset')['success']
+    assert managed.publisher.call('reset')['success']
     status = managed.status(lambda item: item['state'] == 'paused')
     # not what it says of the last map, where lava may have reached the border
     assert status['message'].startswith('inactive: ')
@@ -246,7 +245,7 @@ def test_a_recording_that_was_ended_does_not_begin_again(managed):
     """The bag that is there must not keep the node inactive."""
     bag = managed.use_bag('second')
     managed.activate()
-    answer = managed.client.call('record', False)
+    answer = managed.publisher.call('record', False)
     assert answer == {'success': True, 'message': f'recorded {bag}'}
     managed.change('deactivate', state='inactive')
     managed.change('activate', state='active')
@@ -285,8 +284,8 @@ def test_a_step_that_outlasts_the_cleanup(managed):
     managed.refuse('configure', state='unconfigured', words='configure again in a while')
     managed.end()
     # the step ends when it next looks, on a busy machine later
-    wait_until(lambda: managed.client.change('configure'))
-    assert managed.client.state() == 'inactive'
+    wait_until(lambda: managed.publisher.change('configure'))
+    assert managed.publisher.state() == 'inactive'
 
 
 def test_many_cycles_leave_nothing_behind(managed):
@@ -320,19 +319,19 @@ def test_an_error_at_the_start_ends_the_process(managed, graph):
 def test_what_is_read_when_configured_may_be_set_before(managed, graph):
     """Unconfigured, before and after: tools choose scene and device without a restart."""
     managed.other = graph.node(remap=['__node:=other'], device='cpu', autostart=False)
-    client, other = managed.client, {'node': '/other'}
-    answer = client.set({'scene': 'missing.yaml', 'frame_id': 'world'}, **other)
+    client, other = managed.publisher, {'node': '/other'}
+    answer = client.set(scene='missing.yaml', frame_id='world', **other)
     assert answer['success'], answer
     assert not client.change('configure', **other)
     managed.other.wait_for_log('missing.yaml')
-    assert client.set({'scene': ''}, **other)['success']
+    assert client.set(scene='', **other)['success']
     assert client.change('configure', **other), managed.other.log
-    answer = client.set({'frame_id': 'map'}, **other)
+    answer = client.set(frame_id='map', **other)
     assert not answer['success']
     assert 'read-only' in answer['message']
     assert client.change('cleanup', **other), managed.other.log
-    assert client.set({'frame_id': 'map'}, **other)['success']
-    assert not client.set({'autostart': True}, **other)['success']
+    assert client.set(frame_id='map', **other)['success']
+    assert not client.set(autostart=True, **other)['success']
     assert client.change('configure', **other), managed.other.log
 
 
@@ -347,9 +346,9 @@ def test_shutdown(managed, graph):
     assert managed.is_alone()
     managed.refuse('configure', state='finalized', words='no transition of id 1 from')
     for name, state in (('/other', 'inactive'), ('/new', 'unconfigured')):
-        assert managed.client.state(node=name) == state
-        assert managed.client.change('shutdown', node=name)
-        assert managed.client.state(node=name) == 'finalized'
+        assert managed.publisher.state(node=name) == state
+        assert managed.publisher.change('shutdown', node=name)
+        assert managed.publisher.state(node=name) == 'finalized'
     for node in (managed.node, managed.other, new):
         assert node.end() == 0
         assert 'stopped' in node.log.splitlines()[-1]

@@ -51,7 +51,6 @@ class Two:
             terrain_scale=2.0,
             **common,
         )
-        self.client = graph.client()
         topics = ('terrain', 'terrain_info')
         self.publisher = graph.publisher(
             remap=['clicked_point:=/rviz/click', *(f'{name}:=/hekla/{name}' for name in topics)]
@@ -117,7 +116,7 @@ def test_the_terrain_of_a_file_is_there_for_who_comes_late(two):
 
 def test_names(two):
     """Everything that is relative lies in the node's namespace, all that is remapped elsewhere."""
-    etna, hekla = (set(two.client.names(node=node)) for node in (ETNA, HEKLA))
+    etna, hekla = (set(two.publisher.names(node=node)) for node in (ETNA, HEKLA))
     assert {'/map', '/rviz/click', '/etna/terrain', '/etna/lava/step', '/diagnostics'} < etna
     assert not {'/etna/hazard', '/etna/clicked_point', '/hazard', '/terrain'} & etna
     assert {'/hekla/hazard', '/hekla/terrain', '/hekla/lava2/step'} < hekla
@@ -127,18 +126,18 @@ def test_names(two):
 
 def test_commands_reach_one_alone(two):
     """A pause, a parameter or a transition of one leaves the other as it was."""
-    assert two.client.call('pause', True, node=ETNA)['success']
-    assert two.client.set({'time_scale': 7.0}, node=ETNA)['success']
+    assert two.publisher.call('pause', True, node=ETNA)['success']
+    assert two.publisher.set(time_scale=7.0, node=ETNA)['success']
     two.status(ETNA, lambda status: status['state'] == 'paused')
     before = float(two.status(HEKLA)['simulated_time_s'])
     two.status(HEKLA, lambda status: float(status['simulated_time_s']) > before)
-    assert two.client.change('deactivate', node=ETNA)
+    assert two.publisher.change('deactivate', node=ETNA)
     # beside what each has to say of its last map, or of a machine that is too slow for it
     etna, hekla = (two.status(node) for node in (ETNA, HEKLA))
     assert (etna['lifecycle'], etna['state']) == ('inactive', 'paused')
     assert etna['message'].startswith('inactive: ')
     assert (hekla['lifecycle'], hekla['state']) == ('active', 'running')
-    assert two.client.state(node=HEKLA) == 'active'
+    assert two.publisher.state(node=HEKLA) == 'active'
 
 
 def test_bags_are_each_nodes_own(two):

@@ -60,7 +60,6 @@ class Running:
             checkpoint_period=0.0,
             bag_root=str(self.bags),
         )
-        self.client = graph.client()
         self.publisher = graph.publisher()
         self.listener = graph.listener(
             *GRIDS, 'height_raw:image', 'temperature_raw:image', 'lava_points:cloud',
@@ -105,7 +104,7 @@ def running(graph):
 
 def test_services_of_an_inactive_node(running):
     """Before it is active a node has no map to give and nothing to save, and says so."""
-    assert running.client.change('configure'), running.node.log
+    assert running.publisher.change('configure'), running.node.log
     assert running.publisher.map('height')['shape'] == [0, 0]
     for service in ('save', 'step'):
         answer = running.publisher.call(service)
@@ -117,17 +116,17 @@ def test_markers_follow_the_discharge(running):
     """Markers are there from the start, and told again when the discharge of a vent changes."""
     # who listens hears the first of them only when it is there before
     running.listener.wait_for_topic('diagnostics')
-    assert running.client.change('activate'), running.node.log
+    assert running.publisher.change('activate'), running.node.log
     assert running.labels(bool) == ['north: 20 m3/s, 1087 C']
     assert running.labels(lambda texts: ' 0 m3/s' in texts[0]) == ['north: 0 m3/s, 1087 C']
     heard = [item for item in running.listener.seen if item['topic'] == 'vents_markers']
     # once for each discharge, not with every map
     assert len(heard) == 2
     # an inactive node holds time: nobody has paused it
-    assert running.client.change('deactivate'), running.node.log
+    assert running.publisher.change('deactivate'), running.node.log
     running.listener.status_now('simulation', lambda status: status['state'] == 'paused')
     running.node.wait_for_log('inactive')
-    assert running.client.change('activate'), running.node.log
+    assert running.publisher.change('activate'), running.node.log
     running.node.wait_for_log('simulation running')
     assert 'paused' not in running.node.log
 
