@@ -40,6 +40,14 @@ def alone(graph):
     graph.close()
 
 
+def wait_for_messages(listener):
+    """Wait until a bag has some frames, and diagnostics: those are flushed with the next frame."""
+    listener.status_now('recorder', lambda status: int(status['messages']) > 30)
+    told = listener.seen[-1]['stamp_ns']
+    listener.wait_for_topic('height', lambda grid: grid['stamp_ns'] > told)
+    listener.wait_for_topic('height')
+
+
 def start(graph, bag):
     """A node that records, with a publisher that has fed it and a listener that hears lava."""
     config = graph.directory / 'often.yaml'
@@ -56,7 +64,7 @@ def start(graph, bag):
     publisher, listener = graph.publisher(), graph.listener(*GRIDS)
     publisher.publish('vents', 'terrain_info', 'terrain')
     listener.wait_for_topic('height', lambda grid: grid['wet'] > 0, timeout=90.0)
-    listener.status_now('recorder', lambda status: int(status['messages']) > 30)
+    wait_for_messages(listener)
     return node, publisher, listener
 
 
@@ -158,7 +166,7 @@ def test_a_full_disk(graph, tmp_path, limit, trial):
     for name in ('next', 'last'):
         assert publisher.set(bag_directory=str(tmp_path / name))['success']
         assert publisher.call('record', True)['success']
-        listener.status_now('recorder', lambda status: int(status['messages']) > 30)
+        wait_for_messages(listener)
         if name == 'next':
             assert publisher.call('record', False)['success']
             assert not BagReader(tmp_path / 'next').recovered
