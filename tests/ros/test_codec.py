@@ -16,7 +16,6 @@
 
 import array
 
-from geometry_msgs.msg import Pose
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
@@ -25,7 +24,6 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 from lava_ros.errors import LavaError
 from lava_ros.maps.message_arrays import cloud_columns, image_array
 from lava_ros.ros import codec
-from lava_ros.scene import Terrain
 
 VALUES = np.array([[1.5, -2.0, 3.0], [4.0, 5.0, np.nan]])
 
@@ -81,20 +79,6 @@ def test_float_image_round_trip():
     assert (image.header.stamp.sec, image.header.stamp.nanosec) == (1, 500_000_002)
     again = deserialize_message(codec.serialise(image), Image)
     np.testing.assert_array_equal(image_array(again, 'x'), VALUES.astype(np.float32))
-
-
-def test_occupancy_grid():
-    """A grid keeps size, origin, resolution, row order and sign."""
-    terrain = Terrain(np.zeros((2, 3)), 10.0, origin=(-5.0, 7.0))
-    values = np.array([[-1, 0, 1], [2, 99, 100]], dtype=np.int8)
-    info = codec.map_metadata(terrain, 0)
-    grid = codec.occupancy_grid(values, info, codec.header('map', 0))
-    assert isinstance(grid.data, array.array)
-    assert grid.data.typecode == 'b'
-    assert list(grid.data) == [-1, 0, 1, 2, 99, 100]
-    assert (grid.info.width, grid.info.height, grid.info.resolution) == (3, 2, 10.0)
-    assert (grid.info.origin.position.x, grid.info.origin.position.y) == (-5.0, 7.0)
-    assert grid.info.origin.orientation == Pose().orientation
 
 
 def _cloud(order, datatypes, *, rows, padding, is_bigendian):

@@ -118,24 +118,15 @@ def test_diagnostics(running):
     assert stamp in {item['stamp_ns'] for item in frames}
 
 
-#: Messages that are refused, the topics whose fault that is, and what is said of them.
+#: Messages that are refused, some of each topic, whose fault that is, and what is said of them.
 MALFORMED = (
     ('nan_hole', 'terrain', '1 of 1200 cells without data'),
-    ('infinite', 'terrain', 'terrain.data is inf'),
-    ('wrong_encoding', 'terrain', "terrain.encoding is 'rgb8'"),
-    ('wrong_row_step', 'terrain', 'terrain.data is'),
-    ('short_data', 'terrain', 'terrain.data is'),
-    ('zero_size', 'terrain', "terrain.size is '0 x 0'"),
     ('wrong_frame', 'terrain', "terrain.header.frame_id is 'odom'"),
-    ('zero_resolution', 'terrain_info', 'terrain_info.resolution is 0.0'),
     ('rotated', 'terrain_info', 'rotated grids are not supported'),
     ('size_mismatch', 'terrain', "terrain_info.size is '41 x 30'"),
-    ('cloud_without_z', 'terrain_cloud', 'missing: z'),
     ('cloud_with_hole', 'terrain_cloud', '1 of 1200 cells without data'),
     ('negative_discharge', 'vents', 'discharge is -1.0'),
-    ('vent_off_map', 'vents', 'vents[0].position is (-500.0, 155.0)'),
     ('vents_without_fields', 'vents', 'missing: discharge, radius'),
-    ('vents_wrong_frame', 'vents', "vents.header.frame_id is 'base_link'"),
     ('click_off_map', 'clicked_point', 'a place on the terrain'),
 )
 

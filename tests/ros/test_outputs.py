@@ -14,6 +14,9 @@
 
 """Messages out: terrain, vents, their markers."""
 
+from array import array
+
+from geometry_msgs.msg import Pose
 import numpy as np
 import pytest
 from visualization_msgs.msg import Marker
@@ -47,11 +50,13 @@ def _message(**layer):
 def test_grid_message():
     """A grid has the terrain's place and size, and the layer's values."""
     grid = _message(message='nav_msgs/OccupancyGrid', range=[0.0, 100.0])
+    assert isinstance(grid.data, array) and grid.data.typecode == 'b'
     assert list(grid.data) == [0, 1, 2, 3, -1, 0]
     stamp = grid.header.stamp
     assert (grid.header.frame_id, stamp.sec, stamp.nanosec) == ('map', 3, 4)
     assert (grid.info.width, grid.info.height, grid.info.resolution) == (3, 2, 10.0)
     assert (grid.info.origin.position.x, grid.info.origin.position.y) == (100.0, 200.0)
+    assert grid.info.origin.orientation == Pose().orientation
 
 
 def test_image_message():
