@@ -20,10 +20,9 @@ from concurrent.futures import TimeoutError as FutureTimeoutError
 from dataclasses import dataclass, replace
 import threading
 import time
-from typing import Any
+from typing import Any, NamedTuple
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast import wire
 from lava_ros.maps.forecast import Forecast
 from lava_ros.ros.ensemble_forecasts import Ahead, ForecastRules, Live, Outlooks
 from lava_ros.ros.forecast_process import ForecastProcess
@@ -66,8 +65,7 @@ class ForecasterStatus:
     error: str = ''
 
 
-@dataclass(frozen=True, eq=False)
-class _AtHand:
+class _AtHand(NamedTuple):
     """A fork that is being looked ahead from."""
 
     number: int
@@ -192,7 +190,7 @@ class Forecaster:
             # it takes its time to start: before there is anything to look ahead from
             self._process = self._make_process()
             if self._rules().members:
-                self._process.order({'order': 'prepare'})
+                self._process.order('prepare')
         if is_due and self._at_hand is None and self._is_something_new():
             self._begin()
         if self._process is None:
@@ -203,10 +201,11 @@ class Forecaster:
             self._process.order, changes=self._worker.changes, time_scale=rules.time_scale
         )
         if self._at_hand is not None and self._renew_share(self._at_hand.rules):
-            self._process.order({'order': 'share', 'share': self._status.share})
+            self._process.order('share', share=self._status.share)
         answer = self._process.answer(_WATCH_TIME)
         if answer is not None:
-            self._hear(*answer)
+            name, values = answer
+            self._hear(name, **values)
 
     def _report_changes(self) -> None:
         if self._worker.changes != self._told:
@@ -227,7 +226,7 @@ class Forecaster:
         if not is_outdated or not self._is_busy():
             return
         if self._process is not None:
-            self._process.order({'order': 'cancel'})
+            self._process.order('cancel')
         self._report_changes()
         self._drop('the scene has changed' if self._is_wanted else 'the node is not active')
 
@@ -263,21 +262,22 @@ class Forecaster:
         self._number += 1
         self._renew_share(rules)
         self._put_status(progress=0.0)
-        order = {
-            'order': 'fork',
-            'number': self._number,
-            'horizon': rules.horizon,
-            'threshold': rules.threshold,
-            'device': self._worker.status.device,
-            'max_particles': rules.max_particles,
-            'share': self._status.share,
-            'is_first': self._latest is None or self._latest.changes != fork.changes,
-        } | self.outlooks.order(fork, self._number, rules)
         self._at_hand = _AtHand(self._number, fork, rules)
         # of another scene nothing is known, which is worse than a forecast that is a second old
         self._due_after_change = begun + FORK_REST * fork.wall_time
         self._due = max(begun + LEAST_PERIOD, self._due_after_change)
-        self._process.order(order, fork.checkpoint.to_bytes())
+        self._process.order('share', share=self._status.share)
+        self._process.order(
+            'fork',
+            number=self._number,
+            checkpoint=fork.checkpoint,
+            horizon=rules.horizon,
+            threshold=rules.threshold,
+            device=self._worker.status.device or None,
+            max_particles=rules.max_particles,
+            is_first=self._latest is None or self._latest.changes != fork.changes,
+            ensemble=self.outlooks.order(fork, self._number, rules),
+        )
 
     def _fork(self) -> Fork | None:
         asked = self._worker.fork()
@@ -294,20 +294,24 @@ class Forecaster:
             return fork
         return None
 
-    def _hear(self, header: dict[str, Any], body: bytes) -> None:
-        if self.outlooks.hear(header, body):
+    def _hear(self, name: str, **values: Any) -> None:
+        if self.outlooks.hear(name, **values):
             self._on_change()
         at_hand = self._at_hand
-        if at_hand is None or header.get('number') != at_hand.number:
+        if at_hand is None or values.pop('number', None) != at_hand.number:
             return
-        if header['answer'] == 'refused':
-            raise LavaError('forecast', header['reason'], 'a flow that can be looked ahead')
-        if header['answer'] == 'forecast':
+        if name == 'refused':
+            raise LavaError('forecast', values['reason'], 'a flow that can be looked ahead')
+        if name == 'forecast':
             self._at_hand = None
-            self._take(at_hand.fork, at_hand.rules, header, body)
-            self._put_status(progress=None)
-        elif header['answer'] == 'progress':
-            self._put_status(progress=header['progress'])
+            fork = at_hand.fork
+            forecast = Forecast(terrain=fork.checkpoint.scene.terrain, **values)
+            self._failures = 0
+            self._latest = Live(forecast, round(fork.clock * 1e9), fork.changes)
+            self._put_status(progress=None, count=self._status.count + 1, error='')
+            self._on_change()
+        elif name == 'progress':
+            self._put_status(progress=values['progress'])
 
     def _renew_share(self, rules: ForecastRules) -> bool:
         """Follow the live simulation's lag, and say whether that changed anything."""
@@ -316,26 +320,6 @@ class Forecaster:
         self._pace.note(is_running and worker.lag > LONGEST_LAG, time.monotonic())
         self._put_status(share=self._pace.share(rules.share, worker.device))
         return self._status.share != former
-
-    def _take(
-        self, fork: Fork, rules: ForecastRules, header: dict[str, Any], body: bytes
-    ) -> None:
-        arrival, thickness, temperature = wire.unpacked(body, tuple(header['shape']))
-        forecast = Forecast(
-            time=fork.checkpoint.time,
-            horizon=rules.horizon,
-            threshold=rules.threshold,
-            terrain=fork.checkpoint.scene.terrain,
-            arrival=arrival,
-            thickness=thickness,
-            temperature=temperature,
-            duration=header['duration'],
-            particle_count=header['particle_count'],
-        )
-        self._failures = 0
-        self._latest = Live(forecast, round(fork.clock * 1e9), fork.changes)
-        self._put_status(count=self._status.count + 1, error='')
-        self._on_change()
 
     def _put_status(self, **changes: Any) -> None:
         self._status = replace(self._status, **changes)
