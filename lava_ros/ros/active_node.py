@@ -40,11 +40,9 @@ from lava_ros.ros.recorder import BagFolder, Recorder, SaveAllowance
 from lava_ros.ros.recording import CheckpointRecording, SceneRecording
 from lava_ros.ros.scene_publisher import ScenePublisher
 from lava_ros.ros.services import Services
-from lava_ros.ros.session import SimulationLike
 from lava_ros.ros.sources import new_simulation, resumed_simulation, Sources
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
-from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.snapshot import Snapshot
 
@@ -70,7 +68,6 @@ class Operation:
         sources: Sources,
         *,
         entities: Entities,
-        make_simulation: Callable[[Scene], SimulationLike] | None = None,
     ) -> None:
         """Join the graph, and start on what there is, with time standing still.
 
@@ -80,7 +77,6 @@ class Operation:
             values: Gives their values by name.
             sources: What to start with.
             entities: Creates what the node has in the graph; empty, and destroyed by ``close``.
-            make_simulation: Makes simulations in place of the settings' own.
 
         Raises:
             LavaError: A file that a parameter names is not usable.
@@ -116,7 +112,7 @@ class Operation:
         snapshot_ready = entities.guard_condition(self._publish)
         chooser = DeadlineChooser()
         self._worker = SimulationWorker(
-            make_simulation or (lambda scene: new_simulation(scene, self._settings, chooser)),
+            lambda scene: new_simulation(scene, self._settings, chooser),
             clock=lambda: node.get_clock().now().nanoseconds * 1e-9,
             constants=settings.constants,
             time_scale=settings.time_scale,

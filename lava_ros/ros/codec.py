@@ -120,6 +120,11 @@ def serialise(message: Any) -> bytes:
     return data
 
 
+def type_name(message_class: Any) -> str:
+    """Name of a message class, such as ``nav_msgs/msg/OccupancyGrid``."""
+    return '/'.join([*message_class.__module__.split('.')[:2], message_class.__name__])
+
+
 #: Bytes a message may have beside its data: header, names, sizes.
 OVERHEAD = 65_536
 
@@ -157,8 +162,8 @@ def decode(data: bytes, message_class: Any, topic: str, *, max_bytes: int) -> An
         return deserialize_message(data, message_class)
     # What rclpy raises for undecodable bytes is a RuntimeError without a public name.
     except (RuntimeError, ValueError, MemoryError, SystemError) as error:
-        name = '/'.join([*message_class.__module__.split('.')[:2], message_class.__name__])
-        raise LavaError(topic, f'{len(data)} bytes', f'a serialised {name}') from error
+        right = f'a serialised {type_name(message_class)}'
+        raise LavaError(topic, f'{len(data)} bytes', right) from error
 
 
 class _Parts:

@@ -130,10 +130,10 @@ class InputLog:
             values |= {f'rejected.{topic}': count for topic, count in self._rejected.items()}
             last_error = self._last_error
         if bad:
-            return _status('inputs', DiagnosticStatus.ERROR, f'refused {last_error}', values)
+            return status('inputs', DiagnosticStatus.ERROR, f'refused {last_error}', values)
         if rejected:
-            return _status('inputs', DiagnosticStatus.WARN, f'{rejected} refused so far', values)
-        return _status('inputs', DiagnosticStatus.OK, 'all taken', values)
+            return status('inputs', DiagnosticStatus.WARN, f'{rejected} refused so far', values)
+        return status('inputs', DiagnosticStatus.OK, 'all taken', values)
 
 
 def simulation_status(
@@ -186,21 +186,25 @@ def simulation_status(
             'footprint_error': f'{resolution.error:.2g}',
         }
     if snapshot is not None:
-        steps = snapshot.steps
-        values |= {
-            'simulated_time_s': repr(snapshot.time),
-            'frame_stamp_ns': frame_stamp_ns,
-            'particles': snapshot.particle_count,
-            'wet_cells': wet_cells,
-            **snapshot.budget.texts(),
-            'steps': steps.count,
-            'step_s': f'{steps.length:.6g}',
-            'step_limit': steps.limit,
-            'step_stages': steps.stages,
-        }
+        values |= snapshot_values(snapshot, frame_stamp_ns) | {'wet_cells': wet_cells}
     if not is_active:
         message = f'inactive: {message}'
-    return _status('simulation', level, message, values)
+    return status('simulation', level, message, values)
+
+
+def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
+    """What a status says of maps with a stamp [ns]."""
+    steps = snapshot.steps
+    return {
+        'simulated_time_s': repr(snapshot.time),
+        'frame_stamp_ns': stamp_ns,
+        'particles': snapshot.particle_count,
+        **snapshot.budget.texts(),
+        'steps': steps.count,
+        'step_s': f'{steps.length:.6g}',
+        'step_limit': steps.limit,
+        'step_stages': steps.stages,
+    }
 
 
 def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
@@ -211,7 +215,7 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
     """
     names = ', '.join(name for name, text in effects.items() if is_on(text)) or 'none'
     message = f'on: {names}' if effects else 'not chosen yet'
-    return _status('effects', DiagnosticStatus.OK, message, effects)
+    return status('effects', DiagnosticStatus.OK, message, effects)
 
 
 def forecast_status(
@@ -294,13 +298,13 @@ def _ahead_status(
     values: Mapping[str, object],
 ) -> DiagnosticStatus:
     if error:
-        return _status(task, DiagnosticStatus.ERROR, error, values)
+        return status(task, DiagnosticStatus.ERROR, error, values)
     if latest is None:
-        return _status(task, DiagnosticStatus.OK, staleness, values)
+        return status(task, DiagnosticStatus.OK, staleness, values)
     if staleness:
         withdrawn = f'stale, withdrawn: {staleness}'
-        return _status(task, DiagnosticStatus.WARN, withdrawn, values)
-    return _status(task, DiagnosticStatus.OK, message, values)
+        return status(task, DiagnosticStatus.WARN, withdrawn, values)
+    return status(task, DiagnosticStatus.OK, message, values)
 
 
 def deadline_status(
@@ -328,9 +332,9 @@ def deadline_status(
         reason = choice.reason
     if took > deadline:
         late = f'late: the newest took {took:.3g} s of {deadline:g} s; {reason}'
-        return _status('deadline', DiagnosticStatus.WARN, late, values)
+        return status('deadline', DiagnosticStatus.WARN, late, values)
     level = DiagnosticStatus.OK if choice is None or choice.is_met else DiagnosticStatus.WARN
-    return _status('deadline', level, reason, values)
+    return status('deadline', level, reason, values)
 
 
 def recorder_status(
@@ -348,8 +352,8 @@ def recorder_status(
         values['checkpoint_time_s'] = repr(checkpoint.time)
         values['checkpoint_bytes'] = checkpoint.size
     if recorder.error:
-        return _status('recorder', DiagnosticStatus.ERROR, recorder.error, values)
-    return _status('recorder', DiagnosticStatus.OK, recorder.state, values)
+        return status('recorder', DiagnosticStatus.ERROR, recorder.error, values)
+    return status('recorder', DiagnosticStatus.OK, recorder.state, values)
 
 
 def sign(message: DiagnosticArray, node: str, device: str) -> None:
@@ -368,9 +372,10 @@ def sign(message: DiagnosticArray, node: str, device: str) -> None:
         status.hardware_id = f'{gethostname()} {device}'.strip()
 
 
-def _status(
+def status(
     task: str, level: bytes, message: str, values: Mapping[str, object]
 ) -> DiagnosticStatus:
+    """Make a status."""
     return DiagnosticStatus(
         level=level,
         name=task,

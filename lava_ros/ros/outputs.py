@@ -29,7 +29,9 @@ from lava_ros.ros import codec, grid_map
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.snapshot import Snapshot
 
-#: Class of each message type a layer can have.
+#: The topics that stand for a terrain, in the order of ``terrain_messages``.
+TERRAIN_TOPICS = ('terrain', 'terrain_info')
+
 #: Messages of layers that every ROS installation has.
 MESSAGE_CLASSES = {OCCUPANCY_GRID: OccupancyGrid, IMAGE: Image, POINT_CLOUD: PointCloud2}
 

@@ -29,23 +29,16 @@ from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import (
-    DurabilityPolicy,
-    HistoryPolicy,
-    LivelinessPolicy,
-    QoSProfile,
-    ReliabilityPolicy,
-)
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 from lava_ros import validation
 from lava_ros.bag import replay
-from lava_ros.bag.qos import INFINITE_NS, QosProfile
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.replay import Transport
 from lava_ros.errors import LavaError
 from lava_ros.ros.codec import time_message
+from lava_ros.ros.qos import ros_profile
 
 CLOCK_TOPIC = '/clock'
 
@@ -93,7 +86,7 @@ class Player:
                 node.get_logger().warning(f'{topic.name} is left out: {error}')
                 continue
             self._publishers[topic.name] = node.create_publisher(
-                kind, topic.name, to_rclpy(topic.qos)
+                kind, topic.name, ros_profile(topic.qos)
             )
         if not self._publishers:
             raise LavaError('bag', str(bag.path), 'a topic whose message type is installed')
@@ -257,29 +250,6 @@ def message_class(message_type: str) -> type[Any]:
         raise LavaError(
             'message_type', message_type, f'a type that is installed here ({error})'
         ) from error
-
-
-def to_rclpy(profile: QosProfile) -> QoSProfile:
-    """The profile as rclpy has it; what a bag does not know becomes rmw's default."""
-    durations = {
-        name: Duration(nanoseconds=value)
-        for name in ('deadline', 'lifespan', 'liveliness_lease_duration')
-        if 0 < (value := getattr(profile, name)) < INFINITE_NS
-    }
-    return QoSProfile(
-        history=HistoryPolicy.get_from_short_key(profile.history),
-        depth=profile.depth,
-        reliability=_policy(ReliabilityPolicy, profile.reliability, 'reliable'),
-        durability=_policy(DurabilityPolicy, profile.durability, 'volatile'),
-        liveliness=_policy(LivelinessPolicy, profile.liveliness, 'automatic'),
-        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
-        **durations,
-    )
-
-
-def _policy(kind: Any, word: str, default: str) -> Any:
-    usable = word in kind.short_keys() and word not in ('unknown', 'best_available')
-    return kind.get_from_short_key(word if usable else default)
 
 
 @contextmanager

@@ -134,7 +134,8 @@ class Stepping:
         self._shown = threading.Event()
         self._times: list[float] = []
         field = lava_field(particles, effect_sets()[EFFECTS], device, cells=cells)
-        self._watched = _Watched(field)
+        # it has all that a simulation has
+        self._watched: Any = _Watched(field)
         self.particles = self._watched.particle_count
         self._worker = SimulationWorker(
             lambda scene: self._watched,

@@ -108,11 +108,11 @@ class SceneRecording:
         if self._is_to_repeat(snapshot.terrain, stamp_ns):
             self._terrain = self._vents = None
         if snapshot.terrain is not self._terrain:
-            image, info = outputs.terrain_messages(
+            messages = outputs.terrain_messages(
                 snapshot.terrain, frame_id=self._frame_id, stamp_ns=stamp_ns
             )
-            self._write('terrain', 'sensor_msgs/msg/Image', image, stamp_ns)
-            self._write('terrain_info', 'nav_msgs/msg/MapMetaData', info, stamp_ns)
+            for topic, message in zip(outputs.TERRAIN_TOPICS, messages, strict=True):
+                self._write(topic, message, stamp_ns)
             self._terrain = snapshot.terrain
             self._told_ns, self._told_size = stamp_ns, self._recorder.size
         rows = outputs.vent_rows(scene.vents, snapshot.time)
@@ -120,7 +120,7 @@ class SceneRecording:
             cloud = outputs.vents_message(
                 rows, scene.terrain, frame_id=self._frame_id, stamp_ns=stamp_ns
             )
-            self._write('vents', 'sensor_msgs/msg/PointCloud2', cloud, stamp_ns)
+            self._write('vents', cloud, stamp_ns)
             self._vents = rows
 
     def _is_to_repeat(self, terrain: Terrain, stamp_ns: int) -> bool:
@@ -148,10 +148,10 @@ class SceneRecording:
             self._history.append(entry)
         return bool(changed)
 
-    def _write(self, topic: str, message_type: str, message: Any, stamp_ns: int) -> None:
+    def _write(self, topic: str, message: Any, stamp_ns: int) -> None:
         self._recorder.write(
             self._node.resolve_topic_name(topic),
-            message_type,
+            codec.type_name(type(message)),
             codec.serialise(message),
             stamp_ns,
             qos=qos.LATCHED,

@@ -29,9 +29,6 @@ from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.entities import Entities
 from lava_ros.scene import Scene, Terrain, Vent
 
-#: The topics that stand for a terrain, in the order of ``outputs.terrain_messages``.
-TOPICS = {'terrain': Image, 'terrain_info': MapMetaData}
-
 
 class ScenePublisher:
     """Publishes relief and vents, latched, and a terrain of the node's own on its input topics."""
@@ -81,7 +78,7 @@ class ScenePublisher:
             self._take_back()
             return
         messages = outputs.terrain_messages(terrain, **options)
-        for topic, message in zip(TOPICS, messages, strict=True):
+        for topic, message in zip(outputs.TERRAIN_TOPICS, messages, strict=True):
             data = codec.serialise(message)
             self._sent[topic] = sha256(data).digest()
             self._publishers[topic].publish(data)
@@ -102,7 +99,9 @@ class ScenePublisher:
         profile = qos.ros_profile(qos.LATCHED)
         return {
             topic: self._entities.publisher(message_class, topic, profile)
-            for topic, message_class in TOPICS.items()
+            for topic, message_class in zip(
+                outputs.TERRAIN_TOPICS, (Image, MapMetaData), strict=True
+            )
         }
 
 

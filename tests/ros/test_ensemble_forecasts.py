@@ -49,7 +49,9 @@ def order(outlooks, number, made, members=8):
 def sent(outlooks, changes=1):
     """What is passed on to the process."""
     orders = []
-    outlooks.send(lambda name, **values: orders.append((name, values)), changes=changes, time_scale=2.0)
+    outlooks.send(
+        lambda name, **values: orders.append((name, values)), changes=changes, time_scale=2.0
+    )
     return orders
 
 
