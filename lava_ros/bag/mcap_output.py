@@ -114,11 +114,6 @@ class McapOutput:
     ) -> None:
         """Create the file and write what it begins with.
 
-        Args:
-            directory: The bag's directory.
-            name: The file, which must not exist there.
-            custom_data: Free text by name that describes the recording.
-
         Raises:
             OSError: The file cannot be written.
         """

@@ -130,9 +130,6 @@ class BagWriter:
     def set_custom_data(self, custom_data: Mapping[str, str]) -> None:
         """Replace what describes the recording; it is in the file after the next ``flush``.
 
-        Args:
-            custom_data: Free text by name, all of it.
-
         Raises:
             LavaError: It is not text, or the bag is closed.
         """

@@ -134,9 +134,8 @@ class Weights:
 def jaccard(reached: np.ndarray, outline: Outline) -> float:
     """Area where both have lava over the area where one has, 0 to 1.
 
-    Args:
-        reached: Where a member's lava had arrived at the outline's time, bool.
-        outline: What was seen; cells that were not observed do not count.
+    ``reached`` says where a member's lava had arrived at the outline's time, bool; cells that were
+    not observed do not count.
 
     Raises:
         LavaError: The shapes differ.

@@ -135,9 +135,6 @@ class LiveEnsemble:
     def agreement(self, outline: Outline) -> np.ndarray:
         """Jaccard index of each member with an outline.
 
-        Args:
-            outline: What was seen; its time counts from the simulation's own start.
-
         Returns:
             float64, one for each that was asked for; those that have not run have the mean.
         """
@@ -174,11 +171,7 @@ class LiveEnsembles:
     """
 
     def __init__(self, answer: Answer) -> None:
-        """Begin without any.
-
-        Args:
-            answer: Takes the name of an answer and what it says.
-        """
+        """Begin without any."""
         self._answer = answer
         self._changes: int | None = None
         self._ordered: Callable[[], LiveEnsemble] | None = None
@@ -266,12 +259,7 @@ class LiveEnsembles:
         return self._at_hand.progress if self._at_hand is not None else 0.0
 
     def observe(self, number: int, outline: Outline) -> None:
-        """Weigh members by an outline: by that ensemble which has gone on for longest.
-
-        Args:
-            number: Number of the outline.
-            outline: What was seen; its time counts from the simulation's own start.
-        """
+        """Weigh members by an outline: by that ensemble which has gone on for longest."""
         done = [self._oldest, self._shown if self._shown is not self._at_hand else None]
         for ensemble in filter(None, done):
             if ensemble.covers(outline.time):

@@ -170,14 +170,9 @@ def plan_from(
 
 
 def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
-    """The scene of a member.
+    """The scene of a member, with the errors of its terrain unless it is not to be rough.
 
     A displacement that leads off the terrain is halved until it does not.
-
-    Args:
-        scene: The scene without anything drawn.
-        member: What was drawn.
-        rough: Whether the terrain has its errors; without them this takes no time.
 
     Raises:
         LavaError: What was drawn makes no scene; the message names the member.
@@ -227,13 +222,7 @@ def run_members(
     device: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[MemberFields]:
-    """Run members from the plan's start to the horizon.
-
-    Args:
-        plan: What they have in common.
-        members: What is different in each.
-        device: Warp device; the first GPU, else the CPU, when left out.
-        progress: Is told the share that is done.
+    """Run members from the plan's start to the horizon; no device: the first GPU, or CPU.
 
     Returns:
         Their fields, in the order of the members.
@@ -271,12 +260,6 @@ class MemberRun(Looking):
         self, plan: Plan, member: Member, *, device: str | None, max_particles: int | None = None
     ) -> None:
         """Start it, and take the first look.
-
-        Args:
-            plan: What it has in common with others.
-            member: What is different in it.
-            device: Warp device; the first GPU, else the CPU, when left out.
-            max_particles: Most particles, None for any number.
 
         Raises:
             LavaError: It makes no scene, or as ``advance``.

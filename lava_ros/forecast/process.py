@@ -66,12 +66,7 @@ class Forecasting:
     """Takes orders, one slice of a forecast after the other."""
 
     def __init__(self, orders: 'queue.Queue[Order]', answer: Answer) -> None:
-        """Begin without a forecast.
-
-        Args:
-            orders: What to do.
-            answer: Takes the name of an answer and what it says.
-        """
+        """Begin without a forecast."""
         self._orders = orders
         self._answer = answer
         self._ahead: LookAhead | None = None

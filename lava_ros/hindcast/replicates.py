@@ -113,12 +113,8 @@ def run_several(
 ) -> list[Result]:
     """Run a case in several directions, or go on where that was cut off.
 
-    Args:
-        case: The case.
-        settings: How it is run.
-        runs: How many there are.
-        folder: Where what is needed to go on is kept, None for nowhere.
-        progress: Is told the share that is simulated, at each map.
+    The folder is where what is needed to go on is kept, None for nowhere; ``progress`` is told the
+    share that is simulated, at each map.
 
     Returns:
         The result of each run, put back on the cells of the case.

@@ -71,13 +71,6 @@ class Operation:
     ) -> None:
         """Join the graph, and start on what there is, with time standing still.
 
-        Args:
-            node: The node.
-            settings: What its parameters say.
-            values: Gives their values by name.
-            sources: What to start with.
-            entities: Creates what the node has in the graph; empty, and destroyed by ``close``.
-
         Raises:
             LavaError: A file that a parameter names is not usable.
         """

@@ -208,11 +208,7 @@ def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
 
 
 def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
-    """Say which effects are on, and why each is on or off.
-
-    Args:
-        effects: The worker's table.
-    """
+    """Say which effects are on, and why each is on or off."""
     names = ', '.join(name for name, text in effects.items() if is_on(text)) or 'none'
     message = f'on: {names}' if effects else 'not chosen yet'
     return status('effects', DiagnosticStatus.OK, message, effects)
@@ -360,11 +356,6 @@ def sign(message: DiagnosticArray, node: str, device: str) -> None:
     """Put the node's name before the tasks, and say on which hardware they are.
 
     What gathers diagnostics knows statuses by names.
-
-    Args:
-        message: Statuses that have the names of their tasks.
-        node: Name of the node, with its namespace.
-        device: Name of the simulation's device, empty before there is one.
     """
     source = node.strip('/')
     for status in message.status:

@@ -95,11 +95,7 @@ class Forecaster:
     ) -> None:
         """Prepare the thread; ``start`` runs it.
 
-        Args:
-            worker: Has the live simulation.
-            rules: Gives what is asked of the next forecast.
-            on_change: Called in the thread when ``latest`` has, and when the scene has.
-            make_process: Starts the process.
+        ``on_change`` is called in it when ``latest`` has changed, and when the scene has.
         """
         self._worker = worker
         self._rules = rules

@@ -105,12 +105,7 @@ def _multi_array(values: np.ndarray) -> Float32MultiArray:
 
 
 def layer_values(message: Any, layer: str, name: str) -> np.ndarray:
-    """Read a layer of a map.
-
-    Args:
-        message: The map.
-        layer: Name of the layer.
-        name: What the message is called in errors.
+    """Read a layer of a map, which errors call by a name.
 
     Returns:
         float32, shape [rows, columns], row 0 at the smallest y, column 0 at the smallest x.

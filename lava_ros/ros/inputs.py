@@ -227,11 +227,6 @@ def _vent_of_points(name: str, columns: Mapping[str, np.ndarray], rows: Sequence
 def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Vent:
     """Make the vent that a click in a viewer opens; the stamp is the viewer's and plays no part.
 
-    Args:
-        point: The click.
-        settings: The node's settings, which say what else the vent is.
-        name: Its name.
-
     Raises:
         LavaError: The frame or the position is not usable.
     """
@@ -248,11 +243,6 @@ def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Ve
 
 def mask_from_grid(grid: OccupancyGrid, settings: Settings, *, name: str = 'observed') -> Mask:
     """Read where lava was seen: 50 to 100 lava, 0 to 49 none, negative where nobody looked.
-
-    Args:
-        grid: The message.
-        settings: The node's settings.
-        name: What it is called in errors.
 
     Raises:
         LavaError: Frame, size, resolution, origin or data are not usable.

@@ -39,10 +39,7 @@ Shown = TypeVar('Shown', Snapshot, Forecast, Outlook)
 def published_layers(config: Path, forecast: Path | None, settings: Settings) -> list[Layer]:
     """The layers that the node publishes, those of ensembles only where there are any.
 
-    Args:
-        config: The file of msg_configs/ for the flow of now.
-        forecast: The one for forecasts, None without forecasts.
-        settings: The node's settings.
+    Those of forecasts have a file of their own, None without forecasts.
 
     Raises:
         LavaError: A file or a layer's name is wrong, or the package of a message is missing.
@@ -98,14 +95,7 @@ class LayerPublishers(Generic[Shown]):
     def __init__(
         self, entities: Entities, layers: Sequence[Layer], recorder: Recorder, *, frame_id: str
     ) -> None:
-        """Create a publisher for every layer.
-
-        Args:
-            entities: Creates the publishers.
-            layers: What to publish, by ``published_layers``.
-            recorder: Where the layers that are recorded go.
-            frame_id: Frame of the messages.
-        """
+        """Create a publisher for every layer."""
         self._recorder = recorder
         self._frame_id = frame_id
         self._outputs: list[_Output[Shown]] = [

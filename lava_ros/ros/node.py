@@ -63,9 +63,6 @@ class LavaNode(LifecycleNode):
     def __init__(self, **options: Any) -> None:
         """Declare what has to be known before the node is configured.
 
-        Args:
-            options: Passed on to ``rclpy.lifecycle.LifecycleNode``.
-
         Raises:
             ParameterException: A parameter has the wrong type.
         """

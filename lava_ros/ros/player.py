@@ -64,11 +64,6 @@ class Player:
         Topics of other types are left out with a warning; so is a recorded /clock when the
         player publishes its own.
 
-        Args:
-            node: Node to publish from. It need not be spun.
-            bag: The bag.
-            clock: Whether to publish the bag's time on /clock.
-
         Raises:
             LavaError: No topic is left.
         """
@@ -232,10 +227,7 @@ def play(
 
 
 def message_class(message_type: str) -> type[Any]:
-    """Import the class of a message type.
-
-    Args:
-        message_type: Name such as ``nav_msgs/msg/OccupancyGrid``.
+    """Import the class of a message type such as ``nav_msgs/msg/OccupancyGrid``.
 
     Raises:
         LavaError: The type is not installed.

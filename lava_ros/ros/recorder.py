@@ -105,11 +105,7 @@ class Recorder:
         self._files, self._messages, self._error = 0, 0, ''
 
     def begin(self, custom_data: Mapping[str, str]) -> None:
-        """Open the bag that was chosen.
-
-        Args:
-            custom_data: What describes the recording.
-        """
+        """Open the bag that was chosen, with what describes it."""
         assert self._directory is not None
         self._is_armed = False
         try:

@@ -58,16 +58,7 @@ class SceneRecording:
         parameters: Callable[[], Mapping[str, Any]],
         forecast_config: str = '',
     ) -> None:
-        """Write nothing yet.
-
-        Args:
-            node: The node whose names the topics have.
-            recorder: The bag.
-            frame_id: Frame of the messages.
-            msg_config: Text of the file that says how layers become messages.
-            parameters: Gives the node's parameters by name.
-            forecast_config: That for the layers of forecasts, empty without forecasts.
-        """
+        """Write nothing yet; the configs are the texts of the files that describe layers."""
         self._node = node
         self._recorder = recorder
         self._frame_id = frame_id

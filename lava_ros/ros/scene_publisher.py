@@ -34,12 +34,7 @@ class ScenePublisher:
     """Publishes relief and vents, latched, and a terrain of the node's own on its input topics."""
 
     def __init__(self, entities: Entities, *, frame_id: str) -> None:
-        """Create the publishers.
-
-        Args:
-            entities: Creates them.
-            frame_id: Frame of the messages.
-        """
+        """Create the publishers."""
         self._entities = entities
         self._frame_id = frame_id
         self._shown: Terrain | None = None

@@ -135,12 +135,8 @@ class Eruption:
     ) -> None:
         """Take a simulation of a scene, at any time, in place of what there was.
 
-        Args:
-            simulation: The simulation.
-            scene: Its scene.
-            origin: The checkpoint it goes on from.
-            before: The vents up to then, with all they have emitted; those of the scene when
-                left out.
+        ``before`` has the vents up to then, with all they have emitted, where those of the scene
+        do not; ``origin`` is the checkpoint it goes on from.
         """
         self.schedule = schedule(before or scene.vents, scene.vents, simulation.time)
         self.simulation, self.scene, self._constants = simulation, scene, constants_of(scene)
@@ -293,11 +289,7 @@ def _is_same(one: Terrain, other: Terrain) -> bool:
 
 
 def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, str]:
-    """Say of every effect whether it is on, and why.
-
-    Args:
-        effects: What is on.
-        decisions: What decided.
+    """Say of every effect whether it is on, and what decided.
 
     Returns:
         Texts such as ``on: slope = 0.82 > 0.12`` by the name of the effect.
@@ -327,12 +319,7 @@ _NO_MEMORY = 'Failed to allocate'
 
 
 def failure_text(error: Exception, latest: 'Snapshot | None') -> str:
-    """Say why the simulation has failed, and what helps where that is known.
-
-    Args:
-        error: What was raised.
-        latest: The last snapshot there is.
-    """
+    """Say why the simulation has failed, and what helps where that is known."""
     if isinstance(error, SimulationError):
         return str(error)
     if isinstance(error, MemoryError) or _NO_MEMORY in str(error):

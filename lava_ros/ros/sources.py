@@ -110,12 +110,7 @@ def _vents_of(bag: str, terrain: Terrain) -> tuple[Vent, ...]:
 def adopted(
     checkpoint: Checkpoint, values: Mapping[str, Any], defaults: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The parameters that the checkpoint decides in place of a default.
-
-    Args:
-        checkpoint: What is resumed.
-        values: The node's parameters by name.
-        defaults: Their defaults by name.
+    """The parameters by name that the checkpoint decides in place of a default.
 
     Raises:
         LavaError: One was given and says otherwise than the checkpoint.
@@ -163,11 +158,6 @@ def new_simulation(
     scene: Scene, settings: Settings, chooser: DeadlineChooser
 ) -> 'Simulation':
     """A simulation of a scene at time 0.
-
-    Args:
-        scene: The scene.
-        settings: The node's settings.
-        chooser: Chooses the accuracy.
 
     Raises:
         LavaError: The settings do not go with the scene.

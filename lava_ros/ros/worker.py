@@ -167,14 +167,7 @@ class SimulationWorker:
         origin: Origin | None = None,
         before: tuple[Vent, ...] = (),
     ) -> 'Future[None]':
-        """Take a simulation of a scene, at any time, in place of what there was.
-
-        Args:
-            make_simulation: Makes it; called in the thread.
-            scene: Its scene.
-            origin: The checkpoint it goes on from.
-            before: The vents up to then, with all they have emitted, where that is known.
-        """
+        """Take a simulation, made in the thread, in place of what there was: ``Eruption``."""
 
         def start() -> None:
             self._status = replace(self._status, state=WorkerState.STARTING)

@@ -93,10 +93,6 @@ def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
     barrier show it whole; where it is narrower than a cell, the cells that the line crosses are
     raised, for lava sees no gap in a dam.
 
-    Args:
-        terrain: The ground.
-        barrier: The barrier.
-
     Raises:
         LavaError: The line does not touch the terrain, or only cells without data.
     """
