@@ -41,11 +41,7 @@ class Gathering:
     """
 
     def __init__(self, threshold: float) -> None:
-        """Begin without looks.
-
-        Args:
-            threshold: Thickness from which on lava has arrived [m], above 0.
-        """
+        """Begin without looks; lava has arrived from a thickness on [m], above 0."""
         self._threshold = threshold
         self._time = 0.0
         self._last: np.ndarray | None = None

@@ -58,19 +58,10 @@ class LiveEnsemble:
         begun: float | None = None,
         number: int = 0,
     ) -> None:
-        """Draw the members.
+        """Draw the members, which look ahead by a horizon [s].
 
-        Args:
-            checkpoint: The moment.
-            members: How many there are to be.
-            horizon: How far ahead they look [s].
-            threshold: Thickness from which on lava has arrived [m].
-            device: Warp device; the first CUDA device when there is one, else the CPU.
-            max_particles: Most particles of each, None for any number.
-            deadline: Wall time after the beginning at which those have to do that there are [s];
-                None: there is time for all.
-            begun: Monotonic wall time of the beginning [s], None for now.
-            number: Its number.
+        A deadline [s] is a wall time after the beginning, on the monotonic clock [s], at which
+        those have to do that there are. Arguments else as of ``LookAhead``.
 
         Raises:
             LavaError: An argument is not usable, or nothing about the scene is uncertain.

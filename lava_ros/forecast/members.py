@@ -153,13 +153,8 @@ def plan_from(
 ) -> Plan:
     """Settle what members have in common that go on from a running simulation.
 
-    Its resolution and its effects are theirs; what is drawn holds from then on.
-
-    Args:
-        start: The simulation, at rest.
-        horizon: How far ahead of it each member runs [s].
-        threshold: Thickness from which on lava has arrived [m].
-        looks: Looks at the flow; None: by the horizon.
+    Its resolution and its effects are theirs; what is drawn holds from then on. Arguments as of
+    ``make_plan``.
 
     Raises:
         LavaError: An argument is not usable.

@@ -78,13 +78,7 @@ def frame_of(scene: Scene) -> Frame:
 
 
 def draw_reliability(axes: Any, probability: np.ndarray, came: np.ndarray) -> None:
-    """Draw how often lava came where it was said to come with a probability.
-
-    Args:
-        axes: Axes of matplotlib.
-        probability: 0 to 1, NaN where it is unknown, any shape.
-        came: Whether it came, bool, same shape.
-    """
+    """Draw how often lava came where it was said to come with a probability (0 to 1)."""
     bins = [item for item in reliability(probability, came) if item.count]
     axes.plot([0, 100], [0, 100], color='#999999', linewidth=1.0, label='perfect')
     said = [100.0 * item.forecast for item in bins]

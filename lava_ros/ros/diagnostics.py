@@ -148,14 +148,8 @@ def simulation_status(
 ) -> DiagnosticStatus:
     """Say how the simulation is doing.
 
-    Args:
-        worker: What the worker says.
-        snapshot: The snapshot that was published last, None before the first.
-        is_active: Whether the node is: else nothing is published and time stands still.
-        wet_cells: Its wet cells.
-        frame_stamp_ns: The stamp it was published with [ns].
-        resolution: How many particles lie across the flow, None before there is a simulation.
-        clock: What is wrong with the clock that it follows, empty when nothing is.
+    The snapshot is the one that was published last, with its wet cells and its stamp [ns];
+    ``clock`` says what is wrong with the clock, if anything.
     """
     level, message = _LEVELS[worker.state], worker.state.value
     is_running = worker.state is WorkerState.RUNNING
@@ -217,14 +211,7 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
 def forecast_status(
     forecaster: ForecasterStatus, latest: Live[Forecast] | None, *, age: float, staleness: str
 ) -> DiagnosticStatus:
-    """Say how the forecasts are doing.
-
-    Args:
-        forecaster: What the forecaster says.
-        latest: The newest forecast, None before the first.
-        age: Simulated time since its start [s].
-        staleness: Why it says nothing about what comes, empty when it does.
-    """
+    """Say how the forecasts are doing, the newest of which has an age [s]."""
     values: dict[str, object] = {
         'forecasts': forecaster.count,
         'share': f'{forecaster.share:.2g}',
@@ -241,14 +228,7 @@ def forecast_status(
 def ensemble_status(
     ensembles: EnsembleStatus, latest: Live[Outlook] | None, *, age: float, staleness: str
 ) -> DiagnosticStatus:
-    """Say how the ensembles are doing.
-
-    Args:
-        ensembles: What is said of them.
-        latest: The newest maps, None before the first.
-        age: Simulated time since their start [s].
-        staleness: Why they say nothing about what comes, empty when they do.
-    """
+    """Say how the ensembles are doing, the newest of which has an age [s]."""
     values: dict[str, object] = {
         'ensembles': ensembles.count,
         'progress': '' if ensembles.progress is None else f'{ensembles.progress:.2f}',
@@ -306,13 +286,7 @@ def _ahead_status(
 def deadline_status(
     deadline: float, choice: DeadlineChoice | None, *, took: float
 ) -> DiagnosticStatus:
-    """Say what was chosen by the deadline of forecasts, and whether it is kept.
-
-    Args:
-        deadline: Wall time in which a forecast and its ensemble are to be there [s].
-        choice: What was chosen at the start, None where there was nothing to choose.
-        took: Wall time that the newest took [s], 0 before the first.
-    """
+    """Say what was chosen by a deadline [s], and whether the newest forecast kept it [s]."""
     values: dict[str, object] = {'deadline_s': f'{deadline:g}', 'took_s': f'{took:.3g}'}
     if choice is not None:
         values |= {
@@ -389,9 +363,7 @@ class ClockWatch:
     def look(self, stamp_ns: int, now: float) -> str:
         """Say why simulated time stands still, and what to do; empty while the clock moves.
 
-        Args:
-            stamp_ns: Time on the clock [ns], 0 before it was heard.
-            now: Wall time [s].
+        The stamp is the time on the clock [ns], 0 before it was heard; ``now`` is wall time [s].
         """
         if self._seen is None or self._seen[0] != stamp_ns:
             self._seen = stamp_ns, now

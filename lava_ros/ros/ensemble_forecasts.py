@@ -134,11 +134,7 @@ class Outlooks:
         return self._at_hand is not None
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Take a mask of where lava was seen, from any thread.
-
-        Args:
-            mask: The mask.
-            clock: Time on the clock that simulated time follows [s].
+        """Take a mask of where lava was seen at a time of the clock [s], from any thread.
 
         Returns:
             Done when the members have been weighed by it, or with the LavaError why they have not.
@@ -175,10 +171,7 @@ class Outlooks:
     def send(self, order: Callable[..., None], *, changes: int, time_scale: float) -> None:
         """Pass on outlines that have come, unless the scene has just changed.
 
-        Args:
-            order: Takes an order for the process.
-            changes: Changes of the scene so far.
-            time_scale: Simulated time per time of the clock [s/s].
+        ``time_scale`` is simulated time per time of the clock [s/s].
         """
         while changes == self._changes and not self._seen.empty():
             seen = self._seen.get()

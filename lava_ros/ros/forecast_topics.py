@@ -121,11 +121,7 @@ class ForecastTopics:
         self._outlooks.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Weigh the members of ensembles by where lava was seen.
-
-        Args:
-            mask: Where that was.
-            clock: ROS time at which it was [s].
+        """Weigh the members of ensembles by where lava was seen at a ROS time [s].
 
         Raises:
             LavaError: There are no ensembles now.

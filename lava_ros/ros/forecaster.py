@@ -154,14 +154,7 @@ class Forecaster:
         self._is_wanted = is_wanted
 
     def stop(self, timeout: float | None = None) -> bool:
-        """End the thread and the process.
-
-        Args:
-            timeout: How long to wait for it [s].
-
-        Returns:
-            Whether it has ended.
-        """
+        """End the thread and the process; wait for that for a time [s], and say whether it has."""
         self._stopping.set()
         if self._thread.ident is not None:
             self._thread.join(timeout)

@@ -140,14 +140,10 @@ class LayerPublishers(Generic[Shown]):
         repeat: bool,
         recorded_ns: int | None = None,
     ) -> None:
-        """Publish a snapshot, a forecast or an outlook on the layers that have not had it.
+        """Publish what is shown on the layers that have not had it.
 
-        Args:
-            snapshot: What to publish.
-            stamp_ns: ROS time of the messages [ns].
-            recorded_ns: ROS time at which the bag has them [ns]; None for the same.
-            also_not_due: Whether layers take it whose time has not come.
-            repeat: Whether layers take it that have had it.
+        Stamps are ROS times [ns], that of the bag the same where there is none. Layers whose time
+        has not come take it too where ``also_not_due``, those that have had it where ``repeat``.
         """
         for output in self._outputs:
             is_new = snapshot is not output.published and (output.is_due or also_not_due)

@@ -183,12 +183,9 @@ class ForecastWatch(Watcher):
         return time.monotonic()
 
     def show_outline(self, lava: np.ndarray, terrain: Terrain, stamp_ns: int) -> float:
-        """Publish where lava was seen at a ROS time [ns], and return when that was published [s].
+        """Publish where lava was seen at a ROS time [ns]; return when that was published [s].
 
-        Args:
-            lava: Where there was lava, bool, shape [rows, columns]; somebody looked everywhere.
-            terrain: The ground.
-            stamp_ns: When it was seen [ns].
+        ``lava`` is bool, shape [rows, columns]; somebody looked everywhere.
         """
         info = codec.map_metadata(terrain, stamp_ns)
         cells = np.where(lava, 100, 0).astype(np.int8)

@@ -88,15 +88,7 @@ class Player:
         self.published = 0
 
     def wait_for_subscribers(self, timeout: float, stop: threading.Event) -> bool:
-        """Wait until every topic has a subscriber.
-
-        Args:
-            timeout: Longest time to wait [s].
-            stop: Ends the wait when set.
-
-        Returns:
-            Whether every topic has one.
-        """
+        """Wait up to a time [s] until every topic has a subscriber, and say whether it has."""
         deadline = time.monotonic() + timeout
         while not stop.is_set():
             missing = [
@@ -188,23 +180,10 @@ def play(
     on_step: OnStep | None = None,
     transport: Transport | None = None,
 ) -> int:
-    """Replay a bag in this process until its end, SIGINT or SIGTERM.
+    """Replay a bag in this process until its end, SIGINT or SIGTERM, as ``Player.run``.
 
-    Call it from the main thread. It has a ROS context of its own.
-
-    Args:
-        bag: The bag.
-        rate: Bag time that passes in a second of wall time [s/s].
-        loop: Whether to start over at the end, for ever.
-        start_offset: Where to start, from the bag's first message [s of bag time].
-        clock: Whether to publish the bag's time on /clock.
-        wait_for_subscribers: Longest time to wait until every topic has a subscriber [s]; the
-            replay starts then in any case.
-        on_step: Called after every message and clock tick.
-        transport: Holds, quickens and moves the replay; None lets it run.
-
-    Returns:
-        How many messages were published.
+    Call it from the main thread. It has a ROS context of its own. It waits for subscribers of
+    every topic for at most a time [s], and returns how many messages were published.
 
     Raises:
         LavaError: An argument is out of range, or the bag is empty or damaged.

@@ -245,20 +245,13 @@ class SaveAllowance:
     """Counts saves and what they have written, and refuses those that are too many."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Start with all of it.
-
-        Args:
-            clock: Wall time [s].
-        """
+        """Start with all of it; the clock tells wall time [s]."""
         self._clock = clock
         self._left, self._counted = float(SAVES), clock()
         self._written = 0
 
     def take(self, most: int) -> None:
-        """Count a save that is about to be made.
-
-        Args:
-            most: Most data that all of them may write [bytes].
+        """Count a save that is about to be made; all may write so much [bytes].
 
         Raises:
             LavaError: They have written that much, or it comes too soon.

@@ -75,13 +75,7 @@ class SceneRecording:
         self._history: list[dict[str, Any]] = []
 
     def write(self, eruption: Eruption, snapshot: Snapshot, stamp_ns: int) -> None:
-        """Write what has changed since the last time.
-
-        Args:
-            eruption: The scene in use, and what is known of its simulation.
-            snapshot: The snapshot about to be published.
-            stamp_ns: Its ROS time [ns].
-        """
+        """Write what has changed since the last time, at a ROS time [ns]."""
         scene, effects = eruption.scene, eruption.effects
         if scene is None:
             return
@@ -196,13 +190,7 @@ class CheckpointRecording:
         *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Write nothing yet.
-
-        Args:
-            recorder: The bag.
-            take: Asks for a checkpoint's bytes.
-            clock: Wall time [s].
-        """
+        """Write nothing yet; ``take`` asks for a checkpoint, the clock tells wall time [s]."""
         self._recorder = recorder
         self._take = take
         self._clock = clock
@@ -221,9 +209,8 @@ class CheckpointRecording:
     def poll(self, period: float, stamp_ns: int) -> str:
         """Write what has been taken since, and ask for the next one when it is due.
 
-        Args:
-            period: Wall time from one checkpoint to the next [s]; 0: none.
-            stamp_ns: ROS time [ns].
+        The period is wall time from one checkpoint to the next [s], 0 for none; the stamp is ROS
+        time [ns].
 
         Returns:
             Why a checkpoint could not be taken, empty when nothing went wrong.
@@ -238,16 +225,7 @@ class CheckpointRecording:
         return ''
 
     def finish(self, period: float, stamp_ns: int, *, timeout: float) -> str:
-        """Write a last checkpoint before the bag is closed.
-
-        Args:
-            period: As for ``poll``.
-            stamp_ns: ROS time [ns].
-            timeout: How long to wait for it [s].
-
-        Returns:
-            Why there is none, empty when nothing went wrong.
-        """
+        """Write a last checkpoint, within a time [s], before the bag is closed; else ``poll``."""
         if not self._is_recording() or not period:
             return ''
         self._pending = self._take()

@@ -48,11 +48,7 @@ class ScenePublisher:
     def publish(self, scene: Scene, time: float, stamp_ns: int, *, is_heard: bool) -> None:
         """Publish what is new; take back a terrain that was published once another is heard.
 
-        Args:
-            scene: The scene in use.
-            time: Simulated time, for the discharge of vents [s].
-            stamp_ns: ROS time of the messages [ns].
-            is_heard: Whether its terrain came by these topics: everybody has it already.
+        The discharge is that of a simulated time [s], the stamp is ROS time [ns].
         """
         terrain, vents = scene.terrain, scene.vents
         options: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}
@@ -113,14 +109,7 @@ LETTERS, THICKNESS = 0.015, 0.1
 def vent_markers(
     vents: Sequence[Vent], time: float, terrain: Terrain, *, frame_id: str, stamp_ns: int
 ) -> MarkerArray:
-    """Draw the vents as they are at a simulated time.
-
-    Args:
-        vents: The vents, each on the terrain.
-        time: Simulated time, for their discharge [s].
-        terrain: The ground they are on.
-        frame_id: Frame of the markers.
-        stamp_ns: Their stamp [ns].
+    """Draw the vents, each on the terrain, as they are at a simulated time [s].
 
     Returns:
         A marker that clears what was there, then for each vent its disc, or a fissure's line, and

@@ -144,11 +144,7 @@ class SimulationWorker:
     def stop(self, timeout: float | None = None) -> bool:
         """End the thread after the slice it is in; commands that wait or come later are refused.
 
-        Args:
-            timeout: How long to wait for it [s].
-
-        Returns:
-            Whether it has ended.
+        Wait for that for a time [s], and say whether it has ended.
         """
         self._is_stopping = True
         self._commands.close(_STOPPED)
