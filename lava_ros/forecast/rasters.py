@@ -16,13 +16,12 @@
 
 from pathlib import Path
 from typing import Any
-import warnings
 
 import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
-from lava_ros.files.rasters import open_raster
+from lava_ros.files.rasters import opened_raster
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import ENDINGS, read_features
 
@@ -64,20 +63,11 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
     Raises:
         LavaError: The file cannot be read, or has no known place.
     """
-    require('rasterio', 'GeoTIFF', str(path))
-    from rasterio.errors import NotGeoreferencedWarning, RasterioError
-    from rasterio.warp import reproject, Resampling
+    with opened_raster(field, path) as source:
+        from rasterio.warp import reproject, Resampling
 
-    try:
-        with warnings.catch_warnings():
-            # a file without coordinates is refused below
-            warnings.simplefilter('ignore', NotGeoreferencedWarning)
-            with open_raster(path) as source:
-                band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
-                place, crs, count = source.transform, source.crs, source.count
-    except (RasterioError, OSError) as error:
-        right = f'a GeoTIFF or an ESRI ASCII grid that GDAL can read ({error})'
-        raise LavaError(field, str(path), right) from error
+        band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
+        place, crs, count = source.transform, source.crs, source.count
     if place.is_identity or count != 1:
         raise LavaError(field, str(path), 'a georeferenced raster with one band')
     target_crs = _coordinates(terrain, crs, path, field)

@@ -26,8 +26,7 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import Forecast, Outlook
 from lava_ros.ros.deadline import DeadlineChoice
-from lava_ros.ros.ensemble_forecasts import Ahead, EnsembleStatus, Live
-from lava_ros.ros.forecaster import ForecasterStatus
+from lava_ros.ros.ensemble_forecasts import Ahead, AheadStatus, Live
 from lava_ros.ros.recorder import RecorderStatus
 from lava_ros.ros.recording import LastCheckpoint
 from lava_ros.ros.session import is_on
@@ -209,7 +208,7 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
 
 
 def forecast_status(
-    forecaster: ForecasterStatus, latest: Live[Forecast] | None, *, age: float, staleness: str
+    forecaster: AheadStatus, latest: Live[Forecast] | None, *, age: float, staleness: str
 ) -> DiagnosticStatus:
     """Say how the forecasts are doing, the newest of which has an age [s]."""
     values: dict[str, object] = {
@@ -226,7 +225,7 @@ def forecast_status(
 
 
 def ensemble_status(
-    ensembles: EnsembleStatus, latest: Live[Outlook] | None, *, age: float, staleness: str
+    ensembles: AheadStatus, latest: Live[Outlook] | None, *, age: float, staleness: str
 ) -> DiagnosticStatus:
     """Say how the ensembles are doing, the newest of which has an age [s]."""
     values: dict[str, object] = {

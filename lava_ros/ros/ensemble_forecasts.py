@@ -79,22 +79,24 @@ class ForecastRules:
 
 
 @dataclass(frozen=True)
-class EnsembleStatus:
-    """How the ensembles are doing.
+class AheadStatus:
+    """How forecasts or ensembles are doing.
 
     Attributes:
-        count: Ensembles that are complete so far.
-        progress: Share of the members at hand that have run, None without any.
+        count: Forecasts, or complete ensembles, so far.
+        progress: Share of the horizon or of the members at hand that is done, None without any.
+        error: Why the last one failed, empty when it did not.
+        share: Share of the time that forecasts may compute now.
         outlines: Outlines that the members of this scene have been weighed by.
         jaccard_mean: Mean agreement with the newest of them, 0 to 1; None without one.
-        error: Why the last ensemble failed, empty when it did not.
     """
 
     count: int = 0
     progress: float | None = None
+    error: str = ''
+    share: float = 0.0
     outlines: int = 0
     jaccard_mean: float | None = None
-    error: str = ''
 
 
 class _Seen(NamedTuple):
@@ -114,7 +116,7 @@ class Outlooks:
     def __init__(self) -> None:
         """Begin without any."""
         self.latest: Live[Outlook] | None = None
-        self.status = EnsembleStatus()
+        self.status = AheadStatus()
         self._seen: queue.SimpleQueue[_Seen] = queue.SimpleQueue()
         self._sent: dict[int, _Seen] = {}
         self._number = 0

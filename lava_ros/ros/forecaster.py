@@ -17,15 +17,20 @@
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from concurrent.futures import TimeoutError as FutureTimeoutError
-from dataclasses import dataclass, replace
+from dataclasses import replace
+import multiprocessing
+import os
+from pathlib import Path
+import subprocess
+import sys
 import threading
 import time
 from typing import Any, NamedTuple
 
+import lava_ros
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import Forecast
-from lava_ros.ros.ensemble_forecasts import Ahead, ForecastRules, Live, Outlooks
-from lava_ros.ros.forecast_process import ForecastProcess
+from lava_ros.ros.ensemble_forecasts import Ahead, AheadStatus, ForecastRules, Live, Outlooks
 from lava_ros.ros.session import Fork
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import Pace, WorkerState
@@ -48,21 +53,74 @@ _WATCH_TIME = 0.1
 _RETRY_TIMES = (2.0, 60.0)
 
 
-@dataclass(frozen=True)
-class ForecasterStatus:
-    """How the forecaster is doing.
+#: How long the process may take to end by itself [s].
+_END_TIMEOUT = 2.0
 
-    Attributes:
-        count: Forecasts so far.
-        progress: Share of the horizon that the one at hand has reached, None without one.
-        share: Share of the time that they may compute now.
-        error: Why the last try failed, empty when it did not.
-    """
+#: Name of an answer of the process, and what it says (``lava_ros.forecast.process``).
+Answer = tuple[str, dict[str, Any]]
 
-    count: int = 0
-    progress: float | None = None
-    share: float = 0.0
-    error: str = ''
+
+class ForecastProcess:
+    """``lava_ros.forecast.process`` in a child process that ends with this one."""
+
+    def __init__(self) -> None:
+        """Start it."""
+        package = str(Path(lava_ros.__file__).resolve().parents[1])
+        paths = [package, *filter(None, [os.environ.get('PYTHONPATH')])]
+        self._connection, other_end = multiprocessing.Pipe()
+        with other_end:
+            self._child = subprocess.Popen(
+                [sys.executable, '-m', 'lava_ros.forecast.process', str(other_end.fileno())],
+                stdin=subprocess.DEVNULL,
+                # compilers and drivers write where they please
+                stdout=sys.__stderr__,
+                env=os.environ | {'PYTHONPATH': os.pathsep.join(paths)},
+                pass_fds=[other_end.fileno()],
+            )
+
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        return self._child.pid
+
+    def order(self, name: str, **values: Any) -> None:
+        """Send an order.
+
+        Raises:
+            OSError: It has ended.
+        """
+        self._connection.send((name, values))
+
+    def answer(self, timeout: float) -> Answer | None:
+        """The next answer, None when there is none within a time [s].
+
+        Raises:
+            OSError: It has ended.
+        """
+        try:
+            if not self._connection.poll(timeout):
+                return None
+            answer: Answer = self._connection.recv()
+            return answer
+        except (EOFError, OSError) as error:
+            text = f'the process of the forecasts has ended ({self._ending()})'
+            raise ChildProcessError(text) from error
+
+    def end(self) -> None:
+        """End it, if need be in the middle of a step."""
+        self._connection.close()
+        try:
+            self._child.wait(_END_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._child.kill()
+            self._child.wait()
+
+    def _ending(self) -> str:
+        try:
+            status = self._child.wait(_END_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            return 'or no longer answers'
+        return f'killed by signal {-status}' if status < 0 else f'exit status {status}'
 
 
 class _AtHand(NamedTuple):
@@ -104,7 +162,7 @@ class Forecaster:
         self.outlooks = Outlooks()
         self._process: ForecastProcess | None = None
         self._latest: Live[Forecast] | None = None
-        self._status = ForecasterStatus()
+        self._status = AheadStatus()
         self._pace = Pace()
         self._is_wanted = False
         self._failures = 0
@@ -123,7 +181,7 @@ class Forecaster:
         return self._latest
 
     @property
-    def status(self) -> ForecasterStatus:
+    def status(self) -> AheadStatus:
         """How the forecaster is doing."""
         return self._status
 

@@ -170,15 +170,7 @@ class Player:
 
 
 def play(
-    bag: BagReader,
-    *,
-    rate: float = 1.0,
-    loop: bool = False,
-    start_offset: float = 0.0,
-    clock: bool = True,
-    wait_for_subscribers: float = 0.0,
-    on_step: OnStep | None = None,
-    transport: Transport | None = None,
+    bag: BagReader, *, clock: bool = True, wait_for_subscribers: float = 0.0, **how: Any
 ) -> int:
     """Replay a bag in this process until its end, SIGINT or SIGTERM, as ``Player.run``.
 
@@ -194,14 +186,7 @@ def play(
         player = Player(node, bag, clock=clock)
         if wait > 0.0:
             player.wait_for_subscribers(wait, stop)
-        player.run(
-            stop,
-            rate=rate,
-            loop=loop,
-            start_offset=start_offset,
-            on_step=on_step,
-            transport=transport,
-        )
+        player.run(stop, **how)
         return player.published
 
 

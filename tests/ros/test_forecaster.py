@@ -29,8 +29,7 @@ from lava_ros.effects import Effects
 from lava_ros.forecast import process as forecast_process
 from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
 from lava_ros.ros.ensemble_forecasts import ForecastRules
-from lava_ros.ros.forecast_process import ForecastProcess
-from lava_ros.ros.forecaster import Forecaster, LEAST_PERIOD
+from lava_ros.ros.forecaster import Forecaster, ForecastProcess, LEAST_PERIOD
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import LEAST_SHARES, Pace, SHARE_RATE
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -344,7 +343,7 @@ def test_the_first_forecast_of_a_scene_is_there_sooner(monkeypatch):
 def test_the_process_ends_with_the_node():
     """Also when the node is killed, in the middle of a forecast."""
     code = (
-        'import time\nfrom lava_ros.ros.forecast_process import ForecastProcess\n'
+        'import time\nfrom lava_ros.ros.forecaster import ForecastProcess\n'
         'process = ForecastProcess()\nprint(process.pid, flush=True)\ntime.sleep(100.0)\n'
     )
     node = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)
