@@ -94,7 +94,7 @@ class Attachment:
 
 
 def attachments_of(bag: str | Path) -> list[Attachment]:
-    """The attachments of a bag, damaged ones too, in the order of its files (or its file).
+    """The attachments of a bag or of an .mcap file, damaged ones included, in their order.
 
     Raises:
         LavaError: There is no such bag, or a file of it cannot be read.

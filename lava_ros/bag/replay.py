@@ -170,10 +170,8 @@ class Transport:
     ) -> None:
         """Run at the rate.
 
-        Args:
-            read_key: Waits up to a time [s] for a key; its name, empty when there was none.
-            now: Clock that only goes forward [s].
-            on_change: Called when a key has changed something.
+        ``read_key`` waits up to a time [s] for a key and gives its name, or nothing; ``now`` is a
+        clock that only goes forward [s]; ``on_change`` is called when a key has changed something.
         """
         self._read_key = read_key
         self._now = now
@@ -195,14 +193,9 @@ class Transport:
         return self._time
 
     def wait(self, seconds: float, stop: threading.Event) -> bool:
-        """Wait up to a replay time, or until a pause ends, and obey keys meanwhile.
+        """Wait up to a replay time [s], or until a pause ends, and obey keys meanwhile.
 
-        Args:
-            seconds: Replay time [s].
-            stop: Ends the wait when set.
-
-        Returns:
-            Whether the replay is to stop, or to go on elsewhere (``take_jump``).
+        Returns whether the replay is to stop, or to go on elsewhere (``take_jump``).
         """
         self._obey(self._read_key(0.0 if self.is_paused else min(seconds / self.speed, POLL)))
         # What is due right where a jump leads to is shown, also while time stands still.

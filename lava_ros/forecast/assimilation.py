@@ -85,12 +85,9 @@ class Outline:
 
 
 def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
-    """Take a mask on cells of its own to those of a terrain: at the middle of each.
+    """Take a mask of the map frame to the cells of a terrain: at the middle of each.
 
-    Args:
-        terrain: The ground.
-        mask: The mask, in the map frame; what lies beyond it was not observed.
-        time: When, in simulated time [s].
+    What lies beyond the mask was not observed; the time is simulated [s].
 
     Raises:
         LavaError: No lava of it is on the terrain.

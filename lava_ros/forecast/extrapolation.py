@@ -68,7 +68,7 @@ _SPREAD = 0.3
 
 
 def completed(pilot: Pilot, model: Pilot) -> Pilot:
-    """A run that was stopped, as if it had gone on like a coarser one that was not."""
+    """A run that was stopped, as if it had gone on to the horizon as a coarser one did."""
     share, taken, *_ = pilot.progress[-1]
     shares = model.progress[:, 0]
     at_that = np.array([np.interp(share, shares, column) for column in model.progress.T[2:]])
@@ -110,7 +110,7 @@ def _increments(pilot: Pilot) -> np.ndarray:
 
 
 def cost_at(pilots: Sequence[Pilot], refinement: float) -> float:
-    """Wall time [s] of a run by those with its physics, the coarsest first."""
+    """Wall time [s] of a run, by runs with the same physics from the coarsest to the finest."""
     if len(pilots) > 1 and pilots[0].refinement <= refinement <= pilots[-1].refinement:
         known = np.log([(pilot.refinement, pilot.wall_time) for pilot in pilots]).T
         return math.exp(float(np.interp(math.log(refinement), *known)))

@@ -165,7 +165,7 @@ def plan_from(
 
 
 def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
-    """The scene of a member, with the errors of its terrain unless it is not to be rough.
+    """The scene of a member; ``rough``: with the errors of its terrain, which take time.
 
     A displacement that leads off the terrain is halved until it does not.
 

@@ -36,14 +36,9 @@ def draw_narrowing(
     came: np.ndarray,
     output: Path,
 ) -> None:
-    """Draw maps of probability side by side over shaded relief.
+    """Draw maps of probability (0 to 100, NaN unknown) with their titles over shaded relief.
 
-    Args:
-        scene: Ground and vents.
-        maps: Title and probability [0 to 100, NaN unknown] of each, shape [rows, columns].
-        seen: Where lava was seen, bool, same shape.
-        came: Where lava came up to the horizon, bool, same shape.
-        output: The picture; its suffix chooses the format.
+    Outlines show where lava was seen, and where it came: bool, shape [rows, columns].
 
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.

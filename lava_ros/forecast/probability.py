@@ -99,7 +99,7 @@ class Tally:
         return len(self._added)
 
     def add(self, footprint: Footprint, weight: int = 1) -> None:
-        """Add a member that counts a weight in relation to the others.
+        """Add a member; its weight is what it counts in relation to the others.
 
         Raises:
             LavaError: The member is there already, or lies beyond the terrain.

@@ -29,10 +29,8 @@ from lava_ros.scene.features import ENDINGS, read_features
 def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
     """Read where lava was seen: areas, or a raster above 0 where it was, 0 where it was not.
 
-    Args:
-        path: What ``features.read_features`` takes, with areas; or what ``raster_on`` takes, and
-            cells without data were not observed.
-        terrain: The ground.
+    The file is what ``features.read_features`` takes, with areas; or what ``raster_on`` takes, and
+    cells without data were not observed.
 
     Returns:
         Where lava was, and which cells were observed: bool, the terrain's shape.
@@ -52,10 +50,8 @@ def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.nda
 def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
     """Read a raster, and take the value at the middle of each cell of a terrain.
 
-    Args:
-        terrain: The terrain.
-        path: A GeoTIFF or an ESRI ASCII grid; without coordinate system it has the terrain's.
-        field: What it is called in errors.
+    A GeoTIFF or an ESRI ASCII grid without coordinate system has the terrain's. ``field`` is what
+    errors call the file.
 
     Returns:
         float64, the terrain's shape; NaN where the raster has no data.
@@ -93,10 +89,7 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
 def areas_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
     """Read areas, and mark the cells of a terrain whose middle is in one.
 
-    Args:
-        terrain: The terrain.
-        path: What ``features.read_features`` takes; points and lines in it do not count.
-        field: What the file is called in errors.
+    The file is what ``features.read_features`` takes; its points and lines do not count.
 
     Returns:
         bool, the terrain's shape.

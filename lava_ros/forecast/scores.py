@@ -77,7 +77,7 @@ def brier_score(probability: np.ndarray, outcome: np.ndarray) -> float:
 
 
 def brier_parts(probability: np.ndarray, outcome: np.ndarray) -> BrierParts:
-    """The Brier score and its parts, which add up exactly; takes what it takes.
+    """The Brier score and its parts, which add up exactly; arguments as of ``brier_score``.
 
     Raises:
         LavaError: As of ``brier_score``.

@@ -79,13 +79,7 @@ def write_maps(
 
 
 def draw_comparison(case: Case, thickness: np.ndarray, judged: Score, output: Path) -> None:
-    """Draw hits, misses and false alarms.
-
-    Args:
-        case: The case.
-        thickness: Thickness of the simulated lava [m], shape [rows, columns].
-        judged: The comparison in numbers.
-        output: The picture; its suffix chooses the format.
+    """Draw hits, misses and false alarms of a thickness [m]; the suffix says the format.
 
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.

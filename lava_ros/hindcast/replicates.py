@@ -157,12 +157,9 @@ def run_together(
 
 
 def turned(case: Case, quarters: int, *, mirror: bool = False) -> Case:
-    """Turn ground, vents and footprint counterclockwise; the map frame's origin stays a corner.
+    """Turn ground, vents and footprint counterclockwise by quarters, mirrored before if asked.
 
-    Args:
-        case: The case.
-        quarters: How often by 90 degrees.
-        mirror: Whether east and west are exchanged before.
+    The map frame's origin stays a corner; a mirror exchanges east and west.
     """
     if mirror:
         case = _changed(case, lambda x, y, width, _: (width - x, y), _mirror)
@@ -271,12 +268,7 @@ def agreed(maps: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def agreement(case: Case, maps: list[np.ndarray]) -> Agreement:
-    """Compare runs with the map of their case, each and together.
-
-    Args:
-        case: The case.
-        maps: Thickness of each run [m], shape [rows, columns].
-    """
+    """Compare the thickness [m] of runs with the map of their case, each and together."""
     share, thickness = agreed(maps)
     return Agreement(
         scores=tuple(judge(case, thickness) for thickness in maps),

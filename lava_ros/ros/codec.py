@@ -136,7 +136,7 @@ _ENCAPSULATION = 4
 
 
 def decode(data: bytes, message_class: Any, topic: str, *, max_bytes: int) -> Any:
-    """Read a message of a class from CDR; errors call it by its topic.
+    """Read a message of a class from CDR; ``topic`` is what errors call it.
 
     Raises:
         LavaError: It is too large, or cannot be read as a message of this class.

@@ -285,7 +285,7 @@ def _ahead_status(
 def deadline_status(
     deadline: float, choice: DeadlineChoice | None, *, took: float
 ) -> DiagnosticStatus:
-    """Say what was chosen by a deadline [s], and whether the newest forecast kept it [s]."""
+    """Say what was chosen by a deadline [s], and whether the newest, of a time [s], kept it."""
     values: dict[str, object] = {'deadline_s': f'{deadline:g}', 'took_s': f'{took:.3g}'}
     if choice is not None:
         values |= {

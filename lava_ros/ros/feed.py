@@ -31,7 +31,7 @@ class SceneFeed(Node):
     """
 
     def __init__(self, scene: Scene, *, frame_id: str = 'map') -> None:
-        """Publish the terrain; the scene's lava stays at home, a parameter of the simulation."""
+        """Join the graph and publish the terrain; the lava is a parameter of the simulation."""
         super().__init__('lava_feed')
         self._scene = scene
         self._frame_id = frame_id

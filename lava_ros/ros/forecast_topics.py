@@ -112,7 +112,7 @@ class ForecastTopics:
         self.publish()
 
     def publish(self, *, repeat: bool = False) -> None:
-        """Publish what is new, or a withdrawal; to repeat is for layers too that have had it."""
+        """Publish what is new, or a withdrawal; with ``repeat`` also where it has been."""
         forecaster = self._forecaster
         if forecaster is None or not self._is_active:
             return

@@ -97,13 +97,9 @@ def terrain_from_image(image: Image, info: MapMetaData, settings: Settings) -> T
     if (image.width, image.height) != (info.width, info.height):
         raise _size_mismatch(image, info)
     pixels = image_array(image, 'terrain').astype(np.float64)
-    return Terrain(
-        elevation=pixels * settings.terrain_scale + settings.terrain_offset,
-        resolution=resolution,
-        origin=(info.origin.position.x, info.origin.position.y),
-        epsg=settings.epsg,
-        offset=settings.offset,
-    )
+    elevation = pixels * settings.terrain_scale + settings.terrain_offset
+    origin = info.origin.position
+    return Terrain(elevation, resolution, (origin.x, origin.y), settings.epsg, settings.offset)
 
 
 def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
@@ -143,13 +139,8 @@ def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
     np.divide(total, count, out=mean, where=count > 0)
     elevation = mean.reshape(height, width)
     _check_elevation(name, elevation, settings)
-    return Terrain(
-        elevation=elevation,
-        resolution=resolution,
-        origin=(float(low[0]), float(low[1])),
-        epsg=settings.epsg,
-        offset=settings.offset,
-    )
+    origin = (float(low[0]), float(low[1]))
+    return Terrain(elevation, resolution, origin, settings.epsg, settings.offset)
 
 
 def terrain_from_grid(message: Any, settings: Settings) -> Terrain:
@@ -170,13 +161,8 @@ def terrain_from_grid(message: Any, settings: Settings) -> Terrain:
     _check_cells(f'{name}.size', elevation.shape[1], elevation.shape[0], settings)
     _check_elevation(name, elevation, settings)
     info, centre = message.info, message.info.pose.position
-    return Terrain(
-        elevation=elevation,
-        resolution=info.resolution,
-        origin=(centre.x - 0.5 * info.length_x, centre.y - 0.5 * info.length_y),
-        epsg=settings.epsg,
-        offset=settings.offset,
-    )
+    origin = (centre.x - 0.5 * info.length_x, centre.y - 0.5 * info.length_y)
+    return Terrain(elevation, info.resolution, origin, settings.epsg, settings.offset)
 
 
 def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]:

@@ -39,7 +39,7 @@ class NodeLog:
     def scene(
         self, scene: Scene, snapshot: Snapshot | None, effects: Mapping[str, str]
     ) -> None:
-        """Say what terrain, vents and effects there are; the snapshot has the time."""
+        """Say what terrain, vents and effects there are at the time of the newest snapshot."""
         terrain, vents = scene.terrain, scene.vents
         self._tell('terrain', terrain, lambda: _terrain_text(terrain))
         # not the discharge: that of a feed changes all the time

@@ -141,9 +141,7 @@ def write_snapshots(
     """
     config = share_path('msg_configs/default.yaml')
     layers = [layer for layer in load_layers(config) if layer.enabled]
-    data = {
-        'msg_config': config.read_text(encoding='utf-8'), 'frame_id': _FRAME, **custom_data
-    }
+    data = {'msg_config': config.read_text(encoding='utf-8'), 'frame_id': _FRAME, **custom_data}
     with closing(_Bag(directory, '', scene, data)) as bag:
         bag.put_terrain(scene.terrain, START_NS)
         later = list(terrains)
@@ -161,8 +159,6 @@ def write_snapshots(
                 if layer.source != ARRIVED or snapshot.arrived is not None:
                     bag.put_layer(layer, snapshot, stamp)
             values = diagnostics.snapshot_values(snapshot, stamp)
-            told = diagnostics.status(
-                'lava: simulation', DiagnosticStatus.OK, 'finished', values
-            )
+            told = diagnostics.status('lava: simulation', DiagnosticStatus.OK, 'finished', values)
             message = DiagnosticArray(header=codec.header('', stamp), status=[told])
             bag.put('diagnostics', message, stamp)

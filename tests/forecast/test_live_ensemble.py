@@ -157,9 +157,7 @@ def test_what_is_seen_weighs_members_now_and_later(moments: list[Checkpoint]) ->
     later = bench.run(2, moments[1])
     # one at a time would be worse than the one there is
     assert [(item['number'], item['maps'].members) for item in later] == [(2, MEMBERS)]
-    assert later[0]['maps'].effective_members == pytest.approx(
-        again['maps'].effective_members
-    )
+    assert later[0]['maps'].effective_members == pytest.approx(again['maps'].effective_members)
     # the ensemble that has gone on for longest tells members best
     bench.ensembles.observe(8, seen_by(moments[0], 2, 90.0))
     sharper, told = bench.said()
