@@ -140,6 +140,8 @@ class Forecaster:
     fork as soon as the one before is complete.
 
     Attributes:
+        status: How it is doing.
+        latest: The newest forecast, None before the first.
         outlooks: The ensembles.
     """
 
@@ -161,8 +163,8 @@ class Forecaster:
         self._make_process = make_process
         self.outlooks = Outlooks()
         self._process: ForecastProcess | None = None
-        self._latest: Live[Forecast] | None = None
-        self._status = AheadStatus()
+        self.latest: Live[Forecast] | None = None
+        self.status = AheadStatus()
         self._pace = Pace()
         self._is_wanted = False
         self._failures = 0
@@ -174,16 +176,6 @@ class Forecaster:
         self._due = self._due_after_change = 0.0
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
-
-    @property
-    def latest(self) -> Live[Forecast] | None:
-        """The newest forecast, None before the first."""
-        return self._latest
-
-    @property
-    def status(self) -> AheadStatus:
-        """How the forecaster is doing."""
-        return self._status
 
     def age(self, live: Live[Ahead] | None) -> float:
         """How far the simulation is past a forecast's or an ensemble's start [s], 0 for None."""
@@ -248,7 +240,7 @@ class Forecaster:
             self._process.order, changes=self._worker.changes, time_scale=rules.time_scale
         )
         if self._at_hand is not None and self._renew_share(self._at_hand.rules):
-            self._process.order('share', share=self._status.share)
+            self._process.order('share', share=self.status.share)
         answer = self._process.answer(_WATCH_TIME)
         if answer is not None:
             name, values = answer
@@ -313,7 +305,7 @@ class Forecaster:
         # of another scene nothing is known, which is worse than a forecast that is a second old
         self._due_after_change = begun + FORK_REST * fork.wall_time
         self._due = max(begun + LEAST_PERIOD, self._due_after_change)
-        self._process.order('share', share=self._status.share)
+        self._process.order('share', share=self.status.share)
         self._process.order(
             'fork',
             number=self._number,
@@ -322,7 +314,7 @@ class Forecaster:
             threshold=rules.threshold,
             device=self._worker.status.device or None,
             max_particles=rules.max_particles,
-            is_first=self._latest is None or self._latest.changes != fork.changes,
+            is_first=self.latest is None or self.latest.changes != fork.changes,
             ensemble=self.outlooks.order(fork, self._number, rules),
         )
 
@@ -354,19 +346,19 @@ class Forecaster:
             fork = at_hand.fork
             forecast = Forecast(terrain=fork.checkpoint.scene.terrain, **values)
             self._failures = 0
-            self._latest = Live(forecast, round(fork.clock * 1e9), fork.changes)
-            self._put_status(progress=None, count=self._status.count + 1, error='')
+            self.latest = Live(forecast, round(fork.clock * 1e9), fork.changes)
+            self._put_status(progress=None, count=self.status.count + 1, error='')
             self._on_change()
         elif name == 'progress':
             self._put_status(progress=values['progress'])
 
     def _renew_share(self, rules: ForecastRules) -> bool:
         """Follow the live simulation's lag, and say whether that changed anything."""
-        worker, former = self._worker.status, self._status.share
+        worker, former = self._worker.status, self.status.share
         is_running = worker.state is WorkerState.RUNNING
         self._pace.note(is_running and worker.lag > LONGEST_LAG, time.monotonic())
         self._put_status(share=self._pace.share(rules.share, worker.device))
-        return self._status.share != former
+        return self.status.share != former
 
     def _put_status(self, **changes: Any) -> None:
-        self._status = replace(self._status, **changes)
+        self.status = replace(self.status, **changes)

@@ -49,13 +49,16 @@ class Recorder:
 
     ``arm`` chooses the bag; ``begin`` opens it once there is a scene to describe. A bag that
     cannot be written is closed and reported in ``status``; the node goes on without it.
+
+    Attributes:
+        is_armed: Whether a bag is chosen and not yet open.
     """
 
     def __init__(self) -> None:
         """Start without a bag."""
         self._directory: Path | None = None
         self._place = Path()
-        self._is_armed = False
+        self.is_armed = False
         self._writer: BagWriter | None = None
         self._files = self._messages = 0
         self._max_size, self._max_duration = 0, 0.0
@@ -64,7 +67,7 @@ class Recorder:
     @property
     def status(self) -> RecorderStatus:
         """How the recorder is doing."""
-        state = 'armed' if self._is_armed else 'off'
+        state = 'armed' if self.is_armed else 'off'
         if self._writer is not None:
             state = 'recording'
         return RecorderStatus(
@@ -75,11 +78,6 @@ class Recorder:
     def size(self) -> int:
         """Bytes in the bag that is open, 0 without one."""
         return self._writer.size if self._writer is not None else 0
-
-    @property
-    def is_armed(self) -> bool:
-        """Whether a bag is chosen and not yet open."""
-        return self._is_armed
 
     @property
     def is_recording(self) -> bool:
@@ -97,17 +95,17 @@ class Recorder:
         Raises:
             LavaError: A recording is under way, or the folder exists.
         """
-        if self._is_armed or self.is_recording:
+        if self.is_armed or self.is_recording:
             raise LavaError('record', str(self._directory), 'one recording at a time')
         self._place = _new_place(directory)
-        self._directory, self._is_armed = directory, True
+        self._directory, self.is_armed = directory, True
         self._max_size, self._max_duration = max_size, max_duration
         self._files, self._messages, self._error = 0, 0, ''
 
     def begin(self, custom_data: Mapping[str, str]) -> None:
         """Open the bag that was chosen, with what describes it."""
         assert self._directory is not None
-        self._is_armed = False
+        self.is_armed = False
         try:
             if self._directory.resolve() != self._place:
                 raise OSError('a link has come into its path')
@@ -155,7 +153,7 @@ class Recorder:
 
     def stop(self) -> None:
         """Finish the bag; does nothing without one."""
-        self._is_armed = False
+        self.is_armed = False
         writer, self._writer = self._writer, None
         if writer is None:
             return

@@ -181,6 +181,9 @@ class CheckpointRecording:
 
     A checkpoint that is due waits while it would make checkpoints take more than half of the bag,
     for ``PATIENCE`` periods at most. One that is the same as the last is not written.
+
+    Attributes:
+        last: The newest checkpoint in the bag, None without one.
     """
 
     def __init__(
@@ -199,12 +202,7 @@ class CheckpointRecording:
         self._asked: float | None = None
         self._data = b''
         self._written = 0
-        self._last: LastCheckpoint | None = None
-
-    @property
-    def last(self) -> LastCheckpoint | None:
-        """The newest checkpoint in the bag, None without one."""
-        return self._last
+        self.last: LastCheckpoint | None = None
 
     def poll(self, period: float, stamp_ns: int) -> str:
         """Write what has been taken since, and ask for the next one when it is due.
@@ -239,7 +237,7 @@ class CheckpointRecording:
         return self._recorder.is_recording
 
     def _forget(self) -> None:
-        self._pending = self._asked = self._last = None
+        self._pending = self._asked = self.last = None
         self._data = b''
         self._written = 0
 
@@ -264,6 +262,6 @@ class CheckpointRecording:
             self._recorder.attach(NAME, MEDIA_TYPE, data, stamp_ns)
             self._data = data
             self._written += len(data)
-            count = 1 if self._last is None else self._last.count + 1
-            self._last = LastCheckpoint(summary_of(data).time, len(data), count)
+            count = 1 if self.last is None else self.last.count + 1
+            self.last = LastCheckpoint(summary_of(data).time, len(data), count)
         return ''
