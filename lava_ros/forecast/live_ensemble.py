@@ -57,6 +57,7 @@ class LiveEnsemble:
         deadline: float | None = None,
         begun: float | None = None,
         number: int = 0,
+        stamp_ns: int = 0,
     ) -> None:
         """Draw the members, which look ahead by a horizon [s].
 
@@ -66,7 +67,7 @@ class LiveEnsemble:
         Raises:
             LavaError: An argument is not usable, or nothing about the scene is uncertain.
         """
-        self.number = number
+        self.number, self.stamp_ns = number, stamp_ns
         self.plan = plan_from(checkpoint, horizon=horizon, threshold=threshold)
         self.start = checkpoint.time
         self._members = draw_members(checkpoint.scene, members)
@@ -157,8 +158,8 @@ class LiveEnsemble:
 class LiveEnsembles:
     """The ensembles of a running simulation, one after the other, and what has been seen.
 
-    Answers (``process``): outlook with number, maps and the like; for the outline of a number
-    weighed, or outline_refused with the error.
+    Answers (``process``): outlook with number, stamp_ns, changes and fields of ``Outlook``; for
+    the outline of a number weighed, or outline_refused with the error.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -303,6 +304,11 @@ class LiveEnsembles:
         self._answer(
             'outlook',
             number=ensemble.number,
+            stamp_ns=ensemble.stamp_ns,
+            changes=self._changes,
+            time=ensemble.start,
+            horizon=ensemble.plan.horizon,
+            threshold=ensemble.plan.threshold,
             maps=ensemble.maps(self._agreement),
             asked=ensemble.asked,
             is_done=ensemble.is_done,

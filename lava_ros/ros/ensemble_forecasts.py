@@ -120,9 +120,7 @@ class Outlooks:
         self._seen: queue.SimpleQueue[_Seen] = queue.SimpleQueue()
         self._sent: dict[int, _Seen] = {}
         self._number = 0
-        self._forks: dict[int, tuple[Fork, ForecastRules]] = {}
         self._at_hand: int | None = None
-        self._shown: int | None = None
         self._ordered: tuple[int, float] | None = None
         self._is_refused = False
         self._changes: int | None = None
@@ -159,12 +157,11 @@ class Outlooks:
             return None
         self._at_hand = number
         self._ordered = fork.changes, fork.checkpoint.time
-        self._forks = {key: item for key, item in self._forks.items() if key == self._shown}
-        self._forks[number] = (fork, rules)
         self._put(progress=0.0)
         return {
             'members': rules.members,
             'changes': fork.changes,
+            'stamp_ns': round(fork.clock * 1e9),
             'deadline': rules.deadline or None,
             'agreement': self._agreement,
             'outlines': self.status.outlines,
@@ -239,21 +236,15 @@ class Outlooks:
             return float(times[-1] + (clock - clocks[-1]) * time_scale)
         return float(np.interp(clock, clocks, times))
 
-    def _take(self, number: int, *, is_done: bool, **values: Any) -> bool:
-        found = self._forks.get(number)
-        if found is None:
+    def _take(
+        self, number: int, stamp_ns: int, changes: int, *, is_done: bool, **values: Any
+    ) -> bool:
+        if changes != self._changes:
+            # of another scene, which says nothing of this one
             return False
-        fork, rules = found
-        outlook = Outlook(
-            time=fork.checkpoint.time,
-            horizon=rules.horizon,
-            threshold=rules.threshold,
-            terrain=fork.checkpoint.scene.terrain,
-            is_done=is_done,
-            **values,
-        )
-        self._shown = number
-        self.latest = Live(outlook, round(fork.clock * 1e9), fork.changes)
+        assert self._terrain is not None
+        outlook = Outlook(terrain=self._terrain, is_done=is_done, **values)
+        self.latest = Live(outlook, stamp_ns, changes)
         self._put(error='')
         if is_done and number == self._at_hand:
             self._at_hand = None

@@ -25,7 +25,7 @@ import subprocess
 import sys
 import threading
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 import lava_ros
 from lava_ros.errors import LavaError
@@ -123,14 +123,6 @@ class ForecastProcess:
         return f'killed by signal {-status}' if status < 0 else f'exit status {status}'
 
 
-class _AtHand(NamedTuple):
-    """A fork that is being looked ahead from."""
-
-    number: int
-    fork: Fork
-    rules: ForecastRules
-
-
 class Forecaster:
     """Forks the newest state, has it run ahead in a process of its own, and so on.
 
@@ -172,7 +164,8 @@ class Forecaster:
         self._told = 0
         self._forked: tuple[int, float] | None = None
         self._changes: int | None = None
-        self._at_hand: _AtHand | None = None
+        # the fork that is being looked ahead from
+        self._at_hand: Fork | None = None
         self._due = self._due_after_change = 0.0
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
@@ -239,7 +232,7 @@ class Forecaster:
         self.outlooks.send(
             self._process.order, changes=self._worker.changes, time_scale=rules.time_scale
         )
-        if self._at_hand is not None and self._renew_share(self._at_hand.rules):
+        if self._at_hand is not None and self._renew_share(rules):
             self._process.order('share', share=self.status.share)
         answer = self._process.answer(_WATCH_TIME)
         if answer is not None:
@@ -301,7 +294,7 @@ class Forecaster:
         self._number += 1
         self._renew_share(rules)
         self._put_status(progress=0.0)
-        self._at_hand = _AtHand(self._number, fork, rules)
+        self._at_hand = fork
         # of another scene nothing is known, which is worse than a forecast that is a second old
         self._due_after_change = begun + FORK_REST * fork.wall_time
         self._due = max(begun + LEAST_PERIOD, self._due_after_change)
@@ -336,14 +329,13 @@ class Forecaster:
     def _hear(self, name: str, **values: Any) -> None:
         if self.outlooks.hear(name, **values):
             self._on_change()
-        at_hand = self._at_hand
-        if at_hand is None or values.pop('number', None) != at_hand.number:
+        fork = self._at_hand
+        if fork is None or values.pop('number', None) != self._number:
             return
         if name == 'refused':
             raise LavaError('forecast', values['reason'], 'a flow that can be looked ahead')
         if name == 'forecast':
             self._at_hand = None
-            fork = at_hand.fork
             forecast = Forecast(terrain=fork.checkpoint.scene.terrain, **values)
             self._failures = 0
             self.latest = Live(forecast, round(fork.clock * 1e9), fork.changes)

@@ -87,9 +87,13 @@ def test_an_ensemble_is_ordered_when_there_is_none():
     assert order(outlooks, 3, fork(3.0, 6.0)) is None
     known = np.zeros(SCENE.terrain.shape)
     maps = HazardMaps(known, dict.fromkeys(QUANTILES, known), known, 8, 8.0, 0.5)
-    assert outlooks.hear(
-        'outlook', number=2, maps=maps, asked=8, is_done=True, outlines=0, duration=3.0
-    )
+    answer = {
+        'number': 2, 'stamp_ns': first['stamp_ns'], 'time': 5.0, 'horizon': 60.0,
+        'threshold': 0.01, 'maps': maps, 'asked': 8, 'is_done': True, 'outlines': 0,
+        'duration': 3.0,
+    }
+    assert not outlooks.hear('outlook', changes=0, **answer)
+    assert outlooks.hear('outlook', changes=1, **answer)
     latest = outlooks.latest
     assert (latest.shown.time, latest.stamp_ns, latest.changes) == (5.0, 2_000_000_000, 1)
     assert outlooks.status.count == 1
