@@ -170,10 +170,8 @@ def weigh(
     if not index.size or not np.isfinite(index).all() or index.min() < 0.0 or index.max() > 1.0:
         raise LavaError('agreement', index.tolist(), 'Jaccard indices from 0 to 1')
     if not index.any():
-        raise LavaError(
-            'observed', 'an outline that no member touches',
-            'members that come where lava was seen: the scene, or what is uncertain, is wrong',
-        )
+        right = 'members that come where lava was seen: the scene, or what is uncertain, is wrong'
+        raise LavaError('observed', 'an outline that no member touches', right)
     least = least_effective * np.count_nonzero(index)
     if effective_members(_powers(index, sharpness)) < least:
         low, high = 0.0, sharpness

@@ -179,11 +179,8 @@ def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
         vents = tuple(_member_vent(vent, member, scene.terrain) for vent in scene.vents)
         return replace(scene, terrain=terrain, vents=vents, lava=_member_lava(scene.lava, member))
     except LavaError as error:
-        raise LavaError(
-            f'{error.field} of member {member.index}',
-            error.value,
-            f'{error.expected}; limits on its distribution keep it there',
-        ) from error
+        right = f'{error.expected}; limits on its distribution keep it there'
+        raise LavaError(f'{error.field} of member {member.index}', error.value, right) from error
 
 
 def check_members(scene: Scene, members: Sequence[Member]) -> None:
@@ -195,10 +192,9 @@ def check_members(scene: Scene, members: Sequence[Member]) -> None:
     if not scene.vents:
         raise LavaError('scene.vents', [], 'a vent: without lava there is nothing to forecast')
     if any(member.place is not None for member in members) and len(scene.vents) != 1:
-        raise LavaError(
-            'scene.vents', len(scene.vents), 'one vent beside a susceptibility map: it says '
-            'how much lava comes out, the map says where'
-        )
+        right = 'one vent beside a susceptibility map: it says '
+        right += 'how much lava comes out, the map says where'
+        raise LavaError('scene.vents', len(scene.vents), right)
     for member in members:
         member_scene(scene, member, rough=False)
 

@@ -61,7 +61,10 @@ Answer = tuple[str, dict[str, Any]]
 
 
 class ForecastProcess:
-    """``lava_ros.forecast.process`` in a child process that ends with this one."""
+    """``lava_ros.forecast.process`` in a child process that ends with this one.
+
+    What goes to and fro is pickled: nobody else has an end of the connection.
+    """
 
     def __init__(self) -> None:
         """Start it."""

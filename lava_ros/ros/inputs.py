@@ -357,11 +357,8 @@ def _check_pose(name: str, pose: Pose) -> None:
         raise LavaError(f'{name}.position.z', place.z, '0: the elevations carry the height')
     # The negation also catches NaN.
     if not (max(abs(turn.x), abs(turn.y), abs(turn.z)) < 1e-6 and abs(abs(turn.w) - 1.0) < 1e-6):
-        raise LavaError(
-            f'{name}.orientation',
-            (turn.x, turn.y, turn.z, turn.w),
-            '(0, 0, 0, 1): rotated grids are not supported',
-        )
+        right = '(0, 0, 0, 1): rotated grids are not supported'
+        raise LavaError(f'{name}.orientation', (turn.x, turn.y, turn.z, turn.w), right)
 
 
 def _check_bytes(name: str, data: object, settings: Settings) -> None:
@@ -375,11 +372,8 @@ def _check_cells(field: str, width: int, height: int, settings: Settings) -> Non
     if min(width, height) < 2 or max(width, height) > MAX_SIDE_CELLS:
         raise LavaError(field, f'{width} x {height}', f'2 to {MAX_SIDE_CELLS} cells a side')
     if width * height > settings.max_terrain_cells:
-        raise LavaError(
-            field,
-            f'{width} x {height}',
-            f'at most {settings.max_terrain_cells} cells (max_terrain_cells)',
-        )
+        right = f'at most {settings.max_terrain_cells} cells (max_terrain_cells)'
+        raise LavaError(field, f'{width} x {height}', right)
 
 
 def _check_elevation(name: str, elevation: np.ndarray, settings: Settings) -> None:

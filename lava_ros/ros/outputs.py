@@ -46,12 +46,9 @@ def message_class(layer: Layer) -> Any:
         return MESSAGE_CLASSES[layer.message]
     classes = grid_map.installed_classes()
     if classes is None:
-        raise LavaError(
-            f'layers.{layer.name}.message',
-            layer.message,
-            'a message whose package is installed: install ros-jazzy-grid-map-msgs, '
-            f"or switch the layer off (layers_off: ['{layer.name}'])",
-        )
+        right = 'a message whose package is installed: install ros-jazzy-grid-map-msgs, '
+        right += f"or switch the layer off (layers_off: ['{layer.name}'])"
+        raise LavaError(f'layers.{layer.name}.message', layer.message, right)
     return classes.map
 
 
