@@ -94,10 +94,7 @@ class Attachment:
 
 
 def attachments_of(bag: str | Path) -> list[Attachment]:
-    """The attachments of a bag, damaged ones included, in the order of their files.
-
-    Args:
-        bag: The bag's directory, or an .mcap file.
+    """The attachments of a bag or of an .mcap file, damaged ones included, in their order.
 
     Raises:
         LavaError: There is no such bag, or a file of it cannot be read.
@@ -190,9 +187,7 @@ def checkpoints_of(
 ) -> list[StoredCheckpoint]:
     """The checkpoints of a bag, finished or not, oldest first; what they hold is not unpacked.
 
-    Args:
-        bag: The bag's directory, or an .mcap file.
-        on_refused: Is told of each attachment that is damaged, or of a later version.
+    ``on_refused`` is told of each attachment that is damaged, or of a later version.
 
     Raises:
         LavaError: There is no such bag, or it cannot be read.
@@ -219,9 +214,6 @@ def checkpoints_of(
 
 def newest_checkpoint(bag: str | Path) -> FoundCheckpoint:
     """Read the newest checkpoint of a bag, finished or not, that is not damaged.
-
-    Args:
-        bag: The bag's directory, or an .mcap file.
 
     Raises:
         LavaError: There is no such bag, or no checkpoint in it that can be read.

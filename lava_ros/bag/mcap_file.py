@@ -138,11 +138,9 @@ class McapFile:
         return None if self.counts is None else sum(self.counts.values())
 
     def messages(self, channel_ids: Collection[int], start_ns: int = 0) -> Iterator[Message]:
-        """Yield messages in the order of log time, then of the file.
+        """Yield messages of some channels in the order of log time, then of the file.
 
-        Args:
-            channel_ids: Channels to read.
-            start_ns: Earliest log time [ns].
+        ``start_ns`` is the earliest log time [ns].
 
         Raises:
             LavaError: The file is damaged or cannot be read.
@@ -174,13 +172,9 @@ class McapFile:
                     yield message
 
     def newest(self, channel_ids: Collection[int], before_ns: int) -> dict[int, Message]:
-        """The newest message of each channel that is logged before a time.
+        """The newest message of each channel that is logged before a time [ns].
 
         Reads backwards and stops as soon as no earlier block can hold a newer one.
-
-        Args:
-            channel_ids: Channels to look at.
-            before_ns: Log time [ns] the messages are older than.
 
         Raises:
             LavaError: The file is damaged or cannot be read.

@@ -114,11 +114,6 @@ class McapOutput:
     ) -> None:
         """Create the file and write what it begins with.
 
-        Args:
-            directory: The bag's directory.
-            name: The file, which must not exist there.
-            custom_data: Free text by name that describes the recording.
-
         Raises:
             OSError: The file cannot be written.
         """
@@ -162,14 +157,10 @@ class McapOutput:
         log_time: int,
         publish_time: int,
     ) -> None:
-        """Append a message; the first one of a topic registers its channel.
+        """Append a message, in CDR; the first one of a topic registers its channel.
 
-        Args:
-            topic: Its topic, with the number of its messages that came before in the bag.
-            schema: Definition of its type.
-            data: The message, serialised to CDR.
-            log_time: When it is played [ns].
-            publish_time: When it was published [ns].
+        The record of the topic has the number of its messages that came before in the bag; times
+        [ns] are those of playing and of publishing.
 
         Raises:
             OSError: The file cannot be written.

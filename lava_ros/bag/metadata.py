@@ -198,17 +198,11 @@ def _parsed(data: object, path: Path) -> StoredMetadata:
         raise LavaError('bag', str(path), 'metadata that rosbag2 wrote: a YAML mapping')
     storage = data.get('storage_identifier')
     if storage != 'mcap':
-        raise LavaError(
-            f'storage_identifier of {path}',
-            storage,
-            'mcap; `ros2 bag convert` turns other bags into MCAP',
-        )
+        right = 'mcap; `ros2 bag convert` turns other bags into MCAP'
+        raise LavaError(f'storage_identifier of {path}', storage, right)
     if str(data.get('compression_mode') or 'none').lower() != 'none':
-        raise LavaError(
-            f'compression_mode of {path}',
-            data['compression_mode'],
-            'none (compression inside the MCAP file is fine); `ros2 bag convert` rewrites it',
-        )
+        right = 'none (compression inside the MCAP file is fine); `ros2 bag convert` rewrites it'
+        raise LavaError(f'compression_mode of {path}', data['compression_mode'], right)
     names = data.get('relative_file_paths') or []
     custom_data = data.get('custom_data') or {}
     if not isinstance(names, list) or not isinstance(custom_data, Mapping):

@@ -105,10 +105,7 @@ def profiles_to_yaml(profiles: Iterable[QosProfile]) -> str:
 
 
 def profiles_from_yaml(text: str) -> tuple[QosProfile, ...]:
-    """Read a channel's ``offered_qos_profiles``, of any metadata version.
-
-    Args:
-        text: A YAML list, or nothing.
+    """Read a channel's ``offered_qos_profiles``, a list or nothing, of any metadata version.
 
     Raises:
         LavaError: The text is not such a list.

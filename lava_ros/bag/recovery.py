@@ -33,12 +33,8 @@ def recover(
     """Copy every message that can be read, with its definition, QoS and time, into a new bag.
 
     The new bag is split into files where the old one is, and has the same attachments. What is
-    damaged is left out; ``source.damage`` says what that is.
-
-    Args:
-        source: The bag, finished or not.
-        directory: The new bag.
-        on_progress: Is told what is done, and the share of the recorded time that is.
+    damaged is left out; ``source.damage`` says what that is. ``on_progress`` is told what is done,
+    and the share of the recorded time that is.
 
     Returns:
         How many messages were copied.

@@ -18,10 +18,10 @@ from collections.abc import Callable, Iterator
 import math
 import threading
 import time
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from lava_ros import validation
-from lava_ros.bag.reader import BagMessage, Topic
+from lava_ros.bag.reader import BagMessage, BagReader
 from lava_ros.errors import LavaError
 
 #: Wall time between the last message and the first of the next round of a loop [s].
@@ -42,58 +42,30 @@ SPEEDS = (1.0 / 16.0, 16.0)
 POLL = 0.05
 
 
-class Bag(Protocol):
-    """What a replay needs of a bag."""
-
-    topics: dict[str, Topic]
-    start_ns: int | None
-    end_ns: int | None
-
-    def messages(self, *, start_ns: int | None) -> Iterator[BagMessage]:
-        """Yield messages in the order of log time."""
-
-    def newest(self, topics: list[str], before_ns: int) -> list[BagMessage]:
-        """The newest message of each topic before a time."""
-
-
-class Due(NamedTuple):
-    """A message and when to publish it.
+class Step(NamedTuple):
+    """What to publish, and when.
 
     Attributes:
         at: Wall time since the start of the replay [s].
         clock_ns: Bag time at that moment [ns].
-        message: The message.
+        message: The message, None for a clock tick only.
         round: 0 for the first time through the bag, 1 for the next, ...
     """
 
     at: float
-    clock_ns: int
-    message: BagMessage
-    round: int
-
-
-class Step(NamedTuple):
-    """What to publish now.
-
-    Attributes:
-        clock_ns: Bag time [ns].
-        message: The message, None for a clock tick only.
-        round: Which time through the bag, from 0.
-    """
-
     clock_ns: int
     message: BagMessage | None
     round: int
 
 
 def schedule(
-    bag: Bag,
+    bag: BagReader,
     *,
     rate: float = 1.0,
     loop: bool = False,
     start_offset: float = 0.0,
     first_ns: int | None = None,
-) -> Iterator[Due]:
+) -> Iterator[Step]:
     """Say when each message of a bag is to be published.
 
     A start offset skips what lies before it, save that the newest message of every latched
@@ -120,16 +92,16 @@ def schedule(
     return _schedule(bag, rate, loop, begin, begin if first_ns is None else first_ns)
 
 
-def _schedule(bag: Bag, rate: float, loop: bool, begin: int, first: int) -> Iterator[Due]:
+def _schedule(bag: BagReader, rate: float, loop: bool, begin: int, first: int) -> Iterator[Step]:
     assert bag.end_ns is not None
     latched = [name for name, topic in bag.topics.items() if topic.qos.is_latched]
     count, base, start = 0, 0.0, first
     while True:
         for message in bag.newest(latched, start):
-            yield Due(base, start, message, count)
+            yield Step(base, start, message, count)
         for message in bag.messages(start_ns=start):
             at = base + (message.stamp_ns - start) / 1e9 / rate
-            yield Due(at, message.stamp_ns, message, count)
+            yield Step(at, message.stamp_ns, message, count)
         if not loop:
             return
         base += (bag.end_ns - start) / 1e9 / rate + LOOP_PAUSE
@@ -138,7 +110,7 @@ def _schedule(bag: Bag, rate: float, loop: bool, begin: int, first: int) -> Iter
 
 
 def pace(
-    dues: Iterator[Due],
+    dues: Iterator[Step],
     *,
     rate: float,
     now: Callable[[], float],
@@ -173,11 +145,11 @@ def pace(
                 if due.round in (current_round, 0):
                     behind = max(at - moment, 0.0) * rate
                     clock_ns = max(clock_ns, due.clock_ns - round(behind * 1e9))
-                yield Step(clock_ns, None, max(current_round, 0))
+                yield Step(moment - start, clock_ns, None, max(current_round, 0))
         if wait(0.0):
             return
         clock_ns, current_round = due.clock_ns, due.round
-        yield Step(clock_ns, due.message, current_round)
+        yield due
 
 
 class Transport:
@@ -198,10 +170,8 @@ class Transport:
     ) -> None:
         """Run at the rate.
 
-        Args:
-            read_key: Waits up to a time [s] for a key; its name, empty when there was none.
-            now: Clock that only goes forward [s].
-            on_change: Called when a key has changed something.
+        ``read_key`` waits up to a time [s] for a key and gives its name, or nothing; ``now`` is a
+        clock that only goes forward [s]; ``on_change`` is called when a key has changed something.
         """
         self._read_key = read_key
         self._now = now
@@ -223,14 +193,9 @@ class Transport:
         return self._time
 
     def wait(self, seconds: float, stop: threading.Event) -> bool:
-        """Wait up to a replay time, or until a pause ends, and obey keys meanwhile.
+        """Wait up to a replay time [s], or until a pause ends, and obey keys meanwhile.
 
-        Args:
-            seconds: Replay time [s].
-            stop: Ends the wait when set.
-
-        Returns:
-            Whether the replay is to stop, or to go on elsewhere (``take_jump``).
+        Returns whether the replay is to stop, or to go on elsewhere (``take_jump``).
         """
         self._obey(self._read_key(0.0 if self.is_paused else min(seconds / self.speed, POLL)))
         # What is due right where a jump leads to is shown, also while time stands still.

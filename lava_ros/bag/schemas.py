@@ -92,12 +92,9 @@ def _definition_file(resource: str, prefixes: tuple[Path, ...]) -> Path:
         path = prefix / 'share' / package / 'msg' / f'{name}.msg'
         if path.is_file():
             return path
-    raise LavaError(
-        'message_type',
-        f'{package}/msg/{name}',
-        f'a type of an installed package: no share/{package}/msg/{name}.msg under '
-        f'{", ".join(map(str, prefixes))}; install {package} or source its workspace',
-    )
+    right = f'a type of an installed package: no share/{package}/msg/{name}.msg under '
+    right += f'{", ".join(map(str, prefixes))}; install {package} or source its workspace'
+    raise LavaError('message_type', f'{package}/msg/{name}', right)
 
 
 def _full_text(resource: str, prefixes: tuple[Path, ...], seen: set[str]) -> str:

@@ -89,11 +89,8 @@ class BagWriter:
         try:
             self._directory = Directory(self.directory)
         except FileExistsError:
-            raise LavaError(
-                'bag',
-                str(directory),
-                'a directory that does not exist yet; choose another name or remove it first',
-            ) from None
+            right = 'a directory that does not exist yet; choose another name or remove it first'
+            raise LavaError('bag', str(directory), right) from None
         except OSError as error:
             raise LavaError(
                 'bag', str(directory), f'a directory that can be created ({error})'
@@ -129,9 +126,6 @@ class BagWriter:
 
     def set_custom_data(self, custom_data: Mapping[str, str]) -> None:
         """Replace what describes the recording; it is in the file after the next ``flush``.
-
-        Args:
-            custom_data: Free text by name, all of it.
 
         Raises:
             LavaError: It is not text, or the bag is closed.
@@ -177,12 +171,9 @@ class BagWriter:
             raise LavaError('data', data, 'a message serialised to CDR')
         item = self._topics.get(topic) or _topic(topic, message_type, qos, schema)
         if (item.record.message_type, item.record.qos) != (message_type, qos):
-            raise LavaError(
-                f'message on {topic}',
-                (message_type, qos),
-                f'the type and QoS of its first message: {item.record.message_type}, '
-                f'{item.record.qos}',
-            )
+            right = f'the type and QoS of its first message: {item.record.message_type}, '
+            right += f'{item.record.qos}'
+            raise LavaError(f'message on {topic}', (message_type, qos), right)
         log_time = max(stamp_ns if log_time_ns is None else log_time_ns, self._end_ns)
         if stamp_ns != self._last_stamp_ns and self._is_full(file, log_time):
             self.begin_file()

@@ -14,13 +14,17 @@
 
 """Opens rasters from anywhere: GeoTIFF and ESRI ASCII grids, by what the file holds."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 import mmap
 from pathlib import Path
 import re
 from typing import Any
+import warnings
 
 from lava_ros.errors import LavaError
 from lava_ros.files import MOST_CELLS, open_input
+from lava_ros.files.optional import require
 
 #: First bytes of TIFF and BigTIFF, in either order of bytes.
 _TIFF = (b'II*\0', b'MM\0*', b'II+\0', b'MM\0+')
@@ -69,6 +73,26 @@ def open_raster(path: str | Path) -> Any:
         source.close()
         raise
     return source
+
+
+@contextmanager
+def opened_raster(field: str, path: str | Path) -> Iterator[Any]:
+    """Open a raster for reading; one that does not say where it is opens too.
+
+    Raises:
+        LavaError: It cannot be opened or read, as ``field`` says, or rasterio is not installed.
+    """
+    require('rasterio', field, str(path))
+    from rasterio.errors import NotGeoreferencedWarning, RasterioError
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore', NotGeoreferencedWarning)
+            with open_raster(path) as source:
+                yield source
+    except (RasterioError, OSError) as error:
+        right = f'a GeoTIFF or an ESRI ASCII grid that GDAL can read ({error})'
+        raise LavaError(field, str(path), right) from error
 
 
 def _check_numbers(path: Path) -> None:

@@ -14,8 +14,8 @@
 
 """Looking ahead: one run, or the many of an ensemble. Never imports rclpy.
 
-``arrival_time`` says how looks at a flow become arrival times; ``lookahead`` is the fork,
-``process`` a process of its own for it, and ``wire`` the way there.
+``arrival_time`` says how looks at a flow become arrival times; ``lookahead`` is the fork, and
+``process`` a process of its own for it.
 
 ``sampling`` draws members, ``members`` runs them, ``probability`` makes maps of them, weighed by
 ``assimilation``; ``ensemble`` does all of it, with ``store``, ``pool`` and ``cluster``, and

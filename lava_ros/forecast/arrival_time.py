@@ -41,11 +41,7 @@ class Gathering:
     """
 
     def __init__(self, threshold: float) -> None:
-        """Begin without looks.
-
-        Args:
-            threshold: Thickness from which on lava has arrived [m], above 0.
-        """
+        """Begin without looks; lava has arrived from a thickness on [m], above 0."""
         self._threshold = threshold
         self._time = 0.0
         self._last: np.ndarray | None = None
@@ -95,15 +91,10 @@ class Looking:
         origin: float = 0.0,
         of: str = '',
     ) -> None:
-        """Take the first look, at once.
+        """Take the first look, at once; the others are due at simulated times [s] that rise.
 
-        Args:
-            simulation: The simulation, where it starts.
-            due: Simulated times of the other looks [s], rising; the last is the horizon.
-            threshold: Thickness from which on lava has arrived [m], above 0.
-            max_particles: Most particles, None for any number.
-            origin: Simulated time from which arrivals count [s].
-            of: What errors call the simulation: ' of member 3'.
+        Lava has arrived from a thickness on [m]; arrivals count from the origin [s]; errors call
+        the simulation by ``of``, such as ' of member 3'.
 
         Raises:
             LavaError: As ``advance``.

@@ -85,12 +85,9 @@ class Outline:
 
 
 def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
-    """Take a mask on cells of its own to those of a terrain: at the middle of each.
+    """Take a mask of the map frame to the cells of a terrain: at the middle of each.
 
-    Args:
-        terrain: The ground.
-        mask: The mask, in the map frame; what lies beyond it was not observed.
-        time: When, in simulated time [s].
+    What lies beyond the mask was not observed; the time is simulated [s].
 
     Raises:
         LavaError: No lava of it is on the terrain.
@@ -134,9 +131,8 @@ class Weights:
 def jaccard(reached: np.ndarray, outline: Outline) -> float:
     """Area where both have lava over the area where one has, 0 to 1.
 
-    Args:
-        reached: Where a member's lava had arrived at the outline's time, bool.
-        outline: What was seen; cells that were not observed do not count.
+    ``reached`` says where a member's lava had arrived at the outline's time, bool; cells that were
+    not observed do not count.
 
     Raises:
         LavaError: The shapes differ.
@@ -174,10 +170,8 @@ def weigh(
     if not index.size or not np.isfinite(index).all() or index.min() < 0.0 or index.max() > 1.0:
         raise LavaError('agreement', index.tolist(), 'Jaccard indices from 0 to 1')
     if not index.any():
-        raise LavaError(
-            'observed', 'an outline that no member touches',
-            'members that come where lava was seen: the scene, or what is uncertain, is wrong',
-        )
+        right = 'members that come where lava was seen: the scene, or what is uncertain, is wrong'
+        raise LavaError('observed', 'an outline that no member touches', right)
     least = least_effective * np.count_nonzero(index)
     if effective_members(_powers(index, sharpness)) < least:
         low, high = 0.0, sharpness

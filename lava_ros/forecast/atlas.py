@@ -33,13 +33,8 @@ def write_atlas(
 ) -> list[Path]:
     """Write probability, arrival times, expected thickness and elevation; contours, isochrones.
 
-    Args:
-        folder: Where the files go; those of the same name are replaced.
-        maps: The maps.
-        plan: What they are of.
-        tags: What else is to be known, by name.
-        formats: What is written beside GeoTIFF, of ``export.FORMATS``; None: GeoJSON, where it is
-            known where in the world the maps are.
+    Files of the same names are replaced. Formats beside GeoTIFF are of ``export.FORMATS``; None:
+    GeoJSON, where it is known where in the world the maps are.
 
     Raises:
         LavaError: A file cannot be written.

@@ -41,11 +41,9 @@ class DaskRunner:
     """Runs members on a cluster."""
 
     def __init__(self, scheduler: str, *, device: str | None = None) -> None:
-        """Describe the cluster.
+        """Describe the cluster by the address of its scheduler, such as ``tcp://host:8786``.
 
-        Args:
-            scheduler: Address of the scheduler, such as ``tcp://host:8786``.
-            device: Warp device of every worker; None: its first GPU, or else the CPU.
+        Without a Warp device every worker takes its first GPU, or else the CPU.
 
         Raises:
             LavaError: Dask is not installed.

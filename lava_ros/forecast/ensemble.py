@@ -143,13 +143,7 @@ def _check_complete(done: set[int], members: Sequence[Member]) -> None:
 def run_here(
     plan: Plan, members: Sequence[Member], *, device: str | None = None
 ) -> Iterable[Footprint]:
-    """Run members in this process, a batch after the other.
-
-    Args:
-        plan: What they have in common.
-        members: The members.
-        device: Warp device; the first GPU, else the CPU, when left out.
-    """
+    """Run members in this process, by default on the first GPU, else on the CPU."""
     for part in batches(members, device):
         yield from run_batch(plan, device, part)
 

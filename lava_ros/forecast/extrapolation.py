@@ -68,12 +68,7 @@ _SPREAD = 0.3
 
 
 def completed(pilot: Pilot, model: Pilot) -> Pilot:
-    """A run that was stopped, as if it had gone on to the horizon.
-
-    Args:
-        pilot: The run.
-        model: A coarser one that was not stopped.
-    """
+    """A run that was stopped, as if it had gone on to the horizon as a coarser one did."""
     share, taken, *_ = pilot.progress[-1]
     shares = model.progress[:, 0]
     at_that = np.array([np.interp(share, shares, column) for column in model.progress.T[2:]])
@@ -115,12 +110,7 @@ def _increments(pilot: Pilot) -> np.ndarray:
 
 
 def cost_at(pilots: Sequence[Pilot], refinement: float) -> float:
-    """Wall time [s] of a run.
-
-    Args:
-        pilots: Runs with the physics that it has, from the coarsest to the finest.
-        refinement: Refinement of the run.
-    """
+    """Wall time [s] of a run, by runs with the same physics from the coarsest to the finest."""
     if len(pilots) > 1 and pilots[0].refinement <= refinement <= pilots[-1].refinement:
         known = np.log([(pilot.refinement, pilot.wall_time) for pilot in pilots]).T
         return math.exp(float(np.interp(math.log(refinement), *known)))
@@ -171,11 +161,7 @@ def _line(sizes: np.ndarray, times: np.ndarray, weights: np.ndarray) -> tuple[fl
 
 
 def error_law(pilots: Sequence[Pilot]) -> ErrorLaw:
-    """The law of errors that the finest pilots give.
-
-    Args:
-        pilots: At least two that came to the horizon, and others.
-    """
+    """The law of errors that the finest pilots give; two at least came to the horizon."""
     done = _apart([pilot for pilot in pilots if pilot.is_done])[-4:]
     begun = [pilot for pilot in pilots if not pilot.is_done and len(pilot.covered)]
     begun = [pilot for pilot in begun if pilot.refinement > WELL_APART * done[-1].refinement]

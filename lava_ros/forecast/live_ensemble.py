@@ -20,21 +20,21 @@ place of the vents, viscosity and yield strength of all lava, errors of the grou
 the same draws in each ensemble of a scene, so what an outline says of it holds in the next.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 import time as wall_clock
 from typing import Any
 
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast import wire
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh
 from lava_ros.forecast.members import MemberRun, plan_from
 from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
 from lava_ros.forecast.sampling import draw_members
-from lava_ros.maps.forecast import HazardMaps, QUANTILES
-from lava_ros.simulation.checkpoint import Checkpoint, from_bytes
+from lava_ros.maps.forecast import HazardMaps
+from lava_ros.simulation.checkpoint import Checkpoint
 
 #: Members of the first maps of a scene; more follow each time that there are twice as many.
 FIRST_MAPS = 4
@@ -57,25 +57,17 @@ class LiveEnsemble:
         deadline: float | None = None,
         begun: float | None = None,
         number: int = 0,
+        stamp_ns: int = 0,
     ) -> None:
-        """Draw the members.
+        """Draw the members, which look ahead by a horizon [s].
 
-        Args:
-            checkpoint: The moment.
-            members: How many there are to be.
-            horizon: How far ahead they look [s].
-            threshold: Thickness from which on lava has arrived [m].
-            device: Warp device; the first CUDA device when there is one, else the CPU.
-            max_particles: Most particles of each, None for any number.
-            deadline: Wall time after the beginning at which those have to do that there are [s];
-                None: there is time for all.
-            begun: Monotonic wall time of the beginning [s], None for now.
-            number: Its number.
+        A deadline [s] is a wall time after the beginning, on the monotonic clock [s], at which
+        those have to do that there are. Arguments else as of ``LookAhead``.
 
         Raises:
             LavaError: An argument is not usable, or nothing about the scene is uncertain.
         """
-        self.number = number
+        self.number, self.stamp_ns = number, stamp_ns
         self.plan = plan_from(checkpoint, horizon=horizon, threshold=threshold)
         self.start = checkpoint.time
         self._members = draw_members(checkpoint.scene, members)
@@ -135,9 +127,6 @@ class LiveEnsemble:
     def agreement(self, outline: Outline) -> np.ndarray:
         """Jaccard index of each member with an outline.
 
-        Args:
-            outline: What was seen; its time counts from the simulation's own start.
-
         Returns:
             float64, one for each that was asked for; those that have not run have the mean.
         """
@@ -169,19 +158,15 @@ class LiveEnsemble:
 class LiveEnsembles:
     """The ensembles of a running simulation, one after the other, and what has been seen.
 
-    Answers (``process``): {answer: outlook, number, ...} with the maps; {answer: weighed, number,
-    ...} or {answer: outline refused, number, field, value, expected} for an outline.
+    Answers (``process``): outlook with number, stamp_ns, changes and fields of ``Outlook``; for
+    the outline of a number weighed, or outline_refused with the error.
     """
 
     def __init__(self, answer: Answer) -> None:
-        """Begin without any.
-
-        Args:
-            answer: Takes a header and perhaps a body.
-        """
+        """Begin without any."""
         self._answer = answer
         self._changes: int | None = None
-        self._ordered: tuple[dict[str, Any], bytes, float] | None = None
+        self._ordered: Callable[[], LiveEnsemble] | None = None
         self._at_hand: LiveEnsemble | None = None
         self._shown: LiveEnsemble | None = None
         self._oldest: LiveEnsemble | None = None
@@ -199,23 +184,32 @@ class LiveEnsembles:
         """Whether members of an ensemble run."""
         return self._at_hand is not None
 
-    def order(self, header: dict[str, Any], body: bytes) -> None:
+    def order(
+        self,
+        checkpoint: Checkpoint,
+        *,
+        changes: int,
+        agreement: list[float] | None,
+        outlines: int,
+        **how: Any,
+    ) -> None:
         """Begin an ensemble with the next turn, in place of one at hand.
 
         Args:
-            header: As of ``process``: number, changes, members, horizon, threshold, device,
-                max_particles, deadline, agreement, outlines.
-            body: The checkpoint.
+            checkpoint: The moment.
+            changes: Tells one scene from another.
+            agreement: What is known of the members of the scene where this is its first ensemble.
+            outlines: How many outlines that is from.
+            how: What ``LiveEnsemble`` takes beside that.
         """
         self.drop()
-        if header['changes'] != self._changes:
+        if changes != self._changes:
             # what was seen of another scene says nothing of this one
-            self._changes = header['changes']
+            self._changes = changes
             self._shown = self._oldest = None
-            known = header['agreement']
-            self._agreement = None if known is None else np.array(known)
-            self._outlines = header['outlines']
-        self._ordered = (header, body, wall_clock.monotonic())
+            self._agreement = None if agreement is None else np.array(agreement)
+            self._outlines = outlines
+        self._ordered = partial(LiveEnsemble, checkpoint, begun=wall_clock.monotonic(), **how)
 
     def drop(self) -> None:
         """Give up what is at hand; what has been done stays."""
@@ -232,7 +226,8 @@ class LiveEnsembles:
             LavaError: An ensemble cannot be; it is given up.
         """
         if self._ordered is not None:
-            self._begin(*self._ordered)
+            begin, self._ordered = self._ordered, None
+            self._at_hand = begin()
         ensemble = self._at_hand
         if ensemble is None or not ensemble.advance(wall_limit):
             return
@@ -256,12 +251,7 @@ class LiveEnsembles:
         return self._at_hand.progress if self._at_hand is not None else 0.0
 
     def observe(self, number: int, outline: Outline) -> None:
-        """Weigh members by an outline: by that ensemble which has gone on for longest.
-
-        Args:
-            number: Number of the outline.
-            outline: What was seen; its time counts from the simulation's own start.
-        """
+        """Weigh members by an outline: by that ensemble which has gone on for longest."""
         done = [self._oldest, self._shown if self._shown is not self._at_hand else None]
         for ensemble in filter(None, done):
             if ensemble.covers(outline.time):
@@ -280,20 +270,6 @@ class LiveEnsembles:
             ),
         )
 
-    def _begin(self, header: Mapping[str, Any], body: bytes, begun: float) -> None:
-        self._ordered = None
-        self._at_hand = LiveEnsemble(
-            from_bytes(body),
-            members=header['members'],
-            horizon=header['horizon'],
-            threshold=header['threshold'],
-            device=header['device'] or None,
-            max_particles=header['max_particles'],
-            deadline=header['deadline'],
-            begun=begun,
-            number=header['number'],
-        )
-
     def _counts_any(self, ensemble: LiveEnsemble) -> bool:
         return self._agreement is None or bool(self._agreement[: ensemble.count].any())
 
@@ -302,53 +278,40 @@ class LiveEnsembles:
         # what was seen before counts on: soon after a fork members differ too little
         together = found if self._agreement is None else self._agreement * found
         try:
-            weights = weigh(together)
+            weigh(together)
         except LavaError as error:
             self.refuse(number, error)
             return
         self._agreement = together / together.max()
         self._outlines += 1
         self._answer(
-            {
-                'answer': 'weighed',
-                'number': number,
-                'agreement': self._agreement.tolist(),
-                'outlines': self._outlines,
-                'jaccard_mean': float(found.mean()),
-                'jaccard_best': float(found.max()),
-                'effective_members': weights.effective_members,
-            }
+            'weighed',
+            number=number,
+            agreement=self._agreement.tolist(),
+            outlines=self._outlines,
+            jaccard_mean=float(found.mean()),
         )
         if self._shown is not None:
             self._tell()
 
     def refuse(self, number: int, error: LavaError) -> None:
         """Say why an outline is not used."""
-        self._answer(
-            {
-                'answer': 'outline refused',
-                'number': number,
-                'field': error.field,
-                'value': str(error.value),
-                'expected': error.expected,
-            }
-        )
+        self._answer('outline_refused', number=number, error=error)
 
     def _tell(self) -> None:
         ensemble = self._shown
         assert ensemble is not None
-        maps = ensemble.maps(self._agreement)
-        header = {
-            'answer': 'outlook',
-            'number': ensemble.number,
-            'shape': maps.probability.shape,
-            'members': maps.members,
-            'asked': ensemble.asked,
-            'is_done': ensemble.is_done,
-            'effective_members': maps.effective_members,
-            'arrival_error': maps.arrival_error,
-            'outlines': self._outlines,
-            'duration': ensemble.duration,
-        }
-        arrival = (maps.arrival[share] for share in QUANTILES)
-        self._answer(header, wire.packed(maps.probability, *arrival, maps.thickness))
+        self._answer(
+            'outlook',
+            number=ensemble.number,
+            stamp_ns=ensemble.stamp_ns,
+            changes=self._changes,
+            time=ensemble.start,
+            horizon=ensemble.plan.horizon,
+            threshold=ensemble.plan.threshold,
+            maps=ensemble.maps(self._agreement),
+            asked=ensemble.asked,
+            is_done=ensemble.is_done,
+            outlines=self._outlines,
+            duration=ensemble.duration,
+        )

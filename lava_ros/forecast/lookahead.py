@@ -52,13 +52,8 @@ class LookAhead(Looking):
     ) -> None:
         """Fork, and take the first look.
 
-        Args:
-            checkpoint: The state to go on from.
-            horizon: How far ahead to look [s].
-            threshold: Thickness from which on lava has arrived [m].
-            looks: Regular looks within the horizon, the first of which has ``EARLY_LOOKS`` ahead.
-            device: Warp device; the first CUDA device when there is one, else the CPU.
-            max_particles: Most particles, None for any number.
+        There are so many regular looks within the horizon [s], the first of which has
+        ``EARLY_LOOKS`` ahead. The threshold is the thickness from which on lava has arrived [m].
 
         Raises:
             LavaError: A number is not usable, the checkpoint does not fit together, or there is

@@ -153,13 +153,8 @@ def plan_from(
 ) -> Plan:
     """Settle what members have in common that go on from a running simulation.
 
-    Its resolution and its effects are theirs; what is drawn holds from then on.
-
-    Args:
-        start: The simulation, at rest.
-        horizon: How far ahead of it each member runs [s].
-        threshold: Thickness from which on lava has arrived [m].
-        looks: Looks at the flow; None: by the horizon.
+    Its resolution and its effects are theirs; what is drawn holds from then on. Arguments as of
+    ``make_plan``.
 
     Raises:
         LavaError: An argument is not usable.
@@ -170,14 +165,9 @@ def plan_from(
 
 
 def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
-    """The scene of a member.
+    """The scene of a member; ``rough``: with the errors of its terrain, which take time.
 
     A displacement that leads off the terrain is halved until it does not.
-
-    Args:
-        scene: The scene without anything drawn.
-        member: What was drawn.
-        rough: Whether the terrain has its errors; without them this takes no time.
 
     Raises:
         LavaError: What was drawn makes no scene; the message names the member.
@@ -189,11 +179,8 @@ def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
         vents = tuple(_member_vent(vent, member, scene.terrain) for vent in scene.vents)
         return replace(scene, terrain=terrain, vents=vents, lava=_member_lava(scene.lava, member))
     except LavaError as error:
-        raise LavaError(
-            f'{error.field} of member {member.index}',
-            error.value,
-            f'{error.expected}; limits on its distribution keep it there',
-        ) from error
+        right = f'{error.expected}; limits on its distribution keep it there'
+        raise LavaError(f'{error.field} of member {member.index}', error.value, right) from error
 
 
 def check_members(scene: Scene, members: Sequence[Member]) -> None:
@@ -205,10 +192,9 @@ def check_members(scene: Scene, members: Sequence[Member]) -> None:
     if not scene.vents:
         raise LavaError('scene.vents', [], 'a vent: without lava there is nothing to forecast')
     if any(member.place is not None for member in members) and len(scene.vents) != 1:
-        raise LavaError(
-            'scene.vents', len(scene.vents), 'one vent beside a susceptibility map: it says '
-            'how much lava comes out, the map says where'
-        )
+        right = 'one vent beside a susceptibility map: it says '
+        right += 'how much lava comes out, the map says where'
+        raise LavaError('scene.vents', len(scene.vents), right)
     for member in members:
         member_scene(scene, member, rough=False)
 
@@ -227,13 +213,7 @@ def run_members(
     device: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[MemberFields]:
-    """Run members from the plan's start to the horizon.
-
-    Args:
-        plan: What they have in common.
-        members: What is different in each.
-        device: Warp device; the first GPU, else the CPU, when left out.
-        progress: Is told the share that is done.
+    """Run members from the plan's start to the horizon; no device: the first GPU, or CPU.
 
     Returns:
         Their fields, in the order of the members.
@@ -271,12 +251,6 @@ class MemberRun(Looking):
         self, plan: Plan, member: Member, *, device: str | None, max_particles: int | None = None
     ) -> None:
         """Start it, and take the first look.
-
-        Args:
-            plan: What it has in common with others.
-            member: What is different in it.
-            device: Warp device; the first GPU, else the CPU, when left out.
-            max_particles: Most particles, None for any number.
 
         Raises:
             LavaError: It makes no scene, or as ``advance``.

@@ -36,14 +36,9 @@ def draw_narrowing(
     came: np.ndarray,
     output: Path,
 ) -> None:
-    """Draw maps of probability side by side over shaded relief.
+    """Draw maps of probability (0 to 100, NaN unknown) with their titles over shaded relief.
 
-    Args:
-        scene: Ground and vents.
-        maps: Title and probability [0 to 100, NaN unknown] of each, shape [rows, columns].
-        seen: Where lava was seen, bool, same shape.
-        came: Where lava came up to the horizon, bool, same shape.
-        output: The picture; its suffix chooses the format.
+    Outlines show where lava was seen, and where it came: bool, shape [rows, columns].
 
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.
@@ -78,13 +73,7 @@ def frame_of(scene: Scene) -> Frame:
 
 
 def draw_reliability(axes: Any, probability: np.ndarray, came: np.ndarray) -> None:
-    """Draw how often lava came where it was said to come with a probability.
-
-    Args:
-        axes: Axes of matplotlib.
-        probability: 0 to 1, NaN where it is unknown, any shape.
-        came: Whether it came, bool, same shape.
-    """
+    """Draw how often lava came where it was said to come with a probability (0 to 1)."""
     bins = [item for item in reliability(probability, came) if item.count]
     axes.plot([0, 100], [0, 100], color='#999999', linewidth=1.0, label='perfect')
     said = [100.0 * item.forecast for item in bins]

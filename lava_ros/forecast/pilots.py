@@ -76,20 +76,11 @@ def run_at(
     effects: Effects | Mapping[str, bool] | None = None,
     clock: Callable[[], float] = wall_clock.monotonic,
 ) -> Pilot:
-    """Run a scene to its horizon, or for a time [s] if that is shorter.
+    """Run a scene to its horizon [s], or for a wall time [s] if that is shorter.
 
-    Kernels are compiled before the clock starts. Looks at the flow on its way do not count
-    as wall time of the run, but as time spent.
-
-    Args:
-        scene: The scene.
-        refinement: Particles across the flow over those of preset ``standard``.
-        horizon: How far to run [s].
-        device: Warp device.
-        wall_limit: Wall time after which it is stopped [s].
-        effects: The physics; chosen by the scene and the refinement when left out, but for those
-            of a mapping.
-        clock: What tells the time [s].
+    Kernels are compiled before the clock starts. Looks at the flow on its way do not count as wall
+    time of the run, but as time spent. Effects are chosen by the scene and the refinement, but for
+    those of a mapping.
     """
     accuracy = accuracy_at(scene, refinement, horizon)
     warm = Simulation(scene, accuracy=accuracy, device=device, effects=effects)

@@ -43,12 +43,7 @@ class Pool(Generic[Job, Result]):
     """Processes that do the same with job after job; they end with the pool and with this one."""
 
     def __init__(self, work: Callable[[Job], Result], processes: int) -> None:
-        """Start no process yet.
-
-        Args:
-            work: What is done with a job: can be pickled, and goes to each process once.
-            processes: How many, each as much as a core does.
-        """
+        """Start no process yet; the work can be pickled, and goes to each of them once."""
         self._work = work
         self._processes = processes
         self._executor: ProcessPoolExecutor | None = None

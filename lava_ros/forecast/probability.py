@@ -99,11 +99,7 @@ class Tally:
         return len(self._added)
 
     def add(self, footprint: Footprint, weight: int = 1) -> None:
-        """Add a member.
-
-        Args:
-            footprint: What it did.
-            weight: What it counts, in relation to the others.
+        """Add a member; its weight is what it counts in relation to the others.
 
         Raises:
             LavaError: The member is there already, or lies beyond the terrain.

@@ -12,45 +12,39 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The process of the forecasts: `python -m lava_ros.forecast.process`, orders in, forecasts out.
+"""The process of the forecasts: orders in, forecasts out.
 
 The live simulation goes first: this process is nice, works in short slices, and rests between them
 so that it computes for no more than its share of the time. It has a Warp of its own,
 so neither Python's lock nor a graph that is being captured is in anyone's way, and what makes it
 fail ends a forecast, not an eruption.
 
-Orders (``wire``), of which the newest fork replaces what is at hand:
+An order is the name of a method of ``Forecasting`` and its arguments, pickled. So are the answers:
 
-    {order: fork, number, horizon, threshold, device, max_particles, share, is_first}, a
-        checkpoint; with members above 0, changes, deadline, agreement and outlines for an
-        ensemble as well
-    {order: outline, number, time, shape}, where lava was seen and what was observed
-    {order: share, share}
-    {order: cancel}
-    {order: prepare}, for ensembles: what takes a while to load is then there
+    progress           number; progress of the look ahead and of the ensemble
+    forecast           number, fields of ``Forecast``
+    refused            number, reason
+    ensemble_refused   reason
 
-Answers: {answer: progress, number, progress, ensemble}, {answer: forecast, number, ...} with
-arrival, thickness and temperature, {answer: refused, number, reason}, and those of
-``live_ensemble``. A look ahead comes before the ensemble from the same moment; from then on they
-take turns. It ends with its standard input.
+and those of ``live_ensemble``. A look ahead comes before the ensemble from the same moment; from
+then on they take turns. The process ends when the other end of its connection is closed.
 """
 
 from collections.abc import Callable, Mapping
+from multiprocessing.connection import Connection
 import os
 import queue
 import signal
 import sys
 import threading
 import time
-from typing import Any, IO
+from typing import Any
 
-from lava_ros.errors import LavaError
-from lava_ros.forecast import wire
 from lava_ros.forecast.assimilation import Outline
-from lava_ros.forecast.live_ensemble import LiveEnsembles
+from lava_ros.forecast.live_ensemble import Answer, LiveEnsembles
 from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
 from lava_ros.forecast.sampling import prepare_sampling
-from lava_ros.simulation.checkpoint import from_bytes
+from lava_ros.simulation.checkpoint import Checkpoint
 
 #: How much this process yields to others: a core that it has to share with one of them gives it a
 #: tenth.
@@ -65,20 +59,14 @@ REPORT_TIME = 0.5
 #: Longest rest after a slice [s], that of a step of seconds.
 _LONGEST_REST = 60.0
 
-Order = tuple[dict[str, Any], bytes]
-Answer = Callable[..., None]
+Order = tuple[str, dict[str, Any]]
 
 
 class Forecasting:
     """Takes orders, one slice of a forecast after the other."""
 
     def __init__(self, orders: 'queue.Queue[Order]', answer: Answer) -> None:
-        """Begin without a forecast.
-
-        Args:
-            orders: What to do.
-            answer: Takes a header and perhaps a body.
-        """
+        """Begin without a forecast."""
         self._orders = orders
         self._answer = answer
         self._ahead: LookAhead | None = None
@@ -94,7 +82,8 @@ class Forecasting:
         wait = max(0.0, self._next_slice - time.monotonic())
         try:
             is_idle = self._ahead is None and not self._ensembles.is_busy
-            self._take(*self._orders.get(timeout=None if is_idle else wait))
+            name, values = self._orders.get(timeout=None if is_idle else wait)
+            getattr(self, name)(**values)
             return
         except queue.Empty:
             pass
@@ -106,44 +95,51 @@ class Forecasting:
         rest = (now - begun) * (1.0 / self._share - 1.0)
         self._next_slice = now + min(rest, _LONGEST_REST)
 
-    def _take(self, header: dict[str, Any], body: bytes) -> None:
-        self._share = float(header.get('share', self._share))
-        if header['order'] == 'share':
-            return
-        if header['order'] == 'prepare':
-            self._guarded(prepare_sampling, self._refuse_ensemble)
-            return
-        if header['order'] == 'outline':
-            self._observe(header, body)
-            return
-        self._ahead = None
-        if header['order'] == 'cancel':
-            self._ensembles.drop()
-            return
-        self._number = header['number']
-        if header.get('members'):
-            self._ensembles.order(header, body)
-        self._guarded(lambda: self._fork(header, body), self._refuse)
+    def share(self, share: float) -> None:
+        """Compute for a share of the time from now on."""
+        self._share = share
 
-    def _fork(self, header: Mapping[str, Any], body: bytes) -> None:
-        self._ahead = LookAhead(
-            from_bytes(body),
-            horizon=header['horizon'],
-            threshold=header['threshold'],
+    def prepare(self) -> None:
+        """Load what ensembles need and takes a while."""
+        self._guarded(prepare_sampling, self._refuse_ensemble)
+
+    def fork(
+        self,
+        number: int,
+        checkpoint: Checkpoint,
+        *,
+        is_first: bool,
+        ensemble: Mapping[str, Any] | None,
+        **how: Any,
+    ) -> None:
+        """Look ahead from a moment, in place of what is at hand.
+
+        Args:
+            number: Number of the forecast.
+            checkpoint: The moment.
+            is_first: Whether nothing is known of the scene yet.
+            ensemble: What ``LiveEnsembles.order`` takes beside that, None for no ensemble.
+            how: Horizon, threshold, device and max_particles, as ``LookAhead`` takes them.
+        """
+        self._ahead, self._number = None, number
+        if ensemble is not None:
+            self._ensembles.order(checkpoint, number=number, **ensemble, **how)
+
+        def begin() -> None:
             # soon rather than to the minute where nothing is known yet
-            looks=FIRST_LOOKS if header.get('is_first') else LOOKS,
-            device=header['device'] or None,
-            max_particles=header['max_particles'],
-        )
+            looks = FIRST_LOOKS if is_first else LOOKS
+            self._ahead = LookAhead(checkpoint, looks=looks, **how)
 
-    def _observe(self, header: Mapping[str, Any], body: bytes) -> None:
-        cells = wire.unpacked_masks(body, header['shape'])
-        try:
-            outline = Outline(header['time'], *cells)
-        except LavaError as error:
-            self._ensembles.refuse(header['number'], error)
-            return
-        self._ensembles.observe(header['number'], outline)
+        self._guarded(begin, self._refuse)
+
+    def outline(self, number: int, outline: Outline) -> None:
+        """Weigh members by where lava was seen."""
+        self._ensembles.observe(number, outline)
+
+    def cancel(self) -> None:
+        """Give up what is at hand."""
+        self._ahead = None
+        self._ensembles.drop()
 
     def _advance(self) -> None:
         ahead, ensembles = self._ahead, self._ensembles
@@ -164,33 +160,25 @@ class Forecasting:
     def _report(self, now: float) -> None:
         self._reported = now
         self._answer(
-            {
-                'answer': 'progress',
-                'number': self._number,
-                'progress': self._ahead.progress if self._ahead is not None else 1.0,
-                'ensemble': self._ensembles.progress,
-            }
+            'progress',
+            number=self._number,
+            progress=self._ahead.progress if self._ahead is not None else 1.0,
+            ensemble=self._ensembles.progress,
         )
 
     def _tell(self, ahead: LookAhead) -> None:
-        forecast = ahead.forecast()
-        header = {
-            'answer': 'forecast',
-            'number': self._number,
-            'shape': forecast.arrival.shape,
-            'duration': forecast.duration,
-            'particle_count': forecast.particle_count,
-        }
-        body = wire.packed(forecast.arrival, forecast.thickness, forecast.temperature)
-        self._answer(header, body)
+        known = dict(vars(ahead.forecast()))
+        # the node has the ground, and knows it by its identity
+        del known['terrain']
+        self._answer('forecast', number=self._number, **known)
 
     def _refuse(self, reason: str) -> None:
         self._ahead = None
-        self._answer({'answer': 'refused', 'number': self._number, 'reason': reason})
+        self._answer('refused', number=self._number, reason=reason)
 
     def _refuse_ensemble(self, reason: str) -> None:
         self._ensembles.drop()
-        self._answer({'answer': 'ensemble refused', 'reason': reason})
+        self._answer('ensemble_refused', reason=reason)
 
     @staticmethod
     def _guarded(action: Callable[[], None], refuse: Callable[[str], None]) -> None:
@@ -206,15 +194,13 @@ class Forecasting:
 
 def main() -> None:
     """Take orders until there are no more."""
-    # Ctrl+C in a terminal goes to the node, which closes the pipe.
+    # Ctrl+C in a terminal goes to the node, which closes the connection.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(NICENESS)
-    # Compilers and drivers write where they please: the pipe gets an end of its own.
-    output = os.fdopen(os.dup(1), 'wb')
-    os.dup2(2, 1)
+    node = Connection(int(sys.argv[1]))
     orders: queue.Queue[Order] = queue.Queue()
-    threading.Thread(target=_read, args=(sys.stdin.buffer, orders), daemon=True).start()
-    forecasting = Forecasting(orders, lambda *message: wire.write(output, *message))
+    threading.Thread(target=_read, args=(node, orders), daemon=True).start()
+    forecasting = Forecasting(orders, lambda name, **values: node.send((name, values)))
     try:
         while True:
             forecasting.turn()
@@ -222,10 +208,10 @@ def main() -> None:
         sys.exit(0)
 
 
-def _read(stream: IO[bytes], orders: 'queue.Queue[Order]') -> None:
+def _read(node: 'Connection', orders: 'queue.Queue[Order]') -> None:
     try:
-        while (order := wire.read(stream)) is not None:
-            orders.put(order)
+        while True:
+            orders.put(node.recv())
     finally:
         # in the middle of a step as well
         os._exit(0)

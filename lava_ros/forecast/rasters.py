@@ -16,13 +16,12 @@
 
 from pathlib import Path
 from typing import Any
-import warnings
 
 import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
-from lava_ros.files.rasters import open_raster
+from lava_ros.files.rasters import opened_raster
 from lava_ros.scene import Terrain
 from lava_ros.scene.features import ENDINGS, read_features
 
@@ -30,10 +29,8 @@ from lava_ros.scene.features import ENDINGS, read_features
 def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
     """Read where lava was seen: areas, or a raster above 0 where it was, 0 where it was not.
 
-    Args:
-        path: What ``features.read_features`` takes, with areas; or what ``raster_on`` takes, and
-            cells without data were not observed.
-        terrain: The ground.
+    The file is what ``features.read_features`` takes, with areas; or what ``raster_on`` takes, and
+    cells without data were not observed.
 
     Returns:
         Where lava was, and which cells were observed: bool, the terrain's shape.
@@ -53,10 +50,8 @@ def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.nda
 def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
     """Read a raster, and take the value at the middle of each cell of a terrain.
 
-    Args:
-        terrain: The terrain.
-        path: A GeoTIFF or an ESRI ASCII grid; without coordinate system it has the terrain's.
-        field: What it is called in errors.
+    A GeoTIFF or an ESRI ASCII grid without coordinate system has the terrain's. ``field`` is what
+    errors call the file.
 
     Returns:
         float64, the terrain's shape; NaN where the raster has no data.
@@ -64,20 +59,11 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
     Raises:
         LavaError: The file cannot be read, or has no known place.
     """
-    require('rasterio', 'GeoTIFF', str(path))
-    from rasterio.errors import NotGeoreferencedWarning, RasterioError
-    from rasterio.warp import reproject, Resampling
+    with opened_raster(field, path) as source:
+        from rasterio.warp import reproject, Resampling
 
-    try:
-        with warnings.catch_warnings():
-            # a file without coordinates is refused below
-            warnings.simplefilter('ignore', NotGeoreferencedWarning)
-            with open_raster(path) as source:
-                band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
-                place, crs, count = source.transform, source.crs, source.count
-    except (RasterioError, OSError) as error:
-        right = f'a GeoTIFF or an ESRI ASCII grid that GDAL can read ({error})'
-        raise LavaError(field, str(path), right) from error
+        band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
+        place, crs, count = source.transform, source.crs, source.count
     if place.is_identity or count != 1:
         raise LavaError(field, str(path), 'a georeferenced raster with one band')
     target_crs = _coordinates(terrain, crs, path, field)
@@ -103,10 +89,7 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
 def areas_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
     """Read areas, and mark the cells of a terrain whose middle is in one.
 
-    Args:
-        terrain: The terrain.
-        path: What ``features.read_features`` takes; points and lines in it do not count.
-        field: What the file is called in errors.
+    The file is what ``features.read_features`` takes; its points and lines do not count.
 
     Returns:
         bool, the terrain's shape.

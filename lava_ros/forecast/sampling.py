@@ -242,13 +242,7 @@ def _rounded(value: float) -> float:
 
 
 def rough_terrain(terrain: Terrain, roughness: Roughness, seed: tuple[int, ...]) -> Terrain:
-    """Add a random field to a terrain; cells without data stay so.
-
-    Args:
-        terrain: The ground.
-        roughness: Deviation and correlation of its errors.
-        seed: Numbers that the field is drawn from.
-    """
+    """Add a random field to a terrain; cells without data stay so."""
     field = random_field(terrain.shape, terrain.resolution, roughness, seed)
     return replace(terrain, elevation=terrain.elevation + field)
 

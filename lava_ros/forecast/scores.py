@@ -67,11 +67,7 @@ class BrierParts:
 
 
 def brier_score(probability: np.ndarray, outcome: np.ndarray) -> float:
-    """Mean square of probability less outcome.
-
-    Args:
-        probability: 0 to 1, any shape; NaN does not count.
-        outcome: Whether lava came, bool, same shape.
+    """Mean square of probability (0 to 1, NaN does not count) less outcome (bool).
 
     Raises:
         LavaError: The shapes differ, a probability is none, or there is none at all.
@@ -81,11 +77,7 @@ def brier_score(probability: np.ndarray, outcome: np.ndarray) -> float:
 
 
 def brier_parts(probability: np.ndarray, outcome: np.ndarray) -> BrierParts:
-    """The Brier score and its parts, which add up exactly.
-
-    Args:
-        probability: 0 to 1, any shape; NaN does not count.
-        outcome: Whether lava came, bool, same shape.
+    """The Brier score and its parts, which add up exactly; arguments as of ``brier_score``.
 
     Raises:
         LavaError: As of ``brier_score``.
@@ -109,11 +101,6 @@ def reliability(
 ) -> list[ReliabilityBin]:
     """The points of a reliability diagram: of what was said to be 30 %, did 30 % come?
 
-    Args:
-        probability: 0 to 1, any shape; NaN does not count.
-        outcome: Whether lava came, bool, same shape.
-        bins: Number of bins of equal width.
-
     Raises:
         LavaError: As of ``brier_score``.
     """
@@ -131,10 +118,7 @@ def reliability(
 
 
 def entropy(probability: np.ndarray) -> np.ndarray:
-    """How undecided probabilities are: 0 bit where lava surely comes or does not, 1 at one half.
-
-    Args:
-        probability: 0 to 1, any shape.
+    """How undecided probabilities are: 0 bit where lava surely comes or does not, 1 at 0.5.
 
     Returns:
         Bits, float64, same shape; NaN where the probability is.

@@ -56,12 +56,6 @@ class Store:
     ) -> None:
         """Make the folder, or open that of the same ensemble.
 
-        Args:
-            folder: The folder.
-            plan: What the members have in common.
-            seed: What they are drawn with.
-            susceptibility: Where their vents are drawn from.
-
         Raises:
             LavaError: It cannot be written to, or holds another ensemble or other things.
         """

@@ -274,12 +274,8 @@ class Evaluator:
     ) -> None:
         """Start no process yet.
 
-        Args:
-            directories: The cases.
-            settings: How it is run.
-            workers: Processes; more than one share a GPU, too.
-            runs: Runs of each set, turned and mirrored; what half of them cover is compared.
-            options: What ``load_case`` takes beside the folder.
+        More than one process share a GPU, too. Of several runs of a set, turned and mirrored, what
+        half cover is compared. Options are what ``load_case`` takes beside the folder.
         """
         job = (tuple(map(str, directories)), tuple(sorted(options.items())), settings, runs)
         self._evaluate = partial(_evaluate, job)

@@ -130,12 +130,10 @@ class Case:
     def with_lava(
         self, lava: Mapping[str, Any], *, temperature: float | None = None, discharge: float = 1.0
     ) -> 'Case':
-        """The same eruption of another lava.
+        """The same eruption with other constants of the lava, by name.
 
-        Args:
-            lava: Constants to replace, by name.
-            temperature: Temperature with which it comes out [K]; None: as it is.
-            discharge: What every discharge is multiplied by.
+        It comes out with a temperature [K], None for the one it has, and every discharge is
+        multiplied by a factor.
 
         Raises:
             LavaError: A value is not usable.

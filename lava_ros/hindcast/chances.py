@@ -37,11 +37,8 @@ CELLS = 200
 def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Plan:
     """What the members of a case have in common: they run as its hindcast does, to its end.
 
-    Args:
-        case: The case. Where it does not say what is uncertain, everything is that has a
-            published range.
-        settings: How it is run; each map is a look of the ensemble.
-        threshold: Thickness from which on lava has come [m].
+    Where the case does not say what is uncertain, everything is that has a published range. Each
+    map is a look; lava has come from a thickness on [m].
 
     Raises:
         LavaError: The case has events, or an argument is not usable.

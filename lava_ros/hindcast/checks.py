@@ -73,8 +73,6 @@ def check_vent_rows(vents: Sequence[VentRow], ground: Terrain) -> None:
     Raises:
         LavaError: A vent is outside the grid, or on a cell without data.
     """
-    x0, y0, x1, y1 = ground.extent
-    east, north = ground.offset
     for vent in vents:
         for place in (vent.place, vent.other_end):
             if place is None:
@@ -82,8 +80,7 @@ def check_vent_rows(vents: Sequence[VentRow], ground: Terrain) -> None:
             cell = ground.cell_at(*ground.to_map(*place))
             name = f'{vent.name!r} of vent.csv'
             if cell is None:
-                right = f'a place inside the elevation, x {x0 + east:.10g} to {x1 + east:.10g} m '
-                right += f'and y {y0 + north:.10g} to {y1 + north:.10g} m'
+                right = f'a place {ground.bounds(projected=True)}'
                 raise LavaError(name, place, right + _other_system(place, ground))
             if not ground.has_data[cell]:
                 right = 'a place where the elevation has data: this cell has none'

@@ -28,15 +28,11 @@ from lava_ros.simulation.snapshot import Snapshot
 
 
 def coarsened(terrain: Terrain, factor: int) -> Terrain:
-    """Average a terrain over larger cells, about the same centre.
+    """Average a terrain over cells that are larger by a factor, about the same centre.
 
     Where the sides are no multiples of the larger cells, these reach over all borders alike: a
-    terrain that is turned by a quarter has the same cells.
-
-    Args:
-        terrain: The terrain.
-        factor: Side of a larger cell over that of a cell. One has data where any of the cells in
-            it has.
+    terrain that is turned by a quarter has the same cells. One has data where any of the cells in
+    it has.
     """
     if factor == 1:
         return terrain

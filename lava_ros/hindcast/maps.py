@@ -49,16 +49,9 @@ def comparison(thickness: np.ndarray, footprint: np.ndarray) -> np.ndarray:
 def write_maps(
     case: Case, result: Result, folder: Path, several: Agreement | None = None
 ) -> list[Path]:
-    """Write the maps, north up, on the grid of the elevation.
+    """Write the maps, north up, on the grid of the elevation, and name the files.
 
-    Args:
-        case: The case.
-        result: Its run.
-        folder: Where the files go; those of the same names are replaced.
-        several: What more runs agree on, of which the share that covers each cell is a map too.
-
-    Returns:
-        The files.
+    What more runs agree on gives a map of the share of them that covers each cell.
 
     Raises:
         LavaError: rasterio is not installed, or a file cannot be written.
@@ -86,13 +79,7 @@ def write_maps(
 
 
 def draw_comparison(case: Case, thickness: np.ndarray, judged: Score, output: Path) -> None:
-    """Draw hits, misses and false alarms.
-
-    Args:
-        case: The case.
-        thickness: Thickness of the simulated lava [m], shape [rows, columns].
-        judged: The comparison in numbers.
-        output: The picture; its suffix chooses the format.
+    """Draw hits, misses and false alarms of a thickness [m]; the suffix says the format.
 
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.

@@ -40,16 +40,7 @@ def write_page(
     output: Path,
     several: Agreement | None = None,
 ) -> None:
-    """Write the page; it needs no other file.
-
-    Args:
-        case: The case.
-        settings: How it was run.
-        result: What came of it.
-        judged: The comparison with the map.
-        picture: The map of hits, misses and false alarms, a PNG.
-        output: The page.
-        several: The results of more runs.
+    """Write the page; it needs no other file, for it takes in the picture, a PNG.
 
     Raises:
         LavaError: The page cannot be written, or the picture not be read.

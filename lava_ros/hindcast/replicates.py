@@ -113,12 +113,8 @@ def run_several(
 ) -> list[Result]:
     """Run a case in several directions, or go on where that was cut off.
 
-    Args:
-        case: The case.
-        settings: How it is run.
-        runs: How many there are.
-        folder: Where what is needed to go on is kept, None for nowhere.
-        progress: Is told the share that is simulated, at each map.
+    The folder is where what is needed to go on is kept, None for nowhere; ``progress`` is told the
+    share that is simulated, at each map.
 
     Returns:
         The result of each run, put back on the cells of the case.
@@ -161,12 +157,9 @@ def run_together(
 
 
 def turned(case: Case, quarters: int, *, mirror: bool = False) -> Case:
-    """Turn ground, vents and footprint counterclockwise; the map frame's origin stays a corner.
+    """Turn ground, vents and footprint counterclockwise by quarters, mirrored before if asked.
 
-    Args:
-        case: The case.
-        quarters: How often by 90 degrees.
-        mirror: Whether east and west are exchanged before.
+    The map frame's origin stays a corner; a mirror exchanges east and west.
     """
     if mirror:
         case = _changed(case, lambda x, y, width, _: (width - x, y), _mirror)
@@ -275,12 +268,7 @@ def agreed(maps: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def agreement(case: Case, maps: list[np.ndarray]) -> Agreement:
-    """Compare runs with the map of their case, each and together.
-
-    Args:
-        case: The case.
-        maps: Thickness of each run [m], shape [rows, columns].
-    """
+    """Compare the thickness [m] of runs with the map of their case, each and together."""
     share, thickness = agreed(maps)
     return Agreement(
         scores=tuple(judge(case, thickness) for thickness in maps),

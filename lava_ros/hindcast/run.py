@@ -153,12 +153,7 @@ class Run:
     """
 
     def __init__(self, case: Case, settings: Settings, *, folder: Path | None = None) -> None:
-        """Begin, or go on.
-
-        Args:
-            case: The case.
-            settings: How it is run.
-            folder: Where what is needed to go on is kept, None for nowhere.
+        """Begin, or go on with what is kept in the folder; None keeps nothing.
 
         Raises:
             LavaError: A setting is not usable, or the folder is of another case or other settings.

@@ -138,12 +138,7 @@ def score(
 
 
 def judge(case: Case, thickness: np.ndarray) -> Score:
-    """Compare a flow with the map of its case.
-
-    Args:
-        case: The case.
-        thickness: Thickness of the simulated lava [m], shape [rows, columns].
-    """
+    """Compare a thickness [m], shape [rows, columns], with the map of its case."""
     terrain = case.scene.terrain
     places = [vent.position for vent in case.scene.vents]
     places += [vent.end for vent in case.scene.vents if vent.end is not None]

@@ -104,12 +104,9 @@ def unknowns_of(
     names: tuple[str, ...] = (),
     ranges: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[Unknown, ...]:
-    """The unknowns of a case.
+    """The unknowns of a case: those named, else those with a published range.
 
-    Args:
-        case: The case.
-        names: Which; those with a published range when there are none.
-        ranges: Ranges in place of the published ones, by name.
+    Ranges given by name are in place of the published ones.
 
     Raises:
         LavaError: A name is unknown, or an unknown has no range.

@@ -40,11 +40,9 @@ from lava_ros.ros.recorder import BagFolder, Recorder, SaveAllowance
 from lava_ros.ros.recording import CheckpointRecording, SceneRecording
 from lava_ros.ros.scene_publisher import ScenePublisher
 from lava_ros.ros.services import Services
-from lava_ros.ros.session import SimulationLike
 from lava_ros.ros.sources import new_simulation, resumed_simulation, Sources
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
-from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.snapshot import Snapshot
 
@@ -59,6 +57,7 @@ class Operation:
     """A configured node: takes inputs, and once it is active lets time pass and publishes.
 
     Attributes:
+        is_active: Whether time passes and layers are published.
         failure: Why the node has to end, empty as long as it has not.
     """
 
@@ -70,17 +69,8 @@ class Operation:
         sources: Sources,
         *,
         entities: Entities,
-        make_simulation: Callable[[Scene], SimulationLike] | None = None,
     ) -> None:
         """Join the graph, and start on what there is, with time standing still.
-
-        Args:
-            node: The node.
-            settings: What its parameters say.
-            values: Gives their values by name.
-            sources: What to start with.
-            entities: Creates what the node has in the graph; empty, and destroyed by ``close``.
-            make_simulation: Makes simulations in place of the settings' own.
 
         Raises:
             LavaError: A file that a parameter names is not usable.
@@ -96,7 +86,7 @@ class Operation:
         if settings.forecast_horizon:
             forecast_config = find_file(settings.forecast_config, 'msg_configs')
         layers = published_layers(config, forecast_config, settings)
-        self._is_active = False
+        self.is_active = False
         self._is_paused = False
         self._is_recording_wanted = settings.record
         self._clock_watch = ClockWatch()
@@ -116,7 +106,7 @@ class Operation:
         snapshot_ready = entities.guard_condition(self._publish)
         chooser = DeadlineChooser()
         self._worker = SimulationWorker(
-            make_simulation or (lambda scene: new_simulation(scene, self._settings, chooser)),
+            lambda scene: new_simulation(scene, self._settings, chooser),
             clock=lambda: node.get_clock().now().nanoseconds * 1e-9,
             constants=settings.constants,
             time_scale=settings.time_scale,
@@ -169,11 +159,6 @@ class Operation:
         self._forecasts.start()
 
     @property
-    def is_active(self) -> bool:
-        """Whether time passes and layers are published."""
-        return self._is_active
-
-    @property
     def step_length(self) -> float:
         """Simulated time of a step [s]."""
         return self._settings.time_scale
@@ -192,14 +177,14 @@ class Operation:
             self._arm_recorder()
         # Once: what has ended since, by ~/record or a full disk, must not keep the maps back.
         self._is_recording_wanted = False
-        self._is_active = True
+        self.is_active = True
         self._worker.pause(self._is_paused)
         self._forecasts.activate(True)
         self._publish(repeat=True)
 
     def deactivate(self) -> None:
         """Let time stand still, and publish no layers; inputs are taken, diagnostics told."""
-        self._is_active = False
+        self.is_active = False
         self._forecasts.activate(False)
         self._worker.pause(True)
 
@@ -209,7 +194,7 @@ class Operation:
         Returns:
             Whether the worker has ended.
         """
-        self._is_active = False
+        self.is_active = False
         try:
             self._close_bag()
             if self._worker.latest is not None:
@@ -265,7 +250,7 @@ class Operation:
     def pause(self, paused: bool) -> 'Future[None]':
         """Hold simulated time, or let it go on as soon as the node is active."""
         self._is_paused = paused
-        return self._worker.pause(paused or not self._is_active)
+        return self._worker.pause(paused or not self.is_active)
 
     def start_recording(self) -> str:
         """Begin a bag, and give its name and when.
@@ -351,7 +336,7 @@ class Operation:
     # outputs
 
     def _make_due(self, rate: float) -> None:
-        if not self._is_active:
+        if not self.is_active:
             return
         self._layers.make_due(rate)
         self._forecasts.make_due(rate)
@@ -364,7 +349,7 @@ class Operation:
         snapshot, scene = self._worker.latest, self._worker.scene
         if scene is not None:
             self._log.scene(scene, snapshot, self._worker.eruption.effects)
-        if snapshot is None or not self._is_active:
+        if snapshot is None or not self.is_active:
             return
         stamp_ns = self._stamp_ns()
         if scene is not None:
@@ -399,7 +384,7 @@ class Operation:
                 diagnostics.simulation_status(
                     worker,
                     snapshot,
-                    is_active=self._is_active,
+                    is_active=self.is_active,
                     wet_cells=wet,
                     frame_stamp_ns=self._layers.shown_stamp_ns,
                     resolution=resolution,

@@ -95,12 +95,7 @@ def float_image(values: np.ndarray, message_header: Header) -> Image:
 
 
 def point_cloud(columns: Mapping[str, Any], message_header: Header) -> PointCloud2:
-    """Make an unorganised cloud of FLOAT32 fields from columns of equal length.
-
-    Args:
-        columns: Values by field name, in the order of the fields.
-        message_header: The message's header.
-    """
+    """Make an unorganised cloud of FLOAT32 fields from columns of equal length."""
     points = np.stack([np.asarray(values, '<f4') for values in columns.values()], axis=-1)
     cloud = PointCloud2(header=message_header, height=1, width=len(points))
     cloud.fields = [
@@ -120,6 +115,11 @@ def serialise(message: Any) -> bytes:
     return data
 
 
+def type_name(message_class: Any) -> str:
+    """Name of a message class, such as ``nav_msgs/msg/OccupancyGrid``."""
+    return '/'.join([*message_class.__module__.split('.')[:2], message_class.__name__])
+
+
 #: Bytes a message may have beside its data: header, names, sizes.
 OVERHEAD = 65_536
 
@@ -136,13 +136,7 @@ _ENCAPSULATION = 4
 
 
 def decode(data: bytes, message_class: Any, topic: str, *, max_bytes: int) -> Any:
-    """Read a message.
-
-    Args:
-        data: The message as it came, serialised to CDR.
-        message_class: Its class.
-        topic: What it is called in errors.
-        max_bytes: Most bytes of data it may have.
+    """Read a message of a class from CDR; ``topic`` is what errors call it.
 
     Raises:
         LavaError: It is too large, or cannot be read as a message of this class.
@@ -157,8 +151,8 @@ def decode(data: bytes, message_class: Any, topic: str, *, max_bytes: int) -> An
         return deserialize_message(data, message_class)
     # What rclpy raises for undecodable bytes is a RuntimeError without a public name.
     except (RuntimeError, ValueError, MemoryError, SystemError) as error:
-        name = '/'.join([*message_class.__module__.split('.')[:2], message_class.__name__])
-        raise LavaError(topic, f'{len(data)} bytes', f'a serialised {name}') from error
+        right = f'a serialised {type_name(message_class)}'
+        raise LavaError(topic, f'{len(data)} bytes', right) from error
 
 
 class _Parts:

@@ -15,7 +15,7 @@
 """What waits for the simulation's thread: commands in order, of some kinds the newest alone."""
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import Future
 import queue
 import threading
 from typing import Any, NamedTuple
@@ -130,61 +130,3 @@ def finish(
         future.set_result(result)
     else:
         future.set_exception(error)
-
-
-class Finisher:
-    """Does one thing at a time in a thread of its own; for the use of one thread."""
-
-    def __init__(self) -> None:
-        """Begin at rest."""
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix='lava snapshots')
-        self._latest: Future[None] | None = None
-
-    @property
-    def is_busy(self) -> bool:
-        """Whether something is under way."""
-        return self._latest is not None and not self._latest.done()
-
-    def begin(
-        self,
-        action: Callable[[], None],
-        *,
-        then: Callable[[], None],
-        on_error: Callable[[Exception], object],
-    ) -> None:
-        """Begin something.
-
-        Args:
-            action: What to do in the thread.
-            then: Called there when that is done.
-            on_error: Called there with what the action has raised, in place of ``then``.
-        """
-
-        def act() -> None:
-            try:
-                action()
-            except Exception as error:
-                on_error(error)
-            else:
-                then()
-
-        self._latest = self._pool.submit(act)
-
-    def afterwards(self, action: Callable[[], object]) -> None:
-        """Call something in any thread when nothing is under way any more."""
-        if self._latest is None:
-            action()
-        else:
-            self._latest.add_done_callback(lambda _: action())
-
-    def wait(self) -> bool:
-        """Wait for what is under way, and say whether there was anything since the last wait."""
-        latest, self._latest = self._latest, None
-        if latest is not None:
-            wait([latest])
-        return latest is not None
-
-    def close(self) -> None:
-        """Wait for what is under way and end the thread."""
-        self.wait()
-        self._pool.shutdown()

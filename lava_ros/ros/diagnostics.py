@@ -26,8 +26,7 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import Forecast, Outlook
 from lava_ros.ros.deadline import DeadlineChoice
-from lava_ros.ros.ensemble_forecasts import Ahead, EnsembleStatus, Live
-from lava_ros.ros.forecaster import ForecasterStatus
+from lava_ros.ros.ensemble_forecasts import Ahead, AheadStatus, Live
 from lava_ros.ros.recorder import RecorderStatus
 from lava_ros.ros.recording import LastCheckpoint
 from lava_ros.ros.session import is_on
@@ -130,10 +129,10 @@ class InputLog:
             values |= {f'rejected.{topic}': count for topic, count in self._rejected.items()}
             last_error = self._last_error
         if bad:
-            return _status('inputs', DiagnosticStatus.ERROR, f'refused {last_error}', values)
+            return status('inputs', DiagnosticStatus.ERROR, f'refused {last_error}', values)
         if rejected:
-            return _status('inputs', DiagnosticStatus.WARN, f'{rejected} refused so far', values)
-        return _status('inputs', DiagnosticStatus.OK, 'all taken', values)
+            return status('inputs', DiagnosticStatus.WARN, f'{rejected} refused so far', values)
+        return status('inputs', DiagnosticStatus.OK, 'all taken', values)
 
 
 def simulation_status(
@@ -148,14 +147,8 @@ def simulation_status(
 ) -> DiagnosticStatus:
     """Say how the simulation is doing.
 
-    Args:
-        worker: What the worker says.
-        snapshot: The snapshot that was published last, None before the first.
-        is_active: Whether the node is: else nothing is published and time stands still.
-        wet_cells: Its wet cells.
-        frame_stamp_ns: The stamp it was published with [ns].
-        resolution: How many particles lie across the flow, None before there is a simulation.
-        clock: What is wrong with the clock that it follows, empty when nothing is.
+    The snapshot is the one that was published last, with its wet cells and its stamp [ns];
+    ``clock`` says what is wrong with the clock, if anything.
     """
     level, message = _LEVELS[worker.state], worker.state.value
     is_running = worker.state is WorkerState.RUNNING
@@ -186,45 +179,38 @@ def simulation_status(
             'footprint_error': f'{resolution.error:.2g}',
         }
     if snapshot is not None:
-        steps = snapshot.steps
-        values |= {
-            'simulated_time_s': repr(snapshot.time),
-            'frame_stamp_ns': frame_stamp_ns,
-            'particles': snapshot.particle_count,
-            'wet_cells': wet_cells,
-            **snapshot.budget.texts(),
-            'steps': steps.count,
-            'step_s': f'{steps.length:.6g}',
-            'step_limit': steps.limit,
-            'step_stages': steps.stages,
-        }
+        values |= snapshot_values(snapshot, frame_stamp_ns) | {'wet_cells': wet_cells}
     if not is_active:
         message = f'inactive: {message}'
-    return _status('simulation', level, message, values)
+    return status('simulation', level, message, values)
+
+
+def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
+    """What a status says of maps with a stamp [ns]."""
+    steps = snapshot.steps
+    return {
+        'simulated_time_s': repr(snapshot.time),
+        'frame_stamp_ns': stamp_ns,
+        'particles': snapshot.particle_count,
+        **snapshot.budget.texts(),
+        'steps': steps.count,
+        'step_s': f'{steps.length:.6g}',
+        'step_limit': steps.limit,
+        'step_stages': steps.stages,
+    }
 
 
 def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
-    """Say which effects are on, and why each is on or off.
-
-    Args:
-        effects: The worker's table.
-    """
+    """Say which effects are on, and why each is on or off."""
     names = ', '.join(name for name, text in effects.items() if is_on(text)) or 'none'
     message = f'on: {names}' if effects else 'not chosen yet'
-    return _status('effects', DiagnosticStatus.OK, message, effects)
+    return status('effects', DiagnosticStatus.OK, message, effects)
 
 
 def forecast_status(
-    forecaster: ForecasterStatus, latest: Live[Forecast] | None, *, age: float, staleness: str
+    forecaster: AheadStatus, latest: Live[Forecast] | None, *, age: float, staleness: str
 ) -> DiagnosticStatus:
-    """Say how the forecasts are doing.
-
-    Args:
-        forecaster: What the forecaster says.
-        latest: The newest forecast, None before the first.
-        age: Simulated time since its start [s].
-        staleness: Why it says nothing about what comes, empty when it does.
-    """
+    """Say how the forecasts are doing, the newest of which has an age [s]."""
     values: dict[str, object] = {
         'forecasts': forecaster.count,
         'share': f'{forecaster.share:.2g}',
@@ -239,16 +225,9 @@ def forecast_status(
 
 
 def ensemble_status(
-    ensembles: EnsembleStatus, latest: Live[Outlook] | None, *, age: float, staleness: str
+    ensembles: AheadStatus, latest: Live[Outlook] | None, *, age: float, staleness: str
 ) -> DiagnosticStatus:
-    """Say how the ensembles are doing.
-
-    Args:
-        ensembles: What is said of them.
-        latest: The newest maps, None before the first.
-        age: Simulated time since their start [s].
-        staleness: Why they say nothing about what comes, empty when they do.
-    """
+    """Say how the ensembles are doing, the newest of which has an age [s]."""
     values: dict[str, object] = {
         'ensembles': ensembles.count,
         'progress': '' if ensembles.progress is None else f'{ensembles.progress:.2f}',
@@ -294,25 +273,19 @@ def _ahead_status(
     values: Mapping[str, object],
 ) -> DiagnosticStatus:
     if error:
-        return _status(task, DiagnosticStatus.ERROR, error, values)
+        return status(task, DiagnosticStatus.ERROR, error, values)
     if latest is None:
-        return _status(task, DiagnosticStatus.OK, staleness, values)
+        return status(task, DiagnosticStatus.OK, staleness, values)
     if staleness:
         withdrawn = f'stale, withdrawn: {staleness}'
-        return _status(task, DiagnosticStatus.WARN, withdrawn, values)
-    return _status(task, DiagnosticStatus.OK, message, values)
+        return status(task, DiagnosticStatus.WARN, withdrawn, values)
+    return status(task, DiagnosticStatus.OK, message, values)
 
 
 def deadline_status(
     deadline: float, choice: DeadlineChoice | None, *, took: float
 ) -> DiagnosticStatus:
-    """Say what was chosen by the deadline of forecasts, and whether it is kept.
-
-    Args:
-        deadline: Wall time in which a forecast and its ensemble are to be there [s].
-        choice: What was chosen at the start, None where there was nothing to choose.
-        took: Wall time that the newest took [s], 0 before the first.
-    """
+    """Say what was chosen by a deadline [s], and whether the newest, of a time [s], kept it."""
     values: dict[str, object] = {'deadline_s': f'{deadline:g}', 'took_s': f'{took:.3g}'}
     if choice is not None:
         values |= {
@@ -328,9 +301,9 @@ def deadline_status(
         reason = choice.reason
     if took > deadline:
         late = f'late: the newest took {took:.3g} s of {deadline:g} s; {reason}'
-        return _status('deadline', DiagnosticStatus.WARN, late, values)
+        return status('deadline', DiagnosticStatus.WARN, late, values)
     level = DiagnosticStatus.OK if choice is None or choice.is_met else DiagnosticStatus.WARN
-    return _status('deadline', level, reason, values)
+    return status('deadline', level, reason, values)
 
 
 def recorder_status(
@@ -348,19 +321,14 @@ def recorder_status(
         values['checkpoint_time_s'] = repr(checkpoint.time)
         values['checkpoint_bytes'] = checkpoint.size
     if recorder.error:
-        return _status('recorder', DiagnosticStatus.ERROR, recorder.error, values)
-    return _status('recorder', DiagnosticStatus.OK, recorder.state, values)
+        return status('recorder', DiagnosticStatus.ERROR, recorder.error, values)
+    return status('recorder', DiagnosticStatus.OK, recorder.state, values)
 
 
 def sign(message: DiagnosticArray, node: str, device: str) -> None:
     """Put the node's name before the tasks, and say on which hardware they are.
 
     What gathers diagnostics knows statuses by names.
-
-    Args:
-        message: Statuses that have the names of their tasks.
-        node: Name of the node, with its namespace.
-        device: Name of the simulation's device, empty before there is one.
     """
     source = node.strip('/')
     for status in message.status:
@@ -368,9 +336,10 @@ def sign(message: DiagnosticArray, node: str, device: str) -> None:
         status.hardware_id = f'{gethostname()} {device}'.strip()
 
 
-def _status(
+def status(
     task: str, level: bytes, message: str, values: Mapping[str, object]
 ) -> DiagnosticStatus:
+    """Make a status."""
     return DiagnosticStatus(
         level=level,
         name=task,
@@ -393,9 +362,7 @@ class ClockWatch:
     def look(self, stamp_ns: int, now: float) -> str:
         """Say why simulated time stands still, and what to do; empty while the clock moves.
 
-        Args:
-            stamp_ns: Time on the clock [ns], 0 before it was heard.
-            now: Wall time [s].
+        The stamp is the time on the clock [ns], 0 before it was heard; ``now`` is wall time [s].
         """
         if self._seen is None or self._seen[0] != stamp_ns:
             self._seen = stamp_ns, now

@@ -19,14 +19,14 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, replace
 import queue
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast import wire
 from lava_ros.forecast.assimilation import Mask, outline_on
-from lava_ros.maps.forecast import Forecast, HazardMaps, Outlook, QUANTILES
+from lava_ros.maps.forecast import Forecast, Outlook
+from lava_ros.ros.commands import finish
 from lava_ros.ros.session import Fork
 from lava_ros.scene import Terrain
 
@@ -79,26 +79,27 @@ class ForecastRules:
 
 
 @dataclass(frozen=True)
-class EnsembleStatus:
-    """How the ensembles are doing.
+class AheadStatus:
+    """How forecasts or ensembles are doing.
 
     Attributes:
-        count: Ensembles that are complete so far.
-        progress: Share of the members at hand that have run, None without any.
+        count: Forecasts, or complete ensembles, so far.
+        progress: Share of the horizon or of the members at hand that is done, None without any.
+        error: Why the last one failed, empty when it did not.
+        share: Share of the time that forecasts may compute now.
         outlines: Outlines that the members of this scene have been weighed by.
         jaccard_mean: Mean agreement with the newest of them, 0 to 1; None without one.
-        error: Why the last ensemble failed, empty when it did not.
     """
 
     count: int = 0
     progress: float | None = None
+    error: str = ''
+    share: float = 0.0
     outlines: int = 0
     jaccard_mean: float | None = None
-    error: str = ''
 
 
-@dataclass(frozen=True, eq=False)
-class _Seen:
+class _Seen(NamedTuple):
     """An outline on its way."""
 
     mask: Mask
@@ -115,13 +116,11 @@ class Outlooks:
     def __init__(self) -> None:
         """Begin without any."""
         self.latest: Live[Outlook] | None = None
-        self.status = EnsembleStatus()
+        self.status = AheadStatus()
         self._seen: queue.SimpleQueue[_Seen] = queue.SimpleQueue()
         self._sent: dict[int, _Seen] = {}
         self._number = 0
-        self._forks: dict[int, tuple[Fork, ForecastRules]] = {}
         self._at_hand: int | None = None
-        self._shown: int | None = None
         self._ordered: tuple[int, float] | None = None
         self._is_refused = False
         self._changes: int | None = None
@@ -135,11 +134,7 @@ class Outlooks:
         return self._at_hand is not None
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Take a mask of where lava was seen, from any thread.
-
-        Args:
-            mask: The mask.
-            clock: Time on the clock that simulated time follows [s].
+        """Take a mask of where lava was seen at a time of the clock [s], from any thread.
 
         Returns:
             Done when the members have been weighed by it, or with the LavaError why they have not.
@@ -155,20 +150,18 @@ class Outlooks:
             return False
         return self._at_hand is None and (changes, time) != self._ordered
 
-    def order(self, fork: Fork, number: int, rules: ForecastRules) -> dict[str, Any]:
-        """What the order of a fork, of a number, says about an ensemble."""
+    def order(self, fork: Fork, number: int, rules: ForecastRules) -> dict[str, Any] | None:
+        """What the order of a fork, of a number, says about an ensemble; None: there is none."""
         self._note(fork)
         if not rules.members or not self.is_wanted(fork.changes, fork.checkpoint.time):
-            return {'members': 0}
+            return None
         self._at_hand = number
         self._ordered = fork.changes, fork.checkpoint.time
-        shown = [] if self._shown is None else [self._shown]
-        self._forks = {key: self._forks[key] for key in shown if key in self._forks}
-        self._forks[number] = (fork, rules)
         self._put(progress=0.0)
         return {
             'members': rules.members,
             'changes': fork.changes,
+            'stamp_ns': round(fork.clock * 1e9),
             'deadline': rules.deadline or None,
             'agreement': self._agreement,
             'outlines': self.status.outlines,
@@ -177,53 +170,48 @@ class Outlooks:
     def send(self, order: Callable[..., None], *, changes: int, time_scale: float) -> None:
         """Pass on outlines that have come, unless the scene has just changed.
 
-        Args:
-            order: Takes a header and a body to the process.
-            changes: Changes of the scene so far.
-            time_scale: Simulated time per time of the clock [s/s].
+        ``time_scale`` is simulated time per time of the clock [s/s].
         """
         while changes == self._changes and not self._seen.empty():
             seen = self._seen.get()
+            assert self._terrain is not None
             try:
-                header, body = self._outline(seen, time_scale)
+                time = self._time_at(seen.clock, time_scale)
+                outline = outline_on(self._terrain, seen.mask, time)
             except LavaError as error:
-                _fail(seen, error)
+                _end(seen, error)
                 continue
-            self._sent[header['number']] = seen
-            order(header, body)
+            self._number += 1
+            self._sent[self._number] = seen
+            order('outline', number=self._number, outline=outline)
 
-    def hear(self, header: dict[str, Any], body: bytes) -> bool:
-        """Take an answer and say whether ``latest`` is another now."""
-        kind = header['answer']
-        if kind == 'progress' and self._at_hand is not None:
-            self._put(progress=header['ensemble'])
-        elif kind == 'ensemble refused':
+    def hear(self, name: str, **values: Any) -> bool:
+        """Take an answer of the process, and say whether ``latest`` is another now."""
+        if name == 'progress' and self._at_hand is not None:
+            self._put(progress=values['ensemble'])
+        elif name == 'ensemble_refused':
             self._at_hand, self._is_refused = None, True
-            self._put(progress=None, error=header['reason'])
-        elif kind == 'outline refused':
-            seen = self._sent.pop(header['number'], None)
-            error = LavaError(header['field'], header['value'], header['expected'])
-            if seen is not None:
-                _fail(seen, error)
-        elif kind == 'weighed':
-            self._agreement = header['agreement']
-            self._put(outlines=header['outlines'], jaccard_mean=header['jaccard_mean'])
-            seen = self._sent.pop(header['number'], None)
-            if seen is not None and not seen.done.done():
-                seen.done.set_result(None)
-        elif kind == 'outlook':
-            return self._take(header, body)
+            self._put(progress=None, error=values['reason'])
+        elif name == 'outline_refused':
+            _end(self._sent.pop(values['number'], None), values['error'])
+        elif name == 'weighed':
+            self._agreement = values['agreement']
+            self._put(outlines=values['outlines'], jaccard_mean=values['jaccard_mean'])
+            _end(self._sent.pop(values['number'], None))
+        elif name == 'outlook':
+            return self._take(**values)
         return False
 
     def drop(self, reason: str) -> None:
         """Forget what is at hand: the process does so, too, or has ended."""
         self._at_hand = self._ordered = None
         self._put(progress=None)
-        sent, self._sent = self._sent, {}
+        waiting = list(self._sent.values())
+        self._sent = {}
         while not self._seen.empty():
-            sent[-1 - len(sent)] = self._seen.get()
-        for seen in sent.values():
-            _fail(seen, LavaError('observed_outline', reason, 'an ensemble to be weighed'))
+            waiting.append(self._seen.get())
+        for seen in waiting:
+            _end(seen, LavaError('observed_outline', reason, 'an ensemble to be weighed'))
 
     def _note(self, fork: Fork) -> None:
         if fork.changes != self._changes:
@@ -234,19 +222,6 @@ class Outlooks:
             self._put(outlines=0, jaccard_mean=None, error='')
         self._terrain = fork.checkpoint.scene.terrain
         self._moments.append((fork.clock, fork.checkpoint.time))
-
-    def _outline(self, seen: _Seen, time_scale: float) -> tuple[dict[str, Any], bytes]:
-        """The order that has members weighed by a mask."""
-        assert self._terrain is not None
-        outline = outline_on(self._terrain, seen.mask, self._time_at(seen.clock, time_scale))
-        self._number += 1
-        header = {
-            'order': 'outline',
-            'number': self._number,
-            'time': outline.time,
-            'shape': outline.lava.shape,
-        }
-        return header, wire.packed_masks(outline.lava, outline.known)
 
     def _time_at(self, clock: float, time_scale: float) -> float:
         """Simulated time at a time of the clock: evenly between two forks, after them by scale."""
@@ -261,34 +236,17 @@ class Outlooks:
             return float(times[-1] + (clock - clocks[-1]) * time_scale)
         return float(np.interp(clock, clocks, times))
 
-    def _take(self, header: dict[str, Any], body: bytes) -> bool:
-        found = self._forks.get(header['number'])
-        if found is None:
+    def _take(
+        self, number: int, stamp_ns: int, changes: int, *, is_done: bool, **values: Any
+    ) -> bool:
+        if changes != self._changes:
+            # of another scene, which says nothing of this one
             return False
-        fork, rules = found
-        probability, *arrival, thickness = wire.unpacked(body, tuple(header['shape']))
-        outlook = Outlook(
-            time=fork.checkpoint.time,
-            horizon=rules.horizon,
-            threshold=rules.threshold,
-            terrain=fork.checkpoint.scene.terrain,
-            maps=HazardMaps(
-                probability=probability,
-                arrival=dict(zip(QUANTILES, arrival, strict=True)),
-                thickness=thickness,
-                members=header['members'],
-                effective_members=header['effective_members'],
-                arrival_error=header['arrival_error'],
-            ),
-            asked=header['asked'],
-            is_done=header['is_done'],
-            outlines=header['outlines'],
-            duration=header['duration'],
-        )
-        self._shown = header['number']
-        self.latest = Live(outlook, round(fork.clock * 1e9), fork.changes)
+        assert self._terrain is not None
+        outlook = Outlook(terrain=self._terrain, is_done=is_done, **values)
+        self.latest = Live(outlook, stamp_ns, changes)
         self._put(error='')
-        if header['is_done'] and header['number'] == self._at_hand:
+        if is_done and number == self._at_hand:
             self._at_hand = None
             self._put(progress=None, count=self.status.count + 1)
         return True
@@ -297,6 +255,7 @@ class Outlooks:
         self.status = replace(self.status, **changes)
 
 
-def _fail(seen: _Seen, error: LavaError) -> None:
-    if not seen.done.done():
-        seen.done.set_exception(error)
+def _end(seen: _Seen | None, error: LavaError | None = None) -> None:
+    """Tell who waits for an outline that it has been used, or why not."""
+    if seen is not None:
+        finish(seen.done, error)

@@ -24,11 +24,7 @@ class Entities:
     """Creates publishers, subscriptions, timers and services, and remembers them."""
 
     def __init__(self, node: Node) -> None:
-        """Create nothing yet.
-
-        Args:
-            node: The node that has them.
-        """
+        """Create nothing yet."""
         self.node = node
         self._made: list[tuple[str, Any]] = []
 

@@ -31,12 +31,7 @@ class SceneFeed(Node):
     """
 
     def __init__(self, scene: Scene, *, frame_id: str = 'map') -> None:
-        """Join the graph and publish the terrain.
-
-        Args:
-            scene: What to publish; its lava stays at home, it is the simulation's parameter.
-            frame_id: Frame of the messages.
-        """
+        """Join the graph and publish the terrain; the lava is a parameter of the simulation."""
         super().__init__('lava_feed')
         self._scene = scene
         self._frame_id = frame_id

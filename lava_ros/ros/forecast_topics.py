@@ -63,14 +63,6 @@ class ForecastTopics:
     ) -> None:
         """Create a publisher for every layer.
 
-        Args:
-            entities: Creates them.
-            layers: What to publish, by ``published_layers``.
-            recorder: Where the layers that are recorded go.
-            worker: Has the live simulation.
-            settings: Gives the node's settings.
-            choice: Gives what has been chosen by the deadline.
-
         Raises:
             LavaError: Two layers of the arrival have different thresholds.
         """
@@ -120,11 +112,7 @@ class ForecastTopics:
         self.publish()
 
     def publish(self, *, repeat: bool = False) -> None:
-        """Publish the newest forecast and ensemble where they have not been, or a withdrawal.
-
-        Args:
-            repeat: Whether layers take it that have had it.
-        """
+        """Publish what is new, or a withdrawal; with ``repeat`` also where it has been."""
         forecaster = self._forecaster
         if forecaster is None or not self._is_active:
             return
@@ -133,11 +121,7 @@ class ForecastTopics:
         self._outlooks.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Weigh the members of ensembles by where lava was seen.
-
-        Args:
-            mask: Where that was.
-            clock: ROS time at which it was [s].
+        """Weigh the members of ensembles by where lava was seen at a ROS time [s].
 
         Raises:
             LavaError: There are no ensembles now.

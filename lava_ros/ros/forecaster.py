@@ -17,16 +17,20 @@
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from concurrent.futures import TimeoutError as FutureTimeoutError
-from dataclasses import dataclass, replace
+from dataclasses import replace
+import multiprocessing
+import os
+from pathlib import Path
+import subprocess
+import sys
 import threading
 import time
 from typing import Any
 
+import lava_ros
 from lava_ros.errors import LavaError
-from lava_ros.forecast import wire
 from lava_ros.maps.forecast import Forecast
-from lava_ros.ros.ensemble_forecasts import Ahead, ForecastRules, Live, Outlooks
-from lava_ros.ros.forecast_process import ForecastProcess
+from lava_ros.ros.ensemble_forecasts import Ahead, AheadStatus, ForecastRules, Live, Outlooks
 from lava_ros.ros.session import Fork
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import Pace, WorkerState
@@ -49,30 +53,77 @@ _WATCH_TIME = 0.1
 _RETRY_TIMES = (2.0, 60.0)
 
 
-@dataclass(frozen=True)
-class ForecasterStatus:
-    """How the forecaster is doing.
+#: How long the process may take to end by itself [s].
+_END_TIMEOUT = 2.0
 
-    Attributes:
-        count: Forecasts so far.
-        progress: Share of the horizon that the one at hand has reached, None without one.
-        share: Share of the time that they may compute now.
-        error: Why the last try failed, empty when it did not.
+#: Name of an answer of the process, and what it says (``lava_ros.forecast.process``).
+Answer = tuple[str, dict[str, Any]]
+
+
+class ForecastProcess:
+    """``lava_ros.forecast.process`` in a child process that ends with this one.
+
+    What goes to and fro is pickled: nobody else has an end of the connection.
     """
 
-    count: int = 0
-    progress: float | None = None
-    share: float = 0.0
-    error: str = ''
+    def __init__(self) -> None:
+        """Start it."""
+        package = str(Path(lava_ros.__file__).resolve().parents[1])
+        paths = [package, *filter(None, [os.environ.get('PYTHONPATH')])]
+        self._connection, other_end = multiprocessing.Pipe()
+        with other_end:
+            self._child = subprocess.Popen(
+                [sys.executable, '-m', 'lava_ros.forecast.process', str(other_end.fileno())],
+                stdin=subprocess.DEVNULL,
+                # compilers and drivers write where they please
+                stdout=sys.__stderr__,
+                env=os.environ | {'PYTHONPATH': os.pathsep.join(paths)},
+                pass_fds=[other_end.fileno()],
+            )
 
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        return self._child.pid
 
-@dataclass(frozen=True, eq=False)
-class _AtHand:
-    """A fork that is being looked ahead from."""
+    def order(self, name: str, **values: Any) -> None:
+        """Send an order.
 
-    number: int
-    fork: Fork
-    rules: ForecastRules
+        Raises:
+            OSError: It has ended.
+        """
+        self._connection.send((name, values))
+
+    def answer(self, timeout: float) -> Answer | None:
+        """The next answer, None when there is none within a time [s].
+
+        Raises:
+            OSError: It has ended.
+        """
+        try:
+            if not self._connection.poll(timeout):
+                return None
+            answer: Answer = self._connection.recv()
+            return answer
+        except (EOFError, OSError) as error:
+            text = f'the process of the forecasts has ended ({self._ending()})'
+            raise ChildProcessError(text) from error
+
+    def end(self) -> None:
+        """End it, if need be in the middle of a step."""
+        self._connection.close()
+        try:
+            self._child.wait(_END_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            self._child.kill()
+            self._child.wait()
+
+    def _ending(self) -> str:
+        try:
+            status = self._child.wait(_END_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            return 'or no longer answers'
+        return f'killed by signal {-status}' if status < 0 else f'exit status {status}'
 
 
 class Forecaster:
@@ -84,6 +135,8 @@ class Forecaster:
     fork as soon as the one before is complete.
 
     Attributes:
+        status: How it is doing.
+        latest: The newest forecast, None before the first.
         outlooks: The ensembles.
     """
 
@@ -97,11 +150,7 @@ class Forecaster:
     ) -> None:
         """Prepare the thread; ``start`` runs it.
 
-        Args:
-            worker: Has the live simulation.
-            rules: Gives what is asked of the next forecast.
-            on_change: Called in the thread when ``latest`` has, and when the scene has.
-            make_process: Starts the process.
+        ``on_change`` is called in it when ``latest`` has changed, and when the scene has.
         """
         self._worker = worker
         self._rules = rules
@@ -109,8 +158,8 @@ class Forecaster:
         self._make_process = make_process
         self.outlooks = Outlooks()
         self._process: ForecastProcess | None = None
-        self._latest: Live[Forecast] | None = None
-        self._status = ForecasterStatus()
+        self.latest: Live[Forecast] | None = None
+        self.status = AheadStatus()
         self._pace = Pace()
         self._is_wanted = False
         self._failures = 0
@@ -118,20 +167,11 @@ class Forecaster:
         self._told = 0
         self._forked: tuple[int, float] | None = None
         self._changes: int | None = None
-        self._at_hand: _AtHand | None = None
+        # the fork that is being looked ahead from
+        self._at_hand: Fork | None = None
         self._due = self._due_after_change = 0.0
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._run, name='lava forecasts', daemon=True)
-
-    @property
-    def latest(self) -> Live[Forecast] | None:
-        """The newest forecast, None before the first."""
-        return self._latest
-
-    @property
-    def status(self) -> ForecasterStatus:
-        """How the forecaster is doing."""
-        return self._status
 
     def age(self, live: Live[Ahead] | None) -> float:
         """How far the simulation is past a forecast's or an ensemble's start [s], 0 for None."""
@@ -160,14 +200,7 @@ class Forecaster:
         self._is_wanted = is_wanted
 
     def stop(self, timeout: float | None = None) -> bool:
-        """End the thread and the process.
-
-        Args:
-            timeout: How long to wait for it [s].
-
-        Returns:
-            Whether it has ended.
-        """
+        """End the thread and the process; wait for that for a time [s], and say whether it has."""
         self._stopping.set()
         if self._thread.ident is not None:
             self._thread.join(timeout)
@@ -192,7 +225,7 @@ class Forecaster:
             # it takes its time to start: before there is anything to look ahead from
             self._process = self._make_process()
             if self._rules().members:
-                self._process.order({'order': 'prepare'})
+                self._process.order('prepare')
         if is_due and self._at_hand is None and self._is_something_new():
             self._begin()
         if self._process is None:
@@ -202,11 +235,12 @@ class Forecaster:
         self.outlooks.send(
             self._process.order, changes=self._worker.changes, time_scale=rules.time_scale
         )
-        if self._at_hand is not None and self._renew_share(self._at_hand.rules):
-            self._process.order({'order': 'share', 'share': self._status.share})
+        if self._at_hand is not None and self._renew_share(rules):
+            self._process.order('share', share=self.status.share)
         answer = self._process.answer(_WATCH_TIME)
         if answer is not None:
-            self._hear(*answer)
+            name, values = answer
+            self._hear(name, **values)
 
     def _report_changes(self) -> None:
         if self._worker.changes != self._told:
@@ -227,7 +261,7 @@ class Forecaster:
         if not is_outdated or not self._is_busy():
             return
         if self._process is not None:
-            self._process.order({'order': 'cancel'})
+            self._process.order('cancel')
         self._report_changes()
         self._drop('the scene has changed' if self._is_wanted else 'the node is not active')
 
@@ -263,21 +297,22 @@ class Forecaster:
         self._number += 1
         self._renew_share(rules)
         self._put_status(progress=0.0)
-        order = {
-            'order': 'fork',
-            'number': self._number,
-            'horizon': rules.horizon,
-            'threshold': rules.threshold,
-            'device': self._worker.status.device,
-            'max_particles': rules.max_particles,
-            'share': self._status.share,
-            'is_first': self._latest is None or self._latest.changes != fork.changes,
-        } | self.outlooks.order(fork, self._number, rules)
-        self._at_hand = _AtHand(self._number, fork, rules)
+        self._at_hand = fork
         # of another scene nothing is known, which is worse than a forecast that is a second old
         self._due_after_change = begun + FORK_REST * fork.wall_time
         self._due = max(begun + LEAST_PERIOD, self._due_after_change)
-        self._process.order(order, fork.checkpoint.to_bytes())
+        self._process.order('share', share=self.status.share)
+        self._process.order(
+            'fork',
+            number=self._number,
+            checkpoint=fork.checkpoint,
+            horizon=rules.horizon,
+            threshold=rules.threshold,
+            device=self._worker.status.device or None,
+            max_particles=rules.max_particles,
+            is_first=self.latest is None or self.latest.changes != fork.changes,
+            ensemble=self.outlooks.order(fork, self._number, rules),
+        )
 
     def _fork(self) -> Fork | None:
         asked = self._worker.fork()
@@ -294,48 +329,31 @@ class Forecaster:
             return fork
         return None
 
-    def _hear(self, header: dict[str, Any], body: bytes) -> None:
-        if self.outlooks.hear(header, body):
+    def _hear(self, name: str, **values: Any) -> None:
+        if self.outlooks.hear(name, **values):
             self._on_change()
-        at_hand = self._at_hand
-        if at_hand is None or header.get('number') != at_hand.number:
+        fork = self._at_hand
+        if fork is None or values.pop('number', None) != self._number:
             return
-        if header['answer'] == 'refused':
-            raise LavaError('forecast', header['reason'], 'a flow that can be looked ahead')
-        if header['answer'] == 'forecast':
+        if name == 'refused':
+            raise LavaError('forecast', values['reason'], 'a flow that can be looked ahead')
+        if name == 'forecast':
             self._at_hand = None
-            self._take(at_hand.fork, at_hand.rules, header, body)
-            self._put_status(progress=None)
-        elif header['answer'] == 'progress':
-            self._put_status(progress=header['progress'])
+            forecast = Forecast(terrain=fork.checkpoint.scene.terrain, **values)
+            self._failures = 0
+            self.latest = Live(forecast, round(fork.clock * 1e9), fork.changes)
+            self._put_status(progress=None, count=self.status.count + 1, error='')
+            self._on_change()
+        elif name == 'progress':
+            self._put_status(progress=values['progress'])
 
     def _renew_share(self, rules: ForecastRules) -> bool:
         """Follow the live simulation's lag, and say whether that changed anything."""
-        worker, former = self._worker.status, self._status.share
+        worker, former = self._worker.status, self.status.share
         is_running = worker.state is WorkerState.RUNNING
         self._pace.note(is_running and worker.lag > LONGEST_LAG, time.monotonic())
         self._put_status(share=self._pace.share(rules.share, worker.device))
-        return self._status.share != former
-
-    def _take(
-        self, fork: Fork, rules: ForecastRules, header: dict[str, Any], body: bytes
-    ) -> None:
-        arrival, thickness, temperature = wire.unpacked(body, tuple(header['shape']))
-        forecast = Forecast(
-            time=fork.checkpoint.time,
-            horizon=rules.horizon,
-            threshold=rules.threshold,
-            terrain=fork.checkpoint.scene.terrain,
-            arrival=arrival,
-            thickness=thickness,
-            temperature=temperature,
-            duration=header['duration'],
-            particle_count=header['particle_count'],
-        )
-        self._failures = 0
-        self._latest = Live(forecast, round(fork.clock * 1e9), fork.changes)
-        self._put_status(count=self._status.count + 1, error='')
-        self._on_change()
+        return self.status.share != former
 
     def _put_status(self, **changes: Any) -> None:
-        self._status = replace(self._status, **changes)
+        self.status = replace(self.status, **changes)

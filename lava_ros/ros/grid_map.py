@@ -67,14 +67,7 @@ def installed_classes() -> Classes | None:
 def grid_map_message(
     classes: Classes, maps: Mapping[str, np.ndarray], terrain: Terrain, message_header: Header
 ) -> Any:
-    """Make a map.
-
-    Args:
-        classes: The message classes.
-        maps: Values by the name of their layer, shape [rows, columns], row 0 at the smallest y.
-        terrain: Says where the cells are.
-        message_header: The message's header.
-    """
+    """Make a map of values by layer, shape [rows, columns], row 0 at the smallest y."""
     rows, columns = terrain.shape
     info = classes.info()
     info.resolution = terrain.resolution
@@ -105,12 +98,7 @@ def _multi_array(values: np.ndarray) -> Float32MultiArray:
 
 
 def layer_values(message: Any, layer: str, name: str) -> np.ndarray:
-    """Read a layer of a map.
-
-    Args:
-        message: The map.
-        layer: Name of the layer.
-        name: What the message is called in errors.
+    """Read a layer of a map; ``name`` is what errors call the message.
 
     Returns:
         float32, shape [rows, columns], row 0 at the smallest y, column 0 at the smallest x.

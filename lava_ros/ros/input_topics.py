@@ -70,16 +70,9 @@ class InputTopics:
     ) -> None:
         """Subscribe.
 
-        Args:
-            entities: Creates the subscriptions.
-            worker: What the inputs are for.
-            settings: Gives the node's settings.
-            steady: A clock that goes on whatever ``/clock`` does.
-            grid_maps: Classes of grid_map_msgs; None: that package's own, where it is installed.
-            observe: Takes where lava was seen, and the ROS time at which it was [s]; None: nothing
-                does.
-            recorder: Where that goes as well.
-            is_own: Says whether a message on a topic comes from this node.
+        ``steady`` is a clock that goes on whatever ``/clock`` does. ``observe`` takes where lava
+        was seen, and at which ROS time [s]; that goes to the recorder as well. ``is_own`` says
+        whether a message on a topic comes from this node.
         """
         self.log = InputLog()
         self._node = entities.node

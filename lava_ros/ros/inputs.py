@@ -97,13 +97,9 @@ def terrain_from_image(image: Image, info: MapMetaData, settings: Settings) -> T
     if (image.width, image.height) != (info.width, info.height):
         raise _size_mismatch(image, info)
     pixels = image_array(image, 'terrain').astype(np.float64)
-    return Terrain(
-        elevation=pixels * settings.terrain_scale + settings.terrain_offset,
-        resolution=resolution,
-        origin=(info.origin.position.x, info.origin.position.y),
-        epsg=settings.epsg,
-        offset=settings.offset,
-    )
+    elevation = pixels * settings.terrain_scale + settings.terrain_offset
+    origin = info.origin.position
+    return Terrain(elevation, resolution, (origin.x, origin.y), settings.epsg, settings.offset)
 
 
 def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
@@ -143,13 +139,8 @@ def terrain_from_cloud(cloud: PointCloud2, settings: Settings) -> Terrain:
     np.divide(total, count, out=mean, where=count > 0)
     elevation = mean.reshape(height, width)
     _check_elevation(name, elevation, settings)
-    return Terrain(
-        elevation=elevation,
-        resolution=resolution,
-        origin=(float(low[0]), float(low[1])),
-        epsg=settings.epsg,
-        offset=settings.offset,
-    )
+    origin = (float(low[0]), float(low[1]))
+    return Terrain(elevation, resolution, origin, settings.epsg, settings.offset)
 
 
 def terrain_from_grid(message: Any, settings: Settings) -> Terrain:
@@ -170,13 +161,8 @@ def terrain_from_grid(message: Any, settings: Settings) -> Terrain:
     _check_cells(f'{name}.size', elevation.shape[1], elevation.shape[0], settings)
     _check_elevation(name, elevation, settings)
     info, centre = message.info, message.info.pose.position
-    return Terrain(
-        elevation=elevation,
-        resolution=info.resolution,
-        origin=(centre.x - 0.5 * info.length_x, centre.y - 0.5 * info.length_y),
-        epsg=settings.epsg,
-        offset=settings.offset,
-    )
+    origin = (centre.x - 0.5 * info.length_x, centre.y - 0.5 * info.length_y)
+    return Terrain(elevation, info.resolution, origin, settings.epsg, settings.offset)
 
 
 def vents_from_cloud(cloud: PointCloud2, settings: Settings) -> tuple[Vent, ...]:
@@ -227,11 +213,6 @@ def _vent_of_points(name: str, columns: Mapping[str, np.ndarray], rows: Sequence
 def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Vent:
     """Make the vent that a click in a viewer opens; the stamp is the viewer's and plays no part.
 
-    Args:
-        point: The click.
-        settings: The node's settings, which say what else the vent is.
-        name: Its name.
-
     Raises:
         LavaError: The frame or the position is not usable.
     """
@@ -248,11 +229,6 @@ def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Ve
 
 def mask_from_grid(grid: OccupancyGrid, settings: Settings, *, name: str = 'observed') -> Mask:
     """Read where lava was seen: 50 to 100 lava, 0 to 49 none, negative where nobody looked.
-
-    Args:
-        grid: The message.
-        settings: The node's settings.
-        name: What it is called in errors.
 
     Raises:
         LavaError: Frame, size, resolution, origin or data are not usable.
@@ -381,11 +357,8 @@ def _check_pose(name: str, pose: Pose) -> None:
         raise LavaError(f'{name}.position.z', place.z, '0: the elevations carry the height')
     # The negation also catches NaN.
     if not (max(abs(turn.x), abs(turn.y), abs(turn.z)) < 1e-6 and abs(abs(turn.w) - 1.0) < 1e-6):
-        raise LavaError(
-            f'{name}.orientation',
-            (turn.x, turn.y, turn.z, turn.w),
-            '(0, 0, 0, 1): rotated grids are not supported',
-        )
+        right = '(0, 0, 0, 1): rotated grids are not supported'
+        raise LavaError(f'{name}.orientation', (turn.x, turn.y, turn.z, turn.w), right)
 
 
 def _check_bytes(name: str, data: object, settings: Settings) -> None:
@@ -399,11 +372,8 @@ def _check_cells(field: str, width: int, height: int, settings: Settings) -> Non
     if min(width, height) < 2 or max(width, height) > MAX_SIDE_CELLS:
         raise LavaError(field, f'{width} x {height}', f'2 to {MAX_SIDE_CELLS} cells a side')
     if width * height > settings.max_terrain_cells:
-        raise LavaError(
-            field,
-            f'{width} x {height}',
-            f'at most {settings.max_terrain_cells} cells (max_terrain_cells)',
-        )
+        right = f'at most {settings.max_terrain_cells} cells (max_terrain_cells)'
+        raise LavaError(field, f'{width} x {height}', right)
 
 
 def _check_elevation(name: str, elevation: np.ndarray, settings: Settings) -> None:

@@ -39,10 +39,7 @@ Shown = TypeVar('Shown', Snapshot, Forecast, Outlook)
 def published_layers(config: Path, forecast: Path | None, settings: Settings) -> list[Layer]:
     """The layers that the node publishes, those of ensembles only where there are any.
 
-    Args:
-        config: The file of msg_configs/ for the flow of now.
-        forecast: The one for forecasts, None without forecasts.
-        settings: The node's settings.
+    Those of forecasts have a file of their own, None without forecasts.
 
     Raises:
         LavaError: A file or a layer's name is wrong, or the package of a message is missing.
@@ -98,14 +95,7 @@ class LayerPublishers(Generic[Shown]):
     def __init__(
         self, entities: Entities, layers: Sequence[Layer], recorder: Recorder, *, frame_id: str
     ) -> None:
-        """Create a publisher for every layer.
-
-        Args:
-            entities: Creates the publishers.
-            layers: What to publish, by ``published_layers``.
-            recorder: Where the layers that are recorded go.
-            frame_id: Frame of the messages.
-        """
+        """Create a publisher for every layer."""
         self._recorder = recorder
         self._frame_id = frame_id
         self._outputs: list[_Output[Shown]] = [
@@ -150,14 +140,10 @@ class LayerPublishers(Generic[Shown]):
         repeat: bool,
         recorded_ns: int | None = None,
     ) -> None:
-        """Publish a snapshot, a forecast or an outlook on the layers that have not had it.
+        """Publish what is shown on the layers that have not had it.
 
-        Args:
-            snapshot: What to publish.
-            stamp_ns: ROS time of the messages [ns].
-            recorded_ns: ROS time at which the bag has them [ns]; None for the same.
-            also_not_due: Whether layers take it whose time has not come.
-            repeat: Whether layers take it that have had it.
+        Stamps are ROS times [ns], that of the bag the same where there is none. Layers whose time
+        has not come take it too where ``also_not_due``, those that have had it where ``repeat``.
         """
         for output in self._outputs:
             is_new = snapshot is not output.published and (output.is_due or also_not_due)

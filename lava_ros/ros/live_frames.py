@@ -75,11 +75,9 @@ class LiveFrames(Watcher):
     """
 
     def __init__(self, namespace: str = '', domain_id: int | None = None) -> None:
-        """Join the graph.
+        """Join the graph of a domain, None for that of the environment.
 
-        Args:
-            namespace: The namespace of the node's topics, such as ``/etna``.
-            domain_id: The ROS domain, None for that of the environment.
+        The namespace is that of the node's topics, such as ``/etna``.
 
         Raises:
             LavaError: ROS has no such namespace.

@@ -68,18 +68,37 @@ class Observation:
         return self.state == WorkerState.FINISHED.value and self.frame_stamp_ns >= last
 
 
-class Monitor(Watcher):
-    """Listens to ``/diagnostics`` and ``height``, in a ROS context of its own."""
+class DiagnosticsWatch(Watcher):
+    """Keeps the newest of each status, with its stamp [ns]."""
+
+    def __init__(self, name: str, domain_id: int) -> None:
+        """Join the graph of a domain under a name."""
+        super().__init__(name, domain_id)
+        self._statuses: dict[str, tuple[int, DiagnosticStatus]] = {}
+        self._node.create_subscription(
+            DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
+        )
+
+    def values(self, task: str) -> dict[str, str]:
+        """The newest values of a status, with its message and the time of both, by key."""
+        stamp_ns, status = self._statuses.get(f'lava: {task}', (0, DiagnosticStatus()))
+        known = {item.key: item.value for item in status.values}
+        is_error = 'yes' if status.level == DiagnosticStatus.ERROR else ''
+        return known | {'message': status.message, 'stamp_ns': str(stamp_ns), 'error': is_error}
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        stamp_ns = codec.nanoseconds(message.header.stamp)
+        self._statuses |= {status.name: (stamp_ns, status) for status in message.status}
+
+
+class Monitor(DiagnosticsWatch):
+    """Listens to ``/diagnostics`` and ``height``."""
 
     def __init__(self, domain_id: int) -> None:
         """Join the graph of a domain."""
         super().__init__('lava_monitor', domain_id)
-        self._statuses: dict[str, DiagnosticStatus] = {}
         self._frames = 0
         self._frame_stamp_ns = 0
-        self._node.create_subscription(
-            DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
-        )
         self._node.create_subscription(
             OccupancyGrid, 'height', self._on_height, qos.ros_profile(qos.LATCHED)
         )
@@ -87,24 +106,20 @@ class Monitor(Watcher):
     def observe(self, timeout: float) -> Observation:
         """Listen for at most a while [s] and say what is known."""
         self.listen(timeout)
-        simulation = self._statuses.get('lava: simulation', DiagnosticStatus())
-        values = {item.key: item.value for item in simulation.values}
+        values = self.values('simulation')
         return Observation(
             state=values.get('state', ''),
-            message=simulation.message,
+            message=values['message'],
             values=values,
-            refused=self._complaint('lava: inputs'),
-            recorder_error=self._complaint('lava: recorder'),
+            refused=self._complaint('inputs'),
+            recorder_error=self._complaint('recorder'),
             frames=self._frames,
             frame_stamp_ns=self._frame_stamp_ns,
         )
 
-    def _complaint(self, name: str) -> str:
-        status = self._statuses.get(name)
-        return status.message if status is not None and status.level == status.ERROR else ''
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        self._statuses |= {status.name: status for status in message.status}
+    def _complaint(self, task: str) -> str:
+        said = self.values(task)
+        return said['message'] if said['error'] else ''
 
     def _on_height(self, grid: OccupancyGrid) -> None:
         self._frames += 1
@@ -129,8 +144,8 @@ class HeardGrid:
     cells: np.ndarray
 
 
-class ForecastWatch(Watcher):
-    """A node in a ROS context of its own.
+class ForecastWatch(DiagnosticsWatch):
+    """Opens vents, shows an outline, and hears what is forecast.
 
     Attributes:
         arrivals: The newest ``arrival`` that said that lava comes, None before.
@@ -140,7 +155,6 @@ class ForecastWatch(Watcher):
     def __init__(self, domain_id: int) -> None:
         """Join the graph of a domain."""
         super().__init__('lava_forecast_watch', domain_id)
-        self._statuses: dict[str, tuple[int, DiagnosticStatus]] = {}
         self.arrivals: list[HeardGrid] = []
         self.probabilities: list[HeardGrid] = []
         latched = qos.ros_profile(qos.LATCHED)
@@ -156,22 +170,12 @@ class ForecastWatch(Watcher):
                 lambda grid, heard=heard: heard.append(_heard(grid)),
                 latched,
             )
-        self._node.create_subscription(
-            DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
-        )
 
     @property
     def is_heard(self) -> bool:
         """Whether a node hears what is published here."""
         publishers = self._vents, self._outline
         return all(publisher.get_subscription_count() for publisher in publishers)
-
-    def values(self, task: str) -> dict[str, str]:
-        """The newest values of a status, with its message and the time of both, by key."""
-        stamp_ns, status = self._statuses.get(f'lava: {task}', (0, DiagnosticStatus()))
-        known = {item.key: item.value for item in status.values}
-        is_error = 'yes' if status.level == DiagnosticStatus.ERROR else ''
-        return known | {'message': status.message, 'stamp_ns': str(stamp_ns), 'error': is_error}
 
     def open_vents(self, vents: Sequence[Vent], terrain: Terrain) -> float:
         """Publish vents, and return when that was on the monotonic clock [s]."""
@@ -183,12 +187,9 @@ class ForecastWatch(Watcher):
         return time.monotonic()
 
     def show_outline(self, lava: np.ndarray, terrain: Terrain, stamp_ns: int) -> float:
-        """Publish where lava was seen at a ROS time [ns], and return when that was published [s].
+        """Publish where lava was seen at a ROS time [ns]; return when that was published [s].
 
-        Args:
-            lava: Where there was lava, bool, shape [rows, columns]; somebody looked everywhere.
-            terrain: The ground.
-            stamp_ns: When it was seen [ns].
+        ``lava`` is bool, shape [rows, columns]; somebody looked everywhere.
         """
         info = codec.map_metadata(terrain, stamp_ns)
         cells = np.where(lava, 100, 0).astype(np.int8)
@@ -197,10 +198,6 @@ class ForecastWatch(Watcher):
 
     def _now_ns(self) -> int:
         return int(self._node.get_clock().now().nanoseconds)
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        stamp_ns = codec.nanoseconds(message.header.stamp)
-        self._statuses |= {status.name: (stamp_ns, status) for status in message.status}
 
 
 def _heard(grid: OccupancyGrid) -> HeardGrid:

@@ -37,10 +37,8 @@ from lava_ros.errors import LavaError
 from lava_ros.ros import parameters, qos
 from lava_ros.ros.active_node import Operation
 from lava_ros.ros.entities import Entities
-from lava_ros.ros.session import SimulationLike
 from lava_ros.ros.sources import adopted, load_sources, Sources
 from lava_ros.ros.spinning import spin
-from lava_ros.scene import Scene
 
 # The parameters that are there before the node is configured; those of lava follow a scene.
 _DECLARED = parameters.SOURCES + parameters.PARAMETERS
@@ -62,23 +60,13 @@ class LavaNode(LifecycleNode):
         refusal: Why a transition went wrong the last time that one did.
     """
 
-    def __init__(
-        self,
-        *,
-        make_simulation: Callable[[Scene], SimulationLike] | None = None,
-        **options: Any,
-    ) -> None:
+    def __init__(self, **options: Any) -> None:
         """Declare what has to be known before the node is configured.
-
-        Args:
-            make_simulation: Makes simulations in place of the parameters' own.
-            options: Passed on to ``rclpy.lifecycle.LifecycleNode``.
 
         Raises:
             ParameterException: A parameter has the wrong type.
         """
         super().__init__('lava', **options)
-        self._make_simulation = make_simulation
         self._operation: Operation | None = None
         self._values: dict[str, Any] = {}
         self._constants: Mapping[str, Any] | None = None
@@ -189,12 +177,7 @@ class LavaNode(LifecycleNode):
         entities = Entities(self)
         try:
             self._operation = Operation(
-                self,
-                settings,
-                lambda: self._values,
-                sources,
-                entities=entities,
-                make_simulation=self._make_simulation,
+                self, settings, lambda: self._values, sources, entities=entities
             )
         except Exception:
             entities.destroy()

@@ -32,24 +32,14 @@ class NodeLog:
     """Logs scene, simulation and recorder when they have changed."""
 
     def __init__(self, logger: Any) -> None:
-        """Start with nothing logged.
-
-        Args:
-            logger: The node's logger.
-        """
+        """Start with nothing logged."""
         self._logger = logger
         self._told: dict[str, object] = {'state': WorkerState.WAITING}
 
     def scene(
         self, scene: Scene, snapshot: Snapshot | None, effects: Mapping[str, str]
     ) -> None:
-        """Say what terrain, vents and effects there are.
-
-        Args:
-            scene: The scene in use.
-            snapshot: The newest snapshot, for the discharge.
-            effects: The table of effects (``session.effect_table``).
-        """
+        """Say what terrain, vents and effects there are at the time of the newest snapshot."""
         terrain, vents = scene.terrain, scene.vents
         self._tell('terrain', terrain, lambda: _terrain_text(terrain))
         # not the discharge: that of a feed changes all the time
@@ -66,14 +56,7 @@ class NodeLog:
     def worker(
         self, worker: WorkerStatus, resolution: Resolution | None, clock: str, *, is_paused: bool
     ) -> None:
-        """Say what the simulation does.
-
-        Args:
-            worker: What its worker says.
-            resolution: How many particles lie across the flow, None before there is one.
-            clock: What is wrong with the clock that it follows, empty when nothing is.
-            is_paused: Whether a user has paused it.
-        """
+        """Say what the simulation does, and what is wrong with its clock, if anything."""
         state = worker.state
         text = f'simulation {state.value}'
         if state is WorkerState.FAILED:

@@ -15,28 +15,61 @@
 """Maps of an ensemble, and snapshots, that no node published, as bags."""
 
 from collections.abc import Iterable, Mapping
+from contextlib import closing
 from pathlib import Path
 import shutil
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 import yaml
 
 import lava_ros
-from lava_ros.bag import BagWriter, LATCHED
+from lava_ros.bag import BagWriter, LATCHED, QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
 from lava_ros.forecast.members import Plan
-from lava_ros.maps.forecast import HazardMaps, occupancy
+from lava_ros.maps.forecast import HazardMaps, Outlook
 from lava_ros.maps.layer_files import load_layers
-from lava_ros.maps.layers import ARRIVED, IMAGE, OCCUPANCY_GRID
-from lava_ros.ros import codec, outputs, qos
+from lava_ros.maps.layers import ARRIVED, Layer
+from lava_ros.ros import codec, diagnostics, outputs
 from lava_ros.scene import Scene, scene_to_dict, Terrain
 from lava_ros.simulation.snapshot import Snapshot
 
-#: Namespace of the topics.
+#: Namespace of the topics of an ensemble.
 NAMESPACE = '/lava'
+
+#: ROS time of simulated time 0 [ns]: 2001-09-09T01:46:40Z, a round number that is a real time.
+START_NS = 1_000_000_000 * 10**9
+
+_NS = 1e9
+
+_FRAME = 'map'
+
+
+class _Bag(BagWriter):
+    """A bag of messages."""
+
+    def __init__(self, path: Path, namespace: str, scene: Scene, data: Mapping[str, str]) -> None:
+        described = {'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False), **data}
+        super().__init__(path, custom_data=described)
+        self._namespace = namespace
+
+    def put(self, topic: str, message: Any, stamp_ns: int, qos: QosProfile = LATCHED) -> None:
+        name, data = f'{self._namespace}/{topic}', codec.serialise(message)
+        self.write(name, codec.type_name(type(message)), data, stamp_ns, qos=qos)
+
+    def put_terrain(self, terrain: Terrain, stamp_ns: int) -> None:
+        messages = outputs.terrain_messages(terrain, frame_id=_FRAME, stamp_ns=stamp_ns)
+        for topic, message in zip(outputs.TERRAIN_TOPICS, messages, strict=True):
+            self.put(topic, message, stamp_ns)
+
+    def put_vents(self, rows: Any, terrain: Terrain, stamp_ns: int) -> None:
+        cloud = outputs.vents_message(rows, terrain, frame_id=_FRAME, stamp_ns=stamp_ns)
+        self.put('vents', cloud, stamp_ns)
+
+    def put_layer(self, layer: Layer, shown: Snapshot | Outlook, stamp_ns: int) -> None:
+        message = outputs.layer_message(layer, shown, frame_id=_FRAME, stamp_ns=stamp_ns)
+        self.put(layer.topic, message, stamp_ns, layer.qos)
 
 
 def write_atlas_bag(
@@ -46,61 +79,43 @@ def write_atlas_bag(
     *,
     stamp_ns: int,
     custom_data: Mapping[str, str],
-    frame_id: str = 'map',
 ) -> None:
-    """Write terrain, vents and maps; a bag of this name that is there is replaced.
+    """Write terrain, vents and what a node publishes of an ensemble; a bag there is replaced.
 
     Args:
         directory: The bag.
         maps: The maps.
         plan: What they are of.
-        stamp_ns: Time of all messages [ns].
+        stamp_ns: Time of all messages, from which on the maps look ahead [ns].
         custom_data: What describes the bag, beside its scene.
-        frame_id: Frame of the messages.
 
     Raises:
         LavaError: The bag cannot be written.
     """
-    description = {
-        'scene': yaml.safe_dump(scene_to_dict(plan.scene), sort_keys=False),
-        'version': lava_ros.__version__,
-        **custom_data,
-    }
+    terrain = plan.scene.terrain
+    shown = Outlook(
+        time=0.0,
+        horizon=plan.horizon,
+        threshold=plan.threshold,
+        terrain=terrain,
+        maps=maps,
+        asked=maps.members,
+        is_done=True,
+        outlines=0,
+        duration=0.0,
+    )
+    data = {'version': lava_ros.__version__, **custom_data}
     try:
         if directory.exists():
             shutil.rmtree(directory)
-        with BagWriter(directory, custom_data=description) as bag:
-            for name, (message_type, message) in _messages(maps, plan, frame_id, stamp_ns).items():
-                data = codec.serialise(message)
-                bag.write(f'{NAMESPACE}/{name}', message_type, data, stamp_ns, qos=LATCHED)
+        with closing(_Bag(directory, NAMESPACE, plan.scene, data)) as bag:
+            bag.put_terrain(terrain, stamp_ns)
+            bag.put_vents(outputs.vent_rows(plan.scene.vents, 0.0), terrain, stamp_ns)
+            for layer in load_layers(share_path('msg_configs/forecast.yaml')):
+                if layer.is_ensemble:
+                    bag.put_layer(layer, shown, stamp_ns)
     except OSError as error:
         raise LavaError('bag', str(directory), f'a bag that can be written ({error})') from error
-
-
-def _messages(
-    maps: HazardMaps, plan: Plan, frame_id: str, stamp_ns: int
-) -> dict[str, tuple[str, Any]]:
-    """Messages and their types by topic."""
-    terrain = plan.scene.terrain
-    image, info = outputs.terrain_messages(terrain, frame_id=frame_id, stamp_ns=stamp_ns)
-    vents = outputs.vents_message(
-        outputs.vent_rows(plan.scene.vents, 0.0), terrain, frame_id=frame_id, stamp_ns=stamp_ns
-    )
-    return {
-        'terrain': (IMAGE, image),
-        'terrain_info': ('nav_msgs/msg/MapMetaData', info),
-        'vents': ('sensor_msgs/msg/PointCloud2', vents),
-        **probability_messages(maps, terrain, frame_id=frame_id, stamp_ns=stamp_ns),
-    }
-
-
-#: ROS time of simulated time 0 [ns]: 2001-09-09T01:46:40Z, a round number that is a real time.
-START_NS = 1_000_000_000 * 10**9
-
-_NS = 1e9
-
-#: How layers become messages.
-_LAYERS = 'msg_configs/default.yaml'
 
 
 def write_snapshots(
@@ -124,99 +139,26 @@ def write_snapshots(
         LavaError: The bag exists or cannot be created.
         OSError: The bag cannot be written.
     """
-    layers = [layer for layer in load_layers(share_path(_LAYERS)) if layer.enabled]
-    data = {
-        'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False),
-        'msg_config': share_path(_LAYERS).read_text(encoding='utf-8'),
-        'frame_id': 'map',
-        **custom_data,
-    }
-    with BagWriter(directory, custom_data=data) as writer:
-
-        def write(topic: str, message_type: str, message: Any, stamp_ns: int) -> None:
-            profile = qos.LATCHED
-            writer.write(
-                f'/{topic}', message_type, codec.serialise(message), stamp_ns, qos=profile
-            )
-
-        def ground(terrain: Terrain, stamp_ns: int) -> None:
-            image, info = outputs.terrain_messages(terrain, frame_id='map', stamp_ns=stamp_ns)
-            write('terrain', 'sensor_msgs/msg/Image', image, stamp_ns)
-            write('terrain_info', 'nav_msgs/msg/MapMetaData', info, stamp_ns)
-
-        ground(scene.terrain, START_NS)
+    config = share_path('msg_configs/default.yaml')
+    layers = [layer for layer in load_layers(config) if layer.enabled]
+    data = {'msg_config': config.read_text(encoding='utf-8'), 'frame_id': _FRAME, **custom_data}
+    with closing(_Bag(directory, '', scene, data)) as bag:
+        bag.put_terrain(scene.terrain, START_NS)
         later = list(terrains)
         rows: Any = None
         for snapshot in snapshots:
             stamp = START_NS + round(snapshot.time * _NS)
             while later and later[0][0] <= snapshot.time:
                 time, terrain = later.pop(0)
-                ground(terrain, START_NS + round(time * _NS))
+                bag.put_terrain(terrain, START_NS + round(time * _NS))
             now = outputs.vent_rows(scene.vents, snapshot.time)
             if now != rows:
-                cloud = outputs.vents_message(now, scene.terrain, frame_id='map', stamp_ns=stamp)
-                write('vents', 'sensor_msgs/msg/PointCloud2', cloud, stamp)
+                bag.put_vents(now, scene.terrain, stamp)
                 rows = now
             for layer in layers:
-                if layer.source == ARRIVED and snapshot.arrived is None:
-                    continue
-                message = outputs.layer_message(layer, snapshot, frame_id='map', stamp_ns=stamp)
-                profile = layer.qos
-                body = codec.serialise(message)
-                writer.write(f'/{layer.topic}', layer.message, body, stamp, qos=profile)
-            told = _told(snapshot, stamp)
-            write('diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', told, stamp)
-
-
-def _told(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
-    """What a node says about its newest maps."""
-    steps = snapshot.steps
-    values = {
-        'simulated_time_s': repr(snapshot.time),
-        'frame_stamp_ns': str(stamp_ns),
-        **snapshot.budget.texts(),
-        'particles': str(snapshot.particle_count),
-        'steps': str(steps.count),
-        'step_s': f'{steps.length:.6g}',
-        'step_limit': steps.limit,
-    }
-    status = DiagnosticStatus(
-        name='lava: simulation',
-        message='finished',
-        values=[KeyValue(key=key, value=value) for key, value in values.items()],
-    )
-    return DiagnosticArray(header=codec.header('', stamp_ns), status=[status])
-
-
-#: Arrival where nothing is known.
-UNKNOWN = -1.0
-
-
-def probability_messages(
-    maps: HazardMaps, terrain: Terrain, *, frame_id: str, stamp_ns: int
-) -> dict[str, tuple[str, Any]]:
-    """Make the messages of an ensemble.
-
-    Args:
-        maps: The maps.
-        terrain: The ground they belong to.
-        frame_id: Frame of the messages.
-        stamp_ns: Time from which on the maps look ahead [ns].
-
-    Returns:
-        Type and message by relative topic: ``inundation_probability`` as an occupancy grid, and as
-        32FC1 images ``expected_thickness`` [m] and ``arrival_time_p10``, ``_p50``, ``_p90``: the
-        time [s] by which so many per cent of the members had lava, NaN where fewer had any and -1
-        where nothing is known, as in ``arrival_time``.
-    """
-    header, info = codec.header(frame_id, stamp_ns), codec.map_metadata(terrain, stamp_ns)
-    grid = codec.occupancy_grid(occupancy(maps.probability), info, header)
-    messages: dict[str, tuple[str, Any]] = {
-        'inundation_probability': (OCCUPANCY_GRID, grid),
-        'expected_thickness': (IMAGE, codec.float_image(maps.thickness, header)),
-    }
-    for share, values in maps.arrival.items():
-        name = f'arrival_time_p{round(100 * share)}'
-        times = np.where(terrain.has_data, values, np.float32(UNKNOWN))
-        messages[name] = (IMAGE, codec.float_image(times, header))
-    return messages
+                if layer.source != ARRIVED or snapshot.arrived is not None:
+                    bag.put_layer(layer, snapshot, stamp)
+            values = diagnostics.snapshot_values(snapshot, stamp)
+            told = diagnostics.status('lava: simulation', DiagnosticStatus.OK, 'finished', values)
+            message = DiagnosticArray(header=codec.header('', stamp), status=[told])
+            bag.put('diagnostics', message, stamp)

@@ -29,7 +29,9 @@ from lava_ros.ros import codec, grid_map
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.snapshot import Snapshot
 
-#: Class of each message type a layer can have.
+#: The topics that stand for a terrain, in the order of ``terrain_messages``.
+TERRAIN_TOPICS = ('terrain', 'terrain_info')
+
 #: Messages of layers that every ROS installation has.
 MESSAGE_CLASSES = {OCCUPANCY_GRID: OccupancyGrid, IMAGE: Image, POINT_CLOUD: PointCloud2}
 
@@ -44,12 +46,9 @@ def message_class(layer: Layer) -> Any:
         return MESSAGE_CLASSES[layer.message]
     classes = grid_map.installed_classes()
     if classes is None:
-        raise LavaError(
-            f'layers.{layer.name}.message',
-            layer.message,
-            'a message whose package is installed: install ros-jazzy-grid-map-msgs, '
-            f"or switch the layer off (layers_off: ['{layer.name}'])",
-        )
+        right = 'a message whose package is installed: install ros-jazzy-grid-map-msgs, '
+        right += f"or switch the layer off (layers_off: ['{layer.name}'])"
+        raise LavaError(f'layers.{layer.name}.message', layer.message, right)
     return classes.map
 
 

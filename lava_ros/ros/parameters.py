@@ -344,11 +344,7 @@ PARAMETERS = tuple(
 
 
 def constant_parameters(constants: Mapping[str, Any]) -> tuple[ParameterSpec, ...]:
-    """The parameters of surroundings and lava, ``lava.*``.
-
-    Args:
-        constants: What a scene says of them (``scene.constants_of``): the defaults.
-    """
+    """The parameters of surroundings and lava, ``lava.*``, with a scene's as defaults."""
     lava = constants['lava']
     declared = [
         (item, item.name, constants[item.name])

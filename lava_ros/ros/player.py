@@ -29,23 +29,16 @@ from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import (
-    DurabilityPolicy,
-    HistoryPolicy,
-    LivelinessPolicy,
-    QoSProfile,
-    ReliabilityPolicy,
-)
 from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 from lava_ros import validation
 from lava_ros.bag import replay
-from lava_ros.bag.qos import INFINITE_NS, QosProfile
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.replay import Transport
 from lava_ros.errors import LavaError
 from lava_ros.ros.codec import time_message
+from lava_ros.ros.qos import ros_profile
 
 CLOCK_TOPIC = '/clock'
 
@@ -71,11 +64,6 @@ class Player:
         Topics of other types are left out with a warning; so is a recorded /clock when the
         player publishes its own.
 
-        Args:
-            node: Node to publish from. It need not be spun.
-            bag: The bag.
-            clock: Whether to publish the bag's time on /clock.
-
         Raises:
             LavaError: No topic is left.
         """
@@ -93,22 +81,14 @@ class Player:
                 node.get_logger().warning(f'{topic.name} is left out: {error}')
                 continue
             self._publishers[topic.name] = node.create_publisher(
-                kind, topic.name, to_rclpy(topic.qos)
+                kind, topic.name, ros_profile(topic.qos)
             )
         if not self._publishers:
             raise LavaError('bag', str(bag.path), 'a topic whose message type is installed')
         self.published = 0
 
     def wait_for_subscribers(self, timeout: float, stop: threading.Event) -> bool:
-        """Wait until every topic has a subscriber.
-
-        Args:
-            timeout: Longest time to wait [s].
-            stop: Ends the wait when set.
-
-        Returns:
-            Whether every topic has one.
-        """
+        """Wait up to a time [s] until every topic has a subscriber, and say whether it has."""
         deadline = time.monotonic() + timeout
         while not stop.is_set():
             missing = [
@@ -190,33 +170,12 @@ class Player:
 
 
 def play(
-    bag: BagReader,
-    *,
-    rate: float = 1.0,
-    loop: bool = False,
-    start_offset: float = 0.0,
-    clock: bool = True,
-    wait_for_subscribers: float = 0.0,
-    on_step: OnStep | None = None,
-    transport: Transport | None = None,
+    bag: BagReader, *, clock: bool = True, wait_for_subscribers: float = 0.0, **how: Any
 ) -> int:
-    """Replay a bag in this process until its end, SIGINT or SIGTERM.
+    """Replay a bag in this process until its end, SIGINT or SIGTERM, as ``Player.run``.
 
-    Call it from the main thread. It has a ROS context of its own.
-
-    Args:
-        bag: The bag.
-        rate: Bag time that passes in a second of wall time [s/s].
-        loop: Whether to start over at the end, for ever.
-        start_offset: Where to start, from the bag's first message [s of bag time].
-        clock: Whether to publish the bag's time on /clock.
-        wait_for_subscribers: Longest time to wait until every topic has a subscriber [s]; the
-            replay starts then in any case.
-        on_step: Called after every message and clock tick.
-        transport: Holds, quickens and moves the replay; None lets it run.
-
-    Returns:
-        How many messages were published.
+    Call it from the main thread. It has a ROS context of its own. It waits for subscribers of
+    every topic for at most a time [s], and returns how many messages were published.
 
     Raises:
         LavaError: An argument is out of range, or the bag is empty or damaged.
@@ -227,22 +186,12 @@ def play(
         player = Player(node, bag, clock=clock)
         if wait > 0.0:
             player.wait_for_subscribers(wait, stop)
-        player.run(
-            stop,
-            rate=rate,
-            loop=loop,
-            start_offset=start_offset,
-            on_step=on_step,
-            transport=transport,
-        )
+        player.run(stop, **how)
         return player.published
 
 
 def message_class(message_type: str) -> type[Any]:
-    """Import the class of a message type.
-
-    Args:
-        message_type: Name such as ``nav_msgs/msg/OccupancyGrid``.
+    """Import the class of a message type such as ``nav_msgs/msg/OccupancyGrid``.
 
     Raises:
         LavaError: The type is not installed.
@@ -257,29 +206,6 @@ def message_class(message_type: str) -> type[Any]:
         raise LavaError(
             'message_type', message_type, f'a type that is installed here ({error})'
         ) from error
-
-
-def to_rclpy(profile: QosProfile) -> QoSProfile:
-    """The profile as rclpy has it; what a bag does not know becomes rmw's default."""
-    durations = {
-        name: Duration(nanoseconds=value)
-        for name in ('deadline', 'lifespan', 'liveliness_lease_duration')
-        if 0 < (value := getattr(profile, name)) < INFINITE_NS
-    }
-    return QoSProfile(
-        history=HistoryPolicy.get_from_short_key(profile.history),
-        depth=profile.depth,
-        reliability=_policy(ReliabilityPolicy, profile.reliability, 'reliable'),
-        durability=_policy(DurabilityPolicy, profile.durability, 'volatile'),
-        liveliness=_policy(LivelinessPolicy, profile.liveliness, 'automatic'),
-        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
-        **durations,
-    )
-
-
-def _policy(kind: Any, word: str, default: str) -> Any:
-    usable = word in kind.short_keys() and word not in ('unknown', 'best_available')
-    return kind.get_from_short_key(word if usable else default)
 
 
 @contextmanager

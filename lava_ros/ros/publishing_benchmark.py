@@ -83,15 +83,7 @@ def measure(
     repetitions: int = 5,
     on_progress: Callable[[str, float], None] = lambda what, share: None,
 ) -> Iterator[Row]:
-    """Time steps with and without grids, and weigh much lava on a large map.
-
-    Args:
-        device: Warp device.
-        command: What the rows say made them.
-        particles: Particles that are stepped, by the device when left out.
-        repetitions: How many times each is measured.
-        on_progress: Told what begins, and the share of the work that is done.
-    """
+    """Time steps with and without grids, and weigh much lava on a large map."""
     kind = 'cuda' if wp.get_device(device).is_cuda else 'cpu'
     row = partial(row_of, device=device, command=command)
 
@@ -134,7 +126,8 @@ class Stepping:
         self._shown = threading.Event()
         self._times: list[float] = []
         field = lava_field(particles, effect_sets()[EFFECTS], device, cells=cells)
-        self._watched = _Watched(field)
+        # it has all that a simulation has
+        self._watched: Any = _Watched(field)
         self.particles = self._watched.particle_count
         self._worker = SimulationWorker(
             lambda scene: self._watched,

@@ -15,11 +15,19 @@
 """Quality of service of the node's topics, for rclpy and for bags."""
 
 import os
+from typing import Any
 
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.duration import Duration
+from rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    LivelinessPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
 
+from lava_ros.bag.qos import INFINITE_NS, QosProfile
 from lava_ros.bag.qos import LATCHED as LATCHED
-from lava_ros.bag.qos import QosProfile
 
 #: Messages from people and viewers: none may be lost, none waits for latecomers.
 COMMANDS = QosProfile()
@@ -27,13 +35,27 @@ COMMANDS = QosProfile()
 DIAGNOSTICS = QosProfile()
 
 
-def ros_profile(qos: QosProfile) -> QoSProfile:
-    """Return the profile for publishers and subscriptions."""
+def ros_profile(profile: QosProfile) -> QoSProfile:
+    """The profile as rclpy has it; what a bag does not know becomes rmw's default."""
+    durations = {
+        name: Duration(nanoseconds=value)
+        for name in ('deadline', 'lifespan', 'liveliness_lease_duration')
+        if 0 < (value := getattr(profile, name)) < INFINITE_NS
+    }
     return QoSProfile(
-        depth=qos.depth,
-        reliability=ReliabilityPolicy.get_from_short_key(qos.reliability),
-        durability=DurabilityPolicy.get_from_short_key(qos.durability),
+        history=HistoryPolicy.get_from_short_key(profile.history),
+        depth=profile.depth,
+        reliability=_policy(ReliabilityPolicy, profile.reliability, 'reliable'),
+        durability=_policy(DurabilityPolicy, profile.durability, 'volatile'),
+        liveliness=_policy(LivelinessPolicy, profile.liveliness, 'automatic'),
+        avoid_ros_namespace_conventions=profile.avoid_ros_namespace_conventions,
+        **durations,
     )
+
+
+def _policy(kind: Any, word: str, default: str) -> Any:
+    usable = word in kind.short_keys() and word not in ('unknown', 'best_available')
+    return kind.get_from_short_key(word if usable else default)
 
 
 def terrain_profile(*, transient_local: bool) -> QoSProfile:

@@ -15,11 +15,12 @@
 """Writes what the node sends into a bag: the bytes on the wire are the bytes in the bag."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, count
 import os
 from pathlib import Path
 import time
+from typing import Any
 
 from lava_ros.bag import BagWriter, QosProfile
 from lava_ros.errors import LavaError
@@ -37,11 +38,11 @@ class RecorderStatus:
         error: What stopped the last recording, empty when nothing did.
     """
 
-    state: str
-    directory: str
-    files: int
-    messages: int
-    error: str
+    state: str = 'off'
+    directory: str = ''
+    files: int = 0
+    messages: int = 0
+    error: str = ''
 
 
 class Recorder:
@@ -49,27 +50,17 @@ class Recorder:
 
     ``arm`` chooses the bag; ``begin`` opens it once there is a scene to describe. A bag that
     cannot be written is closed and reported in ``status``; the node goes on without it.
+
+    Attributes:
+        status: How it is doing.
     """
 
     def __init__(self) -> None:
         """Start without a bag."""
-        self._directory: Path | None = None
         self._place = Path()
-        self._is_armed = False
+        self._limits: dict[str, Any] = {}
         self._writer: BagWriter | None = None
-        self._files = self._messages = 0
-        self._max_size, self._max_duration = 0, 0.0
-        self._error = ''
-
-    @property
-    def status(self) -> RecorderStatus:
-        """How the recorder is doing."""
-        state = 'armed' if self._is_armed else 'off'
-        if self._writer is not None:
-            state = 'recording'
-        return RecorderStatus(
-            state, str(self._directory or ''), self._files, self._messages, self._error
-        )
+        self.status = RecorderStatus()
 
     @property
     def size(self) -> int:
@@ -79,7 +70,7 @@ class Recorder:
     @property
     def is_armed(self) -> bool:
         """Whether a bag is chosen and not yet open."""
-        return self._is_armed
+        return self.status.state == 'armed'
 
     @property
     def is_recording(self) -> bool:
@@ -97,33 +88,23 @@ class Recorder:
         Raises:
             LavaError: A recording is under way, or the folder exists.
         """
-        if self._is_armed or self.is_recording:
-            raise LavaError('record', str(self._directory), 'one recording at a time')
+        if self.is_armed or self.is_recording:
+            raise LavaError('record', self.status.directory, 'one recording at a time')
         self._place = _new_place(directory)
-        self._directory, self._is_armed = directory, True
-        self._max_size, self._max_duration = max_size, max_duration
-        self._files, self._messages, self._error = 0, 0, ''
+        self._limits = {'max_size': max_size, 'max_duration': max_duration}
+        self.status = RecorderStatus('armed', str(directory))
 
     def begin(self, custom_data: Mapping[str, str]) -> None:
-        """Open the bag that was chosen.
-
-        Args:
-            custom_data: What describes the recording.
-        """
-        assert self._directory is not None
-        self._is_armed = False
+        """Open the bag that was chosen, with what describes it."""
+        directory = self.status.directory
+        self._put(state='off')
         try:
-            if self._directory.resolve() != self._place:
+            if Path(directory).resolve() != self._place:
                 raise OSError('a link has come into its path')
-            self._writer = BagWriter(
-                self._place,
-                custom_data=custom_data,
-                max_size=self._max_size,
-                max_duration=self._max_duration,
-            )
-            self._files = 1
+            self._writer = BagWriter(self._place, custom_data=custom_data, **self._limits)
+            self._put(state='recording', files=1)
         except (OSError, LavaError) as error:
-            self._error = f'cannot record to {self._directory}: {error}'
+            self._put(error=f'cannot record to {directory}: {error}')
 
     def describe(self, custom_data: Mapping[str, str]) -> None:
         """Replace what describes the recording, when a bag is open."""
@@ -151,22 +132,25 @@ class Recorder:
             return
         try:
             action(self._writer)
-            self._files, self._messages = self._writer.file_count, self._writer.message_count
+            self._put(files=self._writer.file_count, messages=self._writer.message_count)
         except (OSError, LavaError) as error:
-            reason = f'recording to {self._directory} stopped: {error}'
+            reason = f'recording to {self.status.directory} stopped: {error}'
             self.stop()
-            self._error = reason
+            self._put(error=reason)
 
     def stop(self) -> None:
         """Finish the bag; does nothing without one."""
-        self._is_armed = False
         writer, self._writer = self._writer, None
+        self._put(state='off')
         if writer is None:
             return
         try:
             writer.close()
         except OSError as error:
-            self._error = f'cannot finish {self._directory}: {error}'
+            self._put(error=f'cannot finish {self.status.directory}: {error}')
+
+    def _put(self, **changes: Any) -> None:
+        self.status = replace(self.status, **changes)
 
 
 def _new_place(directory: Path) -> Path:
@@ -249,20 +233,13 @@ class SaveAllowance:
     """Counts saves and what they have written, and refuses those that are too many."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Start with all of it.
-
-        Args:
-            clock: Wall time [s].
-        """
+        """Start with all of it; the clock tells wall time [s]."""
         self._clock = clock
         self._left, self._counted = float(SAVES), clock()
         self._written = 0
 
     def take(self, most: int) -> None:
-        """Count a save that is about to be made.
-
-        Args:
-            most: Most data that all of them may write [bytes].
+        """Count a save that is about to be made; all may write so much [bytes].
 
         Raises:
             LavaError: They have written that much, or it comes too soon.

@@ -58,16 +58,7 @@ class SceneRecording:
         parameters: Callable[[], Mapping[str, Any]],
         forecast_config: str = '',
     ) -> None:
-        """Write nothing yet.
-
-        Args:
-            node: The node whose names the topics have.
-            recorder: The bag.
-            frame_id: Frame of the messages.
-            msg_config: Text of the file that says how layers become messages.
-            parameters: Gives the node's parameters by name.
-            forecast_config: That for the layers of forecasts, empty without forecasts.
-        """
+        """Write nothing yet; the configs are the texts of the files that describe layers."""
         self._node = node
         self._recorder = recorder
         self._frame_id = frame_id
@@ -84,13 +75,7 @@ class SceneRecording:
         self._history: list[dict[str, Any]] = []
 
     def write(self, eruption: Eruption, snapshot: Snapshot, stamp_ns: int) -> None:
-        """Write what has changed since the last time.
-
-        Args:
-            eruption: The scene in use, and what is known of its simulation.
-            snapshot: The snapshot about to be published.
-            stamp_ns: Its ROS time [ns].
-        """
+        """Write what has changed since the last time, at a ROS time [ns]."""
         scene, effects = eruption.scene, eruption.effects
         if scene is None:
             return
@@ -108,11 +93,11 @@ class SceneRecording:
         if self._is_to_repeat(snapshot.terrain, stamp_ns):
             self._terrain = self._vents = None
         if snapshot.terrain is not self._terrain:
-            image, info = outputs.terrain_messages(
+            messages = outputs.terrain_messages(
                 snapshot.terrain, frame_id=self._frame_id, stamp_ns=stamp_ns
             )
-            self._write('terrain', 'sensor_msgs/msg/Image', image, stamp_ns)
-            self._write('terrain_info', 'nav_msgs/msg/MapMetaData', info, stamp_ns)
+            for topic, message in zip(outputs.TERRAIN_TOPICS, messages, strict=True):
+                self._write(topic, message, stamp_ns)
             self._terrain = snapshot.terrain
             self._told_ns, self._told_size = stamp_ns, self._recorder.size
         rows = outputs.vent_rows(scene.vents, snapshot.time)
@@ -120,7 +105,7 @@ class SceneRecording:
             cloud = outputs.vents_message(
                 rows, scene.terrain, frame_id=self._frame_id, stamp_ns=stamp_ns
             )
-            self._write('vents', 'sensor_msgs/msg/PointCloud2', cloud, stamp_ns)
+            self._write('vents', cloud, stamp_ns)
             self._vents = rows
 
     def _is_to_repeat(self, terrain: Terrain, stamp_ns: int) -> bool:
@@ -148,10 +133,10 @@ class SceneRecording:
             self._history.append(entry)
         return bool(changed)
 
-    def _write(self, topic: str, message_type: str, message: Any, stamp_ns: int) -> None:
+    def _write(self, topic: str, message: Any, stamp_ns: int) -> None:
         self._recorder.write(
             self._node.resolve_topic_name(topic),
-            message_type,
+            codec.type_name(type(message)),
             codec.serialise(message),
             stamp_ns,
             qos=qos.LATCHED,
@@ -196,6 +181,9 @@ class CheckpointRecording:
 
     A checkpoint that is due waits while it would make checkpoints take more than half of the bag,
     for ``PATIENCE`` periods at most. One that is the same as the last is not written.
+
+    Attributes:
+        last: The newest checkpoint in the bag, None without one.
     """
 
     def __init__(
@@ -205,13 +193,7 @@ class CheckpointRecording:
         *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Write nothing yet.
-
-        Args:
-            recorder: The bag.
-            take: Asks for a checkpoint's bytes.
-            clock: Wall time [s].
-        """
+        """Write nothing yet; ``take`` asks for a checkpoint, the clock tells wall time [s]."""
         self._recorder = recorder
         self._take = take
         self._clock = clock
@@ -220,19 +202,13 @@ class CheckpointRecording:
         self._asked: float | None = None
         self._data = b''
         self._written = 0
-        self._last: LastCheckpoint | None = None
-
-    @property
-    def last(self) -> LastCheckpoint | None:
-        """The newest checkpoint in the bag, None without one."""
-        return self._last
+        self.last: LastCheckpoint | None = None
 
     def poll(self, period: float, stamp_ns: int) -> str:
         """Write what has been taken since, and ask for the next one when it is due.
 
-        Args:
-            period: Wall time from one checkpoint to the next [s]; 0: none.
-            stamp_ns: ROS time [ns].
+        The period is wall time from one checkpoint to the next [s], 0 for none; the stamp is ROS
+        time [ns].
 
         Returns:
             Why a checkpoint could not be taken, empty when nothing went wrong.
@@ -247,16 +223,7 @@ class CheckpointRecording:
         return ''
 
     def finish(self, period: float, stamp_ns: int, *, timeout: float) -> str:
-        """Write a last checkpoint before the bag is closed.
-
-        Args:
-            period: As for ``poll``.
-            stamp_ns: ROS time [ns].
-            timeout: How long to wait for it [s].
-
-        Returns:
-            Why there is none, empty when nothing went wrong.
-        """
+        """Write a last checkpoint, within a time [s], before the bag is closed; else ``poll``."""
         if not self._is_recording() or not period:
             return ''
         self._pending = self._take()
@@ -270,7 +237,7 @@ class CheckpointRecording:
         return self._recorder.is_recording
 
     def _forget(self) -> None:
-        self._pending = self._asked = self._last = None
+        self._pending = self._asked = self.last = None
         self._data = b''
         self._written = 0
 
@@ -295,6 +262,6 @@ class CheckpointRecording:
             self._recorder.attach(NAME, MEDIA_TYPE, data, stamp_ns)
             self._data = data
             self._written += len(data)
-            count = 1 if self._last is None else self._last.count + 1
-            self._last = LastCheckpoint(summary_of(data).time, len(data), count)
+            count = 1 if self.last is None else self.last.count + 1
+            self.last = LastCheckpoint(summary_of(data).time, len(data), count)
         return ''

@@ -29,20 +29,12 @@ from lava_ros.ros import codec, outputs, qos
 from lava_ros.ros.entities import Entities
 from lava_ros.scene import Scene, Terrain, Vent
 
-#: The topics that stand for a terrain, in the order of ``outputs.terrain_messages``.
-TOPICS = {'terrain': Image, 'terrain_info': MapMetaData}
-
 
 class ScenePublisher:
     """Publishes relief and vents, latched, and a terrain of the node's own on its input topics."""
 
     def __init__(self, entities: Entities, *, frame_id: str) -> None:
-        """Create the publishers.
-
-        Args:
-            entities: Creates them.
-            frame_id: Frame of the messages.
-        """
+        """Create the publishers."""
         self._entities = entities
         self._frame_id = frame_id
         self._shown: Terrain | None = None
@@ -56,11 +48,7 @@ class ScenePublisher:
     def publish(self, scene: Scene, time: float, stamp_ns: int, *, is_heard: bool) -> None:
         """Publish what is new; take back a terrain that was published once another is heard.
 
-        Args:
-            scene: The scene in use.
-            time: Simulated time, for the discharge of vents [s].
-            stamp_ns: ROS time of the messages [ns].
-            is_heard: Whether its terrain came by these topics: everybody has it already.
+        The discharge is that of a simulated time [s], the stamp is ROS time [ns].
         """
         terrain, vents = scene.terrain, scene.vents
         options: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}
@@ -81,7 +69,7 @@ class ScenePublisher:
             self._take_back()
             return
         messages = outputs.terrain_messages(terrain, **options)
-        for topic, message in zip(TOPICS, messages, strict=True):
+        for topic, message in zip(outputs.TERRAIN_TOPICS, messages, strict=True):
             data = codec.serialise(message)
             self._sent[topic] = sha256(data).digest()
             self._publishers[topic].publish(data)
@@ -102,7 +90,9 @@ class ScenePublisher:
         profile = qos.ros_profile(qos.LATCHED)
         return {
             topic: self._entities.publisher(message_class, topic, profile)
-            for topic, message_class in TOPICS.items()
+            for topic, message_class in zip(
+                outputs.TERRAIN_TOPICS, (Image, MapMetaData), strict=True
+            )
         }
 
 
@@ -119,14 +109,7 @@ LETTERS, THICKNESS = 0.015, 0.1
 def vent_markers(
     vents: Sequence[Vent], time: float, terrain: Terrain, *, frame_id: str, stamp_ns: int
 ) -> MarkerArray:
-    """Draw the vents as they are at a simulated time.
-
-    Args:
-        vents: The vents, each on the terrain.
-        time: Simulated time, for their discharge [s].
-        terrain: The ground they are on.
-        frame_id: Frame of the markers.
-        stamp_ns: Their stamp [ns].
+    """Draw the vents, each on the terrain, as they are at a simulated time [s].
 
     Returns:
         A marker that clears what was there, then for each vent its disc, or a fissure's line, and

@@ -47,15 +47,7 @@ class Services:
         inputs: InputTopics,
         layers: Sequence[LayerPublishers[Any]],
     ) -> None:
-        """Create the services.
-
-        Args:
-            operation: What they are about.
-            entities: Creates them.
-            worker: What they command.
-            inputs: Reports how a command ends.
-            layers: What is published, of now and of forecasts.
-        """
+        """Create the services."""
         self._operation = operation
         self._logger = entities.node.get_logger()
         self._worker = worker

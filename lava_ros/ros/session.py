@@ -15,10 +15,10 @@
 """The scene in use and the simulation of it: what messages change. No rclpy in here."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import count
 import threading
-from typing import Any, NamedTuple, Protocol, TYPE_CHECKING
+from typing import Any, NamedTuple, TYPE_CHECKING
 
 import numpy as np
 
@@ -32,13 +32,7 @@ from lava_ros.simulation.selection import Decision
 
 if TYPE_CHECKING:
     # The solver's package loads Warp; the worker's thread does that, not the importer.
-    from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot
-
-from dataclasses import asdict
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from lava_ros.simulation.snapshot import Snapshot
+    from lava_ros.simulation import Simulation, Snapshot
 
 
 class SimulationError(Exception):
@@ -75,54 +69,6 @@ class Fork(NamedTuple):
     wall_time: float
 
 
-class SimulationLike(Protocol):
-    """What the worker needs of a simulation."""
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-
-    @property
-    def device(self) -> str:
-        """Name of the device."""
-
-    @property
-    def particle_count(self) -> int:
-        """Particles there are."""
-
-    @property
-    def effects(self) -> Effects:
-        """The physics that is switched on."""
-
-    @property
-    def resolution(self) -> Resolution:
-        """How many particles lie across the flow."""
-
-    def decisions(self) -> tuple[Decision, ...]:
-        """Why each effect is on or off."""
-
-    def advance(self, until: float, *, wall_limit: float | None = None) -> float:
-        """Simulate up to a time and return the time reached."""
-
-    def snapshot(self) -> 'Snapshot':
-        """Show the state of the flow."""
-
-    def begin_snapshot(self) -> 'PendingSnapshot':
-        """Begin to show it as it is now, whatever comes before the result is there."""
-
-    def set_vents(self, vents: Iterable[Vent]) -> None:
-        """Replace the vents."""
-
-    def set_terrain(self, terrain: Terrain) -> None:
-        """Replace the ground."""
-
-    def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
-        """Choose the effects anew, with some forced on or off."""
-
-    def checkpoint(self) -> Checkpoint:
-        """Copy all that is needed to go on from here."""
-
-
 class Eruption:
     """A scene that changes while it is simulated.
 
@@ -142,25 +88,19 @@ class Eruption:
 
     def __init__(
         self,
-        make_simulation: Callable[[Scene], SimulationLike],
+        make_simulation: Callable[[Scene], 'Simulation'],
         *,
         constants: Mapping[str, Any] | None = None,
         max_particles: int,
     ) -> None:
-        """Begin without a terrain.
-
-        Args:
-            make_simulation: Makes the simulation of a scene at time 0.
-            constants: Lava and surroundings until a scene brings its own.
-            max_particles: Most particles, beyond which the simulation does not go on.
-        """
+        """Begin without a terrain; constants hold until a scene brings its own."""
         self.max_particles = max_particles
         self._make_simulation = make_simulation
         self._constants = constants or constants_of(None)
         self._is_changed = False
         self._numbers, self._latest_number = count(), -1
         self._taking = threading.Lock()
-        self.simulation: SimulationLike | None = None
+        self.simulation: Simulation | None = None
         self.scene: Scene | None = None
         self.schedule: tuple[Vent, ...] = ()
         self.origin: Origin | None = None
@@ -188,19 +128,15 @@ class Eruption:
 
     def go_on_with(
         self,
-        simulation: SimulationLike,
+        simulation: 'Simulation',
         scene: Scene,
         origin: Origin | None = None,
         before: tuple[Vent, ...] = (),
     ) -> None:
         """Take a simulation of a scene, at any time, in place of what there was.
 
-        Args:
-            simulation: The simulation.
-            scene: Its scene.
-            origin: The checkpoint it goes on from.
-            before: The vents up to then, with all they have emitted; those of the scene when
-                left out.
+        ``before`` has the vents up to then, with all they have emitted, where those of the scene
+        do not; ``origin`` is the checkpoint it goes on from.
         """
         self.schedule = schedule(before or scene.vents, scene.vents, simulation.time)
         self.simulation, self.scene, self._constants = simulation, scene, constants_of(scene)
@@ -353,11 +289,7 @@ def _is_same(one: Terrain, other: Terrain) -> bool:
 
 
 def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, str]:
-    """Say of every effect whether it is on, and why.
-
-    Args:
-        effects: What is on.
-        decisions: What decided.
+    """Say of every effect whether it is on, and what decided.
 
     Returns:
         Texts such as ``on: slope = 0.82 > 0.12`` by the name of the effect.
@@ -387,12 +319,7 @@ _NO_MEMORY = 'Failed to allocate'
 
 
 def failure_text(error: Exception, latest: 'Snapshot | None') -> str:
-    """Say why the simulation has failed, and what helps where that is known.
-
-    Args:
-        error: What was raised.
-        latest: The last snapshot there is.
-    """
+    """Say why the simulation has failed, and what helps where that is known."""
     if isinstance(error, SimulationError):
         return str(error)
     if isinstance(error, MemoryError) or _NO_MEMORY in str(error):

@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 from rclpy.node import Node
 
@@ -29,12 +29,15 @@ from lava_ros.files.yaml import parse_yaml
 from lava_ros.ros import parameters
 from lava_ros.ros.deadline import DeadlineChooser
 from lava_ros.ros.parameters import constant_values, Settings
-from lava_ros.ros.session import Origin, SimulationLike
+from lava_ros.ros.session import Origin
 from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolved_accuracy
+
+if TYPE_CHECKING:
+    from lava_ros.simulation import Simulation
 
 
 @dataclass(frozen=True)
@@ -107,12 +110,7 @@ def _vents_of(bag: str, terrain: Terrain) -> tuple[Vent, ...]:
 def adopted(
     checkpoint: Checkpoint, values: Mapping[str, Any], defaults: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The parameters that the checkpoint decides in place of a default.
-
-    Args:
-        checkpoint: What is resumed.
-        values: The node's parameters by name.
-        defaults: Their defaults by name.
+    """The parameters by name that the checkpoint decides in place of a default.
 
     Raises:
         LavaError: One was given and says otherwise than the checkpoint.
@@ -158,13 +156,8 @@ def _is_same(one: Any, other: Any) -> bool:
 
 def new_simulation(
     scene: Scene, settings: Settings, chooser: DeadlineChooser
-) -> SimulationLike:
+) -> 'Simulation':
     """A simulation of a scene at time 0.
-
-    Args:
-        scene: The scene.
-        settings: The node's settings.
-        chooser: Chooses the accuracy.
 
     Raises:
         LavaError: The settings do not go with the scene.
@@ -181,7 +174,7 @@ def new_simulation(
     )
 
 
-def resumed_simulation(checkpoint: Checkpoint, settings: Settings) -> SimulationLike:
+def resumed_simulation(checkpoint: Checkpoint, settings: Settings) -> 'Simulation':
     """A simulation that goes on from a checkpoint.
 
     Raises:

@@ -31,15 +31,10 @@ PAUSE = 0.01
 def spin(
     executor: Executor, *, until: Callable[[], bool], on_error: Callable[[Exception], None]
 ) -> None:
-    """Run callbacks until it is time to stop.
+    """Run callbacks until it is time to stop, asked ten times a second and after each.
 
     What the middleware itself calls back, such as a time on /clock that no clock can show, raises
     here. The node goes on without it.
-
-    Args:
-        executor: Has the node.
-        until: Whether to stop; asked ten times a second and after each callback.
-        on_error: Told what a callback raised.
     """
     while not until():
         try:

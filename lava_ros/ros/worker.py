@@ -15,7 +15,7 @@
 """The thread that owns the simulation: commands go in, snapshots come out. No rclpy in here."""
 
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import replace
 from functools import partial
 import queue
@@ -24,14 +24,14 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
-from lava_ros.ros.commands import Command, CommandQueue, finish, Finisher
-from lava_ros.ros.session import Eruption, failure_text, Fork, Origin, SimulationLike
+from lava_ros.ros.commands import Command, CommandQueue, finish
+from lava_ros.ros.session import Eruption, failure_text, Fork, Origin
 from lava_ros.ros.worker_status import SpeedMeter, WorkerState, WorkerStatus
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 
 if TYPE_CHECKING:
     # The solver's package loads Warp; the thread does that, not the importer.
-    from lava_ros.simulation.snapshot import Snapshot
+    from lava_ros.simulation import Simulation, Snapshot
 
 #: Most particles unless the user says otherwise.
 MAX_PARTICLES = 20_000_000
@@ -69,7 +69,7 @@ class SimulationWorker:
 
     def __init__(
         self,
-        make_simulation: Callable[[Scene], SimulationLike],
+        make_simulation: Callable[[Scene], 'Simulation'],
         *,
         clock: Callable[[], float],
         constants: Mapping[str, Any] | None = None,
@@ -100,7 +100,8 @@ class SimulationWorker:
         self._on_snapshot = on_snapshot
         self._waiting_vents: tuple[tuple[Vent, ...], Future[None]] | None = None
         self._snapshot_asked = False
-        self._finisher = Finisher()
+        self._finisher = ThreadPoolExecutor(1, thread_name_prefix='lava snapshots')
+        self._finishing: Future[None] | None = None
         self._last_clock = 0.0
         self._target = 0.0
         self._step_target: float | None = None
@@ -143,11 +144,7 @@ class SimulationWorker:
     def stop(self, timeout: float | None = None) -> bool:
         """End the thread after the slice it is in; commands that wait or come later are refused.
 
-        Args:
-            timeout: How long to wait for it [s].
-
-        Returns:
-            Whether it has ended.
+        Wait for that for a time [s], and say whether it has ended.
         """
         self._is_stopping = True
         self._commands.close(_STOPPED)
@@ -161,19 +158,12 @@ class SimulationWorker:
 
     def go_on_with(
         self,
-        make_simulation: Callable[[], SimulationLike],
+        make_simulation: Callable[[], 'Simulation'],
         scene: Scene,
         origin: Origin | None = None,
         before: tuple[Vent, ...] = (),
     ) -> 'Future[None]':
-        """Take a simulation of a scene, at any time, in place of what there was.
-
-        Args:
-            make_simulation: Makes it; called in the thread.
-            scene: Its scene.
-            origin: The checkpoint it goes on from.
-            before: The vents up to then, with all they have emitted, where that is known.
-        """
+        """Take a simulation, made in the thread, in place of what there was: ``Eruption``."""
 
         def start() -> None:
             self._status = replace(self._status, state=WorkerState.STARTING)
@@ -277,7 +267,7 @@ class SimulationWorker:
         self._status = replace(self._status, state=WorkerState.STOPPED, speed=0.0)
         if self._waiting_vents is not None:
             finish(self._waiting_vents[1], _STOPPED)
-        self._finisher.close()
+        self._finisher.shutdown()
         # The device's memory is given back, whoever still holds the worker.
         self.eruption.fail()
 
@@ -407,29 +397,39 @@ class SimulationWorker:
 
     def _is_snapshot_new(self) -> bool:
         """Bring ``latest`` up to date now, and say whether it may not have been."""
-        was_under_way = self._finisher.wait()
-        return self.eruption.renew_snapshot() or was_under_way
+        finishing, self._finishing = self._finishing, None
+        if finishing is not None:
+            wait([finishing])
+        return self.eruption.renew_snapshot() or finishing is not None
 
     def _begin_snapshot(self) -> None:
-        if self._finisher.is_busy:
-            self._finisher.afterwards(partial(self._put, self._begin_snapshot, kind='snapshot'))
+        finishing = self._finishing
+        if finishing is not None and not finishing.done():
+            again = partial(self._put, self._begin_snapshot, kind='snapshot')
+            finishing.add_done_callback(lambda _: again())
             return
         self._snapshot_asked = False
         rest = self.eruption.begin_snapshot()
         if rest is not None:
-            fail = partial(self._fail_later, self.eruption.simulation)
-            self._finisher.begin(rest, then=self._on_snapshot, on_error=fail)
+            simulation = self.eruption.simulation
+            self._finishing = self._finisher.submit(self._finish_snapshot, rest, simulation)
 
-    def _fail_later(self, simulation: SimulationLike | None, error: Exception) -> None:
-        """Fail for a simulation, unless there is another one by then."""
+    def _finish_snapshot(self, rest: Callable[[], None], simulation: 'Simulation | None') -> None:
+        """Do the rest of a snapshot; where that fails, the simulation it is of has failed."""
+        try:
+            rest()
+        except Exception as error:
+            reason = error
 
-        def fail() -> None:
-            if self.eruption.simulation is simulation:
-                self._fail(error)
+            def fail() -> None:
+                if self.eruption.simulation is simulation:
+                    self._fail(reason)
 
-        self._put(fail, kind='failure')
+            self._put(fail, kind='failure')
+        else:
+            self._on_snapshot()
 
-    def _make(self, scene: Scene) -> SimulationLike:
+    def _make(self, scene: Scene) -> 'Simulation':
         self._status = replace(self._status, state=WorkerState.STARTING)
         return self._make_simulation(scene)
 

@@ -93,10 +93,6 @@ def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
     barrier show it whole; where it is narrower than a cell, the cells that the line crosses are
     raised, for lava sees no gap in a dam.
 
-    Args:
-        terrain: The ground.
-        barrier: The barrier.
-
     Raises:
         LavaError: The line does not touch the terrain, or only cells without data.
     """
@@ -121,14 +117,8 @@ def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
         distance[box] = np.minimum(distance[box], near)
     added = np.clip(barrier.height - (distance - half) * barrier.slope, 0.0, barrier.height)
     if not (terrain.has_data & (added > 0.0)).any():
-        x0, y0, x1, y1 = terrain.extent
-        east, north = terrain.offset
-        raise LavaError(
-            'barrier.line',
-            barrier.line,
-            f'a line on the terrain, which covers x {x0 + east:.10g} to {x1 + east:.10g} m and '
-            f'y {y0 + north:.10g} to {y1 + north:.10g} m (cells without data excluded)',
-        )
+        right = f'a line {terrain.bounds(projected=True)}'
+        raise LavaError('barrier.line', barrier.line, right)
     return replace(terrain, elevation=(terrain.elevation + added).astype(np.float32))
 
 

@@ -72,11 +72,6 @@ def read_features(field: str, path: str | Path, terrain: Terrain) -> list[Featur
     of its layers. A table (.csv) has columns ``x,y`` or ``easting,northing`` in the terrain's
     system, or ``lon,lat`` in degrees; with ``x_end,y_end`` or ``lon_end,lat_end`` a row is a line.
 
-    Args:
-        field: What errors call it.
-        path: The file.
-        terrain: The ground in whose system the places are returned.
-
     Raises:
         LavaError: The file cannot be read, has no features, or nobody knows where they are.
     """

@@ -23,14 +23,11 @@ from lava_ros.scene.terrain import Terrain
 
 
 def finer(terrain: Terrain, factor: int) -> Terrain:
-    """Sample the quadratic B-spline of a terrain's heights on finer cells.
+    """Sample the quadratic B-spline of a terrain's heights on cells finer by a factor.
 
     It is the surface on which the simulation lets lava flow (simulation/terrain.py), so that maps
-    on the finer cells show what lies between the coarse ones.
-
-    Args:
-        terrain: The terrain.
-        factor: Cells to a side of one of the terrain's. Those in a cell without data have none.
+    on the finer cells show what lies between the coarse ones. Those in a cell without data have
+    none.
     """
     if factor == 1:
         return terrain

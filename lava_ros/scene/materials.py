@@ -70,10 +70,7 @@ class Material:
         return self.lava_with({})
 
     def lava_with(self, overrides: Mapping[str, Any]) -> Lava:
-        """The lava with some constants replaced.
-
-        Args:
-            overrides: Values by the names of ``Lava``'s fields.
+        """The lava with some constants, by the names of ``Lava``'s fields, replaced.
 
         Raises:
             LavaError: A name is unknown or a value not usable.

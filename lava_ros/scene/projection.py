@@ -92,11 +92,8 @@ def in_square_metres(raster: Raster, resolution: float | None) -> Raster:
     validation.pair('terrain file corner', raster.corner, most=MAX_COORDINATE)
     if raster.is_metric or not raster.is_placed:
         if min(raster.dx, raster.dy) < SMALLEST_CELL:
-            raise LavaError(
-                'terrain file cell size',
-                raster.dx,
-                'metres; an ESRI grid in degrees needs its coordinate system: epsg 4326',
-            )
+            right = 'metres; an ESRI grid in degrees needs its coordinate system: epsg 4326'
+            raise LavaError('terrain file cell size', raster.dx, right)
         target = raster.epsg
     else:
         target = _target_epsg(raster)
@@ -234,12 +231,9 @@ def cropped(raster: Raster, window: tuple[float, float, float, float]) -> Raster
     last_row = min(math.ceil((y1 - south) / raster.dy - 1e-6), rows)
     if last_column - first_column < 2 or last_row - first_row < 2:
         east, north = west + columns * raster.dx, south + rows * raster.dy
-        raise LavaError(
-            'terrain.window',
-            tuple(window),
-            f'x0, y0, x1, y1 that overlap the file, which covers x {west:.0f} to {east:.0f} m '
-            f'and y {south:.0f} to {north:.0f} m',
-        )
+        right = f'x0, y0, x1, y1 that overlap the file, which covers x {west:.0f} to {east:.0f} m '
+        right += f'and y {south:.0f} to {north:.0f} m'
+        raise LavaError('terrain.window', tuple(window), right)
     return replace(
         raster,
         elevation=raster.elevation[first_row:last_row, first_column:last_column],

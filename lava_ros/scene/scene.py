@@ -94,9 +94,7 @@ ENVIRONMENT = tuple(item.name for item in fields(Scene) if 'limits' in item.meta
 def temperature_doubts(scene: Scene, *, is_celsius: bool = False) -> list[str]:
     """What to say of vents closer to what their lava's constants hold for in the other unit.
 
-    Args:
-        scene: The scene.
-        is_celsius: Whether people gave the temperatures in Celsius, as in messages, not in kelvin.
+    People give temperatures in Celsius in messages, else in kelvin.
     """
     lava = scene.lava
     name = 'liquidus' if lava.is_vft else 'reference_temperature'

@@ -24,14 +24,10 @@ MOST_CLOSED, LONGEST_SERIES = 100, 1000
 
 
 def schedule(before: Sequence[Vent], vents: Sequence[Vent], time: float) -> tuple[Vent, ...]:
-    """Say what vents emit that others have replaced: of each what it was before, and is then.
+    """Say what vents emit that others have replaced at a simulated time [s].
 
-    Vents that differ in name and discharge alone are one vent. One that has closed emits 0.
-
-    Args:
-        before: The vents up to the change, with all they have emitted.
-        vents: Those from then on.
-        time: Simulated time of the change [s].
+    Of each it is what it was before, and is then. Vents that differ in name and discharge alone
+    are one vent. One that has closed emits 0.
     """
     coming = {_identity(vent): vent for vent in vents}
     closed, open_ = [], []

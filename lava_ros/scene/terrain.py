@@ -74,27 +74,18 @@ class Terrain:
                 'terrain.elevation', type(self.elevation).__name__, 'a 2-D array of numbers [m]'
             ) from None
         if elevation.ndim != 2 or min(elevation.shape) < 2:
-            raise LavaError(
-                'terrain.elevation',
-                f'array of shape {elevation.shape}',
-                'a 2-D array of at least 2 x 2 cells',
-            )
+            right = 'a 2-D array of at least 2 x 2 cells'
+            raise LavaError('terrain.elevation', f'array of shape {elevation.shape}', right)
         if max(elevation.shape) > MAX_SIDE_CELLS:
-            raise LavaError(
-                'terrain.elevation',
-                f'array of shape {elevation.shape}',
-                f'at most {MAX_SIDE_CELLS} cells a side',
-            )
+            right = f'at most {MAX_SIDE_CELLS} cells a side'
+            raise LavaError('terrain.elevation', f'array of shape {elevation.shape}', right)
         if np.isinf(elevation).any():
             raise LavaError('terrain.elevation', math.inf, 'finite metres, NaN where unknown')
         # NaN compares as False.
         beyond = np.abs(elevation) > MAX_ELEVATION
         if beyond.any():
-            raise LavaError(
-                'terrain.elevation',
-                float(elevation[beyond][0]),
-                f'at most {MAX_ELEVATION:g} m above or below zero, NaN where unknown',
-            )
+            right = f'at most {MAX_ELEVATION:g} m above or below zero, NaN where unknown'
+            raise LavaError('terrain.elevation', float(elevation[beyond][0]), right)
         if np.isnan(elevation).all():
             raise LavaError('terrain.elevation', math.nan, 'at least one cell with data')
         elevation.setflags(write=False)

@@ -66,12 +66,8 @@ def check_heights(raster: Raster, path: Path) -> None:
 def tell(path: Path, terrain: Terrain, source: str, wrong: np.ndarray, *, is_filled: bool) -> None:
     """Log what a file was taken for, and warn of what looks wrong.
 
-    Args:
-        path: The file.
-        terrain: What became of it.
-        source: What the file says its coordinates are.
-        wrong: Holes and pits, bool [rows, columns].
-        is_filled: Whether they are filled.
+    The source is what the file says its coordinates are, ``wrong`` has its holes and pits, bool
+    [rows, columns].
     """
     system = source
     if terrain.epsg and source != f'EPSG:{terrain.epsg}':

@@ -17,7 +17,6 @@
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-import warnings
 
 import numpy as np
 
@@ -25,12 +24,11 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files.npz import read_arrays
 from lava_ros.files.optional import require
-from lava_ros.files.rasters import open_raster
+from lava_ros.files.rasters import opened_raster
 from lava_ros.scene.projection import (
     cropped,
     in_square_metres,
     Raster,
-    rasterio_for,
     WGS84,
     with_epsg,
 )
@@ -161,19 +159,11 @@ def _read_npz(path: Path) -> Raster:
 
 
 def _read_gdal(path: Path) -> Raster:
-    rasterio = rasterio_for(path)
-    try:
-        with warnings.catch_warnings():
-            # A file without coordinates is no surprise here: _checked_transform looks.
-            warnings.simplefilter('ignore', rasterio.errors.NotGeoreferencedWarning)
-            with open_raster(path) as source:
-                _check_band(source, path)
-                band = source.read(1, masked=True, out_dtype=np.float32)
-                transform, crs = source.transform, source.crs
-                scale, shift = source.scales[0], source.offsets[0]
-    except (rasterio.errors.RasterioError, OSError) as error:
-        right = f'a GeoTIFF or an ESRI ASCII grid that GDAL can read ({error})'
-        raise LavaError('terrain file', str(path), right) from error
+    with opened_raster('terrain file', path) as source:
+        _check_band(source, path)
+        band = source.read(1, masked=True, out_dtype=np.float32)
+        transform, crs = source.transform, source.crs
+        scale, shift = source.scales[0], source.offsets[0]
     elevation = band.data
     elevation[np.ma.getmaskarray(band)] = np.nan
     # what is not finite then is no terrain

@@ -26,6 +26,7 @@ from statistics import NormalDist
 from typing import Any
 
 from lava_ros import validation
+from lava_ros.effects.effect import check_fields, number
 from lava_ros.errors import LavaError
 from lava_ros.scene.lava import Lava
 
@@ -80,10 +81,43 @@ class Distribution:
         Raises:
             LavaError: A field is not usable.
         """
-        kind, numbers, limits = _checked('distribution', self.kind, self.numbers, self.limits)
-        object.__setattr__(self, 'kind', kind)
-        object.__setattr__(self, 'numbers', numbers)
-        object.__setattr__(self, 'limits', limits)
+        names = KINDS[validation.choice('distribution.kind', self.kind, KINDS)]
+        if not isinstance(self.numbers, Sequence) or len(self.numbers) != len(names):
+            right = f'{len(names)}: {", ".join(names)}'
+            raise LavaError('distribution.numbers', self.numbers, right)
+        is_log = self.kind in ('lognormal', 'loguniform')
+        clean = []
+        for name, value in zip(names, self.numbers, strict=True):
+            # a factor of 1 and a deviation of 0 are no distribution
+            above = {'deviation': 0.0, 'factor': 1.0}.get(name, 0.0 if is_log else None)
+            label = f'distribution.{name}'
+            clean.append(validation.number(label, value, above=above, at_most=1e9))
+        low, high = clean[0], clean[-1]
+        if 'low' in names and not low < high:
+            raise LavaError('distribution.high', high, f'above low, {low:g}')
+        if self.kind == 'triangular' and not low <= clean[1] <= high:
+            right = f'from low, {low:g}, to high, {high:g}'
+            raise LavaError('distribution.mode', clean[1], right)
+        object.__setattr__(self, 'numbers', tuple(clean))
+        if self.limits is not None:
+            object.__setattr__(self, 'limits', self._checked_limits())
+
+    def _checked_limits(self) -> tuple[float, float]:
+        where = 'distribution.limits'
+        if self.kind not in _WITH_LIMITS:
+            raise LavaError(where, self.limits, f'absent: a {self.kind} one has its own')
+        low, high = bounds = validation.pair(where, self.limits, unit='', most=1e9)
+        if self.kind == 'lognormal' and low <= 0.0:
+            raise LavaError(f'{where}[0]', low, 'above 0')
+        if not low < high:
+            raise LavaError(f'{where}[1]', high, f'above the lower limit, {low:g}')
+        centre, width = self.numbers
+        if self.kind == 'lognormal':
+            low, high, centre, width = (math.log(item) for item in (low, high, centre, width))
+        inside = _STANDARD.cdf((high - centre) / width) - _STANDARD.cdf((low - centre) / width)
+        if inside < LEAST_INSIDE:
+            raise LavaError(where, bounds, 'limits with 0.1 % of the distribution between them')
+        return bounds
 
     @property
     def support(self) -> tuple[float, float]:
@@ -137,8 +171,8 @@ class Displacement:
         radius: Radius of the disc in which each place is as likely [m]; 0 for ``deviation``.
     """
 
-    deviation: float = 0.0
-    radius: float = 0.0
+    deviation: float = number(0.0, 'Deviation', 0.0, MAX_LENGTH, 'm')
+    radius: float = number(0.0, 'Radius', 0.0, MAX_LENGTH, 'm')
 
     def __post_init__(self) -> None:
         """Validate every field.
@@ -146,9 +180,7 @@ class Displacement:
         Raises:
             LavaError: A field is not usable, or not exactly one of them is above 0.
         """
-        for name in ('deviation', 'radius'):
-            value = _length(f'displacement.{name}', getattr(self, name), at_least=0.0)
-            object.__setattr__(self, name, value)
+        check_fields('displacement', self)
         if bool(self.deviation) == bool(self.radius):
             values = (self.deviation, self.radius)
             raise LavaError('displacement', values, 'either deviation or radius above 0 m')
@@ -183,7 +215,9 @@ class Roughness:
             LavaError: A field is not usable.
         """
         for name in ('deviation', 'correlation'):
-            value = _length(f'roughness.{name}', getattr(self, name), above=0.0)
+            value = validation.number(
+                f'roughness.{name}', getattr(self, name), above=0.0, at_most=MAX_LENGTH, unit='m'
+            )
             object.__setattr__(self, name, value)
 
 
@@ -242,10 +276,12 @@ def uncertainty_from_dict(data: object) -> Uncertainty:
     values: dict[str, Any] = {}
     for name, item in validation.keys(where, data, allowed=names).items():
         label = f'{where}.{name}'
-        if name == 'position':
-            values[name] = _displacement(label, item)
-        elif name == 'terrain':
-            values[name] = _roughness(label, item)
+        if name in ('position', 'terrain'):
+            kind = Displacement if name == 'position' else Roughness
+            parts = [part.name for part in fields(kind)]
+            required = parts if kind is Roughness else []
+            given = validation.keys(label, item, allowed=parts, required=required)
+            values[name] = _made(label, kind, **given)
         elif name == 'constants':
             known = validation.keys(label, item, allowed=CONSTANTS)
             values[name] = {key: _distribution(f'{label}.{key}', known[key]) for key in known}
@@ -289,63 +325,14 @@ def _distribution(where: str, data: object) -> Distribution:
         where, data, allowed=['distribution', *names, *limits], required=names
     )
     numbers = [values[name] for name in names]
-    return Distribution(*_checked(where, kind, numbers, values.get('limits')))
+    made: Distribution = _made(where, Distribution, kind, numbers, values.get('limits'))
+    return made
 
 
-def _checked(
-    where: str, kind: object, numbers: object, limits: object
-) -> tuple[str, tuple[float, ...], tuple[float, float] | None]:
-    """Return the parts of a distribution, clean."""
-    kind = validation.choice(f'{where}.kind', kind, KINDS)
-    names = KINDS[kind]
-    if not isinstance(numbers, Sequence) or len(numbers) != len(names):
-        raise LavaError(f'{where}.numbers', numbers, f'{len(names)}: {", ".join(names)}')
-    is_log = kind in ('lognormal', 'loguniform')
-    clean = []
-    for name, value in zip(names, numbers, strict=True):
-        # a factor of 1 and a deviation of 0 are no distribution
-        above = {'deviation': 0.0, 'factor': 1.0}.get(name, 0.0 if is_log else None)
-        clean.append(validation.number(f'{where}.{name}', value, above=above, at_most=1e9))
-    low, high = clean[0], clean[-1]
-    if 'low' in names and not low < high:
-        raise LavaError(f'{where}.high', high, f'above low, {low:g}')
-    if kind == 'triangular' and not low <= clean[1] <= high:
-        raise LavaError(f'{where}.mode', clean[1], f'from low, {low:g}, to high, {high:g}')
-    if limits is None:
-        return kind, tuple(clean), None
-    if kind not in _WITH_LIMITS:
-        raise LavaError(f'{where}.limits', limits, f'absent: a {kind} one has its own')
-    return kind, tuple(clean), _limits(f'{where}.limits', kind, clean, limits)
-
-
-def _limits(where: str, kind: str, numbers: list[float], limits: object) -> tuple[float, float]:
-    low, high = bounds = validation.pair(where, limits, unit='', most=1e9)
-    if kind == 'lognormal' and low <= 0.0:
-        raise LavaError(f'{where}[0]', low, 'above 0')
-    if not low < high:
-        raise LavaError(f'{where}[1]', high, f'above the lower limit, {low:g}')
-    centre, width = numbers
-    if kind == 'lognormal':
-        low, high, centre, width = (math.log(value) for value in (low, high, centre, width))
-    inside = _STANDARD.cdf((high - centre) / width) - _STANDARD.cdf((low - centre) / width)
-    if inside < LEAST_INSIDE:
-        raise LavaError(where, bounds, 'limits with 0.1 % of the distribution between them')
-    return bounds
-
-
-def _displacement(where: str, data: object) -> Displacement:
-    values = validation.keys(where, data, allowed=['deviation', 'radius'])
-    if len(values) != 1:
-        raise LavaError(where, data, 'either deviation or radius [m]')
-    ((name, value),) = values.items()
-    return Displacement(**{name: _length(f'{where}.{name}', value, above=0.0)})
-
-
-def _roughness(where: str, data: object) -> Roughness:
-    names = ['deviation', 'correlation']
-    values = validation.keys(where, data, allowed=names, required=names)
-    return Roughness(*(_length(f'{where}.{name}', values[name], above=0.0) for name in names))
-
-
-def _length(where: str, value: object, **limits: float) -> float:
-    return validation.number(where, value, at_most=MAX_LENGTH, unit='m', **limits)
+def _made(where: str, kind: type, *values: Any, **named: Any) -> Any:
+    """One of the classes above, whose errors name the place in the file."""
+    try:
+        return kind(*values, **named)
+    except LavaError as error:
+        field = error.field.removeprefix(kind.__name__.lower())
+        raise LavaError(where + field, error.value, error.expected) from None

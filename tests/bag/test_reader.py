@@ -30,7 +30,6 @@ from rosbags.typesys import get_typestore, Stores
 from fuzz.files import chunk, data_section, joined
 from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
 from lava_ros.bag.records import FRAME
-from lava_ros.bag.recovery import recover
 from lava_ros.errors import LavaError
 
 GRID = 'nav_msgs/msg/OccupancyGrid'
@@ -108,24 +107,6 @@ def test_the_newest_of_each_topic_is_found(bag: Bag) -> None:
     assert reader.newest(['/hazard'], 100 * SECOND) == []
 
 
-def test_killed_writers_leave_every_flushed_message(
-    killed_bag: Callable[..., tuple[Path, int]],
-) -> None:
-    """After kill -9 in the middle of writing, each message whose flush returned is there."""
-    directory, flushed = killed_bag(50, size=2000, topics=['/hazard'])
-    assert not (directory / 'metadata.yaml').exists()
-    reader = BagReader(directory)
-    assert reader.recovered
-    assert reader.custom_data == {'scene': 'Etna'}
-    assert reader.topics['/hazard'].qos == LATCHED
-    messages = list(reader.messages())
-    assert len(messages) == reader.message_count
-    assert len(messages) >= flushed + 1
-    for stamp, message in enumerate(messages):
-        assert message.stamp_ns == stamp
-        assert message.data[4:] == stamp.to_bytes(8, 'little') * 2000
-
-
 def test_a_cut_file_gives_what_is_whole(bag: Bag, tmp_path: Path) -> None:
     """Wherever the file is cut, exactly the chunks before that place are read."""
     directory, written = bag
@@ -144,24 +125,6 @@ def test_a_cut_file_gives_what_is_whole(bag: Bag, tmp_path: Path) -> None:
         assert reader.recovered
         whole = sum(end <= place for end in ends)
         assert read(reader) == written[: 6 * whole], place
-
-
-def test_a_recovered_bag_is_finished(bag: Bag, tmp_path: Path) -> None:
-    """Rewriting a cut file gives a bag with the same messages, QoS, definitions and data."""
-    directory, written = bag
-    path = directory / 'eruption_0.mcap'
-    path.write_bytes(path.read_bytes()[:-500])
-    (directory / 'metadata.yaml').unlink()
-    source = BagReader(directory)
-    assert source.recovered
-    shares: list[float] = []
-    count = recover(source, tmp_path / 'new', on_progress=lambda _, share: shares.append(share))
-    assert count == len(written)
-    assert shares == sorted(shares) and (shares[0], shares[-1]) == (0.0, 1.0)
-    result = BagReader(tmp_path / 'new')
-    assert not result.recovered
-    assert read(result) == written
-    assert (result.topics, result.custom_data) == (source.topics, source.custom_data)
 
 
 def test_damage_in_the_middle_of_a_finished_file_is_left_out(bag: Bag) -> None:

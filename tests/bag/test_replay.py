@@ -22,16 +22,7 @@ import threading
 import pytest
 
 from lava_ros.bag import BagReader, BagWriter, LATCHED
-from lava_ros.bag.replay import (
-    Due,
-    JUMP,
-    LOOP_PAUSE,
-    pace,
-    schedule,
-    SPEEDS,
-    Step,
-    Transport,
-)
+from lava_ros.bag.replay import JUMP, LOOP_PAUSE, pace, schedule, SPEEDS, Step, Transport
 from lava_ros.errors import LavaError
 
 SECOND = 1_000_000_000
@@ -61,7 +52,7 @@ class FakeClock:
 
 
 def steps(
-    dues: Iterator[Due], clock: FakeClock, rate: float = 1.0, tick: float | None = None
+    dues: Iterator[Step], clock: FakeClock, rate: float = 1.0, tick: float | None = None
 ) -> list[tuple[float, Step]]:
     """The steps with the time at which each is taken."""
     taken = pace(dues, rate=rate, now=clock.now, wait=clock.wait, tick=tick)

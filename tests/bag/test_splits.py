@@ -204,9 +204,13 @@ def test_a_recovered_bag_has_the_same_files(
     source = BagReader(tmp_path / 'bag')
     assert source.recovered
     assert [item.finished for item in source.contents] == [True, True, False]
-    assert recover(source, tmp_path / 'new') == len(list(source.messages()))
+    shares: list[float] = []
+    count = recover(source, tmp_path / 'new', on_progress=lambda _, share: shares.append(share))
+    assert count == len(list(source.messages()))
+    assert shares == sorted(shares) and (shares[0], shares[-1]) == (0.0, 1.0)
     result = BagReader(tmp_path / 'new')
     assert not result.recovered
+    assert (result.topics, result.custom_data) == (source.topics, source.custom_data)
     for old, new in zip(source.files, result.files, strict=True):
         assert list(source.messages(file=old)) == list(result.messages(file=new))
     with Reader(tmp_path / 'new') as reader:
@@ -227,23 +231,27 @@ def test_a_file_that_was_hardly_begun_does_not_matter(
     assert without_repeats(reader) == written[:41]
 
 
+@pytest.mark.parametrize(
+    ('size', 'limits', 'files'), [(500, {'max_duration': 50e-9}, 5), (2000, {}, 1)]
+)
 def test_killed_writers_leave_every_flushed_message(
-    killed_bag: Callable[..., tuple[Path, int]],
+    killed_bag: Callable[..., tuple[Path, int]], size: int, limits: dict[str, float], files: int
 ) -> None:
     """After kill -9 the finished files and what was flushed of the last one are there."""
     topics = ['/height', '/hazard']
-    directory, flushed = killed_bag(220, size=500, topics=topics, max_duration=50e-9)
+    directory, flushed = killed_bag(220, size=size, topics=topics, **limits)
+    assert not (directory / 'metadata.yaml').exists()
     reader = BagReader(directory)
-    assert len(reader.files) >= 5
-    assert reader.custom_data == {'scene': 'Etna'}
+    assert len(reader.files) >= files
+    assert (reader.recovered, reader.custom_data) == (True, {'scene': 'Etna'})
+    assert reader.topics['/hazard'].qos == LATCHED
+    assert len(list(reader.messages())) == reader.message_count
     for topic in topics:
-        stamps = [
-            item.stamp_ns
-            for item in reader.messages([topic])
-            if item.publish_ns == item.stamp_ns
-        ]
-        assert stamps == list(range(len(stamps)))
-        assert len(stamps) >= flushed + 1
+        messages = [item for item in reader.messages([topic]) if item.publish_ns == item.stamp_ns]
+        assert [item.stamp_ns for item in messages] == list(range(len(messages)))
+        assert len(messages) >= flushed + 1
+        for item in messages:
+            assert item.data[4:] == item.stamp_ns.to_bytes(8, 'little') * size
 
 
 def test_an_error_between_two_files_leaves_the_finished_ones(

@@ -104,9 +104,8 @@ def test_maps_of_a_scene(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     bag = BagReader(out / 'atlas')
     assert yaml.safe_load(bag.custom_data['scene'])['uncertainty']['discharge']['factor'] == 1.5
     messages = {message.topic: message for message in bag.messages()}
-    assert {f'/lava/{name}' for name in (*MAPS, 'terrain', 'terrain_info', 'vents')} == set(
-        messages
-    )
+    others = ('terrain', 'terrain_info', 'vents', 'probability_class')
+    assert {f'/lava/{name}' for name in (*MAPS, *others)} == set(messages)
     grid = read_grid(messages['/lava/inundation_probability'])
     np.testing.assert_array_equal(grid.cells, occupancy(probability))
     image = Decoder(bag).decode(messages['/lava/arrival_time_p50'])

@@ -23,6 +23,7 @@ import os
 from pathlib import Path
 import signal
 import sys
+from typing import Any
 
 from distributed import Client, LocalCluster
 import numpy as np
@@ -198,10 +199,11 @@ def test_a_runner_that_loses_members_is_found_out(tmp_path: Path) -> None:
         run_ensemble(PLAN, MEMBERS, Store(tmp_path / 'a', PLAN), runner=loses)
 
 
-def small_scene() -> Scene:
-    """A slope of 24 x 30 cells with one vent, members of which take a moment."""
+@pytest.fixture(scope='module')
+def small(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Sequence[Member], HazardMaps]:
+    """Eight members on a slope of 24 x 30 cells, each of which takes a moment; and their maps."""
     y, x = np.mgrid[0:30, 0:24] * 20.0
-    return Scene(
+    scene = Scene(
         Terrain(500.0 - 0.1 * y + 5.0 * np.sin(x / 60.0), 20.0),
         (Vent((240.0, 100.0), 10.0, radius=30.0),),
         Lava(viscosity=5e3),
@@ -210,6 +212,10 @@ def small_scene() -> Scene:
             'terrain': {'deviation': 1.0, 'correlation': 60.0},
         }),
     )
+    plan = make_plan(scene, horizon=900.0, accuracy=Accuracy(), looks=20)
+    members = draw_members(scene, 8)
+    store = Store(tmp_path_factory.mktemp('whole') / 'a', plan)
+    return plan, members, run_ensemble(plan, members, store, runner=run_here).maps
 
 
 def listening(pids: Iterable[int]) -> list[str]:
@@ -230,12 +236,9 @@ def listening(pids: Iterable[int]) -> list[str]:
     ]
 
 
-def test_processes_of_this_machine_are_open_to_nobody(tmp_path: Path) -> None:
+def test_processes_of_this_machine_are_open_to_nobody(small: Any, tmp_path: Path) -> None:
     """None of an ensemble's processes listens, not even as one is killed, which loses nothing."""
-    scene = small_scene()
-    plan = make_plan(scene, horizon=900.0, accuracy=Accuracy(), looks=20)
-    members = draw_members(scene, 8)
-    whole = run_ensemble(plan, members, Store(tmp_path / 'whole', plan), runner=run_here)
+    plan, members, whole = small
     before = listening([os.getpid()])
     seen: list[set[int]] = []
 
@@ -250,17 +253,14 @@ def test_processes_of_this_machine_are_open_to_nobody(tmp_path: Path) -> None:
         plan, members, Store(tmp_path / 'killed', plan),
         runner=partial(run_in_processes, workers=2), on_finished=look,
     )
-    assert same(ensemble.maps, whole.maps)
-    assert np.nanmax(whole.maps.probability) == 100.0
+    assert same(ensemble.maps, whole)
+    assert np.nanmax(whole.probability) == 100.0
     assert len(seen[0]) == 2 and not seen[0] & seen[-1]
 
 
-def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(tmp_path: Path) -> None:
+def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(small: Any, tmp_path: Path) -> None:
     """One of two processes dies in mid-run: every member is there, and the maps are the same."""
-    scene = small_scene()
-    plan = make_plan(scene, horizon=900.0, accuracy=Accuracy(), looks=20)
-    members = draw_members(scene, 8)
-    whole = run_ensemble(plan, members, Store(tmp_path / 'whole', plan), runner=run_here)
+    plan, members, whole = small
     killed: list[int] = []
     with LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
@@ -281,7 +281,7 @@ def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(tmp_path: Path) -> N
             on_finished=kill,
         )
     assert killed and len(pids) == 2
-    assert same(ensemble.maps, whole.maps)
+    assert same(ensemble.maps, whole)
     assert len(list((tmp_path / 'killed/members').glob('*.npz'))) == 8
 
 

@@ -92,15 +92,6 @@ def test_looks_become_denser_towards_now():
     assert times[:EARLY_LOOKS] == [10.0 / 2.0**power for power in (4, 3, 2, 1)]
 
 
-def test_a_withdrawn_forecast_knows_nothing():
-    """Of no cell; where and when stay."""
-    forecast = ahead_of(flowing('cpu', Effects()).checkpoint(), 'cpu', horizon=1.0).run()
-    withdrawn = forecast.withdrawn()
-    for array in (withdrawn.arrival, withdrawn.thickness, withdrawn.temperature):
-        assert np.isnan(array).all() and array.shape == forecast.arrival.shape
-    assert withdrawn.terrain is forecast.terrain
-
-
 def test_what_cannot_be_looked_ahead_is_refused():
     """With the field, the value and what would be right."""
     checkpoint = flowing('cpu', Effects()).checkpoint()

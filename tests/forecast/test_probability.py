@@ -26,7 +26,6 @@ from disc_flow import (
     exact_probability,
     HORIZON,
     same,
-    TERRAIN,
 )
 from lava_ros.errors import LavaError
 from lava_ros.forecast.members import MemberFields
@@ -171,25 +170,3 @@ def test_probability_converges_to_the_truth() -> None:
         # binomial sampling would give this
         assert errors[-1] < spread / np.sqrt(count)
     assert np.polyfit(np.log(counts), np.log(errors), 1)[0] < -0.5
-
-
-def test_what_no_sequence_covers_converges_as_the_root() -> None:
-    """Errors of the terrain are independent draws: there the law is 1 / sqrt(members) itself."""
-    plan, counts, errors = disc_plan(), (16, 64, 256), []
-    random = np.random.default_rng(5)
-    truth = exact_probability()
-    for count in counts:
-        squares = []
-        for _ in range(12):
-            tally = Tally(plan)
-            for index, factor in enumerate(np.exp(np.log(1.6) * random.standard_normal(count))):
-                tally.add(footprint_of(disc_fields(index, factor), plan))
-            squares.append(((tally.maps().probability / 100.0 - truth) ** 2).mean())
-        errors.append(np.sqrt(np.mean(squares)))
-    assert np.polyfit(np.log(counts), np.log(errors), 1)[0] == pytest.approx(-0.5, abs=0.12)
-    # the error that is reported is that of even odds, so no less
-    spread = np.sqrt((truth * (1.0 - truth)).mean())
-    for count, error in zip(counts, errors, strict=True):
-        assert error == pytest.approx(spread / np.sqrt(count), rel=0.5)
-    assert 100.0 * errors[-1] < tally.maps().sampling_error
-    assert TERRAIN.shape == truth.shape

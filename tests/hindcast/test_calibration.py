@@ -171,17 +171,6 @@ def test_unknowns_are_put_into_the_case(valley: Case) -> None:
     assert case.volume == pytest.approx(1.1 * valley.volume)
 
 
-def test_viscosity_of_a_vft_law_is_shifted(tmp_path: Path) -> None:
-    """Twice the viscosity at the vent is twice the viscosity at any temperature."""
-    case = load_case(write_case(tmp_path / 'valley'), material='reunion_basalt')
-    hot = case.scene.vents[0].temperature
-    before = case.scene.lava.viscosity_at(hot)
-    after = changed(case, {'viscosity': 2.0 * before}).scene.lava
-    for temperature in (hot, hot - 50.0):
-        ratio = after.viscosity_at(temperature) / case.scene.lava.viscosity_at(temperature)
-        assert ratio == pytest.approx(2.0)
-
-
 @pytest.mark.parametrize(
     ('names', 'ranges', 'word'),
     [

@@ -269,7 +269,7 @@ WRONG: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
     ),
     'vent outside': (
         _vents(f'x,y\n{X},{Y + 400}\n'),
-        ("'vent 0' of vent.csv", 'inside the elevation', '4180000 to 4181200'),
+        ("'vent 0' of vent.csv", 'on the terrain, which covers easting', '4180000 to 4181200'),
     ),
     'vent in degrees': (_vents('x,y\n15.0,37.7\n'), ('vent.csv', 'these are degrees')),
     'vent of another zone': (

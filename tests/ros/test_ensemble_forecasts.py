@@ -21,9 +21,8 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast import wire
 from lava_ros.forecast.assimilation import Mask
-from lava_ros.maps.forecast import QUANTILES
+from lava_ros.maps.forecast import HazardMaps, QUANTILES
 from lava_ros.ros.ensemble_forecasts import ForecastRules, Outlooks
 from lava_ros.ros.session import Fork
 from lava_ros.scene import Lava, Scene, Terrain
@@ -50,7 +49,9 @@ def order(outlooks, number, made, members=8):
 def sent(outlooks, changes=1):
     """What is passed on to the process."""
     orders = []
-    outlooks.send(lambda *order: orders.append(order), changes=changes, time_scale=2.0)
+    outlooks.send(
+        lambda name, **values: orders.append((name, values)), changes=changes, time_scale=2.0
+    )
     return orders
 
 
@@ -61,13 +62,14 @@ def test_a_stamp_becomes_simulated_time():
         order(outlooks, number, fork(clock, time))
     for clock, time in ((105.0, 25.0), (115.0, 30.0), (123.0, 36.0)):
         done = outlooks.observe(MASK, clock)
-        ((header, body),) = sent(outlooks)
-        assert header['order'] == 'outline' and header['time'] == pytest.approx(time)
-        lava, known = wire.unpacked_masks(body, header['shape'])
-        np.testing.assert_array_equal(lava, MASK.lava)
-        assert known.all() and not done.done()
-        outlooks.hear({'answer': 'weighed', 'number': header['number'], 'agreement': [1.0],
-                       'outlines': 1, 'jaccard_mean': 0.4}, b'')
+        ((name, order_of_it),) = sent(outlooks)
+        outline = order_of_it['outline']
+        assert name == 'outline' and outline.time == pytest.approx(time)
+        np.testing.assert_array_equal(outline.lava, MASK.lava)
+        assert outline.known.all() and not done.done()
+        outlooks.hear(
+            'weighed', number=order_of_it['number'], agreement=[1.0], outlines=1, jaccard_mean=0.4
+        )
         assert done.result(0.0) is None
     early = outlooks.observe(MASK, 99.0)
     assert sent(outlooks) == []
@@ -79,24 +81,25 @@ def test_a_stamp_becomes_simulated_time():
 def test_an_ensemble_is_ordered_when_there_is_none():
     """One at a time, and one for each state; what has failed is not tried again."""
     outlooks = Outlooks()
-    assert order(outlooks, 1, fork(1.0, 0.0), members=0) == {'members': 0}
+    assert order(outlooks, 1, fork(1.0, 0.0), members=0) is None
     first = order(outlooks, 2, fork(2.0, 5.0))
     assert (first['members'], first['agreement'], first['deadline']) == (8, None, None)
-    assert order(outlooks, 3, fork(3.0, 6.0)) == {'members': 0}
-    shape = SCENE.terrain.shape
-    maps = wire.packed(*(np.zeros(shape) for _ in range(2 + len(QUANTILES))))
-    header = {
-        'answer': 'outlook', 'number': 2, 'shape': shape, 'members': 8, 'asked': 8,
-        'is_done': True, 'effective_members': 8.0, 'arrival_error': 0.5, 'outlines': 0,
+    assert order(outlooks, 3, fork(3.0, 6.0)) is None
+    known = np.zeros(SCENE.terrain.shape)
+    maps = HazardMaps(known, dict.fromkeys(QUANTILES, known), known, 8, 8.0, 0.5)
+    answer = {
+        'number': 2, 'stamp_ns': first['stamp_ns'], 'time': 5.0, 'horizon': 60.0,
+        'threshold': 0.01, 'maps': maps, 'asked': 8, 'is_done': True, 'outlines': 0,
         'duration': 3.0,
     }
-    assert outlooks.hear(header, maps)
+    assert not outlooks.hear('outlook', changes=0, **answer)
+    assert outlooks.hear('outlook', changes=1, **answer)
     latest = outlooks.latest
     assert (latest.shown.time, latest.stamp_ns, latest.changes) == (5.0, 2_000_000_000, 1)
     assert outlooks.status.count == 1
     assert outlooks.is_wanted(1, 6.0) and not outlooks.is_wanted(1, 5.0)
     order(outlooks, 4, fork(4.0, 7.0))
-    outlooks.hear({'answer': 'ensemble refused', 'reason': 'nothing is uncertain'}, b'')
+    outlooks.hear('ensemble_refused', reason='nothing is uncertain')
     assert outlooks.status.error == 'nothing is uncertain'
     assert not outlooks.is_wanted(1, 9.0) and outlooks.is_wanted(2, 9.0)
     assert order(outlooks, 5, fork(5.0, 9.0, changes=2))['members'] == 8

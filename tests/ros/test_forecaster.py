@@ -29,8 +29,7 @@ from lava_ros.effects import Effects
 from lava_ros.forecast import process as forecast_process
 from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
 from lava_ros.ros.ensemble_forecasts import ForecastRules
-from lava_ros.ros.forecast_process import ForecastProcess
-from lava_ros.ros.forecaster import Forecaster, LEAST_PERIOD
+from lava_ros.ros.forecaster import Forecaster, ForecastProcess, LEAST_PERIOD
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import LEAST_SHARES, Pace, SHARE_RATE
 from lava_ros.scene import Lava, Scene, Terrain, Vent
@@ -271,6 +270,10 @@ def test_the_pace():
     assert pace.share(1.0, 'cpu') == 1.0
 
 
+#: An order of a forecast.
+FORK = {'number': 1, 'checkpoint': None, 'is_first': True, 'ensemble': None}
+
+
 class Slice:
     """A look ahead that takes 0.02 s a slice, on a clock of its own, and never ends."""
 
@@ -304,14 +307,13 @@ def test_the_process_computes_no_more_than_its_share(monkeypatch):
     """It rests between slices, also while orders come; another share holds from then on."""
     made = Slice()
     monkeypatch.setattr(forecast_process, 'LookAhead', lambda *_, **__: made)
-    monkeypatch.setattr(forecast_process, 'from_bytes', lambda body: body)
     monkeypatch.setattr(forecast_process.time, 'monotonic', lambda: made.now)
     orders = Orders(made)
-    forecasting = forecast_process.Forecasting(orders, lambda *_: None)
-    fork = {'horizon': 1.0, 'threshold': 1.0, 'device': 'cpu', 'max_particles': 1}
-    orders.put(({'order': 'fork', 'number': 1, 'share': 0.1, **fork}, b''))
+    forecasting = forecast_process.Forecasting(orders, lambda *_, **__: None)
+    orders.put(('share', {'share': 0.1}))
+    orders.put(('fork', FORK))
     for share in (0.1, 0.5):
-        orders.put(({'order': 'share', 'share': share}, b''))
+        orders.put(('share', {'share': share}))
         start, before = made.now, made.slices
         while made.now - start < 2.0:
             forecasting.turn()
@@ -326,12 +328,10 @@ def test_the_first_forecast_of_a_scene_is_there_sooner(monkeypatch):
     monkeypatch.setattr(
         forecast_process, 'LookAhead', lambda *_, **options: looks.append(options['looks'])
     )
-    monkeypatch.setattr(forecast_process, 'from_bytes', lambda body: body)
     orders = queue.Queue()
-    forecasting = forecast_process.Forecasting(orders, lambda *_: None)
-    fork = {'horizon': 1.0, 'threshold': 1.0, 'device': 'cpu', 'max_particles': 1}
-    for number, is_first in enumerate((True, False)):
-        orders.put(({'order': 'fork', 'number': number, 'is_first': is_first, **fork}, b''))
+    forecasting = forecast_process.Forecasting(orders, lambda *_, **__: None)
+    for is_first in (True, False):
+        orders.put(('fork', FORK | {'is_first': is_first}))
         forecasting.turn()
     assert looks == [FIRST_LOOKS, LOOKS] and 2 * FIRST_LOOKS < LOOKS
 
@@ -339,7 +339,7 @@ def test_the_first_forecast_of_a_scene_is_there_sooner(monkeypatch):
 def test_the_process_ends_with_the_node():
     """Also when the node is killed, in the middle of a forecast."""
     code = (
-        'import time\nfrom lava_ros.ros.forecast_process import ForecastProcess\n'
+        'import time\nfrom lava_ros.ros.forecaster import ForecastProcess\n'
         'process = ForecastProcess()\nprint(process.pid, flush=True)\ntime.sleep(100.0)\n'
     )
     node = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE, text=True)

@@ -36,7 +36,8 @@ from lava_ros.bag import BagWriter, LATCHED, QosProfile
 from lava_ros.bag.qos import INFINITE_NS
 from lava_ros.bag.schemas import MessageSchema
 from lava_ros.errors import LavaError
-from lava_ros.ros.player import message_class, to_rclpy
+from lava_ros.ros.player import message_class
+from lava_ros.ros.qos import ros_profile
 from ros_domain import own_domain
 
 SECOND = 1_000_000_000
@@ -225,13 +226,13 @@ def test_topics_of_unknown_types_are_left_out(tmp_path: Path, node: Node) -> Non
 
 def test_qos_is_the_recorded_one() -> None:
     """Each policy is carried over; without limit means rmw's default."""
-    profile = to_rclpy(QosProfile('keep_last', 3, 'best_effort', 'transient_local', 5 * SECOND))
+    profile = ros_profile(QosProfile('keep_last', 3, 'best_effort', 'transient_local', 5 * SECOND))
     assert profile.depth == 3
     assert profile.reliability == ReliabilityPolicy.BEST_EFFORT
     assert profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
     assert profile.deadline.nanoseconds == 5 * SECOND
     assert profile.lifespan == QoSProfile(depth=1).lifespan
-    unknown = to_rclpy(QosProfile(reliability='unknown', deadline=INFINITE_NS))
+    unknown = ros_profile(QosProfile(reliability='unknown', deadline=INFINITE_NS))
     assert unknown.reliability == ReliabilityPolicy.RELIABLE
 
 

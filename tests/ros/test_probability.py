@@ -16,8 +16,10 @@
 
 import numpy as np
 import pytest
+from rclpy.serialization import deserialize_message
 
-from disc_flow import disc_fields, disc_plan, TERRAIN
+from disc_flow import disc_fields, disc_plan
+from lava_ros.bag import BagReader
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import outline_on
 from lava_ros.forecast.probability import footprint_of, Tally
@@ -25,8 +27,9 @@ from lava_ros.maps.forecast import occupancy
 from lava_ros.maps.message_arrays import image_array
 from lava_ros.ros import codec
 from lava_ros.ros.inputs import mask_from_grid
-from lava_ros.ros.offline_bags import probability_messages
+from lava_ros.ros.offline_bags import write_atlas_bag
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.player import message_class
 from lava_ros.scene import Terrain
 
 RULES = Settings()
@@ -39,18 +42,26 @@ def seen(cells, resolution=10.0, origin=(100.0, 50.0)):
     return codec.occupancy_grid(np.array(cells, dtype=np.int8), info, codec.header('map', 5))
 
 
-def test_messages_have_the_maps():
-    """Names, types and values of all five, on the terrain's cells."""
+def test_a_bag_has_the_maps(tmp_path):
+    """Names, types and values of what a node publishes too, on the terrain's cells."""
     plan, tally = disc_plan(), Tally(disc_plan())
     for index, factor in enumerate((0.5, 1.0, 2.0)):
         tally.add(footprint_of(disc_fields(index, factor), plan))
     maps = tally.maps()
-    messages = probability_messages(maps, TERRAIN, frame_id='map', stamp_ns=7)
-    assert {name: kind.split('/')[-1] for name, (kind, _) in messages.items()} == {
-        'inundation_probability': 'OccupancyGrid', 'expected_thickness': 'Image',
-        'arrival_time_p10': 'Image', 'arrival_time_p50': 'Image', 'arrival_time_p90': 'Image',
+    write_atlas_bag(tmp_path / 'bag', maps, plan, stamp_ns=7, custom_data={'ensemble': '{}'})
+    bag = BagReader(tmp_path / 'bag')
+    assert set(bag.custom_data) == {'scene', 'version', 'ensemble'}
+    assert {name.removeprefix('/lava/') for name in bag.topics} == {
+        'terrain', 'terrain_info', 'vents', 'inundation_probability', 'probability_class',
+        'arrival_time_p10', 'arrival_time_p50', 'arrival_time_p90', 'expected_thickness',
     }
-    grid = messages['inundation_probability'][1]
+    messages = {
+        item.topic.removeprefix('/lava/'): deserialize_message(
+            item.data, message_class(bag.topics[item.topic].message_type)
+        )
+        for item in bag.messages()
+    }
+    grid = messages['inundation_probability']
     assert (grid.info.width, grid.info.height, grid.info.resolution) == (30, 24, 20.0)
     np.testing.assert_array_equal(
         np.array(grid.data).reshape(24, 30), occupancy(maps.probability)
@@ -59,7 +70,7 @@ def test_messages_have_the_maps():
     for name, values in (
         ('expected_thickness', maps.thickness), ('arrival_time_p50', maps.arrival[0.5]),
     ):
-        image = messages[name][1]
+        image = messages[name]
         np.testing.assert_array_equal(image_array(image, name), values)
         assert image.header.stamp.nanosec == 7
 

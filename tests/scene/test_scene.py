@@ -31,7 +31,6 @@ from lava_ros.scene import (
     Vent,
     vents_from_list,
 )
-from lava_ros.scene.materials import material_named
 from lava_ros.scene.uncertainty import Uncertainty
 
 
@@ -199,16 +198,6 @@ def scene_file(folder, text):
     np.savez(folder / 'ground.npz', **ground)
     (folder / 'scene.yaml').write_text('terrain: {file: ground.npz}\n' + text)
     return folder / 'scene.yaml'
-
-
-def test_a_scene_that_names_no_lava_is_of_etna(tmp_path):
-    """Its lava becomes solid; constants of the scene replace those of the material."""
-    vents = 'vents: [{position: [50, 50], discharge: 3}]\n'
-    scene = scene_from_yaml(scene_file(tmp_path, vents))
-    assert scene.lava == material_named('etna_basalt').lava
-    assert scene.vents[0].temperature == 1360.0
-    scene = scene_from_yaml(scene_file(tmp_path, vents + 'lava: {viscosity: 1e4}'))
-    assert (scene.lava.viscosity, scene.lava.solidus) == (1e4, 1143.0)
 
 
 @pytest.mark.parametrize('name', ['etna', 'uncertain'])
