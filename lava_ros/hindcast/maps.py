@@ -57,6 +57,7 @@ def write_maps(
         LavaError: rasterio is not installed, or a file cannot be written.
     """
     snapshot, terrain = result.snapshot, case.scene.terrain
+    assert snapshot.arrived is not None
     dry = np.where(terrain.has_data, 0.0, np.nan)
     thickness = np.where(terrain.has_data, snapshot.thickness, np.nan)
     maps = {

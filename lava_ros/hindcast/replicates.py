@@ -255,7 +255,7 @@ def _put_back(case: Case, result: Result, direction: Direction) -> Result:
             thickness=back(snapshot.thickness),
             temperature=back(snapshot.temperature),
             frozen=None if snapshot.frozen is None else back(snapshot.frozen),
-            arrived=back(snapshot.arrived),
+            arrived=None if snapshot.arrived is None else back(snapshot.arrived),
         ),
         peak=back(result.peak),
     )

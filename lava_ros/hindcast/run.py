@@ -330,7 +330,7 @@ def simulate(case: Case, settings: Settings) -> Result:
 
 
 def _write(path: Path, snapshot: Snapshot) -> None:
-    frozen = {} if snapshot.frozen is None else {'frozen': snapshot.frozen}
+    more = {'frozen': snapshot.frozen, 'arrived': snapshot.arrived}
     plain: dict[str, Any] = {
         'time': snapshot.time,
         'budget': asdict(snapshot.budget),
@@ -342,9 +342,8 @@ def _write(path: Path, snapshot: Snapshot) -> None:
             partial,
             thickness=snapshot.thickness,
             temperature=snapshot.temperature,
-            arrived=snapshot.arrived,
             plain=np.frombuffer(json.dumps(plain).encode(), np.uint8),
-            **frozen,  # type: ignore[arg-type]
+            **{name: grid for name, grid in more.items() if grid is not None},  # type: ignore[arg-type]
         )
 
 
@@ -361,7 +360,7 @@ def _read(path: Path, terrain: Any) -> Snapshot:
             particle_count=plain['particle_count'],
             steps=StepReport(**plain['steps']),
             frozen=arrays.get('frozen'),
-            arrived=arrays['arrived'],
+            arrived=arrays.get('arrived'),
         )
     except (OSError, KeyError, ValueError) as error:
         raise LavaError('output', str(path), f'what a run has written ({error})') from error
