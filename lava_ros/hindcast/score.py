@@ -93,7 +93,7 @@ class Score:
 
 
 def covered_by(snapshot: Snapshot) -> np.ndarray:
-    """Cells that lava has covered: it came to their middle, as in a mapped outline; bool."""
+    """Cells that lava came to, as the simulation notes it at its steps; bool."""
     assert snapshot.arrived is not None
     return np.isfinite(snapshot.arrived) & snapshot.terrain.has_data
 
