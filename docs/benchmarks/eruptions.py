@@ -122,7 +122,7 @@ def scored(
     rows = []
     for number, case in enumerate(cases):
         own = results[number * runs : (number + 1) * runs]
-        found = agreement(case, [result.snapshot.thickness for result in own])
+        found = agreement(case, [result.snapshot for result in own])
         single = np.array([score.jaccard for score in found.scores])
         rows.append(
             Row(

@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.case import load_case
     from lava_ros.hindcast.replicates import MOST
     from lava_ros.hindcast.run import Run, Settings, UNFINISHED
-    from lava_ros.hindcast.score import judge
+    from lava_ros.hindcast.score import covered_by, judge
     from lava_ros.maps.plot import duration
 
     # what the first run does not need had better be known before it
@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
         for share, _ in hindcast.snapshots():
             progress.show(duration(share * case.duration), share)
     result = hindcast.result()
-    judged = judge(case, result.snapshot.thickness)
+    judged = judge(case, result.snapshot.thickness, covered_by(result.snapshot))
     several = _several(case, settings, runs, unfinished) if runs > 1 else None
     files = _write(case, settings, hindcast, result, judged, several, output)
     shutil.rmtree(unfinished, ignore_errors=True)
@@ -144,13 +144,11 @@ def _several(case: Case, settings: Settings, runs: int, unfinished: Path) -> Agr
             folder=unfinished / 'several',
             progress=lambda share: progress.show(f'{runs} runs', share),
         )
-    return agreement(case, [result.snapshot.thickness for result in results])
+    return agreement(case, [result.snapshot for result in results])
 
 
 def as_dict(case: Case, settings: Settings, result: Result, judged: Score) -> dict[str, Any]:
     """A hindcast as plain data."""
-    from lava_ros.hindcast.score import judge
-
     snapshot, budget = result.snapshot, result.snapshot.budget
     return {
         'case': case.name,
@@ -160,7 +158,6 @@ def as_dict(case: Case, settings: Settings, result: Result, judged: Score) -> di
         'device': result.device,
         'simulated_s': snapshot.time,
         'score': judged.as_dict(),
-        'jaccard_of_peak': judge(case, result.peak).jaccard,
         'volume': {**asdict(budget), 'error': budget.error},
         'wall_time_s': round(result.wall_time, 3),
         'steps': snapshot.steps.count,
@@ -205,7 +202,7 @@ def _write(
 
     files = write_maps(case, result, output, several)
     picture, page = output / PICTURE, output / PAGE
-    draw_comparison(case, result.snapshot.thickness, judged, picture)
+    draw_comparison(case, result.snapshot, judged, picture)
     write_page(case, settings, result, judged, picture, page, several)
     return [*files, picture, page, *_write_bag(case, hindcast, result, output / BAG)]
 

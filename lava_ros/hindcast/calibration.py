@@ -40,7 +40,7 @@ from lava_ros.forecast.pool import Pool
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.replicates import agreed, directions, run_together
 from lava_ros.hindcast.run import Result, Settings
-from lava_ros.hindcast.score import judge
+from lava_ros.hindcast.score import covered_by, judge
 from lava_ros.hindcast.unknowns import changed, Unknown
 
 #: Difference to the best score up to which a run is as good: what a change of the ground by its
@@ -323,11 +323,13 @@ def _evaluate(job: _Job, sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
 
 def _numbers(case: Case, results: Sequence[Result]) -> Mapping[str, float]:
     """Results of the runs of a set, by the names of ``COLUMNS``."""
-    maps = [result.snapshot.thickness for result in results]
-    judged = judge(case, maps[0] if len(maps) == 1 else agreed(maps)[1]).as_dict()
+    snapshots = [result.snapshot for result in results]
+    share, thickness = agreed(snapshots)
+    judged = judge(case, thickness, share >= 0.5).as_dict()
+    single = [judge(case, item.thickness, covered_by(item)).jaccard for item in snapshots]
     return {
         **{name: float(judged[name]) for name in COLUMNS if name in judged},
-        'single': float(np.mean([judge(case, thickness).jaccard for thickness in maps])),
+        'single': float(np.mean(single)),
         'directions': float(len(results)),
         'wall_time_s': sum(result.wall_time for result in results),
     }

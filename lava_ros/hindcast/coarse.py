@@ -66,9 +66,15 @@ def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
         mean = np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), np.nan)
         return np.where(terrain.has_data, mean, np.nan).astype(np.float32)
 
+    arrived = snapshot.arrived
+    if arrived is not None:
+        # lava that reaches less than half of a cell does not cover it
+        reached = quarters(np.isfinite(arrived).astype(float)) >= 2.0
+        arrived = np.where(reached, spread(arrived), np.float32(np.nan))
     return replace(
         snapshot,
         terrain=terrain,
+        arrived=arrived,
         thickness=spread(snapshot.thickness),
         temperature=spread(snapshot.temperature),
         frozen=None if snapshot.frozen is None else spread(snapshot.frozen),

@@ -24,25 +24,25 @@ from lava_ros.forecast.picture import frame_of
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.replicates import Agreement
 from lava_ros.hindcast.run import Result
-from lava_ros.hindcast.score import Score
+from lava_ros.hindcast.score import covered_by, Score
 from lava_ros.maps.gis import NODATA_BYTE, write_grid
 from lava_ros.maps.plot import area_words, duration
 from lava_ros.maps.sheet import draw_sheet, Panel
 from lava_ros.pages.runs import system_words
-from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.snapshot import Snapshot
 
 #: What a cell of the comparison says.
 NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, NODATA_BYTE
 
 
-def comparison(thickness: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+def comparison(snapshot: Snapshot, footprint: np.ndarray) -> np.ndarray:
     """Hits, misses and false alarms, uint8, shape [rows, columns]."""
-    covered = np.nan_to_num(thickness) >= COVERED
+    covered = covered_by(snapshot)
     codes = np.full(footprint.shape, NEITHER, np.uint8)
     codes[covered & footprint] = HIT
     codes[~covered & footprint] = MISS
     codes[covered & ~footprint] = FALSE_ALARM
-    codes[np.isnan(thickness) & ~footprint] = UNKNOWN
+    codes[~snapshot.terrain.has_data & ~footprint] = UNKNOWN
     return codes
 
 
@@ -57,34 +57,35 @@ def write_maps(
         LavaError: rasterio is not installed, or a file cannot be written.
     """
     snapshot, terrain = result.snapshot, case.scene.terrain
+    assert snapshot.arrived is not None
     dry = np.where(terrain.has_data, 0.0, np.nan)
     thickness = np.where(terrain.has_data, snapshot.thickness, np.nan)
     maps = {
         'thickness': (thickness, 'm', 'thickness of the lava at the end; 0: none'),
         'peak_thickness': (result.peak + dry, 'm', 'largest thickness in any map; 0: none'),
-        'arrival': (result.arrival, 's', 'time of the first map with lava; no data: none came'),
+        'arrival': (snapshot.arrived, 's', 'time when lava came; no data: none came'),
         'temperature': (snapshot.temperature - 273.15, 'degC', 'temperature; no data: no lava'),
     }
     if several is not None:
-        meaning = f'share of {len(several.scores)} runs with lava at the end'
+        meaning = f'share of {len(several.scores)} runs whose lava came there'
         maps['runs'] = (several.share + dry, '1', meaning)
     files = [
         write_grid(folder / f'{name}.tif', values, terrain, unit=unit, meaning=meaning)
         for name, (values, unit, meaning) in maps.items()
     ]
     meaning = '0: neither, 1: hit, 2: miss, 3: false alarm'
-    codes = comparison(snapshot.thickness, case.footprint)
+    codes = comparison(snapshot, case.footprint)
     path = folder / 'comparison.tif'
     return [*files, write_grid(path, codes, terrain, unit='1', meaning=meaning)]
 
 
-def draw_comparison(case: Case, thickness: np.ndarray, judged: Score, output: Path) -> None:
-    """Draw hits, misses and false alarms of a thickness [m]; the suffix says the format.
+def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path) -> None:
+    """Draw hits, misses and false alarms of a flow at its end; the suffix says the format.
 
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.
     """
-    codes = comparison(thickness, case.footprint).astype(np.float64)
+    codes = comparison(snapshot, case.footprint).astype(np.float64)
     codes[(codes < HIT) | (codes > FALSE_ALARM)] = np.nan
     cell = case.scene.terrain.resolution**2
     areas = {'hit': judged.hits, 'miss': judged.misses, 'false alarm': judged.false_alarms}

@@ -27,7 +27,6 @@ from lava_ros.hindcast.run import Result, Settings
 from lava_ros.hindcast.score import Score
 from lava_ros.pages.report.still import write_still
 from lava_ros.scene.lava import Lava
-from lava_ros.simulation.accuracy import COVERED
 
 _DAY = 86400.0
 
@@ -149,7 +148,7 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
         'elevation': f'{terrain.shape[0]} x {terrain.shape[1]} cells of {terrain.resolution:g} m'
         + (f', smoothed over {case.low_pass:g} m' if case.low_pass else '')
         + (f', simulated on cells of {cell:g} m' if cell != terrain.resolution else ''),
-        'covered means': f'at least {COVERED:g} m of lava at the end',
+        'covered means': 'lava at least 0.1 m thick came there',
         'events': events or 'none',
         'preset': f'{settings.preset}: particles {accuracy.spacing:g} m apart where the flow is '
         f'{accuracy.thickness:.2g} m thick, kernel radius {accuracy.ratio:g} times that',

@@ -32,11 +32,11 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.run import Result, Run, Settings
-from lava_ros.hindcast.score import judge, Score
+from lava_ros.hindcast.score import covered_by, judge, Score
 from lava_ros.scene import Terrain
-from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.batch import interleave
 from lava_ros.simulation.defaults import device_of
+from lava_ros.simulation.snapshot import Snapshot
 
 #: Most runs.
 MOST = 64
@@ -252,27 +252,25 @@ def _put_back(case: Case, result: Result, direction: Direction) -> Result:
             thickness=back(snapshot.thickness),
             temperature=back(snapshot.temperature),
             frozen=None if snapshot.frozen is None else back(snapshot.frozen),
+            arrived=None if snapshot.arrived is None else back(snapshot.arrived),
         ),
         peak=back(result.peak),
-        arrival=back(result.arrival),
     )
 
 
-def agreed(maps: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Share of some maps that cover each cell, and mean thickness where at least half do [m]."""
-    covered = [np.nan_to_num(thickness) >= COVERED for thickness in maps]
-    share = np.mean(covered, axis=0)
-    mean = np.mean([np.nan_to_num(thickness) for thickness in maps], axis=0)
-    # a mean over runs that leave it dry may be less than what counts as covered
-    return share, np.where(share >= 0.5, np.maximum(mean, COVERED), 0.0)
+def agreed(snapshots: Sequence[Snapshot]) -> tuple[np.ndarray, np.ndarray]:
+    """Share of the runs that cover each cell, and mean thickness where half of them do [m]."""
+    share = np.mean([covered_by(snapshot) for snapshot in snapshots], axis=0)
+    mean = np.mean([np.nan_to_num(snapshot.thickness) for snapshot in snapshots], axis=0)
+    return share, np.where(share >= 0.5, mean, 0.0)
 
 
-def agreement(case: Case, maps: list[np.ndarray]) -> Agreement:
-    """Compare the thickness [m] of runs with the map of their case, each and together."""
-    share, thickness = agreed(maps)
+def agreement(case: Case, snapshots: Sequence[Snapshot]) -> Agreement:
+    """Compare runs, as they are at the end, with the map of their case, each and together."""
+    share, thickness = agreed(snapshots)
     return Agreement(
-        scores=tuple(judge(case, thickness) for thickness in maps),
+        scores=tuple(judge(case, item.thickness, covered_by(item)) for item in snapshots),
         share=share,
         thickness=thickness,
-        majority=judge(case, thickness),
+        majority=judge(case, thickness, share >= 0.5),
     )

@@ -33,7 +33,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.scene import scene_to_dict
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import Accuracy, COVERED
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.checkpoint import from_bytes
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
@@ -103,8 +103,6 @@ class Result:
     Attributes:
         snapshot: The flow at its end.
         peak: Largest thickness that any map has had [m], float32, shape [rows, columns].
-        arrival: Time of the first map with lava that thick (``COVERED``) after the start
-            of the simulation [s], NaN where there was none, float32, same shape.
         wall_time: Time that it took [s], without reading and writing files, and without that of
             others between its parts.
         most_particles: Most particles there were at any look.
@@ -116,7 +114,6 @@ class Result:
 
     snapshot: Snapshot
     peak: np.ndarray
-    arrival: np.ndarray
     wall_time: float
     most_particles: int
     effects: tuple[str, ...]
@@ -130,15 +127,12 @@ class _History:
     """What a run gathers beside the simulation itself."""
 
     peak: np.ndarray
-    arrival: np.ndarray
     wall_time: float = 0.0
     most_particles: int = 0
     maps: int = 0
 
     def add(self, snapshot: Snapshot) -> None:
         thickness = np.nan_to_num(snapshot.thickness)
-        first = np.isnan(self.arrival) & (thickness >= COVERED)
-        self.arrival[first] = snapshot.time
         np.maximum(self.peak, thickness, out=self.peak)
         self.maps += 1
 
@@ -163,9 +157,7 @@ class Run:
         self._coarseness = settings.coarseness(case)
         self._folder = folder
         shape = case.scene.terrain.shape
-        self._history = _History(
-            np.zeros(shape, np.float32), np.full(shape, np.nan, np.float32)
-        )
+        self._history = _History(np.zeros(shape, np.float32))
         self._simulation: Simulation | None = None
         self._done_events = 0
         self.is_resumed = folder is not None and (folder / 'run.json').is_file()
@@ -223,7 +215,6 @@ class Run:
         return Result(
             snapshot=self._snapshot(simulation),
             peak=history.peak,
-            arrival=history.arrival,
             wall_time=history.wall_time,
             most_particles=history.most_particles,
             effects=on,
@@ -254,6 +245,7 @@ class Run:
                 accuracy=self.settings.accuracy(self.case),
                 device=self.settings.device,
                 horizon=self.case.duration,
+                notes_arrival=True,
             )
             self._history.wall_time += wall_clock.monotonic() - started
         return self._simulation
@@ -338,7 +330,7 @@ def simulate(case: Case, settings: Settings) -> Result:
 
 
 def _write(path: Path, snapshot: Snapshot) -> None:
-    frozen = {} if snapshot.frozen is None else {'frozen': snapshot.frozen}
+    more = {'frozen': snapshot.frozen, 'arrived': snapshot.arrived}
     plain: dict[str, Any] = {
         'time': snapshot.time,
         'budget': asdict(snapshot.budget),
@@ -351,7 +343,7 @@ def _write(path: Path, snapshot: Snapshot) -> None:
             thickness=snapshot.thickness,
             temperature=snapshot.temperature,
             plain=np.frombuffer(json.dumps(plain).encode(), np.uint8),
-            **frozen,  # type: ignore[arg-type]
+            **{name: grid for name, grid in more.items() if grid is not None},  # type: ignore[arg-type]
         )
 
 
@@ -368,6 +360,7 @@ def _read(path: Path, terrain: Any) -> Snapshot:
             particle_count=plain['particle_count'],
             steps=StepReport(**plain['steps']),
             frozen=arrays.get('frozen'),
+            arrived=arrays.get('arrived'),
         )
     except (OSError, KeyError, ValueError) as error:
         raise LavaError('output', str(path), f'what a run has written ({error})') from error

@@ -27,7 +27,7 @@ import numpy as np
 
 from lava_ros.files.optional import require
 from lava_ros.hindcast.case import Case
-from lava_ros.simulation.accuracy import COVERED
+from lava_ros.simulation.snapshot import Snapshot
 
 #: Steps to the 16 neighbours that a path may take: its length is then right to 2.7 %.
 _STEPS = tuple(
@@ -92,8 +92,15 @@ class Score:
         return {**asdict(self), **errors}
 
 
+def covered_by(snapshot: Snapshot) -> np.ndarray:
+    """Cells that lava came to, as the simulation notes it at its steps; bool."""
+    assert snapshot.arrived is not None
+    return np.isfinite(snapshot.arrived) & snapshot.terrain.has_data
+
+
 def score(
     thickness: np.ndarray,
+    covered: np.ndarray,
     footprint: np.ndarray,
     *,
     resolution: float,
@@ -104,13 +111,13 @@ def score(
 
     Args:
         thickness: Thickness of the simulated lava [m], NaN without data, shape [rows, columns].
+        covered: Where it counts as covered, bool, same shape.
         footprint: Where lava was mapped, bool, same shape.
         resolution: Side of a cell [m].
         vents: Row and column of each vent.
         emitted: Volume that came out [m3].
     """
     thickness = np.nan_to_num(thickness)
-    covered = thickness >= COVERED
     hits = int((covered & footprint).sum())
     mapped, simulated = int(footprint.sum()), int(covered.sum())
     cell = resolution**2
@@ -137,14 +144,18 @@ def score(
     )
 
 
-def judge(case: Case, thickness: np.ndarray) -> Score:
-    """Compare a thickness [m], shape [rows, columns], with the map of its case."""
+def judge(case: Case, thickness: np.ndarray, covered: np.ndarray) -> Score:
+    """Compare a flow with the map of its case.
+
+    Its thickness [m] and where it counts as covered, bool, have the shape [rows, columns].
+    """
     terrain = case.scene.terrain
     places = [vent.position for vent in case.scene.vents]
     places += [vent.end for vent in case.scene.vents if vent.end is not None]
     cells = [terrain.cell_at(*place) for place in places]
     return score(
         thickness,
+        covered,
         case.footprint,
         resolution=terrain.resolution,
         vents=[cell for cell in cells if cell is not None],

@@ -62,7 +62,6 @@ def test_numbers_are_written(finished: Path) -> None:
     assert data['simulated_s'] == pytest.approx(3600.0)
     assert data['lava']['viscosity'] == 2e4
     assert data['particles_emitted'] > 20
-    assert data['jaccard_of_peak'] >= data['score']['jaccard'] - 0.1
     assert not (finished / 'out/.unfinished').exists()
 
 

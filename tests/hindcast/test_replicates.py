@@ -33,7 +33,6 @@ from lava_ros.hindcast.replicates import (
     turned,
 )
 from lava_ros.hindcast.run import Run, Settings, simulate
-from lava_ros.simulation.accuracy import COVERED
 
 SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=2)
 
@@ -69,7 +68,11 @@ def test_each_run_is_what_it_would_be_alone(valley: Case) -> None:
         np.testing.assert_array_equal(thickness, own)
         np.testing.assert_array_equal(np.isnan(thickness), ~valley.scene.terrain.has_data)
         assert result.snapshot.terrain is valley.scene.terrain
-        assert result.peak.shape == result.arrival.shape == valley.footprint.shape
+        assert result.peak.shape == valley.footprint.shape
+        arrived = alone.snapshot.arrived
+        assert arrived is not None
+        own = restored(arrived, direction.quarters, mirror=direction.mirror)
+        np.testing.assert_array_equal(result.snapshot.arrived, own)
         assert result.snapshot.budget.emitted == pytest.approx(valley.volume)
         assert result.snapshot.budget.error < 1e-5
         assert result.effects == alone.effects
@@ -90,7 +93,7 @@ def test_a_turned_case_has_the_same_runs(
     scores = []
     for one in (case, turned(case, quarters, mirror=mirror)):
         results = run_several(one, settings, 16)
-        scores.append(agreement(one, [item.snapshot.thickness for item in results]))
+        scores.append(agreement(one, [item.snapshot for item in results]))
     found, other = scores
     assert sorted(item.jaccard for item in found.scores) == sorted(
         item.jaccard for item in other.scores
@@ -118,12 +121,15 @@ def test_agreement_is_what_half_of_the_runs_cover(valley: Case) -> None:
     maps = [np.zeros(valley.footprint.shape) for _ in range(3)]
     maps[0][10:20, 10:20] = 3.0
     maps[1][10:20, 10:16] = 1.0
-    maps[2][10:14, 10:16] = COVERED
-    maps[2][0, 0] = np.nan
-    found = agreement(valley, maps)
+    maps[2][10:14, 10:16] = 0.1
+    end = simulate(valley, SETTINGS).snapshot
+    snapshots = [
+        replace(end, thickness=item, arrived=np.where(item > 0.0, 60.0, np.nan)) for item in maps
+    ]
+    found = agreement(valley, snapshots)
     assert found.share[10, 10] == 1.0
     assert found.share[15, 10] == pytest.approx(2.0 / 3.0)
-    covered = found.thickness >= COVERED
+    covered = found.thickness > 0.0
     expected = np.zeros_like(covered)
     expected[10:20, 10:16] = True
     np.testing.assert_array_equal(covered, expected)
@@ -155,7 +161,7 @@ def test_runs_that_are_cut_off_go_on(valley: Case, tmp_path: Path) -> None:
     assert len(told) == SETTINGS.maps * 3 - 3
     for one, other in zip(whole, again, strict=True):
         np.testing.assert_array_equal(one.snapshot.thickness, other.snapshot.thickness)
-        np.testing.assert_array_equal(one.arrival, other.arrival)
+        np.testing.assert_array_equal(one.snapshot.arrived, other.snapshot.arrived)
     with pytest.raises(LavaError, match='--fresh'):
         run_several(valley, replace(SETTINGS, spacing=20.0), 3, folder=tmp_path)
 

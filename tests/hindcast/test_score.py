@@ -15,11 +15,12 @@
 
 """The comparison of a flow with a map."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
-from lava_ros.hindcast.score import distances, score
-from lava_ros.simulation.accuracy import COVERED
+from lava_ros.hindcast.score import distances, Score, score
 
 FOOTPRINT = np.zeros((40, 30), bool)
 FOOTPRINT[5:30, 10:16] = True
@@ -31,13 +32,18 @@ def _flow() -> np.ndarray:
     """Lava two metres thick, two cells to the east of the map and five rows short."""
     thickness = np.zeros(FOOTPRINT.shape, np.float32)
     thickness[10:30, 12:18] = 2.0
-    thickness[10:30, 18] = 0.99 * COVERED
+    thickness[10:30, 18] = 0.1
     return thickness
+
+
+def _scored(thickness: np.ndarray, footprint: np.ndarray, **options: Any) -> Score:
+    """The score of lava that covers where it is thicker than a decimetre."""
+    return score(thickness, thickness > 0.1, footprint, **options)
 
 
 def test_numbers_are_those_of_counted_cells() -> None:
     """Hits, misses and false alarms, and what follows from them."""
-    found = score(_flow(), FOOTPRINT, resolution=10.0, vents=[VENT], emitted=30_000.0)
+    found = _scored(_flow(), FOOTPRINT, resolution=10.0, vents=[VENT], emitted=30_000.0)
     assert (found.hits, found.misses, found.false_alarms) == (80, 70, 40)
     assert found.jaccard == pytest.approx(80 / 190)
     assert found.fit == pytest.approx((80 / 190) ** 0.5)
@@ -46,7 +52,7 @@ def test_numbers_are_those_of_counted_cells() -> None:
     assert found.area_error == pytest.approx(-0.2)
     assert (found.mean_thickness, found.median_thickness, found.thickest) == (2.0, 2.0, 2.0)
     assert found.mapped_thickness == pytest.approx(2.0)
-    assert found.volume == pytest.approx(24_000.0 + 20 * 0.099 * 100.0)
+    assert found.volume == pytest.approx(24_000.0 + 20 * 0.1 * 100.0)
 
 
 def test_length_is_that_of_the_way_along_the_flow() -> None:
@@ -54,11 +60,11 @@ def test_length_is_that_of_the_way_along_the_flow() -> None:
     mask = np.zeros((60, 60), bool)
     mask[10:50, 10] = mask[10, 10:50] = True
     thickness = np.where(mask, 1.0, 0.0)
-    found = score(thickness, mask, resolution=10.0, vents=[(49, 10)], emitted=1.0)
+    found = _scored(thickness, mask, resolution=10.0, vents=[(49, 10)], emitted=1.0)
     assert found.length == found.mapped_length == pytest.approx(780.0, abs=20.0)
     assert found.length_error == 0.0
     short = np.where(np.indices(mask.shape)[1] < 30, thickness, 0.0)
-    found = score(short, mask, resolution=10.0, vents=[(49, 10)], emitted=1.0)
+    found = _scored(short, mask, resolution=10.0, vents=[(49, 10)], emitted=1.0)
     assert found.length == pytest.approx(580.0, abs=20.0)
     assert found.length_error == pytest.approx(-200.0 / 780.0, abs=0.01)
 
@@ -85,7 +91,7 @@ def test_parts_apart_are_reached_in_a_straight_line() -> None:
 
 
 @pytest.mark.parametrize('turns', [1, 2, 3])
-def test_turned_and_mirrored_maps_have_the_same_score(turns: int) -> None:
+def test_turned_and_mirrored_maps_have_the_same__scored(turns: int) -> None:
     """Turning or mirroring flow, map and vents changes no number."""
     rng = np.random.default_rng(3)
     thickness = np.where(rng.random(FOOTPRINT.shape) < 0.8, _flow(), 0.0)
@@ -96,13 +102,13 @@ def test_turned_and_mirrored_maps_have_the_same_score(turns: int) -> None:
         marked[row, column] = 1.0
         return tuple(int(i) for i in np.argwhere(np.rot90(marked, turns))[0])  # type: ignore[return-value]
 
-    straight = score(thickness, FOOTPRINT, resolution=10.0, vents=[VENT], emitted=1.0).as_dict()
-    turned = score(
+    straight = _scored(thickness, FOOTPRINT, resolution=10.0, vents=[VENT], emitted=1.0).as_dict()
+    turned = _scored(
         np.rot90(thickness, turns), np.rot90(FOOTPRINT, turns),
         resolution=10.0, vents=[cell(*VENT)], emitted=1.0,
     ).as_dict()
     assert turned == pytest.approx(straight, rel=1e-6)
-    mirrored = score(
+    mirrored = _scored(
         thickness[:, ::-1], FOOTPRINT[:, ::-1],
         resolution=10.0, vents=[(VENT[0], columns - 1 - VENT[1])], emitted=1.0,
     ).as_dict()
@@ -111,7 +117,7 @@ def test_turned_and_mirrored_maps_have_the_same_score(turns: int) -> None:
 
 def test_no_lava_scores_nothing() -> None:
     """A flow that never came has no hits, and numbers all the same."""
-    found = score(
+    found = _scored(
         np.full(FOOTPRINT.shape, np.nan), FOOTPRINT, resolution=10.0, vents=[VENT], emitted=0.0
     )
     assert (found.jaccard, found.recall, found.precision) == (0.0, 0.0, 0.0)

@@ -28,7 +28,7 @@ import math
 import numpy as np
 
 from lava_ros.hindcast.case import Case
-from lava_ros.hindcast.replicates import agreed, run_several
+from lava_ros.hindcast.replicates import run_several
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import judge, Score
 from lava_ros.scene import Scene, Terrain, Vent
@@ -183,12 +183,13 @@ def _footprint(case: Case, preset: str, device: str, runs: int) -> _Footprint:
     settings = Settings(preset, device=device, maps=1)
     results = run_several(case, settings, runs)
     alone = simulate(case, settings)
-    maps = [result.snapshot.thickness for result in results]
-    share, thickness = agreed(maps)
+    maps = np.nan_to_num([result.snapshot.thickness for result in results])
+    runs_cover = maps >= COVERED
+    majority = runs_cover.mean(axis=0) >= 0.5
     return _Footprint(
-        np.array([np.nan_to_num(item) >= COVERED for item in maps]),
-        share >= 0.5,
-        judge(case, thickness),
+        runs_cover,
+        majority,
+        judge(case, maps.mean(axis=0), majority),
         alone.wall_time,
         max(result.most_particles for result in results),
         alone.snapshot.steps.evaluations,
