@@ -36,7 +36,7 @@ from recording import record
 from small_checkpoint import small_checkpoint
 
 #: Bits that are flipped in each bag; `make nightly` tries more.
-FLIPS = int(os.environ.get('LAVA_FLIPS', '20'))
+FLIPS = int(os.environ.get('LAVA_FLIPS', '8'))
 
 TIMES = (200.0, 400.0, 600.0, 800.0)
 

@@ -50,7 +50,7 @@ def test_no_lava_is_faster_than_its_fall(device, on):
         device=device,
     )
     fastest = 0.0
-    for time in range(50, 401, 50):
+    for time in range(50, 201, 50):
         simulation.advance(time)
         assert heads(simulation).max() < 1e-3
         fastest = max(fastest, np.hypot(*simulation.sample().velocity.T).max())
