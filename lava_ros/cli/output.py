@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import json
 import os
@@ -97,6 +97,22 @@ def write_json(data: Any, *names: str | Path | None) -> None:
             print(text, end='')
         elif name is not None:
             write_output('--json', name, text)
+
+
+def table_lines(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
+    """Lines of a table whose columns are as wide as their widest cells.
+
+    Args:
+        rows: The cells, of the head first.
+        sides: For each column ``<`` or ``>``: where its cells are.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        '  '.join(
+            f'{cell:{side}{width}}' for cell, side, width in zip(row, sides, widths, strict=True)
+        ).rstrip()
+        for row in rows
+    ]
 
 
 def made_folder(name: str | Path) -> Path:

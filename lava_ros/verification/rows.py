@@ -22,11 +22,15 @@ from dataclasses import asdict, dataclass, fields
 from io import StringIO, TextIOWrapper
 import math
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input, write_output
 from lava_ros.simulation.presets import PRESETS
+
+#: Is told what begins, and the share of the work that is done, from 0 to 1.
+OnProgress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
@@ -78,21 +82,41 @@ class Row:
     high: float
 
 
+def row_of(
+    benchmark: str, particles: int, values: Sequence[float], unit: str
+) -> dict[str, Any]:
+    """The row of a benchmark's repetitions: their median, and from where to where they went."""
+    return {
+        'benchmark': benchmark,
+        'particles': particles,
+        'value': median(values),
+        'unit': unit,
+        'low': min(values),
+        'high': max(values),
+        'repetitions': len(values),
+    }
+
+
 def write_csv(rows: Sequence[Any], path: Path) -> None:
-    """Write rows, dataclasses of one kind and at least one, as CSV with numbers to six digits.
+    """Write rows with the same columns, one at least, as CSV with numbers to six digits.
 
     Raises:
         LavaError: The file cannot be written.
     """
     text = StringIO()
-    writer = csv.DictWriter(text, [item.name for item in fields(rows[0])], lineterminator='\n')
+    writer = csv.DictWriter(text, list(_columns(rows[0])), lineterminator='\n')
     writer.writeheader()
     for row in rows:
-        values = asdict(row).items()
+        values = _columns(row).items()
         writer.writerow(
             {name: f'{value:.6g}' if isinstance(value, float) else value for name, value in values}
         )
     write_output('output', path, text.getvalue())
+
+
+def _columns(row: Any) -> dict[str, Any]:
+    """The values of a row, a dataclass or a mapping, by column."""
+    return row if isinstance(row, dict) else asdict(row)
 
 
 def read_csv(path: Path) -> list[Row]:
@@ -120,11 +144,11 @@ _TYPES: dict[str, Callable[[str], Any]] = {'str': str, 'float': float, 'int': in
 
 
 def as_plain(rows: Sequence[Any]) -> list[dict[str, Any]]:
-    """Turn rows, dataclasses, into a list with the CSV's columns for JSON, None for NaN."""
+    """Turn rows into a list with the CSV's columns for JSON, None for NaN."""
     return [
         {
             name: None if isinstance(value, float) and math.isnan(value) else value
-            for name, value in asdict(row).items()
+            for name, value in _columns(row).items()
         }
         for row in rows
     ]
