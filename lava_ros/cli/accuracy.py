@@ -65,8 +65,8 @@ def run(args: argparse.Namespace) -> int:
     """Measure and write the report."""
     from lava_ros.verification import measure, settings
     from lava_ros.verification.cases import CASES, EFFECT_CASES
+    from lava_ros.verification.cases.sheets import LATERAL
     from lava_ros.verification.chart import draw
-    from lava_ros.verification.lateral import NAME
     from lava_ros.verification.report import markdown
     from lava_ros.verification.rows import as_plain, read_csv, write_csv
 
@@ -77,13 +77,13 @@ def run(args: argparse.Namespace) -> int:
     if args.longest is not None:
         longest = seconds_of('--longest', args.longest)
     for name in args.case or ():
-        validation.choice('--case', name, (*CASES, NAME))
+        validation.choice('--case', name, (*CASES, LATERAL))
     pairs = [
         (case, item)
         for case, item in settings.all_pairs(quick=args.quick)
         if not args.case or case.name in args.case
     ]
-    order = [*CASES, NAME]
+    order = [*CASES, LATERAL]
     titles = {case.name: f'{case.title[0].upper()}{case.title[1:]}' for case in CASES.values()}
     device = device_named(args.device)
     folder, stem = made_folder(args.output), measure.file_stem(device)

@@ -28,13 +28,13 @@ from lava_ros import validation
 #: bingham_dome: radius 0.13, 0.05, 0.07; profile 0.8, 0.3, 0.2; edge 0.6, 0.2, 0.04: smoothing of
 #:     the front; what is left of the way after 1e4 mu / tau_y is below 0.1.
 #: ridge: half-width 0.2, 0.2, 0.2; profile 0.9, 0.5, 0.3: the same.
-#: green: 37, 0.6, 0.9: the support is fixed, so draft has a particle for each 2 thicknesses.
+#: green: 37, 0.6, 1.3: the support is fixed, so draft has a particle for each 2 thicknesses.
 #: channel: solve 2.1, 0.6, 0.3: particles across half of the channel, 5 to 8, 10 to 15, 20 to 30;
 #:     green 2.1, 0.98, 0.98: the same, and from standard on the cut at 6 / k.
 #: pond: speed after an hour 0.009, 0.04, 0.008; at rest 3e-5, 0.0013: particles still change
 #:     places in the deep, and chance says how fast; with the balanced gradient of the reference
 #:     0.0014 and 8e-5, of the thin edge. Flatness 0.11, 0.09, 0.08; balanced 0.01.
-#: radiating_sheet: 0.005, 0.005, 0.005: the thickness.
+#: radiating_sheet: 0.007, 0.007, 0.007: the thickness.
 #: fixed_volume: radius 0.13, 0.06, 0.08; profile 0.6, 0.35, 0.26; edge 0.73, 0.52, 0.42:
 #:     smoothing of the front. Scatter 0.02, 0.02, 0.02: the particles' lattice.
 #: constant_flux: radius 0.5, 0.2, 0.2; exponent 0.4, 0.3, 0.4; coefficient 0.6, 0.3, 0.2: the

@@ -22,7 +22,7 @@ import math
 from lava_ros.simulation.accuracy import Accuracy, GRADIENTS
 from lava_ros.simulation.presets import DEFAULT, PRESETS
 from lava_ros.verification.cases import Case, CASES
-from lava_ros.verification.lateral import lateral_experiments
+from lava_ros.verification.cases.sheets import EXPERIMENTS
 
 #: Refinements of the grid: 500, 2,000, 8,000 and 32,000 particles in the fixed volume's case.
 REFINEMENTS = (0.25, 0.5, 1.0, 2.0)
@@ -240,9 +240,9 @@ def all_pairs(*, quick: bool = False) -> list[tuple[Case, Setting]]:
         (case, item) for case in CASES.values() for item in settings if _is_run(item, case.name)
     ]
     return pairs + [
-        (item.case, Setting(item.setting, _standard()))
-        for item in lateral_experiments()
-        if not quick or item.setting.endswith(QUICK_RADII)
+        (case, Setting(name, _standard()))
+        for name, case in EXPERIMENTS.items()
+        if not quick or name.endswith(QUICK_RADII)
     ]
 
 

@@ -21,7 +21,7 @@ import pytest
 
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import PRESETS
-from lava_ros.verification.lateral import FORMS, lateral_experiments, RADII
+from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, RADII
 from lava_ros.verification.report import markdown, studies
 from lava_ros.verification.settings import (
     convergence,
@@ -271,7 +271,7 @@ def test_kinds_of_lateral_stress_stand_side_by_side(row):
 
 def test_every_lateral_experiment_has_its_place(row):
     """The names that the experiments have are those that the section takes apart."""
-    rows = [row(case='lateral', setting=item.setting) for item in lateral_experiments()]
+    rows = [row(case='lateral', setting=name) for name in EXPERIMENTS]
     head, *lines = table(rows, 'Lateral stress')
     assert head[2:] == list(FORMS)
     assert [float(line[1]) for line in lines] == 2 * list(RADII)

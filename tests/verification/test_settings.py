@@ -22,7 +22,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import DEFAULT, PRESETS
 from lava_ros.verification import settings
 from lava_ros.verification.cases import CASES
-from lava_ros.verification.lateral import FORMS, lateral_experiments, NAME
+from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, LATERAL
 from lava_ros.verification.settings import all_pairs, all_settings, expected_cost, name_of
 
 
@@ -116,10 +116,10 @@ def test_dear_ones_drop_out_on_a_cpu():
 
 def test_the_lateral_experiments_are_run():
     """All of them, and in a quick report every form at two radii; each at the default preset."""
-    names = [item.setting for item in lateral_experiments()]
-    found = [item for case, item in all_pairs() if case.name == NAME]
+    names = list(EXPERIMENTS)
+    found = [item for case, item in all_pairs() if case.name == LATERAL]
     assert [item.name for item in found] == names
     assert {item.accuracy for item in found} == {PRESETS[DEFAULT].accuracy}
-    quick = [item.name for case, item in all_pairs(quick=True) if case.name == NAME]
+    quick = [item.name for case, item in all_pairs(quick=True) if case.name == LATERAL]
     assert len(quick) == 2 * len(FORMS)
     assert set(quick) < set(names)

@@ -26,8 +26,7 @@ from lava_ros.verification.cases import (
     spreading,
 )
 from lava_ros.verification.cases.case import Case, Measurement, Run
-from lava_ros.verification.cases.sheets import green_response, sheet_on_slope
-from lava_ros.verification.cases.spreading import Spread, spread_of_fixed_volume
+from lava_ros.verification.cases.spreading import spread_of_fixed_volume
 
 __all__ = [
     'CASES',
@@ -35,9 +34,6 @@ __all__ = [
     'Case',
     'Measurement',
     'Run',
-    'Spread',
-    'green_response',
-    'sheet_on_slope',
     'spread_of_fixed_volume',
 ]
 

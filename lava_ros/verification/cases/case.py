@@ -93,6 +93,11 @@ class Run:
     simulated_time: float
     wall_time: float
 
+    @property
+    def errors(self) -> dict[str, float]:
+        """Relative errors by quantity."""
+        return {item.quantity: item.error for item in self.measurements}
+
 
 @dataclass(frozen=True)
 class Case:
@@ -185,6 +190,16 @@ class Trial:
         thickness = copy.snapshot().thickness
         return Field(thickness[beyond:-beyond, beyond:-beyond], cell, (x0, y0))
 
+    def middle(self, half: float) -> dict[str, np.ndarray]:
+        """What the particles in a square around (0, 0), of half a side [m], are like now."""
+        sample = self.simulation.sample()
+        inside = np.abs(sample.position).max(axis=1) < half
+        return {
+            'position': sample.position[inside],
+            'velocity': sample.velocity[inside],
+            'temperature': sample.temperature[inside],
+        }
+
     def run(self, case: str, *measurements: Measurement) -> Run:
         """Close the trial with what was measured."""
         snapshot = self.simulation.snapshot()
@@ -232,6 +247,43 @@ def lattice(length: float, width: float, spacing: float) -> np.ndarray:
         for count in (max(2, int(length / spacing)), max(2, int(width / spacing)))
     ]
     return np.stack(np.meshgrid(*ticks), axis=-1).reshape(-1, 2)
+
+
+def layer(
+    lava: Lava,
+    effects: Effects,
+    accuracy: Accuracy,
+    device: str,
+    *,
+    thickness: float,
+    spacing: float = 2.0,
+    side: float = 120.0,
+    slope: float = 0.0,
+    temperature: float = 1400.0,
+) -> 'Trial':
+    """A square layer of even thickness around (0, 0) on an even slope.
+
+    Args:
+        lava: What it is of.
+        effects: The physics.
+        accuracy: Resolution; spacing and thickness are set here.
+        device: Warp device.
+        thickness: Its thickness, vertical [m].
+        spacing: Distance between particles at a refinement of 1 [m].
+        side: Its side [m]; the slope's is twice as long.
+        slope: Angle of the slope [rad].
+        temperature: Its temperature [K].
+    """
+    spacing /= accuracy.refinement
+    # a coarse one keeps its middle away from the edge
+    side = max(side, 8.0 * spacing)
+    return Trial(
+        Scene(plane(square(side), 5.0, slope), lava=lava),
+        effects=effects,
+        accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
+        particles=Particles(lattice(side, side, spacing), thickness * spacing**2, temperature),
+        device=device,
+    )
 
 
 def plane(window: Window, cell: float, slope: float = 0.0) -> Terrain:

@@ -18,8 +18,10 @@
 Errors of temperatures are relative to what the lava has cooled or warmed by.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 import math
+from typing import Protocol
 
 import numpy as np
 
@@ -35,6 +37,7 @@ from lava_ros.verification.cases.case import (
     ISOTHERMAL,
     joined,
     lattice,
+    layer,
     Measurement,
     NU,
     plane,
@@ -57,40 +60,55 @@ HOT, COLD, THICKNESS = 1423.0, 300.0, 2.0
 HOURS = (1.0, 10.0, 100.0)
 
 
+class _Cooling(Protocol):
+    """What says how a sheet cools."""
+
+    def temperature(self, time: float) -> float: ...
+
+
 def _cooling_sheet(
     name: str,
     lava: Lava,
     effects: Effects,
-    solution: exact.ColumnOnGround | exact.ConvectingSlab | exact.CrystallisingSheet,
+    solution: _Cooling,
     accuracy: Accuracy,
     device: str,
+    hours: Sequence[float] = HOURS,
+    is_of_loss: bool = True,
 ) -> Run:
-    """Temperatures of the middle of a still sheet at ``HOURS``."""
-    spacing = 4.0 / accuracy.refinement
-    side = max(80.0, 8.0 * spacing)
-    trial = Trial(
-        Scene(plane(square(side), 10.0), lava=lava),
-        effects=effects,
-        accuracy=replace(accuracy, spacing=spacing, thickness=THICKNESS, longest_step=600.0),
-        particles=Particles(lattice(side, side, spacing), THICKNESS * spacing**2, HOT),
-        device=device,
+    """Temperatures of the middle of a still sheet, maybe held against what it has cooled by."""
+    accuracy = replace(accuracy, longest_step=600.0)
+    trial = layer(
+        lava, effects, accuracy, device, thickness=THICKNESS, spacing=4.0, side=80.0,
+        temperature=HOT,
     )
     measurements = []
-    for hours in HOURS:
-        trial.advance(3600.0 * hours)
-        sample = trial.simulation.sample()
-        middle = np.abs(sample.position).max(axis=1) < 0.2 * side
-        temperature = solution.temperature(3600.0 * hours)
+    for hour in hours:
+        trial.advance(3600.0 * hour)
+        right = solution.temperature(3600.0 * hour)
+        found = float(trial.middle(16.0)['temperature'].mean())
+        scale = HOT - right if is_of_loss else None
         measurements.append(
-            Measurement(
-                f'temperature after {hours:g} h',
-                float(sample.temperature[middle].mean()),
-                temperature,
-                'K',
-                scale=HOT - temperature,
-            )
+            Measurement(f'temperature after {hour:g} h', found, right, 'K', scale)
         )
     return trial.run(name, *measurements)
+
+
+def _run_radiating(accuracy: Accuracy, device: str) -> Run:
+    lava = replace(STILL, emissivity=0.9)
+    solution = exact.RadiatingSheet(
+        initial=HOT,
+        ambient=COLD,
+        emissivity=lava.emissivity,
+        density=lava.density,
+        specific_heat=lava.specific_heat,
+        thickness=THICKNESS,
+    )
+    effects = replace(FLAT, cooling=True)
+    hours = (1.0, 10.0, 24.0)
+    return _cooling_sheet(
+        'radiating_sheet', lava, effects, solution, accuracy, device, hours, is_of_loss=False
+    )
 
 
 def _run_ground(accuracy: Accuracy, device: str) -> Run:
@@ -142,25 +160,20 @@ def _run_latent(accuracy: Accuracy, device: str) -> Run:
 def _run_viscous(accuracy: Accuracy, device: str) -> Run:
     # a small heat capacity, to warm by degrees
     lava = replace(ISOTHERMAL, specific_heat=1.0)
-    slope, thickness, side, duration = math.radians(10.0), 1.0, 120.0, 20.0
-    spacing = 2.0 / accuracy.refinement
-    trial = Trial(
-        Scene(plane(square(2.0 * side), 5.0, slope), lava=lava),
-        effects=replace(SLOPING, viscous_heating=True),
-        accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
-        particles=Particles(lattice(side, side, spacing), thickness * spacing**2, HOT),
-        device=device,
+    slope, thickness, duration = math.radians(10.0), 1.0, 20.0
+    effects = replace(SLOPING, viscous_heating=True)
+    trial = layer(
+        lava, effects, accuracy, device, thickness=thickness, slope=slope, temperature=HOT
     )
     trial.advance(duration)
-    sample = trial.simulation.sample()
-    middle = np.abs(sample.position).max(axis=1) < 0.2 * side
+    warmed = float(trial.middle(24.0)['temperature'].mean()) - HOT
     speed = exact.sheet_velocity(thickness * math.cos(slope), slope, NU, GRAVITY)
     rise = exact.warming_by_descent(
         speed * math.sin(slope) * duration, gravity=GRAVITY, specific_heat=lava.specific_heat
     )
     sheet = trial.run(
         'viscous_heating',
-        Measurement('warming', float(sample.temperature[middle].mean()) - HOT, rise, 'K'),
+        Measurement('warming', warmed, rise, 'K'),
     )
     return joined('viscous_heating', [sheet, _spreading(lava, accuracy, device)])
 
@@ -282,6 +295,9 @@ def _run_current(accuracy: Accuracy, device: str) -> Run:
 
 
 CASES = (
+    Case(
+        'radiating_sheet', 'sheet that cools by radiation', 'Stefan-Boltzmann law', _run_radiating
+    ),
     Case('ground', 'sheet that warms the ground', 'Carslaw & Jaeger 1959', _run_ground),
     Case('crust', 'sheet that cools under a crust', 'Carslaw & Jaeger 1959', _run_crust),
     Case('latent_heat', 'sheet that crystallises', 'enthalpy balance', _run_latent),

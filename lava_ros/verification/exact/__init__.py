@@ -25,7 +25,6 @@ from lava_ros.verification.exact.heat import CoolingCurrent as CoolingCurrent
 from lava_ros.verification.exact.heat import CoolingSpread as CoolingSpread
 from lava_ros.verification.exact.heat import CrystallisingSheet as CrystallisingSheet
 from lava_ros.verification.exact.heat import FreezingLens as FreezingLens
-from lava_ros.verification.exact.heat import heat_into_ground as heat_into_ground
 from lava_ros.verification.exact.heat import temperature_step as temperature_step
 from lava_ros.verification.exact.heat import warming_by_descent as warming_by_descent
 from lava_ros.verification.exact.inertia import AcceleratingSheet as AcceleratingSheet
@@ -52,5 +51,4 @@ from lava_ros.verification.exact.slopes import SteadySource as SteadySource
 from lava_ros.verification.exact.spreading import ConstantFluxSpread as ConstantFluxSpread
 from lava_ros.verification.exact.spreading import DamBreak as DamBreak
 from lava_ros.verification.exact.spreading import FixedVolumeSpread as FixedVolumeSpread
-from lava_ros.verification.exact.spreading import PlaneConstantFlux as PlaneConstantFlux
 from lava_ros.verification.exact.spreading import PlaneFixedArea as PlaneFixedArea

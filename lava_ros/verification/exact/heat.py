@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 
-from lava_ros.verification.exact.sheets import STEFAN_BOLTZMANN
+from lava_ros.verification.exact.sheets import bisection, STEFAN_BOLTZMANN
 from lava_ros.verification.exact.spreading import ConstantFluxSpread, runge_kutta
 
 
@@ -53,23 +53,6 @@ class ColumnOnGround:
         return self.ground + (self.initial - self.ground) * math.exp(x * x) * math.erfc(x)
 
 
-def heat_into_ground(
-    difference: float, time: float, *, conductivity: float, diffusivity: float
-) -> float:
-    """Heat that a half-space takes from a surface of constant temperature [J/m2].
-
-    Its temperature is erfc(z / (2 sqrt(a t))) times the difference, the flux
-    kg difference / sqrt(pi a t), and its integral 2 kg difference sqrt(t / (pi a)).
-
-    Args:
-        difference: Temperature over the ground's [K].
-        time: Time of contact [s].
-        conductivity: kg [W/(m K)].
-        diffusivity: a [m2/s].
-    """
-    return 2.0 * conductivity * difference * math.sqrt(time / (math.pi * diffusivity))
-
-
 class ConvectingSlab:
     """A slab that conducts heat to its top, which convects; its base is insulated.
 
@@ -90,29 +73,17 @@ class ConvectingSlab:
         thickness: float,
         modes: int = 400,
     ) -> None:
-        """Set the case.
-
-        Args:
-            initial: T0 [K].
-            ambient: Ta [K].
-            conductivity: k [W/(m K)].
-            capacity: rho c [J/(m3 K)].
-            convection: lambda [W/(m2 K)].
-            thickness: h [m].
-            modes: Modes that are summed.
-        """
+        """Set T0 [K], Ta [K], k [W/(m K)], rho c [J/(m3 K)], lambda [W/(m2 K)] and h [m]."""
         self.initial = initial
         self.ambient = ambient
         biot = convection * thickness / conductivity
         low = np.arange(modes) * math.pi
-        high = low + 0.5 * math.pi
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            below = middle * np.sin(middle) * np.sign(np.cos(middle)) < biot * np.abs(
-                np.cos(middle)
-            )
-            low, high = np.where(below, middle, low), np.where(below, high, middle)
-        self._squares = middle**2
+        roots = bisection(
+            lambda beta: beta * np.abs(np.sin(beta)) < biot * np.abs(np.cos(beta)),
+            low,
+            low + 0.5 * math.pi,
+        )
+        self._squares = roots**2
         self._weights = 2.0 * biot**2 / (self._squares * (self._squares + biot**2 + biot))
         self._rate = conductivity / (capacity * thickness**2)
 
@@ -143,19 +114,7 @@ class CrystallisingSheet:
         solidus: float,
         thickness: float,
     ) -> None:
-        """Set the case.
-
-        Args:
-            initial: T0 [K].
-            ambient: Ta [K].
-            convection: lambda [W/(m2 K)].
-            density: rho [kg/m3].
-            specific_heat: c [J/(kg K)].
-            latent_heat: L [J/kg].
-            liquidus: Temperature above which there are no crystals [K].
-            solidus: Temperature below which there is no melt [K].
-            thickness: h [m].
-        """
+        """Set T0, Ta [K], lambda [W/(m2 K)], rho [kg/m3], c [J/(kg K)], L [J/kg], ..., h [m]."""
         self.initial = initial
         self.ambient = ambient
         self._time = density * specific_heat * thickness / convection
@@ -187,13 +146,7 @@ def temperature_step(
     """Temperature [K] of a layer that was at ``low`` left of 0 and at ``high`` right of it.
 
     T_t = kappa T_xx has T = (low + high) / 2 + (high - low) / 2 erf(x / (2 sqrt(kappa t))).
-
-    Args:
-        distance: x [m].
-        time: Time since then [s].
-        low: Temperature at x < 0 [K].
-        high: Temperature at x > 0 [K].
-        diffusivity: kappa [m2/s].
+    x is ``distance`` [m], kappa ``diffusivity`` [m2/s], ``time`` the time since then [s].
     """
     scaled = np.asarray(distance) / (2.0 * math.sqrt(diffusivity * time))
     shape = np.array([math.erf(value) for value in scaled.ravel()]).reshape(scaled.shape)
@@ -201,13 +154,7 @@ def temperature_step(
 
 
 def warming_by_descent(descent: float, *, gravity: float, specific_heat: float) -> float:
-    """Rise of temperature when all potential energy becomes heat, g z / c [K].
-
-    Args:
-        descent: Height that the lava has come down [m].
-        gravity: Acceleration of gravity [m/s2].
-        specific_heat: c [J/(kg K)].
-    """
+    """Rise of temperature when all potential energy becomes heat, g z / c [K]."""
     return gravity * descent / specific_heat
 
 
@@ -359,11 +306,6 @@ class FreezingLens:
     first: float
     solidus: float
     ambient: float
-
-    @property
-    def volume(self) -> float:
-        """Volume of the lava [m3]."""
-        return 0.5 * math.pi * self.radius**2 * self.depth
 
     @property
     def end(self) -> float:

@@ -14,10 +14,23 @@
 
 """Exact solutions of layers of even thickness: speed, lateral stress, heat."""
 
+from collections.abc import Callable
 import math
+from typing import Any
+
+import numpy as np
 
 #: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018), apart from the solver's on purpose.
 STEFAN_BOLTZMANN = 5.670374419e-8
+
+
+def bisection(is_below: Callable[[Any], Any], low: Any, high: Any) -> Any:
+    """Where ``is_below`` turns from true to false between two numbers, or arrays of them."""
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        below = is_below(middle)
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return 0.5 * (low + high)
 
 
 def sheet_velocity(thickness: float, slope: float, nu: float, gravity: float) -> float:
@@ -90,13 +103,9 @@ class RadiatingSheet:
         return (logarithm + 2.0 * math.atan(temperature / ambient)) / (4.0 * ambient**3)
 
     def temperature(self, time: float) -> float:
-        """T [K] at a time [s], by bisection."""
+        """T [K] at a time [s]."""
         target = self._integral(self.initial) + self.rate * time
-        low, high = math.nextafter(self.ambient, math.inf), self.initial
-        for _ in range(200):
-            middle = 0.5 * (low + high)
-            if self._integral(middle) > target:
-                low = middle
-            else:
-                high = middle
-        return 0.5 * (low + high)
+        coldest = math.nextafter(self.ambient, math.inf)
+        return float(
+            bisection(lambda now: self._integral(now) <= target, self.initial, coldest)
+        )

@@ -21,6 +21,8 @@ import math
 
 import numpy as np
 
+from lava_ros.verification.exact.sheets import bisection
+
 
 class SlopeFixedArea:
     """A fixed area A down a slope, late (Huppert 1982, Nature 300).
@@ -96,18 +98,11 @@ class SlopeFlux:
         With h = r h0 at the cell's near side, the lava in it has the area
         -(h0^2 cot b / 2) (r^2 + ln(1 - r^2)).
 
-        Args:
-            distance: Distance of the cell's middle from the source [m].
-            thickness: The mean thickness [m].
-            cell: Side of the cell along the slope [m].
+        Distances are of the cell's middle from the source, cells along the slope [m].
         """
         wanted = -2.0 * thickness * cell / (self.thickness * self.run_out)
-        low, high = 0.0, 1.0 - 1e-12
-        for _ in range(60):
-            ratio = 0.5 * (low + high)
-            is_more = ratio**2 + math.log1p(-(ratio**2)) < wanted
-            low, high = (low, ratio) if is_more else (ratio, high)
-        return self.arrival(distance - 0.5 * cell, low * self.thickness)
+        ratio = bisection(lambda r: r**2 + math.log1p(-(r**2)) >= wanted, 0.0, 1.0 - 1e-12)
+        return self.arrival(distance - 0.5 * cell, float(ratio) * self.thickness)
 
 
 class SteadySource:

@@ -216,24 +216,6 @@ class PlaneFixedArea:
         return self.length(time) * math.sqrt(1.0 - (thickness / self.centre(time)) ** 3)
 
 
-class PlaneConstantFlux:
-    """A constant flux q a side from a line onto a plane (Huppert 1982, J. Fluid Mech. 121).
-
-    h = (q^2 / alpha)^(1/5) t^(1/5) f(eta), eta = x / [(alpha q^3)^(1/5) t^(4/5)] gives
-    (f^3 f')' + (4 eta f' - f) / 5 = 0 with int f d eta = 1, whose front is at 1.00101.
-    """
-
-    LENGTH = 1.00101
-
-    def __init__(self, flux: float, kinematic_viscosity: float, gravity: float) -> None:
-        """Set q [m2/s], to one of the two sides, nu [m2/s] and g [m/s2]."""
-        self._scale = (gravity * flux**3 / (3.0 * kinematic_viscosity)) ** 0.2
-
-    def length(self, time: float) -> float:
-        """x_N [m] at a time [s] after the flux began."""
-        return self.LENGTH * self._scale * time**0.8
-
-
 class DamBreak:
     """A step of height h0 released at x = 0, viscous and early: before its far end feels it.
 
