@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.options import add_options, device_named, seconds_of
-from lava_ros.cli.output import made_folder, Progress, write_json
+from lava_ros.cli.output import made_folder, Progress, table_lines, write_json
 from lava_ros.files import write_output
 
 if TYPE_CHECKING:
@@ -142,9 +142,9 @@ def _print_presets(rows: Sequence[Row], titles: dict[str, str]) -> None:
     if not presets:
         return
     cases = list(dict.fromkeys(case for case, _ in found))
-    width = max(len(titles[name]) for name in cases)
-    print(f'{"Error in wall time for an hour":{width}}' + ''.join(f'  {p:>18}' for p in presets))
+    lines = [['Error in wall time for an hour', *presets]]
     for name in cases:
         places = [found.get((name, preset)) for preset in presets]
         texts = [f'{percent(at.error)} in {seconds(at.cost)}' if at else '-' for at in places]
-        print(f'{titles[name]:{width}}' + ''.join(f'  {text:>18}' for text in texts))
+        lines.append([titles[name], *texts])
+    print('\n'.join(table_lines(lines, '<' + '>' * len(presets))))

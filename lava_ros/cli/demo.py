@@ -28,10 +28,9 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.children import Child, ChildError
 from lava_ros.cli.options import add_options, seconds_of
 from lava_ros.cli.output import Progress, terminal, write_json
-from lava_ros.cli.ros import domain_of, require_ros, start_node
+from lava_ros.cli.ros import Child, ChildError, domain_of, require_ros, start_node
 from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
 from lava_ros.errors import LavaError, printable
 from lava_ros.scene import Scene
@@ -133,11 +132,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _remove_earlier_demo(output: Path) -> None:
-    """Make room for the bag, without touching what no demo made.
-
-    Raises:
-        LavaError: There is something else.
-    """
+    """Make room for the bag; LavaError where something lies there that no demo made."""
     try:
         if not output.exists():
             return
@@ -158,14 +153,7 @@ def _remove_earlier_demo(output: Path) -> None:
 def _flow(
     scene: Scene, parameters: dict[str, Any], domain: int, duration: float
 ) -> Observation:
-    """Run the node until the flow has reached its end.
-
-    Returns:
-        What was heard last.
-
-    Raises:
-        ChildError: The node failed.
-    """
+    """Run the node until the flow has reached its end: what was heard last."""
     from lava_ros.ros.monitor import Monitor
 
     print(f'ROS domain {domain}; to watch: ROS_DOMAIN_ID={domain} lava watch (or rviz2)')

@@ -14,7 +14,10 @@
 
 """What `lava doctor` looks at: the machine and the ROS graph, each finding with its way out."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import wraps
+from typing import Any
 
 #: Nothing to do.
 OK = 'OK'
@@ -41,3 +44,23 @@ class Finding:
     level: str
     text: str
     way_out: str = ''
+
+
+#: Level, text and maybe the way out.
+Said = tuple[str, str] | tuple[str, str, str]
+
+
+def check(
+    name: str,
+) -> Callable[[Callable[..., Iterator[Said]]], Callable[..., Iterator[Finding]]]:
+    """Make findings, under a name, of what a function says."""
+
+    def of(function: Callable[..., Iterator[Said]]) -> Callable[..., Iterator[Finding]]:
+        @wraps(function)
+        def findings(*args: Any, **options: Any) -> Iterator[Finding]:
+            for said in function(*args, **options):
+                yield Finding(name, *said)
+
+        return findings
+
+    return of

@@ -14,7 +14,7 @@
 
 """The frames of a bag as a moving picture: GIF, or MP4 where there is ffmpeg."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
 import math
@@ -30,7 +30,7 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, replacing
 from lava_ros.files.optional import require
-from lava_ros.maps.frames import Frame, LayerFrame, Recording
+from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.maps.layers import SOURCES
 from lava_ros.maps.plot import (
     bounds_of,
@@ -61,8 +61,6 @@ FORMATS = ('.gif', '.mp4')
 _MAP = (0.075, 0.07, 0.79, 0.835)
 _BAR = (0.875, 0.07, 0.02, 0.835)
 
-Progress = Callable[[str, float], None]
-
 
 def animate_bag(
     path: str | Path,
@@ -72,7 +70,7 @@ def animate_bag(
     seconds: float = 10.0,
     fps: float = 12.0,
     width: int = 800,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> int:
     """Draw the frames of a bag over shaded relief, evenly spread over its simulated time.
 
@@ -116,11 +114,7 @@ def animate_bag(
 
 
 def ffmpeg() -> str:
-    """Path of the program that makes MP4.
-
-    Raises:
-        LavaError: It is not installed.
-    """
+    """Path of the program that makes MP4; LavaError where there is none."""
     found = shutil.which('ffmpeg')
     if found is None:
         right = 'ffmpeg on the path: apt install ffmpeg; a .gif needs none'
@@ -246,7 +240,7 @@ def _part(
 
 
 def _pictures(
-    recording: Recording, canvas: _Canvas, moments: np.ndarray, progress: Progress | None
+    recording: Recording, canvas: _Canvas, moments: np.ndarray, progress: Progress
 ) -> Iterator[tuple[np.ndarray, int]]:
     """Each frame that is the newest at some of the moments, drawn, and at how many it is."""
     newest: Frame | None = None
@@ -257,8 +251,7 @@ def _pictures(
         if newest is not None and end > done:
             yield canvas.draw(newest), end - done
             done = end
-            if progress is not None:
-                progress('drawing', done / len(moments))
+            progress('drawing', done / len(moments))
         newest = frame
 
 

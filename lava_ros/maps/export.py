@@ -14,7 +14,7 @@
 
 """The maps of a bag -> GeoTIFF, and what else GIS programs read."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.maps import gis
 from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
-from lava_ros.maps.frames import Frame, LayerFrame, Recording
+from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.simulation.accuracy import COVERED
 
 #: What can be exported.
@@ -87,7 +87,7 @@ def export_bag(
     threshold: float = COVERED,
     epsg: int | None = None,
     offset: tuple[float, float] | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress = silent,
 ) -> Exported:
     """Write maps of a bag as GeoTIFF files, north up, with coordinate system, units and nodata.
 
@@ -133,8 +133,7 @@ def export_bag(
     for index, frame in enumerate(recording.frames()):
         if time is not None and frame.time is not None and frame.time > time:
             break
-        if progress is not None:
-            progress('maps', recording.share_at(frame))
+        progress('maps', recording.share_at(frame))
         if wants_history:
             history.add(frame)
         last = frame
@@ -165,12 +164,7 @@ def placement_of(
     epsg: int | None = None,
     offset: tuple[float, float] | None = None,
 ) -> Placement:
-    """Find out where the map frame of a bag is.
-
-    Args:
-        scene: What the bag says about its scene.
-        epsg: EPSG code for a bag that has none.
-        offset: Easting and northing [m] of the map frame's origin, for a bag without EPSG code.
+    """Where the map frame of a bag is, by what it says of its scene, or else by the arguments.
 
     Raises:
         LavaError: The bag says otherwise, or what it says is not usable.

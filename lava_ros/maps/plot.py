@@ -153,13 +153,9 @@ def bounds_of(frame: Frame, shown: np.ndarray) -> Window:
 
 
 def window_of(bounds: Window, limits: Window, aspect: float, least: float) -> Window:
-    """The part of the map to draw: some bounds with a margin.
+    """The part of the map to draw: some bounds with a margin, inside limits where it fits.
 
-    Args:
-        bounds: What is to be in it.
-        limits: What it stays in, where it fits.
-        aspect: Its width over its height.
-        least: Its least width and height [m].
+    It is ``aspect`` times as wide as high, and ``least`` [m] wide and high at least.
     """
     x0, y0, x1, y1 = bounds
     width = max((x1 - x0) * (1.0 + 2.0 * MARGIN), least)
@@ -218,12 +214,9 @@ class Scale:
 
 
 def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> Scale:
-    """The scale of a map.
+    """The scale of a map, one of ``STYLES``, by its values, NaN where nothing is shown.
 
-    Args:
-        source: Which of ``STYLES``.
-        values: Its values, any shape, NaN where nothing is shown.
-        is_saturated: Whether there may be larger ones than these.
+    There may be larger values than these where they are saturated.
     """
     from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, ListedColormap, Normalize
 
@@ -273,14 +266,9 @@ def picture_of(values: np.ndarray, ground: np.ndarray, scale: Scale) -> np.ndarr
 def draw_map(
     axes: Any, frame: Frame, picture: np.ndarray, window: Window, fissures: Any = ()
 ) -> None:
-    """Draw a picture of the terrain's cells and the vents into axes that show the window.
+    """Draw a picture (RGBA 0..1) of the terrain's cells, and the vents, into axes with a window.
 
-    Args:
-        axes: The axes.
-        frame: Ground and vents.
-        picture: RGBA 0..1, shape [rows, columns, 4].
-        window: What they show.
-        fissures: Ends of vents that are lines [m], shape [count, 2, 2].
+    Fissures are ends of vents that are lines [m], shape [count, 2, 2].
     """
     x0, y0, x1, y1 = extent_of(frame)
     axes.imshow(picture, extent=(x0, x1, y0, y1), origin='lower', interpolation='nearest')
@@ -339,9 +327,7 @@ def draw_contours(axes: Any, frame: Frame, window: Window) -> None:
 def draw_ticks(axes: Any, offset: tuple[float, float] | None = None) -> None:
     """Coordinates along the edges, and a thin grid.
 
-    Args:
-        axes: Axes in map coordinates.
-        offset: Easting and northing [m] of the map frame's origin; None shows the map's own.
+    They are easting and northing by the offset [m] of the map frame's origin, or the map's own.
     """
     from matplotlib.ticker import FuncFormatter
 

@@ -247,11 +247,7 @@ BOUNDED_PRESETS = ('draft', 'standard', 'fine', 'reference')
 
 
 def bound(preset: str, case: str, quantity: str) -> float:
-    """Largest relative error that a quantity of a case may have at a preset.
-
-    Raises:
-        LavaError: There is no bound for it.
-    """
+    """Largest relative error that a quantity of a case may have at a preset, or LavaError."""
     validation.choice('preset', preset, BOUNDED_PRESETS)
     quantities = BOUNDS.get(case, {})
     validation.choice(f'bounds.{case}', quantity, quantities)

@@ -36,12 +36,7 @@ _COLOURS = ('#fb9a06', '#e2583b', '#a92e5e', '#3d0f56', '#5f6368')
 
 
 def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
-    """Draw one panel for each case.
-
-    Args:
-        rows: The measurements.
-        titles: Title of each case by name.
-        output: The picture; its suffix chooses the format.
+    """Draw a panel for each case with a cost, under its title; the suffix chooses the format.
 
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.

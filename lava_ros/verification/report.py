@@ -52,10 +52,7 @@ ALIKE = 0.01
 def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
     """The report as Markdown: presets first, then the studies, then every setting.
 
-    Args:
-        rows: The measurements.
-        titles: Title of each case by name.
-        stem: Name of the CSV and the chart, without suffix.
+    Cases have titles by name; the CSV and the chart are called ``stem``, without suffix.
     """
     commands = [f'`{command}`' for command in dict.fromkeys(row.command for row in rows)]
     machines = ', '.join(dict.fromkeys(row.machine for row in rows))
@@ -134,12 +131,7 @@ def _case_table(rows: Sequence[Row]) -> list[str]:
 
 
 def studies(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
-    """Every section whose settings were measured, as lines of Markdown.
-
-    Args:
-        rows: The measurements.
-        titles: Title of each case by name.
-    """
+    """Every section whose settings were measured, as lines of Markdown."""
     knob = [row for row in rows if row.case in KNOB_CASES]
     return [
         *_section('Convergence', _convergence(knob)),

@@ -19,14 +19,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 import csv
 from dataclasses import asdict, dataclass, fields
-from io import StringIO, TextIOWrapper
+from io import StringIO
 import math
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 from lava_ros.errors import LavaError
-from lava_ros.files import open_input, write_output
+from lava_ros.files import write_output
+from lava_ros.files.csv import read_table
 from lava_ros.simulation.presets import PRESETS
 
 #: Is told what begins, and the share of the work that is done, from 0 to 1.
@@ -125,22 +126,15 @@ def read_csv(path: Path) -> list[Row]:
     Raises:
         LavaError: The file cannot be read, or is no such file.
     """
-    names = [item.name for item in fields(Row)]
+    types: dict[str, Callable[[str], Any]] = {'str': str, 'float': float, 'int': int}
+    columns = fields(Row)
     try:
-        with TextIOWrapper(open_input(path), newline='', encoding='utf-8') as file:
-            reader = csv.DictReader(file)
-            if reader.fieldnames != names:
-                raise LavaError('columns', reader.fieldnames, f'{", ".join(names)} in {path}')
-            types: list[Callable[[str], Any]] = [_TYPES[str(item.type)] for item in fields(Row)]
-            return [
-                Row(*(convert(line[name]) for convert, name in zip(types, names, strict=True)))
-                for line in reader
-            ]
-    except (OSError, ValueError) as error:
+        return [
+            Row(*(types[str(item.type)](line[item.name]) for item in columns))
+            for _, line in read_table('report', path, [item.name for item in columns], ())
+        ]
+    except ValueError as error:
         raise LavaError('report', str(path), f'a CSV of measurements ({error})') from error
-
-
-_TYPES: dict[str, Callable[[str], Any]] = {'str': str, 'float': float, 'int': int}
 
 
 def as_plain(rows: Sequence[Any]) -> list[dict[str, Any]]:

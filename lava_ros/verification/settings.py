@@ -87,11 +87,7 @@ class Setting:
 
 
 def all_settings(*, quick: bool = False) -> list[Setting]:
-    """The settings of a report, each accuracy once, from cheap to dear.
-
-    Args:
-        quick: Only what takes less than two minutes on two cores.
-    """
+    """The settings of a report, each accuracy once, from cheap to dear."""
     refinements, ratios = (QUICK_REFINEMENTS, QUICK_RATIOS) if quick else (REFINEMENTS, RATIOS)
     chosen = {
         PRESETS[name].accuracy: name for name in (QUICK_PRESETS if quick else tuple(PRESETS))
@@ -232,8 +228,7 @@ def expected_cost(accuracy: Accuracy) -> float:
 def all_pairs(*, quick: bool = False) -> list[tuple[Case, Setting]]:
     """Every case with the settings it is run at, from cheap to dear, and the lateral experiments.
 
-    Args:
-        quick: Only what takes less than two minutes on two cores.
+    A quick report takes less than two minutes on two cores.
     """
     settings = all_settings(quick=quick)
     pairs = [

@@ -101,7 +101,7 @@ def test_what_is_interrupted_keeps_what_it_has(tmp_path, one_setting, monkeypatc
     def stop(accuracy, device):
         raise KeyboardInterrupt
 
-    monkeypatch.setitem(settings.CASES, 'dam_break', replace(second, run=stop))
+    monkeypatch.setitem(settings.CASES, 'dam_break', replace(second, measure=stop))
     words = ['--quick', '--device', 'cpu', '--output', str(tmp_path)]
     words += ['--case', 'fixed_volume', '--case', 'dam_break']
     assert cli.main(['accuracy', *words]) == 130

@@ -24,7 +24,7 @@ import time
 
 import pytest
 
-from lava_ros.cli.children import Child, ChildError, SHOWN_LINES
+from lava_ros.cli.ros import Child, ChildError, SHOWN_LINES
 
 ROOT = Path(__file__).parents[2]
 
@@ -106,7 +106,7 @@ from pathlib import Path
 import signal
 import sys
 import time
-from lava_ros.cli.children import Child
+from lava_ros.cli.ros import Child
 # whoever runs the tests may ignore it, as nohup does
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 child = Child('program', 'a_program', [], log=Path('a.log'), env=os.environ)

@@ -48,7 +48,8 @@ def test_tenths_are_lines_where_nobody_watches(capsys: pytest.CaptureFixture[str
     assert lines[5].startswith(' 50 %  counting, ') and lines[5].endswith(' s left')
     assert lines[10] == '100 %  counting'
     with in_terminal() as show:
-        assert show is None
+        show('counting', 0.5)
+    assert capsys.readouterr().out == ''
 
 
 @pytest.mark.parametrize(('word', 'shown'), [('', '\x1b['), ('--bare', ' 50 %  counting')])

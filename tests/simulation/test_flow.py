@@ -102,9 +102,8 @@ def test_velocity_is_minus_the_gradient_of_the_sum():
 @pytest.mark.parametrize('degrees', [2.0, 10.0, 30.0, 45.0])
 def test_sheet_moves_at_the_exact_speed(device, degrees):
     """A uniform sheet moves at rho g h^2 sin(b) / (3 mu) along the slope, however steep."""
-    run = sheet_speed(
-        'sheet', 'speed', ISOTHERMAL, Accuracy(), device, slope=math.radians(degrees)
-    )
+    slope = math.radians(degrees)
+    run = sheet_speed('speed', ISOTHERMAL, Accuracy(), device, slope=slope)
     assert run.measurements[0].error < 0.002
 
 

@@ -14,7 +14,6 @@
 
 """A first look at all frames of a run: how far the lava came, and its numbers over time."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 import math
 
@@ -22,9 +21,7 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.maps.arrival import Arrival, THICKNESS
-from lava_ros.maps.frames import Frame, Recording
-
-Progress = Callable[[str, float], None]
+from lava_ros.maps.frames import Frame, Progress, Recording, silent
 
 TEMPERATURE = 'temperature'
 
@@ -59,12 +56,8 @@ class Survey:
     saturated: set[str] = field(default_factory=set)
 
 
-def survey(recording: Recording, progress: Progress | None = None) -> Survey:
+def survey(recording: Recording, progress: Progress = silent) -> Survey:
     """Look at every frame of the last run.
-
-    Args:
-        recording: The bag.
-        progress: Is told what is being done, and the share that is done.
 
     Raises:
         LavaError: The bag is damaged, or does not say its simulated times.
@@ -83,8 +76,7 @@ def survey(recording: Recording, progress: Progress | None = None) -> Survey:
                 np.empty((0, 2)),
             )
         _add(result, frame)
-        if progress is not None:
-            progress('reading', 0.5 * recording.share_at(frame))
+        progress('reading', 0.5 * recording.share_at(frame))
     if result is None:
         raise LavaError('bag', str(recording.bag.path), 'a bag with at least one map')
     return result

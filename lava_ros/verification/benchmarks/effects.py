@@ -80,14 +80,10 @@ def lava_field(
     cells: int | None = None,
     ratio: float = RATIO,
 ) -> Simulation:
-    """A field of lava on rough ground, and a vent in it.
+    """A field of about so many particles of lava on rough ground, and a vent in it.
 
-    Args:
-        particles: Particles, about.
-        effects: The physics.
-        device: Warp device.
-        cells: Cells along a side of the ground; when left out they are two spacings wide.
-        ratio: Kernel radius over spacing: pi times its square is the number of neighbours.
+    The ground has ``cells`` along a side, each two spacings wide when left out; ``ratio`` is the
+    kernel radius over the spacing: pi times its square is the number of neighbours.
     """
     count = max(8, round(particles**0.5))
     side = count * SPACING

@@ -174,10 +174,7 @@ def first_snapshot(device: str) -> None:
 def _starts(device: str, repetitions: int) -> list[float]:
     """Times of a process from its start until it has its first snapshot [s].
 
-    The first process fills the kernel cache and is not counted.
-
-    Raises:
-        LavaError: The process fails.
+    The first process fills the kernel cache and is not counted; LavaError where one fails.
     """
     times = []
     command = [sys.executable, '-c', _FIRST.format(device=device)]

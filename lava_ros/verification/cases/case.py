@@ -14,7 +14,7 @@
 
 """What a case is, what it measures, and how a run is timed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 import time as wall_clock
 
@@ -107,14 +107,18 @@ class Case:
         name: Name on the command line.
         title: What flows, in a phrase.
         source: Where the exact solution is from.
-        run: Runs it at an accuracy on a Warp device. Its spacing is the case's own over
+        measure: Runs it at an accuracy on a Warp device. Its spacing is the case's own over
             ``accuracy.refinement``.
     """
 
     name: str
     title: str
     source: str
-    run: Callable[[Accuracy, str], Run]
+    measure: Callable[[Accuracy, str], Run]
+
+    def run(self, accuracy: Accuracy, device: str) -> Run:
+        """Run it, under its name."""
+        return replace(self.measure(accuracy, device), case=self.name)
 
 
 class Trial:
@@ -129,15 +133,7 @@ class Trial:
         effects: Effects = FLAT,
         particles: Particles | None = None,
     ) -> None:
-        """Prepare the simulation.
-
-        Args:
-            scene: Terrain, vents and lava.
-            accuracy: The resolution, spacing and thickness included.
-            device: Warp device.
-            effects: The physics.
-            particles: Lava that is there at the start.
-        """
+        """Prepare the simulation; the accuracy has spacing and thickness."""
         # the kernels are compiled for the effects and the accuracy, whatever the scene
         few = None
         if particles is not None:
@@ -159,11 +155,7 @@ class Trial:
         self._wall_time += wall_clock.perf_counter() - start
 
     def field(self, window: Window) -> Field:
-        """The thickness as the output grid shows it, on cells of half a spacing.
-
-        Args:
-            window: Smallest x, smallest y, largest x, largest y [m].
-        """
+        """The thickness in a window as the output grid shows it, on cells of half a spacing."""
         spacing = self.simulation.accuracy.spacing
         assert spacing is not None
         cell = 0.5 * spacing
@@ -200,11 +192,11 @@ class Trial:
             'temperature': sample.temperature[inside],
         }
 
-    def run(self, case: str, *measurements: Measurement) -> Run:
-        """Close the trial with what was measured."""
+    def run(self, *measurements: Measurement) -> Run:
+        """Close the trial, of a case without a name, with what was measured."""
         snapshot = self.simulation.snapshot()
         return Run(
-            case=case,
+            case='',
             measurements=measurements,
             particles=snapshot.particle_count,
             steps=snapshot.steps.count,
@@ -214,10 +206,10 @@ class Trial:
         )
 
 
-def joined(case: str, runs: list[Run]) -> Run:
+def joined(runs: Sequence[Run]) -> Run:
     """Make one run of several simulations of a case: particles of the largest, sums else."""
     return Run(
-        case=case,
+        case='',
         measurements=tuple(item for run in runs for item in run.measurements),
         particles=max(run.particles for run in runs),
         steps=sum(run.steps for run in runs),
@@ -287,13 +279,7 @@ def layer(
 
 
 def plane(window: Window, cell: float, slope: float = 0.0) -> Terrain:
-    """An even slope that falls towards +x.
-
-    Args:
-        window: Smallest x, smallest y, largest x, largest y [m] that it covers at least.
-        cell: Side of a cell [m].
-        slope: Angle of the slope [rad].
-    """
+    """An even slope [rad] that falls towards +x, on cells [m] that cover a window at least."""
     x0, y0, x1, y1 = window
     rows, columns = (max(2, int(np.ceil(side / cell))) for side in (y1 - y0, x1 - x0))
     x = x0 + (np.arange(columns) + 0.5) * cell
@@ -305,10 +291,6 @@ def strip(width: float, count: int) -> tuple[np.ndarray, np.ndarray]:
 
     The points (i + 1/2) / count and i times the golden ratio are evenly apart however a rectangle
     is stretched.
-
-    Args:
-        width: Width of the strip [m], around 0.
-        count: Number of points.
     """
     index = np.arange(count)
     turn = np.modf(index * 0.5 * (np.sqrt(5.0) - 1.0))[0]

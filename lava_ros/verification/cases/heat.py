@@ -67,7 +67,6 @@ class _Cooling(Protocol):
 
 
 def _cooling_sheet(
-    name: str,
     lava: Lava,
     effects: Effects,
     solution: _Cooling,
@@ -91,7 +90,7 @@ def _cooling_sheet(
         measurements.append(
             Measurement(f'temperature after {hour:g} h', found, right, 'K', scale)
         )
-    return trial.run(name, *measurements)
+    return trial.run(*measurements)
 
 
 def _run_radiating(accuracy: Accuracy, device: str) -> Run:
@@ -107,7 +106,7 @@ def _run_radiating(accuracy: Accuracy, device: str) -> Run:
     effects = replace(FLAT, cooling=True)
     hours = (1.0, 10.0, 24.0)
     return _cooling_sheet(
-        'radiating_sheet', lava, effects, solution, accuracy, device, hours, is_of_loss=False
+        lava, effects, solution, accuracy, device, hours, is_of_loss=False
     )
 
 
@@ -122,7 +121,7 @@ def _run_ground(accuracy: Accuracy, device: str) -> Run:
         thickness=THICKNESS,
     )
     effects = replace(FLAT, ground=True)
-    return _cooling_sheet('ground', lava, effects, solution, accuracy, device)
+    return _cooling_sheet(lava, effects, solution, accuracy, device)
 
 
 def _run_crust(accuracy: Accuracy, device: str) -> Run:
@@ -136,7 +135,7 @@ def _run_crust(accuracy: Accuracy, device: str) -> Run:
         thickness=THICKNESS,
     )
     effects = replace(FLAT, crust=True)
-    return _cooling_sheet('crust', lava, effects, solution, accuracy, device)
+    return _cooling_sheet(lava, effects, solution, accuracy, device)
 
 
 def _run_latent(accuracy: Accuracy, device: str) -> Run:
@@ -154,7 +153,7 @@ def _run_latent(accuracy: Accuracy, device: str) -> Run:
         thickness=THICKNESS,
     )
     effects = replace(FLAT, cooling=True, latent_heat=True)
-    return _cooling_sheet('latent_heat', lava, effects, solution, accuracy, device)
+    return _cooling_sheet(lava, effects, solution, accuracy, device)
 
 
 def _run_viscous(accuracy: Accuracy, device: str) -> Run:
@@ -172,10 +171,9 @@ def _run_viscous(accuracy: Accuracy, device: str) -> Run:
         speed * math.sin(slope) * duration, gravity=GRAVITY, specific_heat=lava.specific_heat
     )
     sheet = trial.run(
-        'viscous_heating',
         Measurement('warming', warmed, rise, 'K'),
     )
-    return joined('viscous_heating', [sheet, _spreading(lava, accuracy, device)])
+    return joined([sheet, _spreading(lava, accuracy, device)])
 
 
 def _spreading(lava: Lava, accuracy: Accuracy, device: str) -> Run:
@@ -198,7 +196,6 @@ def _spreading(lava: Lava, accuracy: Accuracy, device: str) -> Run:
     # the centre of mass of the profile is at 2 / 5 of its height
     fall = 0.4 * (solution.centre(start) - solution.centre(end))
     return trial.run(
-        'viscous_heating',
         Measurement(
             'heat of spreading',
             rise,
@@ -234,7 +231,6 @@ def _run_conduction(accuracy: Accuracy, device: str) -> Run:
     )
     apart = np.abs(sample.temperature - right)[middle].max()
     return trial.run(
-        'conduction',
         Measurement('profile', float(apart), 0.0, 'K', scale=400.0),
         Measurement(
             'heat',
@@ -288,7 +284,6 @@ def _run_current(accuracy: Accuracy, device: str) -> Run:
         )
     loss = solution.flux(sample.temperature) @ (sample.volume / sample.thickness)
     return trial.run(
-        'cooling_current',
         *measurements,
         Measurement('power of the surface', float(loss), solution.power, 'W'),
     )

@@ -77,13 +77,12 @@ SQUEEZE = 0.7
 
 
 def _run_sheets(accuracy: Accuracy, device: str) -> Run:
-    case, runs = 'herschel_bulkley', []
+    runs = []
     for quantity, switched, index in SHEETS:
         strength = STRENGTH * WEIGHT * math.sin(SLOPE) if 'yielding' in switched else 0.0
         lava = replace(ISOTHERMAL, viscosity=4e3, yield_strength=strength, flow_index=index)
         runs.append(
             sheet_speed(
-                case,
                 quantity,
                 lava,
                 accuracy,
@@ -93,12 +92,12 @@ def _run_sheets(accuracy: Accuracy, device: str) -> Run:
                 effects=replace(SLOPING, **switched),
             )
         )
-    return joined(case, runs)
+    return joined(runs)
 
 
 def _run_critical(accuracy: Accuracy, device: str) -> Run:
     """The thickness at which a sheet starts to move, and how far a thinner one creeps."""
-    case, runs = 'critical_thickness', []
+    runs = []
 
     def sheet(thickness: float, slope: float) -> Trial:
         return layer(
@@ -131,14 +130,14 @@ def _run_critical(accuracy: Accuracy, device: str) -> Run:
             else:
                 low = thickness
         found = Measurement(f'thickness at {degrees:g} degrees', 0.5 * (low + high), right, 'm')
-        runs.append(trial.run(case, found))
+        runs.append(trial.run(found))
     trial = sheet(0.99, SLOPE)
     start = np.sort(trial.middle(MIDDLE)['position'][:, 0])
     trial.advance(1e5)
     end = np.sort(trial.middle(MIDDLE)['position'][:, 0])
     way = float(np.abs(end - start).max()) if len(end) == len(start) else math.nan
     creep = Measurement('creep of 0.99 of it', way, 0.0, 'm', scale=1.0)
-    return joined(case, [*runs, trial.run(case, creep)])
+    return joined([*runs, trial.run(creep)])
 
 
 def _run_dome(accuracy: Accuracy, device: str) -> Run:
@@ -172,7 +171,6 @@ def _run_dome(accuracy: Accuracy, device: str) -> Run:
     expected = solution.thickness(distance)
     thin = 0.1 * volume / area
     return trial.run(
-        'bingham_dome',
         Measurement('radius', math.sqrt(float((distance**2).mean())), solution.rms_radius, 'm'),
         mean_difference(sample.thickness, expected),
         Measurement(
@@ -216,7 +214,6 @@ def _run_ridge(accuracy: Accuracy, device: str) -> Run:
     grid = trial.field((-0.15 * length, -2.0 * half, 0.15 * length, 2.0 * half))
     line, thin = grid.thickness.mean(axis=1), 0.1 * solution.critical
     return trial.run(
-        'ridge',
         Measurement(
             'half-width',
             half_width(grid.y, line, thin),
@@ -229,7 +226,7 @@ def _run_ridge(accuracy: Accuracy, device: str) -> Run:
 
 def _run_laws(accuracy: Accuracy, device: str) -> Run:
     """Sheets at several temperatures, whose speed says what viscosity and strength are there."""
-    case, runs = 'material_laws', []
+    runs = []
 
     def compare(
         quantity: str,
@@ -241,7 +238,6 @@ def _run_laws(accuracy: Accuracy, device: str) -> Run:
     ) -> None:
         runs.append(
             sheet_speed(
-                case,
                 quantity,
                 lava,
                 accuracy,
@@ -281,7 +277,7 @@ def _run_laws(accuracy: Accuracy, device: str) -> Run:
         2.0 * lava.yield_strength,
         yielding=True,
     )
-    return joined(case, runs)
+    return joined(runs)
 
 
 CASES = (

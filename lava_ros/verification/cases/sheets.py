@@ -89,7 +89,6 @@ AMPLITUDE = 0.01
 
 
 def sheet_speed(
-    case: str,
     quantity: str,
     lava: Lava,
     accuracy: Accuracy,
@@ -105,7 +104,6 @@ def sheet_speed(
     """Speed along a slope [rad] of a sheet 1 m thick whose viscosity and strength are known.
 
     Args:
-        case: Name of the case.
         quantity: Name of the speed.
         lava: What the sheet is of.
         accuracy: Resolution; spacing and thickness are set by the case.
@@ -140,18 +138,18 @@ def sheet_speed(
         trial.advance(time)
         speeds.append(trial.middle(MIDDLE)['velocity'][:, 0].mean())
     measured = float(np.mean(speeds)) / math.cos(slope)
-    return trial.run(case, Measurement(quantity, measured, right, 'm/s'))
+    return trial.run(Measurement(quantity, measured, right, 'm/s'))
 
 
 def _run_sheet(accuracy: Accuracy, device: str) -> Run:
     runs = [
         sheet_speed(
-            'sheet', f'speed at {degrees:g} degrees', ISOTHERMAL, accuracy, device,
+            f'speed at {degrees:g} degrees', ISOTHERMAL, accuracy, device,
             slope=math.radians(degrees),
         )
         for degrees in SLOPES
     ]
-    return joined('sheet', runs)
+    return joined(runs)
 
 
 def response(
@@ -160,7 +158,6 @@ def response(
     wavelength: float,
     accuracy: Accuracy,
     device: str = 'cpu',
-    case: str = LATERAL,
 ) -> Run:
     """Amplitude of the velocity over the local one's, on a layer 1 m thick on ground A sin(q x).
 
@@ -173,7 +170,6 @@ def response(
         wavelength: 2 pi / q [m].
         accuracy: Its ratio gives the spacing, and its refinement how many particles there are.
         device: Warp device.
-        case: What the run is of.
     """
     spacing = radius / accuracy.ratio
     q = 2.0 * math.pi / wavelength
@@ -211,7 +207,7 @@ def response(
         '1',
     )
     return Run(
-        case=case,
+        case='',
         measurements=(measurement,),
         particles=simulations[0].particle_count,
         steps=0,
@@ -257,10 +253,10 @@ def _run_green(accuracy: Accuracy, device: str) -> Run:
     ratio = min(12.0, max(1.5, accuracy.ratio * accuracy.refinement))
     accuracy = replace(accuracy, ratio=ratio)
     runs = [
-        response('green', GREEN_RADIUS, wavelength, accuracy, device, 'green')
+        response('green', GREEN_RADIUS, wavelength, accuracy, device)
         for wavelength in WAVELENGTHS
     ]
-    return joined('green', runs)
+    return joined(runs)
 
 
 def _run_lateral(form: str, radius: float, accuracy: Accuracy, device: str) -> Run:
@@ -269,7 +265,7 @@ def _run_lateral(form: str, radius: float, accuracy: Accuracy, device: str) -> R
         for wavelength in WAVELENGTHS
         if wavelength >= RESOLVED * radius / accuracy.ratio
     ]
-    return joined(LATERAL, runs)
+    return joined(runs)
 
 
 CASES = (
@@ -280,7 +276,7 @@ CASES = (
 #: Every form of the lateral stress at every kernel radius, from the smallest, by what it is.
 EXPERIMENTS = {
     f'{form}, l = {radius:g} h': replace(
-        CASES[1], name=LATERAL, run=partial(_run_lateral, form, radius)
+        CASES[1], name=LATERAL, measure=partial(_run_lateral, form, radius)
     )
     for radius in RADII
     for form in FORMS

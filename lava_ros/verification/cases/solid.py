@@ -98,7 +98,7 @@ def _run(accuracy: Accuracy, device: str) -> Run:
     )
     measured.append(mean_difference(snapshot.frozen, solid, 'deposit'))
     # all has frozen, no particle is left
-    return replace(trial.run('freezing_lens', *measured), particles=int(wet.sum()))
+    return replace(trial.run(*measured), particles=int(wet.sum()))
 
 
 CASES = (Case('freezing_lens', 'lava at rest that freezes from its rim', 'Newton cooling', _run),)

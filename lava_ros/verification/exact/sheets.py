@@ -37,13 +37,7 @@ def sheet_velocity(thickness: float, slope: float, nu: float, gravity: float) ->
     """Depth-averaged speed along the slope of a uniform sheet, g h^2 sin(b) / (3 nu) [m/s].
 
     From the balance of weight and drag, mu d2u/dz2 = -rho g sin(b), no slip below and no stress
-    on top.
-
-    Args:
-        thickness: Thickness normal to the slope [m].
-        slope: Angle of the slope [rad].
-        nu: Kinematic viscosity [m2/s].
-        gravity: Acceleration of gravity [m/s2].
+    on top; h [m] is normal to the slope b [rad], nu [m2/s] the kinematic viscosity.
     """
     return gravity * thickness**2 * math.sin(slope) / (3.0 * nu)
 
@@ -51,24 +45,16 @@ def sheet_velocity(thickness: float, slope: float, nu: float, gravity: float) ->
 def green_response(wave_number: float, thickness: float) -> float:
     """Velocity over local velocity for a driving term sin(q x), 1 / (1 + q^2 / k^2).
 
-    From lap u' - k^2 u' = b with k = sqrt(3) / h (see ``simulation.effects.green``).
-
-    Args:
-        wave_number: q [1/m].
-        thickness: Thickness of the uniform layer [m].
+    From lap u' - k^2 u' = b with k = sqrt(3) / h (see ``effects.green``); q [1/m] and h [m].
     """
     return 1.0 / (1.0 + wave_number**2 * thickness**2 / 3.0)
 
 
 def channel_mean_velocity(width: float, thickness: float) -> float:
-    """Mean velocity over the wide sheet's in a channel with no-slip walls.
+    """Mean velocity over the wide sheet's in a channel with no-slip walls, W wide, h thick [m].
 
     u'' - k^2 u = -k^2 u0 with k = sqrt(3) / h and u = 0 at y = -W/2 and W/2 has
     u = u0 (1 - cosh(k y) / cosh(k W / 2)), whose mean is u0 (1 - tanh(k W / 2) / (k W / 2)).
-
-    Args:
-        width: W [m].
-        thickness: h [m].
     """
     half = 0.5 * math.sqrt(3.0) * width / thickness
     return 1.0 - math.tanh(half) / half

@@ -31,16 +31,7 @@ import numpy as np
 def runge_kutta(
     rates: Callable[[float, np.ndarray], np.ndarray], places: np.ndarray, state: np.ndarray
 ) -> np.ndarray:
-    """Integrate y' = rates(x, y) by steps of the fourth order.
-
-    Args:
-        rates: The equation.
-        places: x, shape [count].
-        state: y at the first of them, shape [size].
-
-    Returns:
-        y at each place, shape [count, size].
-    """
+    """Integrate y' = rates(x, y) over places x from a state, by steps of the fourth order."""
     states = [state]
     for place, end in pairwise(places):
         step, state = end - place, states[-1]
