@@ -45,11 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the table."""
+    horizon = seconds_of('--horizon', args.horizon)
     decisions = decide(
         scene_from_arguments(args),
         forced_effects(args),
         accuracy=preset_accuracy(args.preset),
-        horizon=seconds_of('--horizon', args.horizon),
+        horizon=horizon,
     )
     costs = step_costs()
     _print(decisions, costs)

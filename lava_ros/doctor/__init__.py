@@ -31,14 +31,7 @@ FAIL = 'FAIL'
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the doctor's report.
-
-    Attributes:
-        check: What was looked at.
-        level: ``OK``, ``WARN`` or ``FAIL``.
-        text: What is there.
-        way_out: What to do about it; empty when there is nothing to do.
-    """
+    """One line of the report: what was looked at, level, what is there, and maybe what to do."""
 
     check: str
     level: str

@@ -36,6 +36,7 @@ from lava_ros.maps.plot import (
     bounds_of,
     draw_colour_bar,
     draw_contours,
+    draw_map,
     draw_north,
     draw_scale_bar,
     draw_ticks,
@@ -46,7 +47,6 @@ from lava_ros.maps.plot import (
     scale_of,
     shaded_ground,
     STYLES,
-    VENT,
     window_of,
 )
 
@@ -124,13 +124,9 @@ def ffmpeg() -> str:
 
 @dataclass(frozen=True)
 class _Survey:
-    """What all pictures have in common: the place, the colours and the times.
+    """What all pictures have in common: the place, the colours and the times [s].
 
-    Attributes:
-        frame: The last frame, with the largest value each cell ever had as its layer.
-        item: That layer.
-        start: Time of the first frame [s].
-        end: Time of the last [s].
+    The frame is the last one, with the largest value each cell ever had as its layer, ``item``.
     """
 
     frame: Frame
@@ -188,16 +184,7 @@ class _Canvas:
         self._part, extent = _part(frame, window)
         # Half the memory of what it comes as.
         self._ground = shaded_ground(frame)[self._part].astype(np.float32)
-        self._image = axes.imshow(
-            self._ground,
-            extent=extent,
-            origin='lower',
-            interpolation='nearest',
-        )
-        (self._vents,) = axes.plot([], [], **VENT)
-        axes.set_facecolor('#ededed')
-        axes.set_xlim(window[0], window[2])
-        axes.set_ylim(window[1], window[3])
+        self._image, self._vents = draw_map(axes, frame, self._ground, window, extent=extent)
         draw_contours(axes, frame, window)
         draw_ticks(axes)
         draw_scale_bar(axes, window)

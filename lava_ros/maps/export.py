@@ -52,12 +52,7 @@ _MEANINGS = {
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the map frame is in the world.
-
-    Attributes:
-        epsg: EPSG code of the projected coordinate system, None where nobody knows it.
-        offset: Easting and northing [m] of the map frame's origin in it.
-    """
+    """Where the map frame is: EPSG code, None where nobody knows, and its origin [m] in that."""
 
     epsg: int | None
     offset: tuple[float, float]
@@ -65,12 +60,7 @@ class Placement:
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written.
-
-    Attributes:
-        files: The files.
-        placement: Where in the world they are.
-    """
+    """The files that were written, and where in the world they are."""
 
     files: tuple[Path, ...]
     placement: Placement

@@ -264,23 +264,32 @@ def picture_of(values: np.ndarray, ground: np.ndarray, scale: Scale) -> np.ndarr
 
 
 def draw_map(
-    axes: Any, frame: Frame, picture: np.ndarray, window: Window, fissures: Any = ()
-) -> None:
+    axes: Any,
+    frame: Frame,
+    picture: np.ndarray,
+    window: Window,
+    fissures: Any = (),
+    extent: Window | None = None,
+) -> tuple[Any, Any]:
     """Draw a picture (RGBA 0..1) of the terrain's cells, and the vents, into axes with a window.
 
-    Fissures are ends of vents that are lines [m], shape [count, 2, 2].
+    Fissures are ends of vents that are lines [m], shape [count, 2, 2]; of a part of the cells the
+    extent is its own: left, right, bottom, top [m]. Returned are the artists of picture and vents.
     """
     x0, y0, x1, y1 = extent_of(frame)
-    axes.imshow(picture, extent=(x0, x1, y0, y1), origin='lower', interpolation='nearest')
+    image = axes.imshow(
+        picture, extent=extent or (x0, x1, y0, y1), origin='lower', interpolation='nearest'
+    )
     for ends in fissures:
         axes.plot(*np.transpose(ends), color='black', linewidth=1.6, path_effects=halo(), zorder=3)
-    axes.plot(*frame.vents.T, zorder=7, **VENT)
+    (vents,) = axes.plot(*frame.vents.T, zorder=7, **VENT)
     axes.set_facecolor('#ededed')
     axes.set_xlim(window[0], window[2])
     axes.set_ylim(window[1], window[3])
     for spine in axes.spines.values():
         spine.set_color('#666666')
         spine.set_linewidth(0.8)
+    return image, vents
 
 
 def draw_colour_bar(figure: Any, axes: Any, scale: Scale) -> None:

@@ -204,15 +204,7 @@ def _scales(panels: Sequence[Panel]) -> dict[str, Scale]:
 
 @dataclass(frozen=True)
 class _Page:
-    """Where everything is on the page [inches].
-
-    Attributes:
-        width: Of the page.
-        height: Of the page.
-        rows: Of maps.
-        columns: Of maps.
-        footer: Height of the legend and the notes.
-    """
+    """Where everything is on the page: its sides and the footer's height [inches], and maps."""
 
     width: float
     height: float

@@ -59,17 +59,7 @@ _USUAL = (
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A bag or an ensemble.
-
-    Attributes:
-        name: Name of its folder.
-        title: What it is, in a line.
-        summary: The same in a few numbers.
-        panels: Its maps by name.
-        facts: What it was made of: terms and texts.
-        terrain: The ground.
-        is_ensemble: Whether its maps are of many members.
-    """
+    """A bag or an ensemble: maps by name, facts by their terms, and the ground."""
 
     name: str
     title: str

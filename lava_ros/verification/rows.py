@@ -150,16 +150,10 @@ def as_plain(rows: Sequence[Any]) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Point:
-    """A setting in a case: the largest error of its quantities, and the time it took.
+    """A setting in a case: its largest relative error, infinite where one is no number.
 
-    Attributes:
-        case: Name of the case.
-        setting: Name of the setting.
-        preset: Name of the preset that the setting is, or empty.
-        error: Largest relative error.
-        cost: Wall time for a simulated hour [s].
-        particles: Particles at the end.
-        least: Largest of the errors that are numbers; the error is infinite where one is not.
+    ``cost`` is the wall time for a simulated hour [s], ``least`` the largest of the errors that
+    are numbers, ``preset`` the name of the preset that it is, or empty.
     """
 
     case: str

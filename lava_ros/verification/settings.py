@@ -71,14 +71,7 @@ LITERAL = 4.74
 
 @dataclass(frozen=True)
 class Setting:
-    """One column of the experiment.
-
-    Attributes:
-        name: What it is, in words.
-        accuracy: The knobs.
-        preset: Name of the preset it is, if any.
-        cases: Names of the cases it is run on; None for all.
-    """
+    """One column of the experiment, on the cases that are named, None for all; maybe a preset."""
 
     name: str
     accuracy: Accuracy

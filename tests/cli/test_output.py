@@ -37,7 +37,7 @@ print('done')
 """
 
 
-def test_tenths_are_lines_where_nobody_watches(capsys: pytest.CaptureFixture[str]) -> None:
+def test_tenths_are_lines_where_nobody_watches(capsys):
     """Each tenth once, however often it is told."""
     with Progress() as progress:
         for part in range(101):
@@ -53,7 +53,7 @@ def test_tenths_are_lines_where_nobody_watches(capsys: pytest.CaptureFixture[str
 
 
 @pytest.mark.parametrize(('word', 'shown'), [('', '\x1b['), ('--bare', ' 50 %  counting')])
-def test_a_terminal_has_a_bar(word: str, shown: str) -> None:
+def test_a_terminal_has_a_bar(word, shown):
     """With rich; without it the lines do. What is printed afterwards is there."""
     outside, inside = os.openpty()
     process = subprocess.Popen(

@@ -14,7 +14,7 @@
 
 """The keys of a replay, in a real terminal."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 import os
 from pathlib import Path
@@ -59,7 +59,7 @@ os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 
 
 @pytest.fixture
-def terminal() -> Iterator[tuple[int, int]]:
+def terminal():
     """Both ends of a terminal: the side that people are at, and the one of programs."""
     outside, inside = os.openpty()
     yield outside, inside
@@ -78,7 +78,7 @@ def terminal() -> Iterator[tuple[int, int]]:
         (b'\n', ['']),
     ],
 )
-def test_keys_have_names(terminal: tuple[int, int], typed: bytes, names: list[str]) -> None:
+def test_keys_have_names(terminal, typed, names):
     """Arrows in both modes of terminals; other keys are themselves, or nothing."""
     outside, inside = terminal
     with keys_of(inside) as keys:
@@ -87,7 +87,7 @@ def test_keys_have_names(terminal: tuple[int, int], typed: bytes, names: list[st
         assert keys.read(0.0) == ''
 
 
-def test_an_arrow_may_come_in_pieces(terminal: tuple[int, int]) -> None:
+def test_an_arrow_may_come_in_pieces(terminal):
     """A slow line does not make three keys of it."""
     outside, inside = terminal
     with keys_of(inside) as keys:
@@ -98,7 +98,7 @@ def test_an_arrow_may_come_in_pieces(terminal: tuple[int, int]) -> None:
         rest.join()
 
 
-def test_the_terminal_is_put_back(terminal: tuple[int, int]) -> None:
+def test_the_terminal_is_put_back(terminal):
     """Echo and lines are off while keys are read, and on again also after an error."""
     _, inside = terminal
     before = termios.tcgetattr(inside)
@@ -147,7 +147,7 @@ class Heard:
 
 
 @pytest.fixture
-def heard(monkeypatch: pytest.MonkeyPatch) -> Iterator[Heard]:
+def heard(monkeypatch):
     """A listener in a domain of this test process's own."""
     domain = own_domain('keys')
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
@@ -158,9 +158,7 @@ def heard(monkeypatch: pytest.MonkeyPatch) -> Iterator[Heard]:
 
 
 @pytest.fixture
-def replay(
-    tmp_path: Path, terminal: tuple[int, int], heard: Heard
-) -> Iterator['subprocess.Popen[bytes]']:
+def replay(tmp_path, terminal, heard):
     """`lava replay` of two minutes with ten texts a second, which is this terminal's program."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for tenth in range(int(10 * LENGTH) + 1):
@@ -201,9 +199,7 @@ class Screen(threading.Thread):
                     self.shown += os.read(self.outside, 4096).decode('utf-8', 'replace')
 
 
-def test_keys_in_a_terminal(
-    replay: 'subprocess.Popen[bytes]', terminal: tuple[int, int], heard: Heard
-) -> None:
+def test_keys_in_a_terminal(replay, terminal, heard):
     """Space holds, arrows move and quicken, q ends with status 0 and a terminal as before."""
     outside, inside = terminal
     screen = Screen(outside)
@@ -261,7 +257,7 @@ def test_keys_in_a_terminal(
     assert termios.tcgetattr(inside)[3] & SHELL_FLAGS == SHELL_FLAGS
 
 
-def test_without_a_terminal_there_are_no_keys(tmp_path: Path, heard: Heard) -> None:
+def test_without_a_terminal_there_are_no_keys(tmp_path, heard):
     """What comes on the standard input of a script is not taken for keys."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for tenth in range(6):

@@ -24,12 +24,7 @@ from lava_ros.files.yaml import parse_json, parse_yaml
 
 @dataclass(frozen=True)
 class EffectChange:
-    """Effects that were on or off from a time on.
-
-    Attributes:
-        time: Simulated time [s].
-        effects: Why each is on or off, a text that begins with ``on`` or ``off``, by name.
-    """
+    """Effects from a simulated time [s] on: texts that begin with ``on`` or ``off``, by name."""
 
     time: float
     effects: dict[str, str]
@@ -37,13 +32,9 @@ class EffectChange:
 
 @dataclass(frozen=True)
 class Description:
-    """What describes a recording. What is absent or cannot be read is empty.
+    """What describes a recording; what is absent or cannot be read is empty.
 
-    Attributes:
-        parameters: The node's parameters by name.
-        effects: All effects at the start, then what changed.
-        version: Version of the package that recorded.
-        device: Device of the simulation.
+    These are parameters by name, all effects and then what changed, version and device.
     """
 
     parameters: Mapping[str, Any]

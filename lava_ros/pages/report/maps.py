@@ -44,12 +44,9 @@ _MOST_ARRIVAL = 65_535
 
 @dataclass(frozen=True)
 class View:
-    """The part of the terrain that is shown, and how coarsely.
+    """The part of the terrain that is shown, and how many cells are one along a side.
 
-    Attributes:
-        rows: First row, and the one after the last.
-        columns: First column, and the one after the last.
-        factor: Cells along a side of a cell that is shown.
+    Rows and columns are the first and the one after the last.
     """
 
     rows: tuple[int, int]

@@ -21,7 +21,7 @@ chance. How far two such footprints agree by chance is the agreement of both hal
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 import math
 from typing import Any
@@ -114,32 +114,23 @@ def _cliff() -> Case:
     return case_of('cliff', Scene(finer(Terrain(height, 25.0), 2), (vent,), lava), 6.0 * _HOUR)
 
 
-@dataclass(frozen=True, eq=False)
-class _Footprint:
-    """What the runs of a case at a preset cover, and their cost."""
-
-    runs: np.ndarray
-    cells: np.ndarray
-    judged: Score
-    seconds: float
-    particles: int
-    evaluations: int
-
-
-def _footprint(case: Case, preset: str, device: str, runs: int) -> _Footprint:
+def _footprint(
+    case: Case, preset: str, device: str, runs: int
+) -> tuple[np.ndarray, np.ndarray, Score, dict[str, Any]]:
+    """What the runs of a case at a preset cover, each and agreed, its score, and their cost."""
     settings = Settings(preset, device=device, maps=1)
     results = run_several(case, settings, runs)
     alone = simulate(case, settings)
     maps = [result.snapshot.thickness for result in results]
     share, thickness = agreed(maps)
-    return _Footprint(
-        np.array([np.nan_to_num(item) >= COVERED for item in maps]),
-        share >= 0.5,
-        judge(case, thickness),
-        alone.wall_time,
-        max(result.most_particles for result in results),
-        alone.snapshot.steps.evaluations,
-    )
+    each = np.array([np.nan_to_num(item) >= COVERED for item in maps])
+    cost = {
+        # of a run alone, kernels compiled
+        'seconds': alone.wall_time,
+        'particles': max(result.most_particles for result in results),
+        'evaluations': alone.snapshot.steps.evaluations,
+    }
+    return each, share >= 0.5, judge(case, thickness), cost
 
 
 def measure(
@@ -155,8 +146,8 @@ def measure(
 def compare(case: Case, *, device: str, runs: int) -> Iterator[dict[str, Any]]:
     """Run a case at each preset, turned and mirrored."""
     found = {preset: _footprint(case, preset, device, runs) for preset in LADDER}
-    finest = found[LADDER[-1]]
-    for preset, item in found.items():
+    _, finest, best, _ = found[LADDER[-1]]
+    for preset, (each, cells, judged, cost) in found.items():
         resolution = resolution_of(case.scene, PRESETS[preset].accuracy, horizon=case.duration)
         yield {
             'scene': case.name,
@@ -166,20 +157,17 @@ def compare(case: Case, *, device: str, runs: int) -> Iterator[dict[str, Any]]:
             'width_m': resolution.width,
             'across': resolution.across,
             'runs': runs,
-            'jaccard': jaccard(item.cells, finest.cells),
-            'noise': noise(item.runs),
+            'jaccard': jaccard(cells, finest),
+            'noise': noise(each),
             # mean of two runs
-            'single': float(np.mean([jaccard(*pair) for pair in combinations(item.runs, 2)])),
-            'area_m2': item.judged.area,
-            'area_ratio': item.judged.area / finest.judged.area,
+            'single': float(np.mean([jaccard(*pair) for pair in combinations(each, 2)])),
+            'area_m2': judged.area,
+            'area_ratio': judged.area / best.area,
             # the longest way along the footprint
-            'length_m': item.judged.length,
-            'length_ratio': item.judged.length / finest.judged.length,
+            'length_m': judged.length,
+            'length_ratio': judged.length / best.length,
             # with the mapped footprint
-            'score': item.judged.jaccard if case.footprint.any() else math.nan,
-            # of a run alone, kernels compiled
-            'seconds': item.seconds,
-            'particles': item.particles,
-            'evaluations': item.evaluations,
+            'score': judged.jaccard if case.footprint.any() else math.nan,
+            **cost,
             'simulated_s': case.duration,
         }

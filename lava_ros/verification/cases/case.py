@@ -49,14 +49,9 @@ Window = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Measurement:
-    """A measured number beside the exact one.
+    """A measured number beside the exact one, in a unit.
 
-    Attributes:
-        quantity: What it is, in a word or two.
-        measured: What the solver says.
-        exact: What it should say.
-        unit: Unit of both.
-        scale: What the difference is divided by, the exact value when left out.
+    Their difference is divided by ``scale``, the exact value when left out.
     """
 
     quantity: str

@@ -103,10 +103,8 @@ def _run_sheet(accuracy: Accuracy, device: str) -> Run:
 class Break:
     """Two dams at |x| = ``half`` that broke at once, seen along the middle of a strip.
 
-    Attributes:
-        trial: The simulation, at the time when the fans meet.
-        distance: Distances from the dams [m], the mean of both sides.
-        thickness: Thickness there [m].
+    The trial is at the time when the fans meet, distances [m] are from the dams, the thickness [m]
+    there is the mean of both sides.
     """
 
     trial: Trial
@@ -185,14 +183,10 @@ def _run_stoker(accuracy: Accuracy, device: str) -> Run:
 
 @dataclass(frozen=True)
 class Swing:
-    """An oscillation in a bowl.
+    """An oscillation in a bowl, its exact solution, and what was seen at times [s].
 
-    Attributes:
-        trial: The simulation at the end.
-        solution: The exact solution.
-        times: When it was looked at [s].
-        spread: Mean of r^2 then [m2].
-        energy: Kinetic and potential energy over the density then, above that at rest [m5/s2].
+    ``spread`` is the mean of r^2 [m2], ``energy`` the kinetic and potential energy over the
+    density, above that at rest [m5/s2].
     """
 
     trial: Trial

@@ -33,12 +33,10 @@ class SlopeFixedArea:
     out is of the order h_N cot b / x_N.
     """
 
-    def __init__(
-        self, area: float, slope: float, kinematic_viscosity: float, gravity: float
-    ) -> None:
+    def __init__(self, area: float, slope: float, nu: float, gravity: float) -> None:
         """Set A [m2], b [rad], nu [m2/s] and g [m/s2]."""
         self.area = area
-        self._rate = gravity * math.sin(slope) / kinematic_viscosity
+        self._rate = gravity * math.sin(slope) / nu
 
     def length(self, time: float) -> float:
         """x_N [m] at a time [s] after the release from a line."""
@@ -69,11 +67,9 @@ class SlopeFlux:
     c t + (ln 2 - 1) h0 cot b.
     """
 
-    def __init__(
-        self, flux: float, slope: float, kinematic_viscosity: float, gravity: float
-    ) -> None:
+    def __init__(self, flux: float, slope: float, nu: float, gravity: float) -> None:
         """Set q [m2/s], b [rad], nu [m2/s] and g [m/s2]."""
-        drive = gravity * math.sin(slope) / (3.0 * kinematic_viscosity)
+        drive = gravity * math.sin(slope) / (3.0 * nu)
         self.thickness = float(np.cbrt(flux / drive))
         self.speed = flux / self.thickness
         self.run_out = self.thickness / math.tan(slope)
@@ -121,17 +117,11 @@ class SteadySource:
     WIDTH = (105.0 / 32.0 * (14.0 / 3.0) ** 3) ** (1.0 / 7.0)
     HEIGHT = 3.0 / 14.0 * WIDTH**2
 
-    def __init__(
-        self, discharge: float, slope: float, kinematic_viscosity: float, gravity: float
-    ) -> None:
+    def __init__(self, discharge: float, slope: float, nu: float, gravity: float) -> None:
         """Set Q [m3/s], b [rad], nu [m2/s] and g [m/s2]."""
         self._tangent = math.tan(slope)
-        self._scale = (
-            kinematic_viscosity
-            * discharge
-            * math.cos(slope) ** 3
-            / (gravity * math.sin(slope) ** 4)
-        ) ** (1.0 / 7.0)
+        pull = gravity * math.sin(slope) ** 4
+        self._scale = (nu * discharge * math.cos(slope) ** 3 / pull) ** (1.0 / 7.0)
 
     def half_width(self, distance: float, thickness: float = 0.0) -> float:
         """Half of the width over which the flow is thicker than a value [m]."""
@@ -151,11 +141,9 @@ class ListerScales:
     balances flow down the slope at h0 and L, and Q T = L^2 h0.
     """
 
-    def __init__(
-        self, discharge: float, slope: float, kinematic_viscosity: float, gravity: float
-    ) -> None:
+    def __init__(self, discharge: float, slope: float, nu: float, gravity: float) -> None:
         """Set Q [m3/s], b [rad], nu [m2/s] and g [m/s2]."""
-        drive = 3.0 * kinematic_viscosity / gravity
+        drive = 3.0 * nu / gravity
         self.thickness = (drive * discharge / math.cos(slope)) ** 0.25
         self.length = self.thickness / math.tan(slope)
         self.time = drive * self.length / (math.sin(slope) * self.thickness**2)

@@ -56,10 +56,10 @@ class FixedVolumeSpread:
     RADIUS = (2.0**10 / (3.0**4 * math.pi**3)) ** 0.125
     HEIGHT = 4.0 / (3.0 * math.pi * RADIUS**2)
 
-    def __init__(self, volume: float, kinematic_viscosity: float, gravity: float) -> None:
+    def __init__(self, volume: float, nu: float, gravity: float) -> None:
         """Set V [m3], nu [m2/s] and g [m/s2]."""
         self.volume = volume
-        self.nu = kinematic_viscosity
+        self.nu = nu
         self.gravity = gravity
 
     def radius(self, time: float) -> float:
@@ -115,9 +115,9 @@ class ConstantFluxSpread:
     #: Smallest distance over R at which the thickness is given: in the middle it has no bound.
     INNERMOST = 1e-3
 
-    def __init__(self, discharge: float, kinematic_viscosity: float, gravity: float) -> None:
+    def __init__(self, discharge: float, nu: float, gravity: float) -> None:
         """Set Q [m3/s], nu [m2/s] and g [m/s2]."""
-        alpha = gravity / (3.0 * kinematic_viscosity)
+        alpha = gravity / (3.0 * nu)
         self._discharge = discharge
         self._length = (alpha * discharge**3) ** 0.125
         self._height = (discharge / alpha) ** 0.25
@@ -180,10 +180,10 @@ class PlaneFixedArea:
     SHAPE = math.sqrt(math.pi) * math.gamma(4.0 / 3.0) / (2.0 * math.gamma(11.0 / 6.0))
     LENGTH = (10.0 / 3.0 / SHAPE**3) ** 0.2
 
-    def __init__(self, area: float, kinematic_viscosity: float, gravity: float) -> None:
+    def __init__(self, area: float, nu: float, gravity: float) -> None:
         """Set A [m2], of one of the two sides, nu [m2/s] and g [m/s2]."""
         self.area = area
-        self._scale = gravity * area**3 / (3.0 * kinematic_viscosity)
+        self._scale = gravity * area**3 / (3.0 * nu)
 
     def length(self, time: float) -> float:
         """x_N [m] at a time [s] after the release from a line."""
@@ -219,10 +219,10 @@ class DamBreak:
     FRONT = 0.28430 * math.sqrt(3.0)
     PASSED = 0.25732
 
-    def __init__(self, height: float, kinematic_viscosity: float, gravity: float) -> None:
+    def __init__(self, height: float, nu: float, gravity: float) -> None:
         """Set h0 [m], nu [m2/s] and g [m/s2]."""
         self.height = height
-        self._diffusivity = gravity * height**3 / (3.0 * kinematic_viscosity)
+        self._diffusivity = gravity * height**3 / (3.0 * nu)
 
     def time_of_reach(self, reach: float) -> float:
         """Time [s] at which the diffusive length sqrt(alpha h0^3 t) has a value [m]."""

@@ -114,14 +114,6 @@ def test_the_command_writes_its_table(tmp_path, capsys, monkeypatch, brief):
     assert 'everything with green: rate' in capsys.readouterr().out
 
 
-def test_what_cannot_be_used_is_refused(capsys):
-    """Every number of particles is looked at; effects take one."""
-    assert cli.main(['bench', 'steps', '--device', 'cpu', '--particles', '400', '3']) == 2
-    assert '--particles' in capsys.readouterr().err
-    assert cli.main(['bench', 'effects', '--device', 'cpu', '--particles', '400', '500']) == 2
-    assert 'one number' in capsys.readouterr().err
-
-
 def test_committed_tables_say_how_they_were_made():
     """Each row has its unit, machine and command, and a spread around its value."""
     paths = list((Path(__file__).parents[3] / 'docs/benchmarks').glob('steps_*.csv'))
