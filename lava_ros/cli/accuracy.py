@@ -39,23 +39,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--quick', action='store_true', help='fewer settings: less than two minutes on two cores'
     )
     parser.add_argument(
-        '--case',
-        action='append',
-        metavar='NAME',
+        '--case', action='append', metavar='NAME',
         help="only this case, or 'lateral'; may be given several times (default: all)",
     )
     parser.add_argument(
         '--repetitions', type=int, metavar='N', help='time a short run N times (default: 3)'
     )
     parser.add_argument(
-        '--longest',
-        metavar='TIME',
+        '--longest', metavar='TIME',
         help='leave out runs that would take longer (default: 30s)',
     )
     parser.add_argument(
-        '--output',
-        default='accuracy',
-        metavar='DIR',
+        '--output', default='accuracy', metavar='DIR',
         help="folder for the report, named after the device (default: 'accuracy')",
     )
     add_options(parser, '--device', '--json')

@@ -69,26 +69,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('benchmark', choices=tuple(SHOWN), metavar='|'.join(SHOWN))
     add_options(parser, '--device', '--preset', '--json')
     parser.add_argument(
-        '--particles',
-        type=int,
-        nargs='+',
-        metavar='N',
+        '--particles', type=int, nargs='+', metavar='N',
         help='effects, steps, publishing: particles, of steps several (default: by the device)',
     )
     parser.add_argument(
         '--repetitions', type=int, default=5, metavar='N', help='not choice (default: 5)'
     )
     parser.add_argument(
-        '--runs',
-        type=int,
-        metavar='N',
+        '--runs', type=int, metavar='N',
         help='runs of a footprint (default: 24 of choice, 8 of convergence)',
     )
     parser.add_argument(
-        '--case',
-        action='append',
-        default=[],
-        metavar='CASE_DIR',
+        '--case', action='append', default=[], metavar='CASE_DIR',
         help='convergence: a mapped eruption, as of lava hindcast, in place of the scenes',
     )
     parser.add_argument('--output', metavar='FILE', help='write the table as CSV')

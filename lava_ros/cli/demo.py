@@ -56,21 +56,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     add_scene_arguments(parser)
     parser.add_argument(
-        '--duration',
-        default='3h',
-        metavar='TIME',
+        '--duration', default='3h', metavar='TIME',
         help='simulated time: 6h, 90min (default: %(default)s)',
     )
     parser.add_argument(
-        '--output',
-        default='bags/demo',
-        metavar='DIR',
+        '--output', default='bags/demo', metavar='DIR',
         help='bag to record; an earlier demo there is replaced (default: bags/demo)',
     )
     parser.add_argument(
-        '--max-speed',
-        type=float,
-        metavar='X',
+        '--max-speed', type=float, metavar='X',
         help=f'run at most X times as fast as real time (default: {LEAST_WALL_TIME:g} s in all)',
     )
     add_options(parser, '--preset', '--spacing', '--device', '--domain', '--json')

@@ -30,8 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.usage = 'lava node [--resume BAG] [--ros-args ...]'
     parser.add_argument(
-        '--resume',
-        metavar='BAG',
+        '--resume', metavar='BAG',
         help="go on from a bag's newest checkpoint, also when the recording was cut off",
     )
 

@@ -27,6 +27,8 @@ from lava_ros.simulation.selection import HORIZON
 #: Seconds of each unit.
 UNITS = {'s': 1.0, 'min': 60.0, 'h': 3600.0, 'd': 86400.0}
 
+_FORCED: dict[str, Any] = {'action': 'append', 'default': [], 'metavar': 'EFFECT'}
+
 _OPTIONS: dict[str, dict[str, Any]] = {
     'bag': {'help': 'bag directory or .mcap file'},
     '--device': {'help': 'cpu, cuda:0, ... (default: the first GPU, else the CPU)'},
@@ -50,18 +52,8 @@ _OPTIONS: dict[str, dict[str, Any]] = {
         'metavar': 'M',
         'help': 'smooth the elevation with a Gaussian of this standard deviation [m]',
     },
-    '--off': {
-        'action': 'append',
-        'default': [],
-        'metavar': 'EFFECT',
-        'help': 'force it off; may be repeated',
-    },
-    '--on': {
-        'action': 'append',
-        'default': [],
-        'metavar': 'EFFECT',
-        'help': 'force it on; may be repeated',
-    },
+    '--off': {**_FORCED, 'help': 'force it off; may be repeated'},
+    '--on': {**_FORCED, 'help': 'force it on; may be repeated'},
     '--preset': {
         'choices': tuple(PRESETS),
         'default': DEFAULT,

@@ -22,6 +22,7 @@ import pytest
 from scipy.integrate import quad, solve_bvp, solve_ivp
 from scipy.optimize import brentq
 
+from lava_ros.scene import Lava
 from lava_ros.verification import exact
 
 NU, GRAVITY = 4.0, 9.81
@@ -274,14 +275,8 @@ def test_channel(ratio, mean):
 
 def test_radiating_sheet():
     """The closed form is the solution of rho c h T' = -eps sigma (T^4 - Ta^4)."""
-    solution = exact.RadiatingSheet(
-        initial=1423.0,
-        ambient=300.0,
-        emissivity=0.9,
-        density=2500.0,
-        specific_heat=1150.0,
-        thickness=2.0,
-    )
+    lava = Lava(density=2500.0, specific_heat=1150.0, emissivity=0.9)
+    solution = exact.RadiatingSheet(lava, initial=1423.0, ambient=300.0, thickness=2.0)
     rate = 0.9 * 5.670374419e-8 / (2500.0 * 1150.0 * 2.0)
     hours = np.array([1.0, 10.0, 24.0])
     solved = solve_ivp(
@@ -299,15 +294,8 @@ def test_radiating_sheet():
 
 def test_freezing_lens():
     """The frozen share is that of the columns which have cooled to the solidus by then."""
-    lens = exact.FreezingLens(
-        depth=3.0,
-        radius=60.0,
-        heat_capacity=3e6,
-        transfer=25.0,
-        first=1423.0,
-        solidus=1300.0,
-        ambient=300.0,
-    )
+    lava = Lava(density=3000.0, specific_heat=1000.0, convection=25.0, solidus=1300.0)
+    lens = exact.FreezingLens(lava, depth=3.0, radius=60.0, first=1423.0, ambient=300.0)
     r = 60.0 * np.sqrt((np.arange(100000) + 0.5) / 100000)
     h = lens.thickness(r)
     for share in (0.2, 0.5, 0.9):

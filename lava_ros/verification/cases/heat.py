@@ -50,9 +50,6 @@ from lava_ros.verification.cases.case import (
 #: Too viscous to move, and losing nothing unless a case says so.
 STILL = Lava(density=2500.0, viscosity=1e15, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
-#: Heat capacity of a volume of it [J/(m3 K)].
-CAPACITY = STILL.density * STILL.specific_heat
-
 #: Temperatures of vents and of the air [K], and the thickness of sheets [m].
 HOT, COLD, THICKNESS = 1423.0, 300.0, 2.0
 
@@ -95,14 +92,7 @@ def _cooling_sheet(
 
 def _run_radiating(accuracy: Accuracy, device: str) -> Run:
     lava = replace(STILL, emissivity=0.9)
-    solution = exact.RadiatingSheet(
-        initial=HOT,
-        ambient=COLD,
-        emissivity=lava.emissivity,
-        density=lava.density,
-        specific_heat=lava.specific_heat,
-        thickness=THICKNESS,
-    )
+    solution = exact.RadiatingSheet(lava, initial=HOT, ambient=COLD, thickness=THICKNESS)
     effects = replace(FLAT, cooling=True)
     hours = (1.0, 10.0, 24.0)
     return _cooling_sheet(
@@ -112,28 +102,14 @@ def _run_radiating(accuracy: Accuracy, device: str) -> Run:
 
 def _run_ground(accuracy: Accuracy, device: str) -> Run:
     lava = replace(STILL, ground_conductivity=2.0)
-    solution = exact.ColumnOnGround(
-        initial=HOT,
-        ground=COLD,
-        conductivity=lava.ground_conductivity,
-        diffusivity=lava.ground_diffusivity,
-        capacity=CAPACITY,
-        thickness=THICKNESS,
-    )
+    solution = exact.ColumnOnGround(lava, initial=HOT, ground=COLD, thickness=THICKNESS)
     effects = replace(FLAT, ground=True)
     return _cooling_sheet(lava, effects, solution, accuracy, device)
 
 
 def _run_crust(accuracy: Accuracy, device: str) -> Run:
     lava = replace(STILL, convection=50.0, conductivity=2.0, crust=True)
-    solution = exact.ConvectingSlab(
-        initial=HOT,
-        ambient=COLD,
-        conductivity=lava.conductivity,
-        capacity=CAPACITY,
-        convection=lava.convection,
-        thickness=THICKNESS,
-    )
+    solution = exact.ConvectingSlab(lava, initial=HOT, ambient=COLD, thickness=THICKNESS)
     effects = replace(FLAT, crust=True)
     return _cooling_sheet(lava, effects, solution, accuracy, device)
 
@@ -142,15 +118,7 @@ def _run_latent(accuracy: Accuracy, device: str) -> Run:
     # 16 kW/m2 at first: solid after two days
     lava = replace(STILL, convection=50.0, latent_heat=3.5e5, liquidus=1400.0, solidus=1250.0)
     solution = exact.CrystallisingSheet(
-        initial=HOT,
-        ambient=COLD,
-        convection=lava.convection,
-        density=lava.density,
-        specific_heat=lava.specific_heat,
-        latent_heat=lava.latent_heat,
-        liquidus=lava.liquidus,
-        solidus=lava.solidus,
-        thickness=THICKNESS,
+        lava, initial=HOT, ambient=COLD, thickness=THICKNESS
     )
     effects = replace(FLAT, cooling=True, latent_heat=True)
     return _cooling_sheet(lava, effects, solution, accuracy, device)
@@ -245,14 +213,7 @@ def _run_current(accuracy: Accuracy, device: str) -> Run:
     # Garel et al. measured it with silicone oil; this is lava
     lava = replace(ISOTHERMAL, emissivity=0.9, convection=50.0)
     discharge = 1.0
-    solution = exact.CoolingCurrent(
-        initial=HOT,
-        ambient=COLD,
-        emissivity=lava.emissivity,
-        convection=lava.convection,
-        capacity=lava.density * lava.specific_heat,
-        discharge=discharge,
-    )
+    solution = exact.CoolingCurrent(lava, initial=HOT, ambient=COLD, discharge=discharge)
     # until the radius is four thermal radii: what is stored then grows by 2 % of the supply
     spread = exact.ConstantFluxSpread(discharge, lava.viscosity / lava.density, GRAVITY)
     side = 4.5 * solution.thermal_radius

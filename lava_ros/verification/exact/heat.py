@@ -19,6 +19,7 @@ import math
 
 import numpy as np
 
+from lava_ros.scene import Lava
 from lava_ros.verification.exact.sheets import bisection, STEFAN_BOLTZMANN
 from lava_ros.verification.exact.spreading import ConstantFluxSpread, runge_kutta
 
@@ -32,20 +33,12 @@ class ColumnOnGround:
     exp(b^2 t) erfc(b sqrt(t)).
     """
 
-    def __init__(
-        self,
-        *,
-        initial: float,
-        ground: float,
-        conductivity: float,
-        diffusivity: float,
-        capacity: float,
-        thickness: float,
-    ) -> None:
-        """Set T0 [K], Tg [K], kg [W/(m K)], a [m2/s], rho c of the column [J/(m3 K)] and h [m]."""
+    def __init__(self, lava: Lava, *, initial: float, ground: float, thickness: float) -> None:
+        """Set kg, a and rho c of the lava, T0 [K], Tg [K] and h [m]."""
         self.initial = initial
         self.ground = ground
-        self.rate = conductivity / (math.sqrt(diffusivity) * capacity * thickness)
+        taken = lava.ground_conductivity / math.sqrt(lava.ground_diffusivity)
+        self.rate = taken / (lava.density * lava.specific_heat * thickness)
 
     def temperature(self, time: float) -> float:
         """T [K] at a time of contact [s], up to 700 / b^2."""
@@ -63,20 +56,12 @@ class ConvectingSlab:
     """
 
     def __init__(
-        self,
-        *,
-        initial: float,
-        ambient: float,
-        conductivity: float,
-        capacity: float,
-        convection: float,
-        thickness: float,
-        modes: int = 400,
+        self, lava: Lava, *, initial: float, ambient: float, thickness: float, modes: int = 400
     ) -> None:
-        """Set T0 [K], Ta [K], k [W/(m K)], rho c [J/(m3 K)], lambda [W/(m2 K)] and h [m]."""
+        """Set k, rho c and lambda of the lava, T0 [K], Ta [K] and h [m]."""
         self.initial = initial
         self.ambient = ambient
-        biot = convection * thickness / conductivity
+        biot = lava.convection * thickness / lava.conductivity
         low = np.arange(modes) * math.pi
         roots = bisection(
             lambda beta: beta * np.abs(np.sin(beta)) < biot * np.abs(np.cos(beta)),
@@ -85,7 +70,7 @@ class ConvectingSlab:
         )
         self._squares = roots**2
         self._weights = 2.0 * biot**2 / (self._squares * (self._squares + biot**2 + biot))
-        self._rate = conductivity / (capacity * thickness**2)
+        self._rate = lava.conductivity / (lava.density * lava.specific_heat * thickness**2)
 
     def temperature(self, time: float) -> float:
         """Mean of the temperature over the thickness [K] at a time [s]."""
@@ -101,28 +86,17 @@ class CrystallisingSheet:
     rho c h / lambda times the sum of m ln((T1 - Ta) / (T2 - Ta)) over the pieces from T1 to T2.
     """
 
-    def __init__(
-        self,
-        *,
-        initial: float,
-        ambient: float,
-        convection: float,
-        density: float,
-        specific_heat: float,
-        latent_heat: float,
-        liquidus: float,
-        solidus: float,
-        thickness: float,
-    ) -> None:
-        """Set T0, Ta [K], lambda [W/(m2 K)], rho [kg/m3], c [J/(kg K)], L [J/kg], ..., h [m]."""
+    def __init__(self, lava: Lava, *, initial: float, ambient: float, thickness: float) -> None:
+        """Set lambda, rho, c, L, liquidus and solidus of the lava, T0 [K], Ta [K] and h [m]."""
         self.initial = initial
         self.ambient = ambient
-        self._time = density * specific_heat * thickness / convection
-        slower = 1.0 + latent_heat / (specific_heat * (liquidus - solidus))
+        self._time = lava.density * lava.specific_heat * thickness / lava.convection
+        span = lava.liquidus - lava.solidus
+        slower = 1.0 + lava.latent_heat / (lava.specific_heat * span)
         self._pieces = (
-            (liquidus, math.inf, 1.0),
-            (solidus, liquidus, slower),
-            (0.0, solidus, 1.0),
+            (lava.liquidus, math.inf, 1.0),
+            (lava.solidus, lava.liquidus, slower),
+            (0.0, lava.solidus, 1.0),
         )
 
     def temperature(self, time: float) -> float:
@@ -172,22 +146,12 @@ class CoolingCurrent:
     The surface loses rho c Q (T0 - Ta) in all: the heat that the source supplies.
     """
 
-    def __init__(
-        self,
-        *,
-        initial: float,
-        ambient: float,
-        emissivity: float,
-        convection: float,
-        capacity: float,
-        discharge: float,
-    ) -> None:
-        """Set T0 [K], Ta [K], eps, lambda [W/(m2 K)], rho c [J/(m3 K)] and Q [m3/s]."""
+    def __init__(self, lava: Lava, *, initial: float, ambient: float, discharge: float) -> None:
+        """Set eps, lambda and rho c of the lava, T0 [K], Ta [K] and Q [m3/s]."""
         self.initial = initial
         self.ambient = ambient
-        self._emissivity = emissivity
-        self._convection = convection
-        self._supply = capacity * discharge
+        self._lava = lava
+        self._supply = lava.density * lava.specific_heat * discharge
         # T falls by e each time the integral of dT / F does: even in the logarithm of T - Ta
         logs = np.linspace(0.0, -12.0, 24001)
         differences = (initial - ambient) * np.exp(logs)
@@ -200,7 +164,8 @@ class CoolingCurrent:
         """Loss of the surface [W/m2] at temperatures [K]."""
         fourth = np.asarray(temperature) ** 4 - self.ambient**4
         excess = np.asarray(temperature) - self.ambient
-        return self._emissivity * STEFAN_BOLTZMANN * fourth + self._convection * excess
+        radiated = self._lava.emissivity * STEFAN_BOLTZMANN * fourth
+        return radiated + self._lava.convection * excess
 
     @property
     def power(self) -> float:
@@ -290,28 +255,25 @@ class FreezingLens:
     of all, pi R^2 D / 2, the share 2 s - s^2. So the share (1 - s)^2 = (t / t(D))^2 is frozen.
 
     Attributes:
+        lava: rho, c, lambda and Ts.
         depth: Thickness D in the middle [m].
         radius: Radius R of the rim [m].
-        heat_capacity: rho c [J/(m3 K)].
-        transfer: lambda [W/(m2 K)].
         first: Temperature T0 at the start [K].
-        solidus: Temperature Ts [K].
         ambient: Temperature Ta of the air [K].
     """
 
+    lava: Lava
     depth: float
     radius: float
-    heat_capacity: float
-    transfer: float
     first: float
-    solidus: float
     ambient: float
 
     @property
     def end(self) -> float:
         """Time at which the middle freezes, the last to do so [s]."""
-        span = math.log((self.first - self.ambient) / (self.solidus - self.ambient))
-        return self.heat_capacity * self.depth / self.transfer * span
+        span = math.log((self.first - self.ambient) / (self.lava.solidus - self.ambient))
+        capacity = self.lava.density * self.lava.specific_heat
+        return capacity * self.depth / self.lava.convection * span
 
     def thickness(self, r: np.ndarray) -> np.ndarray:
         """Thickness at a distance from the axis [m]."""

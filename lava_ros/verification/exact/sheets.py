@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from lava_ros.scene import Lava
+
 #: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018), apart from the solver's on purpose.
 STEFAN_BOLTZMANN = 5.670374419e-8
 
@@ -68,20 +70,12 @@ class RadiatingSheet:
     F(T) = [ln((T + Ta) / (T - Ta)) + 2 atan(T / Ta)] / (4 Ta^3), which falls with T.
     """
 
-    def __init__(
-        self,
-        *,
-        initial: float,
-        ambient: float,
-        emissivity: float,
-        density: float,
-        specific_heat: float,
-        thickness: float,
-    ) -> None:
-        """Set T0 [K], Ta [K], eps, rho [kg/m3], c [J/(kg K)] and h [m]."""
+    def __init__(self, lava: Lava, *, initial: float, ambient: float, thickness: float) -> None:
+        """Set eps, rho and c of the lava, T0 [K], Ta [K] and h [m]."""
         self.initial = initial
         self.ambient = ambient
-        self.rate = emissivity * STEFAN_BOLTZMANN / (density * specific_heat * thickness)
+        capacity = lava.density * lava.specific_heat * thickness
+        self.rate = lava.emissivity * STEFAN_BOLTZMANN / capacity
 
     def _integral(self, temperature: float) -> float:
         ambient = self.ambient
