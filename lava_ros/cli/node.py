@@ -40,11 +40,7 @@ def run(args: argparse.Namespace) -> int:
     require_ros()
     from lava_ros.ros.node import main
 
-    return main([*args.ros_args, *_resume_arguments(args.resume)])
-
-
-def _resume_arguments(bag: str | None) -> list[str]:
-    if bag is None:
-        return []
     # ROS reads the value as YAML, where quoted it can be nothing but text
-    return ['--ros-args', '-p', f'resume:={json.dumps(bag, ensure_ascii=False)}']
+    bag = json.dumps(args.resume, ensure_ascii=False)
+    more = [] if args.resume is None else ['--ros-args', '-p', f'resume:={bag}']
+    return main([*args.ros_args, *more])

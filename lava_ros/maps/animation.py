@@ -149,14 +149,11 @@ def _survey(recording: Recording, source: str) -> _Survey:
         is_saturated |= shown.is_saturated
         last, item = frame, shown
     if last is None or item is None or last.time is None or most is None:
-        right = f'a layer the bag has with its simulated times; it has {_names(recording)}'
+        names = ', '.join(sorted({layer.source for layer in recording.layers.values()}))
+        right = f'a layer the bag has with its simulated times; it has {names}'
         raise LavaError('layer', source, right)
     peak = LayerFrame(item.layer, most, is_saturated)
     return _Survey(replace(last, layers={source: peak}), peak, start, last.time)
-
-
-def _names(recording: Recording) -> str:
-    return ', '.join(sorted({layer.source for layer in recording.layers.values()}))
 
 
 class _Canvas:

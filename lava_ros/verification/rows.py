@@ -38,27 +38,9 @@ OnProgress = Callable[[str, float], None]
 class Row:
     """One quantity of one case at one setting: a line of the CSV.
 
-    Attributes:
-        case: Name of the case.
-        setting: Name of the setting.
-        preset: Name of the preset that the setting is, or empty.
-        quantity: What was measured.
-        error: Relative error.
-        measured: What the solver says.
-        exact: What it should say.
-        unit: Unit of both.
-        particles: Particles at the end.
-        steps: Time steps.
-        evaluations: Velocity evaluations.
-        simulated_s: Simulated time [s].
-        wall_s: Median time of the repetitions [s].
-        wall_s_per_simulated_hour: The same for an hour of the flow [s].
-        device: Warp device.
-        machine: What it is.
-        command: What made the row.
-        repetitions: How many times it was run.
-        low: Shortest time of the repetitions [s].
-        high: Longest [s].
+    ``error`` is relative, ``measured`` and ``exact`` are in ``unit``; ``particles`` are those at
+    the end, ``evaluations`` those of the velocity. Times are in seconds: ``wall_s`` the median of
+    the repetitions, from ``low`` to ``high``. ``preset`` is empty for a setting that is none.
     """
 
     case: str

@@ -27,16 +27,13 @@ import threading
 import time
 
 import pytest
-import rclpy
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from lava_ros.bag import BagWriter, LATCHED, QosProfile
 from lava_ros.cli.keys import Keys, keys_of
+from lava_ros.ros.spinning import Watcher
 from ros_domain import own_domain
 
 SECOND = 1_000_000_000
@@ -110,27 +107,23 @@ def test_the_terminal_is_put_back(terminal):
     assert termios.tcgetattr(inside) == before
 
 
-class Heard:
+class Heard(Watcher):
     """What comes on /text in a graph of the test's own, as seconds of the bag."""
 
     def __init__(self, domain: int) -> None:
         """Subscribe."""
-        self.context = Context()
-        rclpy.init(context=self.context, domain_id=domain)
-        self.node = Node('listener', context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
+        super().__init__('listener', domain)
         self.places: list[float] = []
-        self.node.create_subscription(
+        self._node.create_subscription(
             String, '/text', lambda message: self.places.append(float(message.data)),
             QoSProfile(depth=1000),
         )
 
-    def listen(self, seconds: float) -> list[float]:
+    def during(self, seconds: float) -> list[float]:
         """What comes within a time."""
         before, end = len(self.places), time.monotonic() + seconds
         while time.monotonic() < end:
-            self.executor.spin_once(timeout_sec=0.02)
+            self.listen(0.02)
         return self.places[before:]
 
     def until(self, condition: Callable[[], bool], timeout: float = 30.0) -> None:
@@ -138,12 +131,7 @@ class Heard:
         end = time.monotonic() + timeout
         while not condition():
             assert time.monotonic() < end, self.places[-5:]
-            self.executor.spin_once(timeout_sec=0.02)
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self.node.destroy_node()
-        rclpy.shutdown(context=self.context)
+            self.listen(0.02)
 
 
 @pytest.fixture
@@ -210,13 +198,13 @@ def test_keys_in_a_terminal(replay, terminal, heard):
     heard.until(lambda: len(heard.places) > 5, timeout=60.0)
     press(' ')
     heard.until(lambda: 'held' in screen.shown)
-    heard.listen(0.5)
-    assert heard.listen(1.0) == []
+    heard.during(0.5)
+    assert heard.during(1.0) == []
     place = heard.places[-1]
 
     press(RIGHT)
     press(RIGHT)
-    heard.listen(0.5)
+    heard.during(0.5)
     press(' ')
     heard.until(lambda: heard.places[-1] > place + 10.5)
     # by two jumps of five seconds; of what lies between at most the place of the first

@@ -28,20 +28,12 @@ TEMPERATURE = 'temperature'
 
 @dataclass(eq=False)
 class Survey:
-    """A run as a whole. Curves have one value for each frame.
+    """A run as a whole: its last frame, and curves with one value for each frame.
 
-    Attributes:
-        frame: The last frame.
-        arrival: When lava came where, and how thick it got.
-        touched: Cells that lava was ever in, bool, shape [rows, columns].
-        vents: Map positions [m] of all vents that ever emitted, shape [vents, 2].
-        times: Simulated times [s].
-        area: Area that lava covers [m2].
-        front: Distance [m] of the farthest cell that lava was ever in from the nearest vent; NaN
-            without vents or lava.
-        hottest: Highest temperature [Celsius], NaN without lava.
-        largest: Largest value ever, by source.
-        saturated: Sources with a value that their grid cannot tell from larger ones.
+    ``touched`` are the cells that lava was ever in, ``vents`` the map positions [m] of those that
+    ever emitted, ``front`` the distance [m] of the farthest such cell from the nearest of them,
+    NaN without. Areas are in m2, ``hottest`` is in Celsius, NaN without lava. ``largest`` is by
+    source; ``saturated`` are sources with a value that their grid cannot tell from larger ones.
     """
 
     frame: Frame

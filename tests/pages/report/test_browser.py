@@ -19,7 +19,7 @@ from matplotlib.image import imread
 import numpy as np
 import pytest
 
-from lava_ros.pages.report import write_report
+from lava_ros.pages.report.page import write_report
 from pages.report.devtools import Browser, chromium, has_qt
 
 pytestmark = pytest.mark.skipif(

@@ -29,8 +29,7 @@ import pytest
 from lava_ros.bag import BagReader
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import read_frame, Recording
-from lava_ros.pages.report import write_report
-from lava_ros.pages.report.page import page
+from lava_ros.pages.report.page import page, write_report
 from lava_ros.pages.report.sections import facts, warnings
 from lava_ros.pages.report.survey import survey
 from lava_ros.pages.runs import read_run
