@@ -217,8 +217,9 @@ def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
 
 def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
     """Refuse formats whose library is missing, and GeoJSON of maps that are nobody knows where."""
-    if 'geojson' in formats:
-        require_geojson(crs)
+    if 'geojson' in formats and crs is None:
+        right = 'the EPSG code of the map: GeoJSON has longitudes and latitudes'
+        raise LavaError('epsg', None, right)
     if 'gpkg' in formats:
         require('fiona', 'GeoPackage', str(folder))
     if 'nc' in formats:
@@ -242,6 +243,7 @@ def write_formats(
     Raises:
         LavaError: As of ``require_formats``, or a file cannot be written.
     """
+    require_formats(formats, folder, place.crs)
     written = []
     if 'geojson' in formats:
         written = [folder / f'{name}.geojson' for name in layers]
@@ -256,18 +258,10 @@ def write_formats(
     return written
 
 
-def require_geojson(crs: Any) -> None:
-    """Refuse a map of which nobody knows where in the world it is."""
-    if crs is None:
-        right = 'the EPSG code of the map: GeoJSON has longitudes and latitudes'
-        raise LavaError('epsg', None, right)
-
-
 def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Place) -> None:
     """Write features in longitude and latitude, as RFC 7946 has it."""
     from rasterio.warp import transform_geom
 
-    require_geojson(place.crs)
     turned = [
         {**item, 'geometry': transform_geom(place.crs, 'EPSG:4326', item['geometry'], precision=7)}
         for item in features
@@ -280,7 +274,6 @@ def write_geopackage(
     path: Path, layers: Mapping[str, Sequence[Mapping[str, Any]]], place: Place
 ) -> None:
     """Write layers of features in the coordinate system of the map; empty ones are left out."""
-    require('fiona', 'GeoPackage', str(path))
     import fiona
 
     try:
@@ -314,12 +307,7 @@ def write_netcdf(
     """Write maps into one file that keeps the CF conventions.
 
     Of each, by name: values (NaN without data), unit and meaning.
-
-    Raises:
-        LavaError: xarray or scipy is not installed, or the file cannot be written.
     """
-    require('xarray', 'NetCDF', str(path))
-    require('scipy', 'NetCDF', str(path))
     import xarray
 
     axes = {}
