@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.options import add_options, device_named, seconds_of
-from lava_ros.cli.output import made_folder, Progress, write_json
+from lava_ros.cli.output import made_folder, Progress, table_lines, write_json
 from lava_ros.files import write_output
 
 if TYPE_CHECKING:
@@ -39,23 +39,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--quick', action='store_true', help='fewer settings: less than two minutes on two cores'
     )
     parser.add_argument(
-        '--case',
-        action='append',
-        metavar='NAME',
+        '--case', action='append', metavar='NAME',
         help="only this case, or 'lateral'; may be given several times (default: all)",
     )
     parser.add_argument(
         '--repetitions', type=int, metavar='N', help='time a short run N times (default: 3)'
     )
     parser.add_argument(
-        '--longest',
-        metavar='TIME',
+        '--longest', metavar='TIME',
         help='leave out runs that would take longer (default: 30s)',
     )
     parser.add_argument(
-        '--output',
-        default='accuracy',
-        metavar='DIR',
+        '--output', default='accuracy', metavar='DIR',
         help="folder for the report, named after the device (default: 'accuracy')",
     )
     add_options(parser, '--device', '--json')
@@ -65,8 +60,8 @@ def run(args: argparse.Namespace) -> int:
     """Measure and write the report."""
     from lava_ros.verification import measure, settings
     from lava_ros.verification.cases import CASES, EFFECT_CASES
+    from lava_ros.verification.cases.sheets import LATERAL
     from lava_ros.verification.chart import draw
-    from lava_ros.verification.lateral import NAME
     from lava_ros.verification.report import markdown
     from lava_ros.verification.rows import as_plain, read_csv, write_csv
 
@@ -77,13 +72,13 @@ def run(args: argparse.Namespace) -> int:
     if args.longest is not None:
         longest = seconds_of('--longest', args.longest)
     for name in args.case or ():
-        validation.choice('--case', name, (*CASES, NAME))
+        validation.choice('--case', name, (*CASES, LATERAL))
     pairs = [
         (case, item)
         for case, item in settings.all_pairs(quick=args.quick)
         if not args.case or case.name in args.case
     ]
-    order = [*CASES, NAME]
+    order = [*CASES, LATERAL]
     titles = {case.name: f'{case.title[0].upper()}{case.title[1:]}' for case in CASES.values()}
     device = device_named(args.device)
     folder, stem = made_folder(args.output), measure.file_stem(device)
@@ -142,9 +137,9 @@ def _print_presets(rows: Sequence[Row], titles: dict[str, str]) -> None:
     if not presets:
         return
     cases = list(dict.fromkeys(case for case, _ in found))
-    width = max(len(titles[name]) for name in cases)
-    print(f'{"Error in wall time for an hour":{width}}' + ''.join(f'  {p:>18}' for p in presets))
+    lines = [['Error in wall time for an hour', *presets]]
     for name in cases:
         places = [found.get((name, preset)) for preset in presets]
         texts = [f'{percent(at.error)} in {seconds(at.cost)}' if at else '-' for at in places]
-        print(f'{titles[name]:{width}}' + ''.join(f'  {text:>18}' for text in texts))
+        lines.append([titles[name], *texts])
+    print('\n'.join(table_lines(lines, '<' + '>' * len(presets))))

@@ -35,9 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '-o', '--output', required=True, metavar='FILE', help='elevation to write, .tif'
     )
     parser.add_argument(
-        '--line',
-        nargs='+',
-        metavar='E,N',
+        '--line', nargs='+', metavar='E,N',
         help='easting and northing [m] of two or more places along the crest',
     )
     parser.add_argument('--height', type=float, metavar='M', help='height above the ground [m]')

@@ -50,34 +50,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--runs', type=int, default=48, metavar='N', help='sets of values (default: %(default)s)'
     )
     parser.add_argument(
-        '--directions',
-        type=int,
-        default=1,
-        metavar='N',
+        '--directions', type=int, default=1, metavar='N',
         help='runs of each set, turned and mirrored (8 are all): what half of them cover is '
         'compared, which chance moves less (default: %(default)s)',
     )
     parser.add_argument(
-        '--unknown',
-        action='append',
-        default=[],
-        metavar='NAME[=LOW:HIGH]',
+        '--unknown', action='append', default=[], metavar='NAME[=LOW:HIGH]',
         help='what to search, and in which range: a constant of the lava (lava materials NAME), '
         'vent_temperature [K] or discharge [1]; may be repeated (default: those with a published '
         'range)',
     )
     parser.add_argument(
-        '--workers',
-        type=int,
-        default=1,
-        metavar='N',
+        '--workers', type=int, default=1, metavar='N',
         help='runs at once, which share the GPU (default: %(default)s)',
     )
     parser.add_argument('--material', metavar='NAME', help="lava in place of the case's")
     parser.add_argument(
-        '-o',
-        '--output',
-        metavar='DIR',
+        '-o', '--output', metavar='DIR',
         help='folder for the table and the result (default: calibrations/<cases>_<preset>)',
     )
     add_options(

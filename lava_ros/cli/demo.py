@@ -28,10 +28,9 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
-from lava_ros.cli.children import Child, ChildError
 from lava_ros.cli.options import add_options, seconds_of
 from lava_ros.cli.output import Progress, terminal, write_json
-from lava_ros.cli.ros import domain_of, require_ros, start_node
+from lava_ros.cli.ros import Child, ChildError, domain_of, require_ros, start_node
 from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
 from lava_ros.errors import LavaError, printable
 from lava_ros.scene import Scene
@@ -57,21 +56,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     add_scene_arguments(parser)
     parser.add_argument(
-        '--duration',
-        default='3h',
-        metavar='TIME',
+        '--duration', default='3h', metavar='TIME',
         help='simulated time: 6h, 90min (default: %(default)s)',
     )
     parser.add_argument(
-        '--output',
-        default='bags/demo',
-        metavar='DIR',
+        '--output', default='bags/demo', metavar='DIR',
         help='bag to record; an earlier demo there is replaced (default: bags/demo)',
     )
     parser.add_argument(
-        '--max-speed',
-        type=float,
-        metavar='X',
+        '--max-speed', type=float, metavar='X',
         help=f'run at most X times as fast as real time (default: {LEAST_WALL_TIME:g} s in all)',
     )
     add_options(parser, '--preset', '--spacing', '--device', '--domain', '--json')
@@ -133,11 +126,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _remove_earlier_demo(output: Path) -> None:
-    """Make room for the bag, without touching what no demo made.
-
-    Raises:
-        LavaError: There is something else.
-    """
+    """Make room for the bag; LavaError where something lies there that no demo made."""
     try:
         if not output.exists():
             return
@@ -158,14 +147,7 @@ def _remove_earlier_demo(output: Path) -> None:
 def _flow(
     scene: Scene, parameters: dict[str, Any], domain: int, duration: float
 ) -> Observation:
-    """Run the node until the flow has reached its end.
-
-    Returns:
-        What was heard last.
-
-    Raises:
-        ChildError: The node failed.
-    """
+    """Run the node until the flow has reached its end: what was heard last."""
     from lava_ros.ros.monitor import Monitor
 
     print(f'ROS domain {domain}; to watch: ROS_DOMAIN_ID={domain} lava watch (or rviz2)')

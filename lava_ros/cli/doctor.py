@@ -40,9 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--bags', metavar='DIR', default='bags', help='where bags go (default: bags)'
     )
     parser.add_argument(
-        '--msg-config',
-        metavar='FILE',
-        default='default.yaml',
+        '--msg-config', metavar='FILE', default='default.yaml',
         help='layers to look at: a path, or the name of a file in msg_configs/ '
         '(default: default.yaml)',
     )

@@ -45,11 +45,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Print the table."""
+    horizon = seconds_of('--horizon', args.horizon)
     decisions = decide(
         scene_from_arguments(args),
         forced_effects(args),
         accuracy=preset_accuracy(args.preset),
-        horizon=seconds_of('--horizon', args.horizon),
+        horizon=horizon,
     )
     costs = step_costs()
     _print(decisions, costs)
@@ -58,11 +59,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def step_costs() -> dict[str, float]:
-    """Time of a step with each effect alone over that of the bare step, as measured.
-
-    Raises:
-        LavaError: The measurements are not where the package's data are.
-    """
+    """Time of a step with each effect alone over that of the bare step, as measured."""
     with share_path(COSTS).open(newline='', encoding='utf-8') as file:
         return {row['benchmark']: float(row['ratio']) for row in csv.DictReader(file)}
 

@@ -40,30 +40,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '-o', '--output', required=True, metavar='DIR', help='folder to write to: new or empty'
     )
     parser.add_argument(
-        '--at',
-        metavar='TIME',
+        '--at', metavar='TIME',
         help='simulated time of the maps: 2h, 90min; arrival and peak are up to then (default: '
         'the last there is)',
     )
     parser.add_argument(
-        '--every',
-        action='store_true',
+        '--every', action='store_true',
         help='height, temperature and hazard of every frame, numbered, with its time',
     )
     parser.add_argument(
-        '--maps',
-        nargs='+',
-        choices=MAPS,
-        default=MAPS,
-        metavar='MAP',
+        '--maps', nargs='+', choices=MAPS, default=MAPS, metavar='MAP',
         help=f'which of {", ".join(MAPS)} (default: all)',
     )
     add_formats_argument(parser, 'outline, isochrones', ('tif',))
     parser.add_argument(
-        '--offset',
-        nargs=2,
-        type=float,
-        metavar=('E', 'N'),
+        '--offset', nargs=2, type=float, metavar=('E', 'N'),
         help="easting and northing [m] of the map frame's origin, for a bag that has none",
     )
 
@@ -73,11 +64,7 @@ def add_formats_argument(
 ) -> None:
     """Add the argument that says what maps are written as, and their shapes."""
     parser.add_argument(
-        '--formats',
-        nargs='+',
-        choices=FORMATS,
-        default=default,
-        metavar='FORMAT',
+        '--formats', nargs='+', choices=FORMATS, default=default, metavar='FORMAT',
         help=f'tif (with styles for QGIS), geojson and gpkg ({shapes}), nc (all maps, by the CF '
         "conventions); gpkg and nc take pip install 'lava_ros[gis]' (default: "
         + (' '.join(default) if default else 'tif, and geojson where the place is known')

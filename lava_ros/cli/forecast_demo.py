@@ -33,10 +33,9 @@ from typing import Any, TYPE_CHECKING
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.cli.children import ChildError
 from lava_ros.cli.options import add_options
 from lava_ros.cli.output import write_json
-from lava_ros.cli.ros import domain_of, require_ros, start_node
+from lava_ros.cli.ros import ChildError, domain_of, require_ros, start_node
 from lava_ros.files import file_to_write, PICTURES
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.terrain_files import demo_terrain
@@ -178,14 +177,7 @@ class _Demo:
     domain: int
 
     def run(self) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]]]:
-        """Run it.
-
-        Returns:
-            The figures; titles and probabilities before and after.
-
-        Raises:
-            ChildError: The node failed, or took too long.
-        """
+        """The figures, and titles and probabilities before and after."""
         from lava_ros.ros.monitor import ForecastWatch
 
         print(f'ROS domain {self.domain}; to watch: ROS_DOMAIN_ID={self.domain} rviz2')

@@ -55,17 +55,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--json',
     )
     parser.add_argument(
-        '-o',
-        '--output',
-        metavar='DIR',
+        '-o', '--output', metavar='DIR',
         help='folder for maps, bag and page (default: hindcasts/<case>_<preset>)',
     )
     add_vent_arguments(parser, of='case')
     parser.add_argument(
-        '--runs',
-        type=int,
-        default=1,
-        metavar='N',
+        '--runs', type=int, default=1, metavar='N',
         help='as many more runs, turned and mirrored: their scatter, and what at least half of '
         'them cover (from 2; 8 are all directions; default: none)',
     )

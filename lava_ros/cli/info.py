@@ -21,14 +21,13 @@ the last whole message.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from datetime import datetime, timezone
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.cli.options import add_options
-from lava_ros.cli.output import write_json
+from lava_ros.cli.output import table_lines, write_json
 from lava_ros.errors import LavaError
-from lava_ros.files.yaml import parse_json, parse_yaml
 from lava_ros.simulation.budget import VolumeBudget
 
 if TYPE_CHECKING:
@@ -37,34 +36,6 @@ if TYPE_CHECKING:
     from lava_ros.bag.timeline import Moment
 
 _SHOWN_CHECKPOINTS = 5
-
-
-def _is_origin(value: object) -> bool:
-    return (
-        isinstance(value, Mapping)
-        and isinstance(value.get('bag'), str)
-        and isinstance(value.get('time'), int | float)
-    )
-
-
-def _are_changes(value: object) -> bool:
-    return isinstance(value, list) and all(
-        isinstance(entry, Mapping)
-        and isinstance(entry.get('time'), int | float)
-        and isinstance(entry.get('effects'), Mapping)
-        for entry in value
-    )
-
-
-#: Custom data that the node writes, by name: how it is read, and whether it is what it should be.
-#: ``scene`` is what scene_to_dict gives; ``effects``, which were on from when on
-#: (ros/scene_recording.py); ``resumed_from``, bag and time of the checkpoint that a run has gone
-#: on from.
-_KNOWN: dict[str, tuple[Callable[[str, str], Any], Callable[[object], bool]]] = {
-    'scene': (parse_yaml, lambda value: isinstance(value, dict)),
-    'effects': (parse_json, _are_changes),
-    'resumed_from': (parse_json, _is_origin),
-}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -119,25 +90,21 @@ def _as_dict(bag: BagReader) -> dict[str, Any]:
         ],
         'simulation': _simulation(bag),
         'checkpoints': [item._asdict() for item in checkpoints_of(bag.path)],
-        **_known(bag.custom_data),
+        **_known(bag),
         'custom_data': bag.custom_data,
     }
 
 
-def _known(custom_data: Mapping[str, str]) -> dict[str, Any]:
-    """What the node has written as plain data, None where it is missing or something else."""
-    found: dict[str, Any] = {}
-    for name, (parse, is_right) in _KNOWN.items():
-        try:
-            value = parse(name, custom_data.get(name, ''))
-        except LavaError:
-            value = None
-        found[name] = value if is_right(value) else None
-    return found
+def _known(bag: BagReader) -> dict[str, Any]:
+    """What is shown in words, None where it is missing or something else."""
+    from lava_ros.pages.report.description import plain
+
+    told = plain(bag.custom_data)
+    return {name: told[name] for name in ('scene', 'effects', 'resumed_from')}
 
 
 def _lines(bag: BagReader) -> list[str]:
-    known = _known(bag.custom_data)
+    known = _known(bag)
     lines = [f'bag        {bag.path}']
     lines.append(f'files      {len(bag.files)}, {_size(bag.size)}')
     if len(bag.files) > 1:
@@ -227,14 +194,7 @@ def _topic_lines(topics: list[Topic]) -> list[str]:
         count = 'unknown' if topic.count is None else str(topic.count)
         qos = topic.qos
         rows.append((topic.name, topic.message_type, count, qos.reliability, qos.durability))
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    return [
-        '',
-        *(
-            '  '.join(item.ljust(width) for item, width in zip(row, widths, strict=True)).rstrip()
-            for row in rows
-        ),
-    ]
+    return ['', *table_lines(rows, '<<<<<')]
 
 
 def _checkpoint_lines(bag: BagReader) -> list[str]:

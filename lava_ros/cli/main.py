@@ -19,38 +19,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
 import errno
+from importlib import import_module
 import logging
 import os
 import re
 import sys
 
 import lava_ros
-from lava_ros.cli import (
-    accuracy,
-    animate,
-    barrier,
-    bench,
-    calibrate,
-    completion,
-    demo,
-    doctor,
-    effects,
-    ensemble,
-    export,
-    feed,
-    forecast_demo,
-    hindcast,
-    info,
-    materials,
-    node,
-    plan,
-    plot,
-    recover,
-    replay,
-    report,
-    verify,
-    watch,
-)
 from lava_ros.cli.manual import Manual
 from lava_ros.cli.output import check_outputs, Printable
 from lava_ros.errors import LavaError, printable
@@ -66,13 +41,16 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 _ROS_ARGS = '--ros-args'
 
-#: The commands under the headings of the manual page.
-GROUPS = (
-    ('run', (demo, node, feed, ensemble, forecast_demo)),
-    ('record', (replay, info, recover)),
-    ('look', (watch, report, plot, animate, export, effects, materials, barrier)),
-    ('measure', (hindcast, calibrate, plan, accuracy, verify, bench)),
-    ('set up', (doctor, completion)),
+#: The commands, each the module of its name, under the headings of the manual page.
+GROUPS = tuple(
+    (heading, tuple(import_module(f'lava_ros.cli.{name}') for name in names.split()))
+    for heading, names in (
+        ('run', 'demo node feed ensemble forecast_demo'),
+        ('record', 'replay info recover'),
+        ('look', 'watch report plot animate export effects materials barrier'),
+        ('measure', 'hindcast calibrate plan accuracy verify bench'),
+        ('set up', 'doctor completion'),
+    )
 )
 
 

@@ -119,15 +119,11 @@ class Manual(Parser):
     def __init__(
         self, *, prog: str, description: str, groups: Sequence[tuple[str, Sequence[ModuleType]]]
     ) -> None:
-        """Declare the commands.
+        """Declare the commands: headings, and the modules of the commands below each.
 
-        Args:
-            prog: What the program is called.
-            description: What it is for, in a line.
-            groups: Headings and the modules of the commands below each. The name of a module is
-                that of its command, the first line of its docstring says what that does, and it
-                has ``add_arguments(parser)`` and ``run(args)``, which returns the exit status and
-                raises LavaError for what cannot be used.
+        The name of a module is that of its command, the first line of its docstring says what it
+        does, and it has ``add_arguments(parser)`` and ``run(args)``, which returns the exit status
+        and raises LavaError for what cannot be used.
         """
         super().__init__(prog=prog, description=description)
         subparsers = self.add_subparsers(

@@ -30,8 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.usage = 'lava node [--resume BAG] [--ros-args ...]'
     parser.add_argument(
-        '--resume',
-        metavar='BAG',
+        '--resume', metavar='BAG',
         help="go on from a bag's newest checkpoint, also when the recording was cut off",
     )
 
@@ -41,11 +40,7 @@ def run(args: argparse.Namespace) -> int:
     require_ros()
     from lava_ros.ros.node import main
 
-    return main([*args.ros_args, *_resume_arguments(args.resume)])
-
-
-def _resume_arguments(bag: str | None) -> list[str]:
-    if bag is None:
-        return []
     # ROS reads the value as YAML, where quoted it can be nothing but text
-    return ['--ros-args', '-p', f'resume:={json.dumps(bag, ensure_ascii=False)}']
+    bag = json.dumps(args.resume, ensure_ascii=False)
+    more = [] if args.resume is None else ['--ros-args', '-p', f'resume:={bag}']
+    return main([*args.ros_args, *more])

@@ -27,6 +27,8 @@ from lava_ros.simulation.selection import HORIZON
 #: Seconds of each unit.
 UNITS = {'s': 1.0, 'min': 60.0, 'h': 3600.0, 'd': 86400.0}
 
+_FORCED: dict[str, Any] = {'action': 'append', 'default': [], 'metavar': 'EFFECT'}
+
 _OPTIONS: dict[str, dict[str, Any]] = {
     'bag': {'help': 'bag directory or .mcap file'},
     '--device': {'help': 'cpu, cuda:0, ... (default: the first GPU, else the CPU)'},
@@ -50,18 +52,8 @@ _OPTIONS: dict[str, dict[str, Any]] = {
         'metavar': 'M',
         'help': 'smooth the elevation with a Gaussian of this standard deviation [m]',
     },
-    '--off': {
-        'action': 'append',
-        'default': [],
-        'metavar': 'EFFECT',
-        'help': 'force it off; may be repeated',
-    },
-    '--on': {
-        'action': 'append',
-        'default': [],
-        'metavar': 'EFFECT',
-        'help': 'force it on; may be repeated',
-    },
+    '--off': {**_FORCED, 'help': 'force it off; may be repeated'},
+    '--on': {**_FORCED, 'help': 'force it on; may be repeated'},
     '--preset': {
         'choices': tuple(PRESETS),
         'default': DEFAULT,
@@ -88,12 +80,9 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 
 
 def add_options(parser: argparse.ArgumentParser, *names: str, **defaults: Any) -> None:
-    """Declare options of those above.
+    """Declare options of those above; ``bag`` is a positional argument.
 
-    Args:
-        parser: The parser of a command.
-        names: The options; ``bag`` is a positional argument.
-        defaults: Values in place of the usual defaults, by the name of the attribute.
+    Defaults, by the name of the attribute, take the place of the usual ones.
     """
     for name in names:
         parser.add_argument(name, **_OPTIONS[name])
@@ -106,11 +95,7 @@ def forced_effects(args: argparse.Namespace) -> dict[str, bool]:
 
 
 def device_named(name: str | None) -> str:
-    """The Warp device that ``--device`` names; the first GPU, else the CPU, for None.
-
-    Raises:
-        LavaError: There is no such device.
-    """
+    """The Warp device that ``--device`` names; the first GPU, else the CPU, for None."""
     import warp as wp
 
     import lava_ros.simulation  # noqa: F401  (quietens Warp)
@@ -120,18 +105,10 @@ def device_named(name: str | None) -> str:
 
 
 def seconds_of(field: str, text: str, *, may_be_zero: bool = False) -> float:
-    """Read a time.
-
-    Args:
-        field: What it is called in errors.
-        text: A number with a unit, or of seconds without one.
-        may_be_zero: Whether 0 is a time, too.
-
-    Returns:
-        The time [s].
+    """Read a time [s]: a number with a unit, or of seconds without one; maybe 0.
 
     Raises:
-        LavaError: It is no time above 0, or from 0 on.
+        LavaError: It is no time above 0, or from 0 on; the field names it.
     """
     match = re.fullmatch(r'\s*([^a-z\s]+(?:e[+-]?\d+)?)\s*([a-z]*)\s*', text)
     if match is None or (match[2] or 's') not in UNITS:

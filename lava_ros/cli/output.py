@@ -17,7 +17,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 import json
 import os
@@ -56,12 +56,7 @@ class Printable:
 
 
 def terminal(stream: TextIO | None = None, **options: Any) -> Any:
-    """A rich console that draws past ``Printable``: give it no text from elsewhere as it is.
-
-    Args:
-        stream: Where it draws, stdout when left out.
-        options: What ``rich.console.Console`` takes.
-    """
+    """A rich console that draws past ``Printable``: give it no text from elsewhere as it is."""
     from rich.console import Console
 
     stream = sys.stdout if stream is None else stream
@@ -69,11 +64,7 @@ def terminal(stream: TextIO | None = None, **options: Any) -> Any:
 
 
 def check_outputs(args: argparse.Namespace) -> None:
-    """Refuse to write over what the arguments name beside, and JSON over what is no JSON.
-
-    Raises:
-        LavaError: An output is such a file, or ``--json`` no file that can be written.
-    """
+    """Refuse to write over what the arguments name beside, and JSON over what is no JSON."""
     named = {name: value for name, value in vars(args).items() if isinstance(value, str)}
     if named.get('json', '-') != '-':
         file_to_write('--json', named['json'], ('.json',))
@@ -99,12 +90,19 @@ def write_json(data: Any, *names: str | Path | None) -> None:
             write_output('--json', name, text)
 
 
-def made_folder(name: str | Path) -> Path:
-    """The folder that ``--output`` names, made where it does not exist.
+def table_lines(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
+    """Lines of a table, each column as wide as its widest cell, to the sides ``<`` or ``>``."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        '  '.join(
+            f'{cell:{side}{width}}' for cell, side, width in zip(row, sides, widths, strict=True)
+        ).rstrip()
+        for row in rows
+    ]
 
-    Raises:
-        LavaError: It cannot be made.
-    """
+
+def made_folder(name: str | Path) -> Path:
+    """The folder that ``--output`` names, made where it does not exist."""
     folder = Path(name)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -124,11 +122,7 @@ class Progress:
     """A bar with the time that is left in a terminal, a line for every tenth elsewhere."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
-        """Begin.
-
-        Args:
-            stream: Where it is shown, stdout when left out.
-        """
+        """Show it in a stream, stdout when left out."""
         self._stream = sys.stdout if stream is None else stream
         self._tenths = -1
         self._started = time.monotonic()
@@ -177,10 +171,10 @@ class Progress:
 
 
 @contextmanager
-def in_terminal() -> Iterator[Callable[[str, float], None] | None]:
-    """A bar for what takes seconds; None where stdout is no terminal."""
+def in_terminal() -> Iterator[Callable[[str, float], None]]:
+    """A bar for what takes seconds; nothing where stdout is no terminal."""
     if not sys.stdout.isatty():
-        yield None
+        yield lambda what, share: None
         return
     with Progress() as progress:
         yield progress.show

@@ -36,11 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     add_runs_argument(parser)
     parser.add_argument(
-        '--layers',
-        nargs='+',
-        choices=LAYERS,
-        default=(),
-        metavar='MAP',
+        '--layers', nargs='+', choices=LAYERS, default=(), metavar='MAP',
         help=f'which of {", ".join(LAYERS)}; of an ensemble arrival is that of half its members '
         '(default: those there are; of several runs the first)',
     )
@@ -71,16 +67,12 @@ def add_runs_argument(parser: argparse.ArgumentParser) -> None:
 def add_overlay_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that name what others know."""
     parser.add_argument(
-        '--overlay',
-        action='append',
-        default=[],
-        metavar='FILE',
+        '--overlay', action='append', default=[], metavar='FILE',
         help='points, lines and areas to draw, stations or roads: .geojson, .gpkg, or .csv with '
         'x,y or lon,lat and name; may be repeated',
     )
     parser.add_argument(
-        '--observed',
-        metavar='FILE',
+        '--observed', metavar='FILE',
         help='where lava was seen: areas (.geojson, .gpkg), or a raster above 0; its outline is '
         'drawn, and for an ensemble how reliable its probabilities are',
     )

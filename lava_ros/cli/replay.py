@@ -43,21 +43,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--rate', type=float, default=1.0, help='speed, 2 is twice as fast')
     parser.add_argument('--loop', action='store_true', help='start over at the end')
     parser.add_argument(
-        '--start-offset',
-        default='0s',
-        metavar='TIME',
+        '--start-offset', default='0s', metavar='TIME',
         help='skip so much: 90s, 2min; latched maps from before are still published',
     )
     parser.add_argument(
-        '--clock',
-        action=argparse.BooleanOptionalAction,
-        default=True,
+        '--clock', action=argparse.BooleanOptionalAction, default=True,
         help='publish the time of the bag on /clock (default: yes)',
     )
     parser.add_argument(
-        '--wait-for-subscribers',
-        default='0s',
-        metavar='TIME',
+        '--wait-for-subscribers', default='0s', metavar='TIME',
         help='wait up to so long until every topic has a subscriber',
     )
 

@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     """Report on the bag that the arguments name."""
     from lava_ros.cli.output import in_terminal
     from lava_ros.pages.pictures import Words
-    from lava_ros.pages.report import write_report
+    from lava_ros.pages.report.page import write_report
     from lava_ros.pages.report.still import write_comparison
     from lava_ros.pages.runs import is_ensemble
 

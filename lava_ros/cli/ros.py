@@ -12,23 +12,112 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What commands need of ROS 2: whether it is there, a domain, and a node of their own."""
+"""What commands need of ROS 2: whether it is there, a domain, and a node that they watch."""
 
-from collections.abc import Mapping
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 import json
 import os
 from pathlib import Path
 import random
+import signal
 import socket
+import subprocess
+import sys
+from types import FrameType
 from typing import Any
 
 import numpy as np
 
 from lava_ros import validation
-from lava_ros.cli.children import Child
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, scene_to_dict
+
+#: Last lines of a log that are shown when its process has failed.
+SHOWN_LINES = 40
+
+
+class ChildError(Exception):
+    """A process ended that should not have, or ended badly; the text holds its log."""
+
+
+class Child:
+    """A Python module that runs in a process of its own, its output in a log file."""
+
+    def __init__(
+        self,
+        name: str,
+        module: str,
+        arguments: Sequence[str],
+        *,
+        log: Path,
+        env: Mapping[str, str],
+    ) -> None:
+        """Start a module with arguments and an environment, its output in a log file."""
+        self.name = name
+        self._log = log
+        _end_in_order()
+        with log.open('wb') as output:
+            self._process = subprocess.Popen(
+                [sys.executable, '-u', '-m', module, *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                env=dict(env),
+                # Ctrl+C is for the command, which then ends its children in order.
+                start_new_session=True,
+            )
+
+    def check(self) -> None:
+        """Do nothing as long as the process runs; ChildError where it has ended."""
+        status = self._process.poll()
+        if status is not None:
+            raise ChildError(self.failure(f'ended by itself with status {status}'))
+
+    def stop(self, timeout: float = 20.0) -> None:
+        """Ask the process to end; ChildError if it does not in time [s], or not with status 0."""
+        status = self.end(timeout)
+        if status is None:
+            raise ChildError(self.failure(f'did not end within {timeout:g} s'))
+        if status != 0:
+            raise ChildError(self.failure(f'ended with status {status}'))
+
+    def end(self, timeout: float = 10.0) -> int | None:
+        """End the process: ask first, and kill it when it does not follow in time [s].
+
+        Returns:
+            Its exit status, None when it had to be killed.
+        """
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGINT)
+        try:
+            return self._process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+            return None
+
+    def failure(self, what: str) -> str:
+        """Describe a failure with the end of the log."""
+        lines = self._log.read_text(errors='replace').splitlines()[-SHOWN_LINES:]
+        shown = '\n'.join(f'    {line}' for line in lines) or '    (nothing)'
+        return f'the {self.name} {what}; its log ends with\n{shown}'
+
+
+def _end_in_order() -> None:
+    """Let the command end its children when it is told to end, as after Ctrl+C."""
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        # nohup has it ignored
+        if signal.getsignal(number) is signal.SIG_DFL:
+            signal.signal(number, _leave)
+
+
+def _leave(number: int, _: FrameType | None) -> None:
+    # once: what is told again and again must not cut short how it ends
+    signal.signal(number, signal.SIG_IGN)
+    raise SystemExit(128 + number)
 
 
 def missing_package() -> str | None:
@@ -38,11 +127,7 @@ def missing_package() -> str | None:
 
 
 def require_ros() -> None:
-    """Do nothing where ROS 2 can be imported.
-
-    Raises:
-        LavaError: It cannot; the message says how to get it.
-    """
+    """Refuse to go on where ROS 2 cannot be imported; the message says how to get it."""
     name = missing_package()
     if name is not None:
         right = "a sourced ROS 2 Jazzy installation, or: pip install 'lava_ros[ros]'"
@@ -50,11 +135,7 @@ def require_ros() -> None:
 
 
 def domain_of(chosen: int | None) -> int:
-    """The ROS domain that ``--domain`` names; for None a free one.
-
-    Raises:
-        LavaError: It is no domain, or all are in use.
-    """
+    """The ROS domain that ``--domain`` names; for None a free one."""
     if chosen is not None:
         return validation.whole('--domain', chosen, at_least=0, at_most=101)
     for domain in random.SystemRandom().sample(range(1, 102), 101):
@@ -69,14 +150,7 @@ def domain_of(chosen: int | None) -> int:
 
 
 def start_node(scene: Scene, settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
-    """Start a node on a scene.
-
-    Args:
-        scene: The scene.
-        settings: Parameters of the node, by name.
-        domain: The ROS domain.
-        folder: Where its scene, its parameters and its log go.
-    """
+    """Start a node on a scene; scene, parameters and log go into a folder."""
     terrain = scene.terrain
     grid: dict[str, Any] = {'elevation': terrain.elevation, 'resolution': terrain.resolution}
     grid |= {'origin': terrain.origin, 'offset': terrain.offset, 'source': terrain.source}

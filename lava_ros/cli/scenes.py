@@ -66,14 +66,12 @@ def add_scene_arguments(parser: argparse.ArgumentParser, *, positional: bool = F
     else:
         parser.add_argument('--scene', metavar='FILE', help=text)
     parser.add_argument(
-        '--terrain',
-        metavar='FILE',
+        '--terrain', metavar='FILE',
         help="GeoTIFF, ESRI ASCII grid or npz; with a scene in place of the scene's own "
         '(default: Mount St. Helens, 7.8 x 7.8 km)',
     )
     parser.add_argument(
-        '--fill-holes',
-        action='store_true',
+        '--fill-holes', action='store_true',
         help='fill cells without data inside the terrain, and pits, from what is around',
     )
     add_vent_arguments(parser)
@@ -82,16 +80,13 @@ def add_scene_arguments(parser: argparse.ArgumentParser, *, positional: bool = F
 def add_vent_arguments(parser: argparse.ArgumentParser, of: str = 'scene') -> None:
     """Add the arguments that replace vents and lava of a scene, or of what else has some."""
     parser.add_argument(
-        '--vent',
-        action='append',
-        metavar='LON,LAT',
+        '--vent', action='append', metavar='LON,LAT',
         help=f"where lava comes out, in place of the {of}'s vents: longitude,latitude or "
         'easting,northing; may be repeated'
         + (' (default without a scene: the summit)' if of == 'scene' else ''),
     )
     parser.add_argument(
-        '--vents',
-        metavar='FILE',
+        '--vents', metavar='FILE',
         help='points and lines (fissures) where lava comes out: .geojson, .gpkg, or .csv with '
         'x,y or lon,lat (a fissure also x_end,y_end or lon_end,lat_end); name and discharge '
         '[m3/s] of each where the file has them',
@@ -100,19 +95,14 @@ def add_vent_arguments(parser: argparse.ArgumentParser, of: str = 'scene') -> No
         '--discharge', type=float, metavar='Q', help='volume flux of each vent [m3/s]'
     )
     parser.add_argument(
-        '--material',
-        metavar='NAME',
+        '--material', metavar='NAME',
         help=f"lava in place of the {of}'s (lava materials"
         + (f'; default: {DEFAULT_MATERIAL})' if of == 'scene' else ')'),
     )
 
 
 def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
-    """Vents that the arguments name; none where they name none.
-
-    Raises:
-        LavaError: An argument or a file cannot be used.
-    """
+    """Vents that the arguments name; none where they name none."""
     if args.vent and args.vents:
         raise LavaError('--vent', args.vent[0], 'absent beside --vents')
     if args.vents:

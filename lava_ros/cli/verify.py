@@ -42,16 +42,11 @@ OUTSIDE = 1
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument(
-        '--preset',
-        default=presets.DEFAULT,
-        metavar='NAME',
+        '--preset', default=presets.DEFAULT, metavar='NAME',
         help=f'accuracy: {", ".join(BOUNDED_PRESETS)} (default: {presets.DEFAULT})',
     )
     parser.add_argument(
-        '--case',
-        action='extend',
-        nargs='+',
-        metavar='NAME',
+        '--case', action='extend', nargs='+', metavar='NAME',
         help='only these cases (default: all)',
     )
     add_options(parser, '--device', '--json')

@@ -44,8 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--namespace', default='', metavar='NS', help="namespace of the node's topics: /etna"
     )
     parser.add_argument(
-        '--address',
-        default='127.0.0.1',
+        '--address', default='127.0.0.1',
         help='where to serve; 0.0.0.0 shows it to the whole network (default: %(default)s, '
         'this machine alone)',
     )

@@ -14,7 +14,10 @@
 
 """What `lava doctor` looks at: the machine and the ROS graph, each finding with its way out."""
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import wraps
+from typing import Any
 
 #: Nothing to do.
 OK = 'OK'
@@ -28,16 +31,29 @@ FAIL = 'FAIL'
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the doctor's report.
-
-    Attributes:
-        check: What was looked at.
-        level: ``OK``, ``WARN`` or ``FAIL``.
-        text: What is there.
-        way_out: What to do about it; empty when there is nothing to do.
-    """
+    """One line of the report: what was looked at, level, what is there, and maybe what to do."""
 
     check: str
     level: str
     text: str
     way_out: str = ''
+
+
+#: Level, text and maybe the way out.
+Said = tuple[str, str] | tuple[str, str, str]
+
+
+def check(
+    name: str,
+) -> Callable[[Callable[..., Iterator[Said]]], Callable[..., Iterator[Finding]]]:
+    """Make findings, under a name, of what a function says."""
+
+    def of(function: Callable[..., Iterator[Said]]) -> Callable[..., Iterator[Finding]]:
+        @wraps(function)
+        def findings(*args: Any, **options: Any) -> Iterator[Finding]:
+            for said in function(*args, **options):
+                yield Finding(name, *said)
+
+        return findings
+
+    return of

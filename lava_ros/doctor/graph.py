@@ -24,7 +24,7 @@ import subprocess
 import sys
 
 from lava_ros.bag.qos import LATCHED, QosProfile
-from lava_ros.doctor import FAIL, Finding, OK, WARN
+from lava_ros.doctor import check, FAIL, OK, Said, WARN
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 
 #: The ROS distribution this package is made for.
@@ -59,20 +59,21 @@ SLOW = 50.0
 _WAY_TO_ROS = "source a ROS 2 Jazzy installation, or: pip install 'lava_ros[ros]'"
 
 
-def check_ros(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
+@check('ros')
+def check_ros(environment: Mapping[str, str] = os.environ) -> Iterator[Said]:
     """Whether ROS 2 Jazzy can be imported, and which middleware it has."""
     missing = [name for name in ('rclpy', 'nav_msgs', 'diagnostic_msgs') if not find_spec(name)]
     if missing:
-        yield Finding('ros', FAIL, f'no Python package {", ".join(missing)}', _WAY_TO_ROS)
+        yield FAIL, f'no Python package {", ".join(missing)}', _WAY_TO_ROS
         return
     distro = environment.get('ROS_DISTRO', '')
     source = 'an installation' if environment.get('AMENT_PREFIX_PATH') else 'wheels'
     if distro and distro != DISTRO:
-        yield Finding('ros', WARN, f'ROS_DISTRO is {distro}', f'source ROS 2 {DISTRO}')
+        yield WARN, f'ROS_DISTRO is {distro}', f'source ROS 2 {DISTRO}'
         return
     version = _version('ros-rclpy') or _version('rclpy')
     middleware = environment.get('RMW_IMPLEMENTATION', 'rmw_fastrtps_cpp (default)')
-    yield Finding('ros', OK, f'{DISTRO} from {source}, rclpy {version}, {middleware}')
+    yield OK, f'{DISTRO} from {source}, rclpy {version}, {middleware}'
 
 
 def _version(distribution: str) -> str:
@@ -82,26 +83,21 @@ def _version(distribution: str) -> str:
         return ''
 
 
-def check_discovery(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
+@check('discovery')
+def check_discovery(environment: Mapping[str, str] = os.environ) -> Iterator[Said]:
     """Which graph the node joins, and who else can."""
     domain = environment.get('ROS_DOMAIN_ID', '') or '0'
     if not domain.isdigit() or int(domain) not in DOMAINS:
-        yield Finding(
-            'discovery', FAIL, f'ROS_DOMAIN_ID is {domain!r}', 'set it to a number from 0 to 101'
-        )
+        yield FAIL, f'ROS_DOMAIN_ID is {domain!r}', 'set it to a number from 0 to 101'
         return
     if int(domain) not in SAFE_DOMAINS:
-        yield Finding(
-            'discovery',
-            WARN,
-            f'the ports of domain {domain} are among those Linux gives away by itself',
+        yield (
+            WARN, f'the ports of domain {domain} are among those Linux gives away by itself',
             'set ROS_DOMAIN_ID to a number from 0 to 101',
         )
     if environment.get('ROS_LOCALHOST_ONLY'):
-        yield Finding(
-            'discovery',
-            WARN,
-            'ROS_LOCALHOST_ONLY is deprecated and overrides the discovery range',
+        yield (
+            WARN, 'ROS_LOCALHOST_ONLY is deprecated and overrides the discovery range',
             'unset it; ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST does the same',
         )
     reach = environment.get('ROS_AUTOMATIC_DISCOVERY_RANGE', '') or 'SUBNET'
@@ -110,56 +106,48 @@ def check_discovery(environment: Mapping[str, str] = os.environ) -> Iterator[Fin
     if peers:
         text += f', and {peers}'
     if reach not in DISCOVERY_RANGES:
-        yield Finding(
-            'discovery', FAIL, text, f'set it to one of {", ".join(DISCOVERY_RANGES)}'
-        )
+        yield FAIL, text, f'set it to one of {", ".join(DISCOVERY_RANGES)}'
     elif reach == 'OFF' and not peers:
-        yield Finding('discovery', FAIL, text, 'set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET')
+        yield FAIL, text, 'set ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET'
     elif reach == 'SUBNET':
-        yield Finding(
-            'discovery',
-            OK,
-            text,
+        yield (
+            OK, text,
             'who is in the subnet can command the node; LOCALHOST keeps it on this machine',
         )
     else:
-        yield Finding('discovery', OK, text)
+        yield OK, text
 
 
-def check_security(environment: Mapping[str, str] = os.environ) -> Iterator[Finding]:
+@check('sros2')
+def check_security(environment: Mapping[str, str] = os.environ) -> Iterator[Said]:
     """Whether SROS2 is on, and can be."""
     if environment.get('ROS_SECURITY_ENABLE', 'false').lower() != 'true':
-        yield Finding('sros2', OK, 'off: messages are neither signed nor encrypted')
+        yield OK, 'off: messages are neither signed nor encrypted'
         return
     if not environment.get('AMENT_PREFIX_PATH'):
-        yield Finding(
-            'sros2',
-            FAIL,
-            'on, but the wheels are built without DDS security',
+        yield (
+            FAIL, 'on, but the wheels are built without DDS security',
             'run the node from a ROS 2 Jazzy installation, or unset ROS_SECURITY_ENABLE',
         )
         return
     keystore = environment.get('ROS_SECURITY_KEYSTORE', '')
     if not (Path(keystore) / 'enclaves').is_dir() or not keystore:
-        yield Finding(
-            'sros2',
-            FAIL,
-            f'on, but ROS_SECURITY_KEYSTORE is {keystore!r}',
+        yield (
+            FAIL, f'on, but ROS_SECURITY_KEYSTORE is {keystore!r}',
             'ros2 security create_keystore DIRECTORY, and set it to that',
         )
         return
     if environment.get('ROS_SECURITY_STRATEGY', 'Permissive') != 'Enforce':
-        yield Finding(
-            'sros2',
-            WARN,
-            f'on with {keystore}, but nodes without keys are let in',
+        yield (
+            WARN, f'on with {keystore}, but nodes without keys are let in',
             'set ROS_SECURITY_STRATEGY=Enforce',
         )
         return
-    yield Finding('sros2', OK, f'enforced with {keystore}')
+    yield OK, f'enforced with {keystore}'
 
 
-def check_qos(layers: Iterable[Layer]) -> Iterator[Finding]:
+@check('qos')
+def check_qos(layers: Iterable[Layer]) -> Iterator[Said]:
     """Whether those who read the layers get what they ask for."""
     enabled = [layer for layer in layers if layer.enabled]
     problems = False
@@ -169,16 +157,14 @@ def check_qos(layers: Iterable[Layer]) -> Iterator[Finding]:
                 continue
             for policy in _short_of(layer.qos, asked):
                 problems = True
-                yield Finding(
-                    'qos',
-                    WARN,
-                    f'{consumer} gets nothing of {layer.topic}: it is '
+                yield (
+                    WARN, f'{consumer} gets nothing of {layer.topic}: it is '
                     f'{getattr(layer.qos, policy)}',
                     f'set layers.{layer.name}.qos.{policy} to {getattr(asked, policy)}',
                 )
     if not problems:
         names = ', '.join(layer.topic for layer in enabled)
-        yield Finding('qos', OK, f'{names}: RViz and Nav2 get what they ask for')
+        yield OK, f'{names}: RViz and Nav2 get what they ask for'
 
 
 def _short_of(offered: QosProfile, asked: QosProfile) -> list[str]:
@@ -191,16 +177,14 @@ def _short_of(offered: QosProfile, asked: QosProfile) -> list[str]:
     return short
 
 
-def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Iterator[Finding]:
-    """Whether a message comes back through the middleware, and how long it takes.
+@check('dds')
+def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Iterator[Said]:
+    """Whether a message comes back through the middleware in time [s], and how long it takes.
 
     The probe is a process of its own: middleware that hangs or crashes is a finding.
-
-    Args:
-        timeout: Longest time to wait [s].
     """
     if find_spec('rclpy') is None:
-        yield Finding('dds', FAIL, 'not tried: no rclpy', _WAY_TO_ROS)
+        yield FAIL, 'not tried: no rclpy', _WAY_TO_ROS
         return
     way_out = (
         'let the firewall pass UDP 7400 to 7500 and multicast, see that /dev/shm can be written, '
@@ -215,23 +199,23 @@ def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Iterator[Finding]:
             check=False,
         )
     except subprocess.TimeoutExpired:
-        yield Finding('dds', FAIL, f'nothing came back within {timeout:g} s', way_out)
+        yield FAIL, f'nothing came back within {timeout:g} s', way_out
         return
     try:
         seen = json.loads(probe.stdout.splitlines()[-1])
     except (IndexError, ValueError):
         last = (probe.stderr.strip().splitlines() or ['nothing'])[-1]
         text = f'the probe ended with status {probe.returncode}: {last}'
-        yield Finding('dds', FAIL, text, way_out)
+        yield FAIL, text, way_out
         return
     if 'error' in seen:
-        yield Finding('dds', FAIL, seen['error'], way_out)
+        yield FAIL, seen['error'], way_out
         return
     text = (
         f'{seen["middleware"]}: found after {seen["discovery_ms"]:.0f} ms, '
         f'there in {seen["trip_ms"]:.2f} ms, {seen["nodes"]} other nodes in the graph'
     )
     if seen['trip_ms'] > SLOW:
-        yield Finding('dds', WARN, text, 'it is slow: see whether the machine is busy')
+        yield WARN, text, 'it is slow: see whether the machine is busy'
     else:
-        yield Finding('dds', OK, text)
+        yield OK, text

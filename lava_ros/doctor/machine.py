@@ -23,7 +23,7 @@ import sys
 import tempfile
 from typing import Any
 
-from lava_ros.doctor import FAIL, Finding, OK, WARN
+from lava_ros.doctor import check, FAIL, OK, Said, WARN
 from lava_ros.simulation.backend.cores import usable_cores
 
 #: Oldest Python that works, and the first that was not tried.
@@ -56,19 +56,21 @@ _TIMEX_STATUS = 40
 _UNSYNCHRONISED = 0x40
 
 
-def check_python() -> Iterator[Finding]:
+@check('python')
+def check_python() -> Iterator[Said]:
     """Whether the package was tried with this Python."""
     oldest, untried = PYTHONS
     version = '.'.join(str(part) for part in sys.version_info[:3])
     if sys.version_info < oldest:
-        yield Finding('python', FAIL, version, 'install Python 3.10 to 3.13')
+        yield FAIL, version, 'install Python 3.10 to 3.13'
     elif sys.version_info >= untried:
-        yield Finding('python', WARN, f'{version}, not tried', 'use Python 3.10 to 3.13')
+        yield WARN, f'{version}, not tried', 'use Python 3.10 to 3.13'
     else:
-        yield Finding('python', OK, f'{version} ({sys.prefix})')
+        yield OK, f'{version} ({sys.prefix})'
 
 
-def check_packages() -> Iterator[Finding]:
+@check('packages')
+def check_packages() -> Iterator[Said]:
     """Whether what the package needs is there, in versions that were tried."""
     found = []
     for name, lowest, untried, extra in PACKAGES:
@@ -76,22 +78,18 @@ def check_packages() -> Iterator[Finding]:
             version = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             if extra:
-                yield Finding(
-                    'packages', WARN, f'{name} is missing', f"pip install 'lava_ros[{extra}]'"
-                )
+                yield WARN, f'{name} is missing', f"pip install 'lava_ros[{extra}]'"
             else:
-                yield Finding('packages', FAIL, f'{name} is missing', f'pip install {name}')
+                yield FAIL, f'{name} is missing', f'pip install {name}'
             continue
         if not _parts(lowest) <= _parts(version) < _parts(untried):
-            yield Finding(
-                'packages',
-                WARN,
-                f'{name} {version} was not tried',
+            yield (
+                WARN, f'{name} {version} was not tried',
                 f"pip install '{name}>={lowest},<{untried}'",
             )
             continue
         found.append(f'{name} {version}')
-    yield Finding('packages', OK, ', '.join(found))
+    yield OK, ', '.join(found)
 
 
 def _parts(version: str) -> tuple[int, ...]:
@@ -113,83 +111,72 @@ def _warp() -> Any:
     return wp
 
 
-def check_gpu() -> Iterator[Finding]:
+@check('gpu')
+def check_gpu() -> Iterator[Said]:
     """Which devices Warp has, and why there is no GPU among them."""
     try:
         wp = _warp()
         devices = wp.get_cuda_devices()
     except Exception as error:
         # Whatever breaks while a driver is loaded is the finding.
-        yield Finding(
-            'gpu', FAIL, f'Warp does not start: {error}', "pip install 'warp-lang>=1.19,<2'"
-        )
+        yield FAIL, f'Warp does not start: {error}', "pip install 'warp-lang>=1.19,<2'"
         return
     for device in devices:
         driver = '.'.join(str(part) for part in wp.get_cuda_driver_version())
-        yield Finding(
-            'gpu',
-            OK,
-            f'{device.alias}: {device.name}, sm_{device.arch}, '
+        yield (
+            OK, f'{device.alias}: {device.name}, sm_{device.arch}, '
             f'{device.free_memory / 1e9:.1f} of {device.total_memory / 1e9:.1f} GB free, '
             f'driver for CUDA {driver}',
         )
     if devices:
         return
     has_hardware = Path('/dev/nvidia0').exists() or shutil.which('nvidia-smi') is not None
-    yield Finding(
-        'gpu',
-        WARN,
-        'there is an NVIDIA GPU that Warp does not see' if has_hardware else 'none: the CPU does '
-        f'the work, on {usable_cores()} cores',
+    text = f'none: the CPU does the work, on {usable_cores()} cores'
+    yield (
+        WARN, 'there is an NVIDIA GPU that Warp does not see' if has_hardware else text,
         "install NVIDIA's driver, or give the container its GPU (docker run --gpus all); "
         'small scenes run without',
     )
 
 
-def check_kernel_cache() -> Iterator[Finding]:
+@check('kernel cache')
+def check_kernel_cache() -> Iterator[Said]:
     """Whether compiled kernels can be kept, and how much there is of them."""
     try:
         folder = Path(_warp().config.kernel_cache_dir)
     except Exception as error:
-        yield Finding('kernel cache', FAIL, f'Warp does not start: {error}', 'see gpu')
+        yield FAIL, f'Warp does not start: {error}', 'see gpu'
         return
     problem = _problem_of_writing(folder)
     if problem:
-        yield Finding(
-            'kernel cache',
-            FAIL,
-            f'{folder} cannot be written ({problem})',
+        yield (
+            FAIL, f'{folder} cannot be written ({problem})',
             'set WARP_CACHE_PATH to a folder that can: kernels are compiled at every start',
         )
         return
     size = sum(path.stat().st_size for path in folder.rglob('*') if path.is_file())
-    yield Finding('kernel cache', OK, f'{folder}, {size / 1e6:.0f} MB')
+    yield OK, f'{folder}, {size / 1e6:.0f} MB'
 
 
-def check_disk(folder: str | Path) -> Iterator[Finding]:
-    """Whether bags can be written, and how much room there is for them.
-
-    Args:
-        folder: Where bags go; it need not exist yet.
-    """
+@check('disk')
+def check_disk(folder: str | Path) -> Iterator[Said]:
+    """Whether bags can be written into a folder, which need not be there, and how much room is."""
     folder = Path(folder).absolute()
     problem = _problem_of_writing(folder)
     if problem:
-        yield Finding(
-            'disk',
-            FAIL,
-            f'{folder} cannot be written ({problem})',
+        yield (
+            FAIL, f'{folder} cannot be written ({problem})',
             'set the parameter bag_root (here --bags) to a folder that can',
         )
         return
     free = shutil.disk_usage(_nearest(folder)).free
     text = f'{free / 1e9:.1f} GB free for bags in {folder}'
     if free < SCARCE:
-        yield Finding('disk', FAIL, text, 'make room, or set bag_root to another disk')
+        yield FAIL, text, 'make room, or set bag_root to another disk'
     elif free < LITTLE:
-        yield Finding('disk', WARN, text, 'make room before a long recording')
+        yield WARN, text, 'make room before a long recording'
     else:
-        yield Finding('disk', OK, text)
+        yield OK, text
 
 
 def _nearest(folder: Path) -> Path:
@@ -207,21 +194,20 @@ def _problem_of_writing(folder: Path) -> str:
     return ''
 
 
-def check_clock() -> Iterator[Finding]:
+@check('clock')
+def check_clock() -> Iterator[Said]:
     """Whether the clock is kept in step with others', as stamps of several machines need it."""
     state = ctypes.create_string_buffer(_TIMEX_SIZE)
     libc = ctypes.CDLL(None, use_errno=True)
     if not hasattr(libc, 'adjtimex') or libc.adjtimex(state) < 0:
-        yield Finding('clock', WARN, 'its state is unknown', 'compare it with another machine')
+        yield WARN, 'its state is unknown', 'compare it with another machine'
         return
     status = ctypes.c_int.from_buffer(state, _TIMEX_STATUS).value
     error = ctypes.c_long.from_buffer(state, _TIMEX_MAXERROR).value / 1e6
     if status & _UNSYNCHRONISED or error > CLOCK_ERROR:
-        yield Finding(
-            'clock',
-            WARN,
-            'not synchronised',
+        yield (
+            WARN, 'not synchronised',
             'run chrony or systemd-timesyncd when several machines share the graph',
         )
     else:
-        yield Finding('clock', OK, f'synchronised within {error * 1e3:.0f} ms')
+        yield OK, f'synchronised within {error * 1e3:.0f} ms'

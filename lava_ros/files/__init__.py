@@ -57,19 +57,14 @@ def open_input(path: str | Path) -> BinaryIO:
 
 
 def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) -> Path:
-    """Return ``value`` as the path of a file to write; that it replaces one is logged.
+    """The path of a file to write; that it replaces one is logged.
 
-    What is there stays as it is until ``replacing`` is done.
-
-    Args:
-        field: What errors call it.
-        value: The path.
-        endings: Ends that its name may have, such as ``.json``: what is written never takes the
-            place of a file of another kind. Any when left out.
+    What is there stays as it is until ``replacing`` is done. The name has one of some endings, as
+    ``.json``: what is written never takes the place of a file of another kind.
 
     Raises:
         LavaError: The name ends otherwise; it is a folder, a pipe or a device, in no folder that
-            exists, or not to be written.
+            exists, or not to be written. The field names it.
     """
     path = Path(value)
     if endings and path.suffix.lower() not in endings:
@@ -96,9 +91,6 @@ def replacing(path: Path) -> Iterator[Path]:
     """A new, empty file beside ``path``, of the same suffix, that takes its place at the end.
 
     When something is raised meanwhile it is removed, and what was there stays.
-
-    Raises:
-        OSError: It cannot be made, or not take its place.
     """
     path = _target(path)
     partial = path.with_name(f'.{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}')
@@ -118,13 +110,7 @@ def replacing(path: Path) -> Iterator[Path]:
 def write_output(field: str, path: str | Path, data: str | bytes) -> None:
     """Write a file, a text in UTF-8: afterwards it is there as a whole, or as it was.
 
-    Args:
-        field: What errors call it.
-        path: The file.
-        data: What it is to hold.
-
-    Raises:
-        LavaError: It cannot be written.
+    LavaError, of a field, where it cannot be written.
     """
     try:
         with replacing(Path(path)) as partial:
@@ -134,7 +120,7 @@ def write_output(field: str, path: str | Path, data: str | bytes) -> None:
 
 
 def save_picture(figure: Any, path: str | Path) -> None:
-    """Write a figure of matplotlib; the suffix of its name chooses the format.
+    """Write a figure of matplotlib, in the format that its suffix chooses.
 
     Raises:
         LavaError: It cannot be written.

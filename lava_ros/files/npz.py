@@ -32,13 +32,9 @@ _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0
 def read_arrays(field: str, path: str | Path) -> dict[str, np.ndarray]:
     """Read the arrays of a file by name; nothing in it is executed.
 
-    Args:
-        field: What errors call the file.
-        path: The file.
-
     Raises:
         LavaError: The file cannot be read, or its arrays are larger than is allowed, or than what
-            is there of them.
+            is there of them. The field names it.
     """
     try:
         with open_input(path) as file, ZipFile(file) as archive:

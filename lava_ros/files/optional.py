@@ -42,16 +42,7 @@ def is_installed(package: str) -> bool:
 
 
 def require(package: str, field: str, value: object = None) -> None:
-    """Refuse what needs a package that cannot be imported.
-
-    Args:
-        package: Its name, or that of a part of it.
-        field: What asks for it.
-        value: What that was.
-
-    Raises:
-        LavaError: It cannot be imported; the message says how to get it.
-    """
+    """Refuse what needs a package that cannot be imported; the message says how to get it."""
     if not is_installed(package):
         name = package.partition('.')[0]
         right = f"{name}, which pip install 'lava_ros[{_EXTRAS[name]}]' brings"

@@ -37,12 +37,7 @@ MOST_DIGITS = 100
 
 
 def read_yaml(field: str, path: str | Path, expected: str = 'a readable YAML file') -> Any:
-    """Read a file.
-
-    Args:
-        field: What errors call the file.
-        path: The file.
-        expected: What errors say would be right; the reason follows in brackets.
+    """Read a file; what would be right is ``expected``, followed by the reason in brackets.
 
     Raises:
         LavaError: The file cannot be read, or ``parse_yaml`` refuses it.
@@ -56,13 +51,7 @@ def read_yaml(field: str, path: str | Path, expected: str = 'a readable YAML fil
 
 
 def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | None = None) -> Any:
-    """Turn a text into plain data.
-
-    Args:
-        field: What errors call the text.
-        text: The text.
-        expected: What errors say would be right; the reason follows in brackets.
-        value: What errors show, the text when left out.
+    """Turn a text into plain data; errors show ``value`` in its place.
 
     Raises:
         LavaError: The text is not YAML, has tags of Python, a value that its tag does not fit or
@@ -83,10 +72,6 @@ def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | No
 
 def parse_json(field: str, text: str | bytes) -> Any:
     """Turn a text into plain data.
-
-    Args:
-        field: What errors call the text.
-        text: The text.
 
     Raises:
         LavaError: The text is not JSON, has a number that is none or has too many digits, or is

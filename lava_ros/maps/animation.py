@@ -14,7 +14,7 @@
 
 """The frames of a bag as a moving picture: GIF, or MP4 where there is ffmpeg."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
 import math
@@ -30,12 +30,13 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write, replacing
 from lava_ros.files.optional import require
-from lava_ros.maps.frames import Frame, LayerFrame, Recording
+from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.maps.layers import SOURCES
 from lava_ros.maps.plot import (
     bounds_of,
     draw_colour_bar,
     draw_contours,
+    draw_map,
     draw_north,
     draw_scale_bar,
     draw_ticks,
@@ -46,7 +47,6 @@ from lava_ros.maps.plot import (
     scale_of,
     shaded_ground,
     STYLES,
-    VENT,
     window_of,
 )
 
@@ -61,8 +61,6 @@ FORMATS = ('.gif', '.mp4')
 _MAP = (0.075, 0.07, 0.79, 0.835)
 _BAR = (0.875, 0.07, 0.02, 0.835)
 
-Progress = Callable[[str, float], None]
-
 
 def animate_bag(
     path: str | Path,
@@ -72,7 +70,7 @@ def animate_bag(
     seconds: float = 10.0,
     fps: float = 12.0,
     width: int = 800,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> int:
     """Draw the frames of a bag over shaded relief, evenly spread over its simulated time.
 
@@ -116,11 +114,7 @@ def animate_bag(
 
 
 def ffmpeg() -> str:
-    """Path of the program that makes MP4.
-
-    Raises:
-        LavaError: It is not installed.
-    """
+    """Path of the program that makes MP4; LavaError where there is none."""
     found = shutil.which('ffmpeg')
     if found is None:
         right = 'ffmpeg on the path: apt install ffmpeg; a .gif needs none'
@@ -130,13 +124,9 @@ def ffmpeg() -> str:
 
 @dataclass(frozen=True)
 class _Survey:
-    """What all pictures have in common: the place, the colours and the times.
+    """What all pictures have in common: the place, the colours and the times [s].
 
-    Attributes:
-        frame: The last frame, with the largest value each cell ever had as its layer.
-        item: That layer.
-        start: Time of the first frame [s].
-        end: Time of the last [s].
+    The frame is the last one, with the largest value each cell ever had as its layer, ``item``.
     """
 
     frame: Frame
@@ -159,14 +149,11 @@ def _survey(recording: Recording, source: str) -> _Survey:
         is_saturated |= shown.is_saturated
         last, item = frame, shown
     if last is None or item is None or last.time is None or most is None:
-        right = f'a layer the bag has with its simulated times; it has {_names(recording)}'
+        names = ', '.join(sorted({layer.source for layer in recording.layers.values()}))
+        right = f'a layer the bag has with its simulated times; it has {names}'
         raise LavaError('layer', source, right)
     peak = LayerFrame(item.layer, most, is_saturated)
     return _Survey(replace(last, layers={source: peak}), peak, start, last.time)
-
-
-def _names(recording: Recording) -> str:
-    return ', '.join(sorted({layer.source for layer in recording.layers.values()}))
 
 
 class _Canvas:
@@ -194,16 +181,7 @@ class _Canvas:
         self._part, extent = _part(frame, window)
         # Half the memory of what it comes as.
         self._ground = shaded_ground(frame)[self._part].astype(np.float32)
-        self._image = axes.imshow(
-            self._ground,
-            extent=extent,
-            origin='lower',
-            interpolation='nearest',
-        )
-        (self._vents,) = axes.plot([], [], **VENT)
-        axes.set_facecolor('#ededed')
-        axes.set_xlim(window[0], window[2])
-        axes.set_ylim(window[1], window[3])
+        self._image, self._vents = draw_map(axes, frame, self._ground, window, extent=extent)
         draw_contours(axes, frame, window)
         draw_ticks(axes)
         draw_scale_bar(axes, window)
@@ -246,7 +224,7 @@ def _part(
 
 
 def _pictures(
-    recording: Recording, canvas: _Canvas, moments: np.ndarray, progress: Progress | None
+    recording: Recording, canvas: _Canvas, moments: np.ndarray, progress: Progress
 ) -> Iterator[tuple[np.ndarray, int]]:
     """Each frame that is the newest at some of the moments, drawn, and at how many it is."""
     newest: Frame | None = None
@@ -257,8 +235,7 @@ def _pictures(
         if newest is not None and end > done:
             yield canvas.draw(newest), end - done
             done = end
-            if progress is not None:
-                progress('drawing', done / len(moments))
+            progress('drawing', done / len(moments))
         newest = frame
 
 

@@ -47,11 +47,7 @@ class Arrival:
     """
 
     def __init__(self, threshold: float) -> None:
-        """Begin without frames.
-
-        Args:
-            threshold: Thickness from which on lava has arrived [m].
-        """
+        """Begin without frames; lava has arrived from a thickness on [m]."""
         self.threshold = threshold
         self._grid: tuple[object, ...] | None = None
         self.times: np.ndarray | None = None
@@ -65,8 +61,7 @@ class Arrival:
     def add(self, frame: Frame) -> None:
         """Take a frame, later than the one before; one without thickness or time is passed over.
 
-        Raises:
-            LavaError: The frame's layer leaves out lava that is as thick as the threshold.
+        LavaError where the frame's layer leaves out lava that is as thick as the threshold.
         """
         shown = frame.layers.get(THICKNESS)
         if shown is None or frame.time is None:
@@ -97,11 +92,7 @@ class Arrival:
 
 
 def check_threshold(threshold: float, layer: Layer) -> None:
-    """Refuse a threshold below what a layer of thickness shows.
-
-    Raises:
-        LavaError: Thinner lava than the layer shows would have to be seen.
-    """
+    """Refuse a threshold below what a layer of thickness shows."""
     if threshold <= 0.0 or threshold < layer.threshold * (1.0 - 1e-6):
         right = f'at least {layer.threshold:g} m: the layer {layer.name} shows no thinner lava'
         if layer.threshold <= 0.0:

@@ -14,8 +14,8 @@
 
 """The maps of a bag -> GeoTIFF, and what else GIS programs read."""
 
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +26,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.maps import gis
 from lava_ros.maps.arrival import Arrival, check_threshold, rounding, THICKNESS
-from lava_ros.maps.frames import Frame, LayerFrame, Recording
+from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.simulation.accuracy import COVERED
 
 #: What can be exported.
@@ -52,12 +52,7 @@ _MEANINGS = {
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the map frame is in the world.
-
-    Attributes:
-        epsg: EPSG code of the projected coordinate system, None where nobody knows it.
-        offset: Easting and northing [m] of the map frame's origin in it.
-    """
+    """Where the map frame is: EPSG code, None where nobody knows, and its origin [m] in that."""
 
     epsg: int | None
     offset: tuple[float, float]
@@ -65,12 +60,7 @@ class Placement:
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written.
-
-    Attributes:
-        files: The files.
-        placement: Where in the world they are.
-    """
+    """The files that were written, and where in the world they are."""
 
     files: tuple[Path, ...]
     placement: Placement
@@ -87,7 +77,7 @@ def export_bag(
     threshold: float = COVERED,
     epsg: int | None = None,
     offset: tuple[float, float] | None = None,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress = silent,
 ) -> Exported:
     """Write maps of a bag as GeoTIFF files, north up, with coordinate system, units and nodata.
 
@@ -133,8 +123,7 @@ def export_bag(
     for index, frame in enumerate(recording.frames()):
         if time is not None and frame.time is not None and frame.time > time:
             break
-        if progress is not None:
-            progress('maps', recording.share_at(frame))
+        progress('maps', recording.share_at(frame))
         if wants_history:
             history.add(frame)
         last = frame
@@ -165,12 +154,7 @@ def placement_of(
     epsg: int | None = None,
     offset: tuple[float, float] | None = None,
 ) -> Placement:
-    """Find out where the map frame of a bag is.
-
-    Args:
-        scene: What the bag says about its scene.
-        epsg: EPSG code for a bag that has none.
-        offset: Easting and northing [m] of the map frame's origin, for a bag without EPSG code.
+    """Where the map frame of a bag is, by what it says of its scene, or else by the arguments.
 
     Raises:
         LavaError: The bag says otherwise, or what it says is not usable.
@@ -209,27 +193,19 @@ def _empty_directory(directory: Path) -> Path:
     return directory
 
 
+@dataclass
 class _Writer:
     """Writes the files, and lists them in ``written``."""
 
-    def __init__(
-        self,
-        directory: Path,
-        crs: Any,
-        offset: tuple[float, float],
-        bag: str,
-        threshold: float,
-        formats: Collection[str],
-    ) -> None:
-        self._formats = formats
-        self._newest: dict[str, tuple[np.ndarray, str, str]] = {}
-        self._place: gis.Place | None = None
-        self._directory = directory
-        self._crs = crs
-        self._offset = offset
-        self._bag = bag
-        self._threshold = threshold
-        self.written: list[Path] = []
+    directory: Path
+    crs: Any
+    offset: tuple[float, float]
+    bag: str
+    threshold: float
+    formats: Collection[str]
+    written: list[Path] = field(default_factory=list)
+    newest: dict[str, tuple[np.ndarray, str, str]] = field(default_factory=dict)
+    place: gis.Place | None = None
 
     def write_layer(self, name: str, frame: Frame, file_name: str) -> None:
         """Write a layer of a frame, when it has it."""
@@ -257,7 +233,7 @@ class _Writer:
         if frame.time is not None:
             tags['maps_up_to_s'] = repr(frame.time)
         if name == 'arrival':
-            tags['threshold_m'] = repr(self._threshold)
+            tags['threshold_m'] = repr(self.threshold)
             if history.is_noted:
                 tags['note'] = 'times are those of the steps of the simulation'
             else:
@@ -272,34 +248,34 @@ class _Writer:
     def _write(
         self, name: str, values: np.ndarray, frame: Frame, file_name: str, tags: dict[str, str]
     ) -> None:
-        corner = (self._offset[0] + frame.origin[0], self._offset[1] + frame.origin[1])
-        place = self._place = gis.Place(corner, frame.resolution, self._crs)
+        corner = (self.offset[0] + frame.origin[0], self.offset[1] + frame.origin[1])
+        place = self.place = gis.Place(corner, frame.resolution, self.crs)
         known = values
         if values.dtype == np.uint8:
             known = np.where(values == gis.NODATA_BYTE, np.float32(np.nan), values)
         unit, meaning = _MEANINGS[name]
-        self._newest[name] = known, unit, meaning
-        if 'tif' not in self._formats:
+        self.newest[name] = known, unit, meaning
+        if 'tif' not in self.formats:
             return
-        path = self._directory / file_name
-        tags = {'bag': self._bag, **tags}
+        path = self.directory / file_name
+        tags = {'bag': self.bag, **tags}
         gis.write_map(path, values, place, name=name, unit=unit, meaning=meaning, tags=tags)
         self.written.append(path)
         gis.write_style(path, name, known)
 
     def finish(self) -> None:
         """Write the newest maps in the formats that have them in one file."""
-        if self._place is None:
+        if self.place is None:
             return
         layers: dict[str, list[dict[str, Any]]] = {}
-        if 'height' in self._newest:
-            covered = np.nan_to_num(self._newest['height'][0]) >= COVERED
-            layers['outline'] = gis.area(covered, self._place, from_m=COVERED)
-        if 'arrival' in self._newest:
-            layers['isochrones'] = gis.isochrones(self._newest['arrival'][0], self._place)
+        if 'height' in self.newest:
+            covered = np.nan_to_num(self.newest['height'][0]) >= COVERED
+            layers['outline'] = gis.area(covered, self.place, from_m=COVERED)
+        if 'arrival' in self.newest:
+            layers['isochrones'] = gis.isochrones(self.newest['arrival'][0], self.place)
         self.written += gis.write_formats(
-            self._directory, self._formats, layers, self._newest, self._place,
-            f'lava flow of {self._bag}',
+            self.directory, self.formats, layers, self.newest, self.place,
+            f'lava flow of {self.bag}',
         )
 
 

@@ -124,11 +124,7 @@ class Outlook:
     duration: float
 
     def forecast(self, share: float) -> Forecast:
-        """What a forecast would say: arrival by a share of the members, mean thickness.
-
-        Args:
-            share: One of ``QUANTILES``.
-        """
+        """What a forecast would say: arrival by one of ``QUANTILES``, mean thickness."""
         thickness = self.maps.thickness
         return Forecast(
             time=self.time,

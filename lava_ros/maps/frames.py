@@ -36,6 +36,9 @@ from lava_ros.maps.message_arrays import cloud_columns, image_array
 from lava_ros.scene import MAX_COORDINATE, Terrain
 from lava_ros.simulation.accuracy import COVERED
 
+#: Is told what is being done, and the share that is done.
+Progress = Callable[[str, float], None]
+
 # Resolution and origin (x, y) of a grid [m].
 _Place = tuple[float, float, float]
 
@@ -107,6 +110,10 @@ class Frame:
         return float(np.nanmax(thickness.values))
 
 
+def silent(what: str, share: float) -> None:
+    """Show no progress."""
+
+
 def read_frame(path: str | Path, time: float | None = None) -> Frame:
     """Read the maps of a bag.
 
@@ -134,11 +141,7 @@ class Recording:
     """
 
     def __init__(self, path: str | Path, *, more: Sequence[Layer] = ()) -> None:
-        """Find out what the bag holds.
-
-        Args:
-            path: The bag's directory, or an .mcap file.
-            more: Layers to read, where the bag has them, beside those that it says it has.
+        """Find out what the bag holds, and which of ``more`` layers beside those it says it has.
 
         Raises:
             LavaError: The bag cannot be read, or has no maps or no terrain.
@@ -169,8 +172,7 @@ class Recording:
     def frame_at(self, time: float | None = None) -> Frame:
         """Read the newest maps up to a simulated time [s], None for the last ones.
 
-        Raises:
-            LavaError: The bag is damaged or lacks what is asked for.
+        LavaError where the bag is damaged or lacks what is asked for.
         """
         stamp = self.timeline.stamp_at(time)
         if stamp is None:

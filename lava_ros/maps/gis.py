@@ -68,11 +68,7 @@ class Place:
 
 
 def coordinate_system(epsg: int | None) -> Any:
-    """What rasterio calls a coordinate system, None for None.
-
-    Raises:
-        LavaError: GDAL does not know it.
-    """
+    """What rasterio calls a coordinate system, None for None; LavaError where GDAL has none."""
     from rasterio.crs import CRS
     from rasterio.errors import CRSError
 
@@ -85,11 +81,7 @@ def coordinate_system(epsg: int | None) -> Any:
 
 
 def place_of(terrain: Terrain) -> Place:
-    """Where the cells of a terrain are.
-
-    Raises:
-        LavaError: GDAL does not know its coordinate system.
-    """
+    """Where the cells of a terrain are; LavaError where GDAL does not know its coordinates."""
     corner = (terrain.offset[0] + terrain.origin[0], terrain.offset[1] + terrain.origin[1])
     return Place(corner, terrain.resolution, coordinate_system(terrain.epsg))
 
@@ -163,16 +155,6 @@ def write_grid(
 ) -> Path:
     """Write numbers on the cells of a terrain as GeoTIFF; the band has the name of the file.
 
-    Args:
-        path: The file.
-        values: As of ``write_map``.
-        terrain: The grid they are on.
-        unit: Their unit.
-        meaning: What they are, in a few words.
-
-    Returns:
-        The file.
-
     Raises:
         LavaError: rasterio is not installed, or the file cannot be written.
     """
@@ -183,12 +165,9 @@ def write_grid(
 
 
 def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, Any]]:
-    """Cells as a feature of GeoJSON, in the map's own coordinates; none without cells.
+    """Cells (bool, row 0 the southernmost) as a feature of GeoJSON; none without cells.
 
-    Args:
-        cells: Those that belong to it, bool, shape [rows, columns]; row 0 is the southernmost.
-        place: Where they are.
-        properties: What is to be known of it, by name.
+    It is in the map's own coordinates, with the properties and its ``area_m2``.
     """
     from rasterio.features import shapes
     from rasterio.transform import Affine
@@ -207,9 +186,7 @@ def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, A
 def isochrones(times: np.ndarray, place: Place) -> list[dict[str, Any]]:
     """What lava has reached by round times, each with all that was reached before.
 
-    Args:
-        times: When it came [s], NaN where it did not, shape [rows, columns].
-        place: Where the cells are.
+    Times [s] are NaN where it did not come, shape [rows, columns].
     """
     if not np.isfinite(times).any():
         return []
@@ -239,13 +216,10 @@ def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
 
 
 def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
-    """Do nothing where maps can be written in some formats.
-
-    Raises:
-        LavaError: A library is missing, or nobody knows where the maps are.
-    """
-    if 'geojson' in formats:
-        require_geojson(crs)
+    """Refuse formats whose library is missing, and GeoJSON of maps that are nobody knows where."""
+    if 'geojson' in formats and crs is None:
+        right = 'the EPSG code of the map: GeoJSON has longitudes and latitudes'
+        raise LavaError('epsg', None, right)
     if 'gpkg' in formats:
         require('fiona', 'GeoPackage', str(folder))
     if 'nc' in formats:
@@ -261,22 +235,15 @@ def write_formats(
     place: Place,
     title: str,
 ) -> list[Path]:
-    """Write what has one file for all of a map, or for all maps.
+    """Write what has one file for all of a map, or for all maps, and name the files.
 
-    Args:
-        folder: Where the files go.
-        formats: ``geojson`` and ``gpkg`` for the layers, ``nc`` for the maps; others are ignored.
-        layers: Features by the name of their layer.
-        maps: As of ``write_netcdf``.
-        place: Where the cells are.
-        title: What it is.
-
-    Returns:
-        The files.
+    ``geojson`` and ``gpkg`` are of the layers, features by name; ``nc`` of the maps, which are as
+    of ``write_netcdf``; other formats are ignored.
 
     Raises:
         LavaError: As of ``require_formats``, or a file cannot be written.
     """
+    require_formats(formats, folder, place.crs)
     written = []
     if 'geojson' in formats:
         written = [folder / f'{name}.geojson' for name in layers]
@@ -291,26 +258,10 @@ def write_formats(
     return written
 
 
-def require_geojson(crs: Any) -> None:
-    """Do nothing where it is known where in the world a map is.
-
-    Raises:
-        LavaError: It is not.
-    """
-    if crs is None:
-        right = 'the EPSG code of the map: GeoJSON has longitudes and latitudes'
-        raise LavaError('epsg', None, right)
-
-
 def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Place) -> None:
-    """Write features in longitude and latitude, as RFC 7946 has it.
-
-    Raises:
-        LavaError: Nobody knows where the map is, or the file cannot be written.
-    """
+    """Write features in longitude and latitude, as RFC 7946 has it."""
     from rasterio.warp import transform_geom
 
-    require_geojson(place.crs)
     turned = [
         {**item, 'geometry': transform_geom(place.crs, 'EPSG:4326', item['geometry'], precision=7)}
         for item in features
@@ -322,12 +273,7 @@ def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Plac
 def write_geopackage(
     path: Path, layers: Mapping[str, Sequence[Mapping[str, Any]]], place: Place
 ) -> None:
-    """Write layers of features in the coordinate system of the map; empty ones are left out.
-
-    Raises:
-        LavaError: fiona is not installed, or the file cannot be written.
-    """
-    require('fiona', 'GeoPackage', str(path))
+    """Write layers of features in the coordinate system of the map; empty ones are left out."""
     import fiona
 
     try:
@@ -360,17 +306,8 @@ def write_netcdf(
 ) -> None:
     """Write maps into one file that keeps the CF conventions.
 
-    Args:
-        path: The file.
-        maps: Values (NaN without data), unit and meaning, by name.
-        place: Where the cells are.
-        title: What it is.
-
-    Raises:
-        LavaError: xarray or scipy is not installed, or the file cannot be written.
+    Of each, by name: values (NaN without data), unit and meaning.
     """
-    require('xarray', 'NetCDF', str(path))
-    require('scipy', 'NetCDF', str(path))
     import xarray
 
     axes = {}
@@ -403,16 +340,7 @@ def write_netcdf(
 
 
 def write_style(path: Path, name: str, values: np.ndarray) -> None:
-    """Write the style that QGIS takes for a GeoTIFF of the same name; none for an unknown map.
-
-    Args:
-        path: The GeoTIFF.
-        name: Name of the map.
-        values: Its values, NaN without data.
-
-    Raises:
-        LavaError: The file cannot be written.
-    """
+    """Write the style that QGIS takes for a GeoTIFF of the same name; none for an unknown map."""
     if name not in _DRAWN or not np.isfinite(values).any():
         return
     colours = STYLES[_DRAWN[name]].colours

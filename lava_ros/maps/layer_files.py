@@ -62,20 +62,12 @@ _TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
 
 
 def load_layers(path: str | Path) -> tuple[Layer, ...]:
-    """Read a file of msg_configs/.
-
-    Raises:
-        LavaError: The file cannot be read, or a key or value in it is wrong.
-    """
+    """Read a file of msg_configs/; LavaError where a key or a value in it is wrong."""
     return layers_from_dict(read_yaml('msg_config', path))
 
 
 def layers_from_dict(data: object) -> tuple[Layer, ...]:
-    """Build the layers from the plain data of a YAML file.
-
-    Raises:
-        LavaError: A key or value is wrong; the message names it and what is allowed.
-    """
+    """Build the layers from the plain data of a file; LavaError names the key that is wrong."""
     top = validation.keys('msg_config', data, allowed=['layers'], required=['layers'])
     entries = top['layers']
     if not isinstance(entries, Mapping) or not entries:
@@ -94,12 +86,7 @@ def layers_from_dict(data: object) -> tuple[Layer, ...]:
 
 
 def switched(layers: Sequence[Layer], *, on: Sequence[str], off: Sequence[str]) -> list[Layer]:
-    """Enable and disable layers by their names.
-
-    Args:
-        layers: The layers of a file.
-        on: Names of those that are published whatever the file says.
-        off: Names of those that are not.
+    """Enable and disable layers by their names, whatever their file says.
 
     Raises:
         LavaError: A name is none of a layer, or stands in both lists.

@@ -344,15 +344,7 @@ class Layer:
 
 
 def within(marked: np.ndarray, distance: float) -> np.ndarray:
-    """Find the cells near marked ones.
-
-    Args:
-        marked: bool, shape [rows, columns].
-        distance: Largest distance between the centres of two cells [cells].
-
-    Returns:
-        bool, same shape: the marked cells and those no farther from one than that.
-    """
+    """Find the cells, bool [rows, columns], as near to a marked one as a distance [cells]."""
     result = marked.copy()
     if distance < 1.0 or not marked.any():
         return result

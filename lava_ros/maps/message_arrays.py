@@ -29,14 +29,7 @@ IMAGE_TYPES = {'32FC1': 'f4', '16UC1': 'u2'}
 
 
 def image_array(image: Any, name: str) -> np.ndarray:
-    """Read the pixels of an image.
-
-    Args:
-        image: The message.
-        name: What the message is called in errors.
-
-    Returns:
-        A view of the message's data, shape [height, width], of the encoding's own type.
+    """A view of an image's pixels, shape [height, width], of the encoding's own type.
 
     Raises:
         LavaError: The encoding is not one of ``IMAGE_TYPES``, or size, step and data disagree.
@@ -58,17 +51,11 @@ def image_array(image: Any, name: str) -> np.ndarray:
 def cloud_columns(
     cloud: Any, name: str, required: Sequence[str], optional: Sequence[str] = ()
 ) -> dict[str, np.ndarray]:
-    """Read fields of a point cloud, whatever their order, type and padding.
-
-    Args:
-        cloud: The message, organised or not.
-        name: What the message is called in errors.
-        required: Fields that have to be there.
-        optional: Fields that are read when they are there.
+    """Read fields of a point cloud, organised or not, whatever their order, type and padding.
 
     Returns:
-        Values by field name, float64, shape [height x width]. All are empty for a cloud without
-        points, whose fields are not looked at.
+        Values by field name, float64, shape [height x width], of the required fields and of those
+        optional ones that are there. All are empty for a cloud without points.
 
     Raises:
         LavaError: A field is missing or malformed, or size, steps and data disagree.

@@ -21,12 +21,7 @@ import math
 
 
 def table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[str]:
-    """Lines of a table of Markdown.
-
-    Args:
-        head: Titles of the columns.
-        body: Lines of as many cells.
-    """
+    """Lines of a table of Markdown: titles of the columns, and lines of as many cells."""
     lines = ['| ' + ' | '.join(head) + ' |', '|---' * len(head) + '|']
     return lines + ['| ' + ' | '.join(line) + ' |' for line in body]
 

@@ -153,13 +153,9 @@ def bounds_of(frame: Frame, shown: np.ndarray) -> Window:
 
 
 def window_of(bounds: Window, limits: Window, aspect: float, least: float) -> Window:
-    """The part of the map to draw: some bounds with a margin.
+    """The part of the map to draw: some bounds with a margin, inside limits where it fits.
 
-    Args:
-        bounds: What is to be in it.
-        limits: What it stays in, where it fits.
-        aspect: Its width over its height.
-        least: Its least width and height [m].
+    It is ``aspect`` times as wide as high, and ``least`` [m] wide and high at least.
     """
     x0, y0, x1, y1 = bounds
     width = max((x1 - x0) * (1.0 + 2.0 * MARGIN), least)
@@ -218,12 +214,9 @@ class Scale:
 
 
 def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> Scale:
-    """The scale of a map.
+    """The scale of a map, one of ``STYLES``, by its values, NaN where nothing is shown.
 
-    Args:
-        source: Which of ``STYLES``.
-        values: Its values, any shape, NaN where nothing is shown.
-        is_saturated: Whether there may be larger ones than these.
+    There may be larger values than these where they are saturated.
     """
     from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, ListedColormap, Normalize
 
@@ -271,28 +264,32 @@ def picture_of(values: np.ndarray, ground: np.ndarray, scale: Scale) -> np.ndarr
 
 
 def draw_map(
-    axes: Any, frame: Frame, picture: np.ndarray, window: Window, fissures: Any = ()
-) -> None:
-    """Draw a picture of the terrain's cells and the vents into axes that show the window.
+    axes: Any,
+    frame: Frame,
+    picture: np.ndarray,
+    window: Window,
+    fissures: Any = (),
+    extent: Window | None = None,
+) -> tuple[Any, Any]:
+    """Draw a picture (RGBA 0..1) of the terrain's cells, and the vents, into axes with a window.
 
-    Args:
-        axes: The axes.
-        frame: Ground and vents.
-        picture: RGBA 0..1, shape [rows, columns, 4].
-        window: What they show.
-        fissures: Ends of vents that are lines [m], shape [count, 2, 2].
+    Fissures are ends of vents that are lines [m], shape [count, 2, 2]; of a part of the cells the
+    extent is its own: left, right, bottom, top [m]. Returned are the artists of picture and vents.
     """
     x0, y0, x1, y1 = extent_of(frame)
-    axes.imshow(picture, extent=(x0, x1, y0, y1), origin='lower', interpolation='nearest')
+    image = axes.imshow(
+        picture, extent=extent or (x0, x1, y0, y1), origin='lower', interpolation='nearest'
+    )
     for ends in fissures:
         axes.plot(*np.transpose(ends), color='black', linewidth=1.6, path_effects=halo(), zorder=3)
-    axes.plot(*frame.vents.T, zorder=7, **VENT)
+    (vents,) = axes.plot(*frame.vents.T, zorder=7, **VENT)
     axes.set_facecolor('#ededed')
     axes.set_xlim(window[0], window[2])
     axes.set_ylim(window[1], window[3])
     for spine in axes.spines.values():
         spine.set_color('#666666')
         spine.set_linewidth(0.8)
+    return image, vents
 
 
 def draw_colour_bar(figure: Any, axes: Any, scale: Scale) -> None:
@@ -339,9 +336,7 @@ def draw_contours(axes: Any, frame: Frame, window: Window) -> None:
 def draw_ticks(axes: Any, offset: tuple[float, float] | None = None) -> None:
     """Coordinates along the edges, and a thin grid.
 
-    Args:
-        axes: Axes in map coordinates.
-        offset: Easting and northing [m] of the map frame's origin; None shows the map's own.
+    They are easting and northing by the offset [m] of the map frame's origin, or the map's own.
     """
     from matplotlib.ticker import FuncFormatter
 

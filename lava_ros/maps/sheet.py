@@ -118,16 +118,8 @@ def draw_sheet(
 ) -> None:
     """Draw maps, and maybe charts, on one page of the shape that shows the lava largest.
 
-    Maps of the same kind have the same colours, and all show the same place.
-
-    Args:
-        panels: The maps, in one coordinate system.
-        output: The picture; its suffix chooses the format.
-        title: What it is.
-        subtitle: The same in a few numbers.
-        notes: What is to be known: terms and texts.
-        overlays: Features in projected coordinates, by name.
-        charts: Draw into axes of their own.
+    Maps of the same kind have the same colours, and all show the same place; they are in one
+    coordinate system, as the overlays are. The suffix of the file chooses the format.
 
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.
@@ -212,15 +204,7 @@ def _scales(panels: Sequence[Panel]) -> dict[str, Scale]:
 
 @dataclass(frozen=True)
 class _Page:
-    """Where everything is on the page [inches].
-
-    Attributes:
-        width: Of the page.
-        height: Of the page.
-        rows: Of maps.
-        columns: Of maps.
-        footer: Height of the legend and the notes.
-    """
+    """Where everything is on the page: its sides and the footer's height [inches], and maps."""
 
     width: float
     height: float

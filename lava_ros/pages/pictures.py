@@ -64,15 +64,7 @@ class Words:
 def draw_runs(
     paths: Sequence[str | Path], output: str | Path, words: Words | None = None
 ) -> dict[str, Any]:
-    """Draw runs on one page.
-
-    Args:
-        paths: Bags and ensembles.
-        output: The picture; its suffix chooses the format.
-        words: What else is to be on it.
-
-    Returns:
-        What the page says, as plain data.
+    """Draw bags and ensembles on one page, and return what it says, as plain data.
 
     Raises:
         LavaError: A run or a file cannot be read, they do not go together, or the picture cannot
@@ -120,11 +112,7 @@ def draw_runs(
 
 
 def _check_together(runs: Sequence[Run]) -> None:
-    """Refuse runs that are in different places, and those that cannot be told apart.
-
-    Raises:
-        LavaError: Two have other coordinate systems, or the same name.
-    """
+    """Refuse runs that are in different places, and those that cannot be told apart."""
     names = [run.name for run in runs]
     if len(set(names)) < len(names):
         raise LavaError('runs', ', '.join(names), 'runs whose folders have different names')

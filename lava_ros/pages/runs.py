@@ -59,17 +59,7 @@ _USUAL = (
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A bag or an ensemble.
-
-    Attributes:
-        name: Name of its folder.
-        title: What it is, in a line.
-        summary: The same in a few numbers.
-        panels: Its maps by name.
-        facts: What it was made of: terms and texts.
-        terrain: The ground.
-        is_ensemble: Whether its maps are of many members.
-    """
+    """A bag or an ensemble: maps by name, facts by their terms, and the ground."""
 
     name: str
     title: str
@@ -91,12 +81,10 @@ def is_ensemble(path: str | Path) -> bool:
 
 
 def read_run(path: str | Path, *, time: float | None = None, wanted: Collection[str] = ()) -> Run:
-    """Read a bag or an ensemble.
+    """Read a bag's directory, an .mcap file, or what ``lava ensemble`` has written.
 
-    Args:
-        path: A bag's directory, an .mcap file, or what ``lava ensemble`` has written.
-        time: Simulated time [s] of a bag to show; None for the last there is.
-        wanted: Maps that are needed; what takes long is left out otherwise.
+    Of a bag, the maps are those of a simulated time [s], None for the last there is; what takes
+    long is only there when it is wanted.
 
     Raises:
         LavaError: It cannot be read, or lacks what is asked for.

@@ -28,8 +28,7 @@ uses the device.
 from __future__ import annotations
 
 from array import array
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
 from itertools import pairwise
 import json
 from statistics import median
@@ -47,7 +46,7 @@ from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.simulation import Simulation
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
-from lava_ros.verification.benchmarks.steps import Row, row_of
+from lava_ros.verification.rows import OnProgress, row_of
 
 #: Particles by default: on a GPU, and on a CPU.
 PARTICLES = {'cuda': 1_000_000, 'cpu': 20_000}
@@ -76,17 +75,17 @@ _PATIENCE = 600.0
 
 
 def measure(
-    device: str,
-    *,
-    command: str,
-    particles: int | None = None,
-    repetitions: int = 5,
-    on_progress: Callable[[str, float], None] = lambda what, share: None,
-) -> Iterator[Row]:
-    """Time steps with and without grids, and weigh much lava on a large map."""
-    kind = 'cuda' if wp.get_device(device).is_cuda else 'cpu'
-    row = partial(row_of, device=device, command=command)
+    device: str, *, particles: int | None, repetitions: int, on_progress: OnProgress
+) -> Iterator[dict[str, Any]]:
+    """Time steps with and without grids, and weigh much lava on a large map.
 
+    Args:
+        device: Warp device.
+        particles: Particles that are stepped, by the device when None.
+        repetitions: How many times each is measured.
+        on_progress: Told what begins, and the share of the work that is done.
+    """
+    kind = 'cuda' if wp.get_device(device).is_cuda else 'cpu'
     parts = len(GRIDS) + 1
     for index, cells in enumerate(GRIDS):
         grids = f'grids of {cells} x {cells}'
@@ -101,15 +100,14 @@ def measure(
         count = stepping.particles
         around = [0.5 * sum(pair) for pair in pairwise(alone)]
         slower = [100.0 * (1.0 - one[0] / two) for one, two in zip(beside, around, strict=True)]
-        yield row(f'{grids}: steps without', count, alone, 'steps/s')
-        yield row(f'{grids}: steps beside', count, [each[0] for each in beside], 'steps/s')
-        yield row(f'{grids}: steps slow by', count, slower, '%')
-        yield row(f'{grids}: made', count, [each[1] for each in beside], 'grids/s')
-        yield row(f'{grids}: bytes of one', count, [each[2] for each in beside], 'ms')
+        yield row_of(f'{grids}: steps without', count, alone, 'steps/s')
+        yield row_of(f'{grids}: steps beside', count, [each[0] for each in beside], 'steps/s')
+        yield row_of(f'{grids}: steps slow by', count, slower, '%')
+        yield row_of(f'{grids}: made', count, [each[1] for each in beside], 'grids/s')
+        yield row_of(f'{grids}: bytes of one', count, [each[2] for each in beside], 'ms')
     on_progress('memory', (parts - 1) / parts)
     for benchmark, count, value, unit in held(device, *LARGE[kind]):
-        yield row(benchmark, count, [value], unit)
-    on_progress('done', 1.0)
+        yield row_of(benchmark, count, [value], unit)
 
 
 class Stepping:

@@ -16,63 +16,44 @@
 
 from lava_ros import validation
 
-#: Relative errors. Measured on a CPU with `lava verify --preset P`; a bound is about 1.5 times
-#: what was measured, or more where that is small by chance: fronts move by a part of a spacing
-#: when any digit changes. The largest quantities that were measured, in % (draft, standard, fine),
-#: and what limits them:
+#: Relative errors. A bound is about 1.5 times what was measured on a CPU (docs/accuracy/cpu.csv,
+#: `lava verify --preset P`), or more where that is small by chance: fronts move by a part of a
+#: spacing when any digit changes. What limits them:
 #:
-#: sheet: 0.04, 0.04, 0.04: the lattice's sum over its density.
-#: herschel_bulkley: 0.09, 0.09, 0.09; material_laws: 0.06, 0.06, 0.06: the same; the power of the
-#:     thickness and what the strength leaves of it make it more.
-#: critical_thickness: 0.02, 0.02, 0.02: the bisection, and the same; creep 0, 0, 0.
-#: bingham_dome: radius 0.13, 0.05, 0.07; profile 0.8, 0.3, 0.2; edge 0.6, 0.2, 0.04: smoothing of
-#:     the front; what is left of the way after 1e4 mu / tau_y is below 0.1.
-#: ridge: half-width 0.2, 0.2, 0.2; profile 0.9, 0.5, 0.3: the same.
-#: green: 37, 0.6, 0.9: the support is fixed, so draft has a particle for each 2 thicknesses.
-#: channel: solve 2.1, 0.6, 0.3: particles across half of the channel, 5 to 8, 10 to 15, 20 to 30;
-#:     green 2.1, 0.98, 0.98: the same, and from standard on the cut at 6 / k.
-#: pond: speed after an hour 0.009, 0.04, 0.008; at rest 3e-5, 0.0013: particles still change
-#:     places in the deep, and chance says how fast; with the balanced gradient of the reference
-#:     0.0014 and 8e-5, of the thin edge. Flatness 0.11, 0.09, 0.08; balanced 0.01.
-#: radiating_sheet: 0.005, 0.005, 0.005: the thickness.
-#: fixed_volume: radius 0.13, 0.06, 0.08; profile 0.6, 0.35, 0.26; edge 0.73, 0.52, 0.42:
-#:     smoothing of the front. Scatter 0.02, 0.02, 0.02: the particles' lattice.
-#: constant_flux: radius 0.5, 0.2, 0.2; exponent 0.4, 0.3, 0.4; coefficient 0.6, 0.3, 0.2: the
-#:     same, and noise of a part of a spacing from the vent.
-#: plane_fixed_area: front 0.8, 0.3, 0.2; profile 1.2, 0.7, 0.5: smoothing of the front.
-#: dam_break: front 4.6, 3.6, 2.9: it is 5, 7 and 10 spacings from the dam; passed 0.2 to 1.1, by
-#:     chance: a column of particles more or less is 2, 1.5 and 1.1.
-#: slope_fixed_area: 0.5, 0.3, 0.2: smoothing, then what the solution leaves out, 0.2 run-outs of
-#:     60.
-#: slope_flux: arrival 1.3, 0.6, 0.3; speed 1.1, 0.5, 0.8: a front advances by rows of particles.
-#: look_ahead: arrival 0.8, 0.6, 0.4; worst cell 1.2, 0.7, 0.6: the same, and half of the time
-#:     between two looks, 0.15 of the arrival, or of what the front needs for a cell.
-#: lister: x 1.7, 0.9, 0.3; y 4.7, 1.0, 0.5, and at standard 1.5 on a GPU: the spacing at the thin
-#:     edge, and two digits of the reference. At draft x at 20 T is one of two cells of the map:
-#:     1.5 or 3.7, as chance has it.
-#: smith: half-width 1.6, 0.1, 0.1; spread 0.6, 0.3, 0.1; axis 0.3, 0.2, 0.2: the kernel radius, a
-#:     third, a sixth and a twelfth of the half-width, and chance at the edge, about 0.3 in the
-#:     spread at standard; what the solution leaves out is 0.2, 0.2 and 0.2 by then.
-#: freezing_lens: after 0.3 of the time 2.4, 2.0, 1.0 of the volume; 0.6: 5.4, 3.4, 1.8; 0.9: 11.5,
-#:     4.3, 2.0: at the edge of what is fluid the sum over the neighbours is too thin, so it
-#:     freezes too early; deposit 2.5, 0.9, 0.5.
-#: inertial_sheet: 1.4, 0.7, 0.4: the step, a fiftieth of the relaxation time over the refinement.
-#: ritter: 2.9, 1.7, 0.9: the tip, which thins out to less than a particle. stoker: thickness 3.6,
-#:     2.0, 1.1; bore 2.0, 0.8, 0.6: both ends of the plateau are as wide as a kernel.
-#: thacker: period 0.1, 0.2, 0.2: the edge; 1.1, 1.0, 1.0 of the energy above that at rest are
-#:     lost in a period, to the dissipation that bores need, by particles that change places;
-#:     growth 0.004, 0.001, 0.001: leapfrog's, see STEPS in cases/inertia.py.
-#:
-#: ground, crust: 0.1 to 0.6 and 0.1 to 2.1 of the heat lost: their laws, whatever the spacing.
-#: latent_heat: 0.01, 0.01, 0.01: the thickness.
-#: viscous_heating: warming 0.03, 0.03, 0.04: the lattice's sum; heat of spreading 5.5, 4.9, 3.9:
-#:     the slope at the end of a step stands for all of it, and the kernel lowers the centre.
-#: conduction: 0.27, 0.12, 0.08 of the step of temperature; heat 5e-5: rounding.
-#: cooling_current: temperatures 0.2, 0.1, 0.1; power 1.7, 1.7, 1.7: heat is still being stored.
-#:
+#: sheet: the lattice's sum over its density; herschel_bulkley, material_laws: the same; the power
+#:     of the thickness and what the strength leaves of it make it more. critical_thickness: the
+#:     bisection, and the same.
+#: bingham_dome, ridge: smoothing of the front; what is left of the way after 1e4 mu / tau_y is
+#:     below 0.1 %.
+#: green: the support is fixed, so draft has a particle for each 2 thicknesses, and errs by 37 %.
+#: channel: solve: particles across half of the channel, 5 to 8, 10 to 15, 20 to 30; green: the
+#:     same, and from standard on the cut at 6 / k.
+#: pond: at rest particles still change places in the deep, and chance says how fast; with the
+#:     balanced gradient of the reference the thin edge is left.
+#: radiating_sheet, latent_heat: the thickness. ground, crust: their laws, whatever the spacing.
+#: fixed_volume, constant_flux, plane_fixed_area: smoothing of the front; the scatter is that of
+#:     the lattice, and a flux has the noise of a part of a spacing from the vent.
+#: dam_break: the front is 5, 7 and 10 spacings from the dam; passed: a column of particles more or
+#:     less is 2, 1.5 and 1.1 %.
+#: slope_fixed_area: smoothing, then what the solution leaves out, 0.2 run-outs of 60.
+#: slope_flux: a front advances by rows of particles. look_ahead: the same, and half of the time
+#:     between two looks, 0.15 % of the arrival, or of what the front needs for a cell.
+#: lister: the spacing at the thin edge, and two digits of the reference. At draft x at 20 T is one
+#:     of two cells of the map: 1.5 or 3.7 %, as chance has it; y is 1.5 % at standard on a GPU.
+#: smith: the kernel radius, a third, a sixth and a twelfth of the half-width, and chance at the
+#:     edge, about 0.3 % in the spread at standard; what the solution leaves out is 0.2 % by then.
+#: freezing_lens: at the edge of what is fluid the sum over the neighbours is too thin, so it
+#:     freezes too early.
+#: inertial_sheet: the step, a fiftieth of the relaxation time over the refinement. ritter: the
+#:     tip, which thins out to less than a particle. stoker: both ends of the plateau are as wide
+#:     as a kernel.
+#: thacker: period: the edge; a percent of the energy is lost in a period to the dissipation that
+#:     bores need, by particles that change places; growth: leapfrog's, see STEPS in inertia.py.
+#: viscous_heating: warming: the lattice's sum; heat of spreading: the slope at the end of a step
+#:     stands for all of it, and the kernel lowers the centre. conduction: heat: rounding.
+#: cooling_current: power: heat is still being stored.
 #: silicone_oil: means and three standard deviations of 16 draws (6 at fine), discharges that
-#:     differ by 1e-6: power at 3 radii 0.15, 0.13, 0.12, temperature at 0.5 radii 0.22, 0.20, 0.11
-#:     of the difference, where what the paper leaves open is 4.7; front 0.1, 0.2, 0.3.
+#:     differ by 1e-6; what the paper leaves open is 4.7 % of the temperature at 0.5 radii.
 #:
 #: A preset in ``STAND_INS`` is held to the bounds of another where it has none of its own.
 BOUNDS: dict[str, dict[str, dict[str, float]]] = {
@@ -247,11 +228,7 @@ BOUNDED_PRESETS = ('draft', 'standard', 'fine', 'reference')
 
 
 def bound(preset: str, case: str, quantity: str) -> float:
-    """Largest relative error that a quantity of a case may have at a preset.
-
-    Raises:
-        LavaError: There is no bound for it.
-    """
+    """Largest relative error that a quantity of a case may have at a preset, or LavaError."""
     validation.choice('preset', preset, BOUNDED_PRESETS)
     quantities = BOUNDS.get(case, {})
     validation.choice(f'bounds.{case}', quantity, quantities)

@@ -12,22 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The chart of a report: error against cost, the front drawn and the presets named."""
+"""The chart of a report: error against cost, the front drawn, the presets in colours."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 import math
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from lava_ros.files import save_picture
 from lava_ros.files.optional import require
 from lava_ros.maps.numbers import percent, seconds
-from lava_ros.simulation.accuracy import INTEGRATORS, KERNELS
 from lava_ros.verification.rows import pareto_front, Point, points, presets_of, Row
 
 #: Smallest error that is drawn: below it is rounding.
@@ -35,31 +31,12 @@ FLOOR = 1e-7
 
 _INK, _GREY, _FRONT = '#222222', '#9aa0a6', '#d1495b'
 
-#: Where a name may stand beside its point [typographic points], from the best place.
-_SIDES = (
-    (7.0, 5.0, 'left'),
-    (7.0, -12.0, 'left'),
-    (-7.0, 5.0, 'right'),
-    (-7.0, -12.0, 'right'),
-    (0.0, 9.0, 'center'),
-    (0.0, -17.0, 'center'),
-    (7.0, 16.0, 'left'),
-    (-7.0, 16.0, 'right'),
-    (7.0, -24.0, 'left'),
-    (-7.0, -24.0, 'right'),
-)
-
 #: Colours of the presets, from the cheapest on, and of the paper's.
 _COLOURS = ('#fb9a06', '#e2583b', '#a92e5e', '#3d0f56', '#5f6368')
 
 
 def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
-    """Draw one panel for each case.
-
-    Args:
-        rows: The measurements.
-        titles: Title of each case by name.
-        output: The picture; its suffix chooses the format.
+    """Draw a panel for each case with a cost, under its title; the suffix chooses the format.
 
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.
@@ -79,13 +56,11 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
     lines = max(1, math.ceil(len(cases) / columns))
     width, height = (7.2, 5.2) if columns == 1 else (4.0 * columns, 3.3 * lines + 1.1)
     figure = Figure(figsize=(width, height), dpi=130, facecolor='white')
-    canvas = FigureCanvasAgg(figure)
-    panels = []
+    FigureCanvasAgg(figure)
     for index, name in enumerate(cases):
         axes = figure.add_subplot(lines, columns, index + 1)
         found = [point for point in everything if point.case == name]
         _draw_case(axes, found, colours)
-        panels.append((axes, found))
         axes.set_title(titles.get(name, name), loc='left', fontsize=10, color=_INK)
         if index % columns == 0:
             axes.set_ylabel('largest relative error', fontsize=9, color=_INK)
@@ -109,8 +84,6 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
     _draw_legend(figure, colours, height)
     if cases:
         figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - top), w_pad=1.2, h_pad=1.2)
-    for axes, found in panels:
-        _name_points(axes, found, canvas.get_renderer())
     save_picture(figure, output)
 
 
@@ -139,70 +112,6 @@ def _draw_case(axes: Any, found: Sequence[Point], colours: dict[str, str]) -> No
     for side in ('left', 'bottom'):
         axes.spines[side].set_color('#888888')
     axes.tick_params(which='both', labelsize=8, color='#888888', labelcolor=_INK)
-
-
-def _name_points(axes: Any, found: Sequence[Point], renderer: Any) -> None:
-    """Name presets, and other settings where there is room."""
-    from matplotlib.transforms import Bbox
-
-    named = sorted((point for point in found if point.preset), key=lambda item: item.cost)
-    others = [point for point in found if not point.preset and _label(point)]
-    places = axes.transData.transform(np.column_stack(_places(found)))
-    line = axes.transData.transform(np.column_stack(_places(pareto_front(found))))
-    shares = np.linspace(0.0, 1.0, 20)[:, None]
-    shown = [*places]
-    for start, end in pairwise(line):
-        shown += [*(start + shares * (end - start))]
-    size = renderer.points_to_pixels(4.0)
-    taken = [
-        Bbox.from_bounds(x - size, y - size, 2.0 * size, 2.0 * size)
-        for (x, y), point in zip(places, found, strict=True)
-        if point.preset
-    ]
-    for point in (*named, *others):
-        tried = []
-        for x, y, side in _SIDES:
-            text = _annotate(axes, point, x, y, side)
-            box = text.get_window_extent(renderer)
-            text.remove()
-            inside = axes.bbox.x0 <= box.x0 and box.x1 <= axes.bbox.x1 + 2.0 * size
-            inside = inside and axes.bbox.y0 <= box.y0 and box.y1 <= axes.bbox.y1 + 2.0 * size
-            hidden = sum(box.contains(*place) for place in shown)
-            hit = sum(bool(box.overlaps(other)) for other in taken) + (not inside)
-            tried.append(((hit, hidden), (x, y, side), box))
-        (hit, _), where, box = min(tried, key=lambda item: item[0])
-        if point.preset or not hit:
-            _annotate(axes, point, *where)
-            taken.append(box)
-
-
-def _label(point: Point) -> str:
-    """A preset's name, or what else than the default's kernel, integrator or formulas it has."""
-    words = point.setting.split(', ')
-    if point.preset or 'as-published' in words:
-        return point.preset or 'as-published'
-    return ' '.join(word for word in words if word in (*KERNELS, *INTEGRATORS))
-
-
-def _annotate(axes: Any, point: Point, x: float, y: float, side: str) -> Any:
-    return axes.annotate(
-        _label(point),
-        (point.cost, _height(point)),
-        xytext=(x, y),
-        textcoords='offset points',
-        ha=side,
-        fontsize=9 if point.preset else 7.5,
-        weight='bold' if point.preset else 'normal',
-        color=_INK if point.preset else '#70757a',
-        path_effects=_halo(),
-        zorder=6,
-    )
-
-
-def _halo() -> list[Any]:
-    from matplotlib.patheffects import withStroke
-
-    return [withStroke(linewidth=2.5, foreground='white')]
 
 
 def _places(found: Sequence[Point]) -> tuple[list[float], list[float]]:

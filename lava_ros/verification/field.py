@@ -62,13 +62,7 @@ class Field:
         return self.thickness[np.abs(self.y) <= max(half_width, self.cell)].mean(axis=0)
 
     def mean_radius(self, threshold: float, reach: float, azimuths: int = 32) -> float:
-        """Mean distance from (0, 0) of the front along several azimuths [m].
-
-        Args:
-            threshold: The front is where the thickness falls below this [m].
-            reach: Distance inside which it is looked for [m].
-            azimuths: Number of directions.
-        """
+        """Mean distance [m] from (0, 0) of where it gets thinner than a threshold [m]."""
         distance = np.arange(0.0, reach, 0.5 * self.cell)
         radii = []
         for angle in 2.0 * math.pi * (np.arange(azimuths) + 0.5) / azimuths:
@@ -78,15 +72,9 @@ class Field:
 
 
 def front(place: np.ndarray, thickness: np.ndarray, threshold: float) -> float:
-    """Largest place [m] at which the thickness crosses a threshold, interpolated.
+    """Largest of ascending places at which the thickness crosses a threshold, interpolated [m].
 
-    Args:
-        place: Places along a line [m], ascending.
-        thickness: Thickness there [m].
-        threshold: Thickness at the front [m].
-
-    Returns:
-        The place, NaN when no thickness exceeds the threshold or the last one still does.
+    NaN when no thickness exceeds the threshold or the last one still does.
     """
     above = np.flatnonzero(thickness > threshold)
     if len(above) == 0 or above[-1] + 1 == len(place):

@@ -25,8 +25,8 @@ from lava_ros.maps.numbers import percent, seconds, table
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import DEFAULT
 from lava_ros.verification.cases import EFFECT_CASES
+from lava_ros.verification.cases.sheets import LATERAL
 from lava_ros.verification.field import slope_of
-from lava_ros.verification.lateral import NAME as LATERAL
 from lava_ros.verification.rows import pareto_front, Point, points, presets_of, Row
 from lava_ros.verification.settings import (
     convergence,
@@ -52,10 +52,7 @@ ALIKE = 0.01
 def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
     """The report as Markdown: presets first, then the studies, then every setting.
 
-    Args:
-        rows: The measurements.
-        titles: Title of each case by name.
-        stem: Name of the CSV and the chart, without suffix.
+    Cases have titles by name; the CSV and the chart are called ``stem``, without suffix.
     """
     commands = [f'`{command}`' for command in dict.fromkeys(row.command for row in rows)]
     machines = ', '.join(dict.fromkeys(row.machine for row in rows))
@@ -134,12 +131,7 @@ def _case_table(rows: Sequence[Row]) -> list[str]:
 
 
 def studies(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
-    """Every section whose settings were measured, as lines of Markdown.
-
-    Args:
-        rows: The measurements.
-        titles: Title of each case by name.
-    """
+    """Every section whose settings were measured, as lines of Markdown."""
     knob = [row for row in rows if row.case in KNOB_CASES]
     return [
         *_section('Convergence', _convergence(knob)),
@@ -150,8 +142,15 @@ def studies(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
     ]
 
 
-def _section(title: str, lines: Sequence[str]) -> list[str]:
-    return [f'## {title}', '', *lines, ''] if lines else []
+#: What a section says, the titles of its table and its lines; without lines there is none.
+Section = tuple[str, Sequence[str], Sequence[Sequence[str]]]
+
+_NONE: Section = ('', (), ())
+
+
+def _section(title: str, section: Section) -> list[str]:
+    text, head, body = section
+    return [f'## {title}', '', text, '', *table(head, body), ''] if body else []
 
 
 def _results(rows: Iterable[Row]) -> dict[str, Result]:
@@ -181,11 +180,11 @@ def _errors(result: Result, quantities: Iterable[str]) -> list[str]:
     return [errors.get(name, '') for name in quantities]
 
 
-def _convergence(rows: Sequence[Row]) -> list[str]:
+def _convergence(rows: Sequence[Row]) -> Section:
     """The errors at every doubling, and how fast they fall with the distance of particles."""
     results = _of(rows, convergence())
     if len(results) < 2:
-        return []
+        return _NONE
     quantities = list(results[0])
     spacing = [_any(result).particles ** -0.5 for result in results]
     errors = {name: [result[name].error for result in results] for name in quantities}
@@ -201,14 +200,13 @@ def _convergence(rows: Sequence[Row]) -> list[str]:
     for name in quantities:
         last += ['', _order(spacing, errors[name])]
     head = ['particles', *(word for name in quantities for word in (name, 'order')), 'a run took']
-    return [
+    text = (
         f'The fixed volume at `{DEFAULT}` with steps half as long, whose error then says little, '
         'the particles doubled again and again. The order is '
         'the slope of log error against log distance between particles, from one line to the next '
-        'and through all of them.',
-        '',
-        *table(head, [*body, [*last, '']]),
-    ]
+        'and through all of them.'
+    )
+    return text, head, [*body, [*last, '']]
 
 
 def _order(spacing: Sequence[float], errors: Sequence[float]) -> str:
@@ -217,7 +215,7 @@ def _order(spacing: Sequence[float], errors: Sequence[float]) -> str:
     return f'{slope_of(np.log(spacing), np.log(errors)):.2f}'
 
 
-def _stepping(rows: Sequence[Row]) -> list[str]:
+def _stepping(rows: Sequence[Row]) -> Section:
     """What the second-order integrator saves over Euler's, and whether it errs more."""
     body: list[list[str]] = []
     head: list[str] = []
@@ -250,14 +248,13 @@ def _stepping(rows: Sequence[Row]) -> list[str]:
                 ]
             )
     if len(body) < 2:
-        return []
-    return [
+        return _NONE
+    text = (
         'The fixed volume with second-order super-time-stepping (RKL2) and with Euler steps, all '
         f'else as in `{DEFAULT}`: velocity evaluations, and the quantities whose error is larger '
-        f"than Euler's by more than {100.0 * ALIKE:.0f} %.",
-        '',
-        *table(head, body),
-    ]
+        f"than Euler's by more than {100.0 * ALIKE:.0f} %."
+    )
+    return text, head, body
 
 
 def _larger(result: Result, reference: Result) -> str:
@@ -270,7 +267,7 @@ def _larger(result: Result, reference: Result) -> str:
     return ', '.join(larger) or 'none'
 
 
-def _from_paper(rows: Sequence[Row]) -> list[str]:
+def _from_paper(rows: Sequence[Row]) -> Section:
     """The way from the paper's settings to the default, one correction after another."""
     found = _results(rows)
     ways = {
@@ -280,7 +277,7 @@ def _from_paper(rows: Sequence[Row]) -> list[str]:
     }
     paper = found.get(name_of(next(iter(from_paper().values()))))
     if paper is None:
-        return []
+        return _NONE
     quantities = list(paper)
     body = [
         [
@@ -292,11 +289,8 @@ def _from_paper(rows: Sequence[Row]) -> list[str]:
         ]
         for label, result in ways.items()
     ]
-    return [
-        f'The fixed volume. {_dominated(rows, paper)}',
-        '',
-        *table(['setting', *quantities, 'particles', 'evaluations', 'a run took'], body),
-    ]
+    head = ['setting', *quantities, 'particles', 'evaluations', 'a run took']
+    return f'The fixed volume. {_dominated(rows, paper)}', head, body
 
 
 def _dominated(rows: Sequence[Row], paper: Result) -> str:
@@ -319,7 +313,7 @@ def _dominated(rows: Sequence[Row], paper: Result) -> str:
     )
 
 
-def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
+def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> Section:
     """The forms of the surface's gradient, quantity by quantity."""
     forms = {form: name_of(accuracy) for form, accuracy in gradients().items()}
     body = []
@@ -334,23 +328,16 @@ def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
             for quantity in results[0]
         ]
         body.append([title, 'a run took', *(seconds(_any(item).wall_s) for item in results)])
-    if not body:
-        return []
-    return [
-        f'`Accuracy.gradient` with all else as in `{DEFAULT}`.',
-        '',
-        *table(['case', 'quantity', *forms], body),
-    ]
+    text = f'`Accuracy.gradient` with all else as in `{DEFAULT}`.'
+    return text, ['case', 'quantity', *forms], body
 
 
-def _lateral(rows: Sequence[Row]) -> list[str]:
+def _lateral(rows: Sequence[Row]) -> Section:
     """Errors and time of each kind of lateral stress, by the particles' radius over the depth."""
     found = {_kind_and_radius(name): result for name, result in _results(rows).items()}
     kinds = list(dict.fromkeys(kind for kind, _ in found))
     radii = sorted({radius for _, radius in found})
     quantities = list(dict.fromkeys(row.quantity for row in rows))
-    if not found:
-        return []
     cells = {place: {**_percents(result), TIME: _pace(result)} for place, result in found.items()}
     body = [
         [name, f'{radius:g}', *(cells.get((kind, radius), {}).get(name, '') for kind in kinds)]
@@ -358,13 +345,12 @@ def _lateral(rows: Sequence[Row]) -> list[str]:
         for radius in radii
         if any(name in cells.get((kind, radius), {}) for kind in kinds)
     ]
-    return [
+    text = (
         'The response to a driving term sin(q x), by the kernel radius l over the thickness h: '
         'relative error at each wavelength that the particles resolve, and wall time of a '
-        'velocity evaluation over the particles. `local` has no lateral stress.',
-        '',
-        *table(['quantity', 'l/h', *kinds], body),
-    ]
+        'velocity evaluation over the particles. `local` has no lateral stress.'
+    )
+    return text, ['quantity', 'l/h', *kinds], body
 
 
 def _kind_and_radius(setting: str) -> tuple[str, float]:

@@ -19,41 +19,28 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 import csv
 from dataclasses import asdict, dataclass, fields
-from io import StringIO, TextIOWrapper
+from io import StringIO
 import math
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 from lava_ros.errors import LavaError
-from lava_ros.files import open_input, write_output
+from lava_ros.files import write_output
+from lava_ros.files.csv import read_table
 from lava_ros.simulation.presets import PRESETS
+
+#: Is told what begins, and the share of the work that is done, from 0 to 1.
+OnProgress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
 class Row:
     """One quantity of one case at one setting: a line of the CSV.
 
-    Attributes:
-        case: Name of the case.
-        setting: Name of the setting.
-        preset: Name of the preset that the setting is, or empty.
-        quantity: What was measured.
-        error: Relative error.
-        measured: What the solver says.
-        exact: What it should say.
-        unit: Unit of both.
-        particles: Particles at the end.
-        steps: Time steps.
-        evaluations: Velocity evaluations.
-        simulated_s: Simulated time [s].
-        wall_s: Median time of the repetitions [s].
-        wall_s_per_simulated_hour: The same for an hour of the flow [s].
-        device: Warp device.
-        machine: What it is.
-        command: What made the row.
-        repetitions: How many times it was run.
-        low: Shortest time of the repetitions [s].
-        high: Longest [s].
+    ``error`` is relative, ``measured`` and ``exact`` are in ``unit``; ``particles`` are those at
+    the end, ``evaluations`` those of the velocity. Times are in seconds: ``wall_s`` the median of
+    the repetitions, from ``low`` to ``high``. ``preset`` is empty for a setting that is none.
     """
 
     case: str
@@ -78,21 +65,41 @@ class Row:
     high: float
 
 
+def row_of(
+    benchmark: str, particles: int, values: Sequence[float], unit: str
+) -> dict[str, Any]:
+    """The row of a benchmark's repetitions: their median, and from where to where they went."""
+    return {
+        'benchmark': benchmark,
+        'particles': particles,
+        'value': median(values),
+        'unit': unit,
+        'low': min(values),
+        'high': max(values),
+        'repetitions': len(values),
+    }
+
+
 def write_csv(rows: Sequence[Any], path: Path) -> None:
-    """Write rows, dataclasses of one kind and at least one, as CSV with numbers to six digits.
+    """Write rows with the same columns, one at least, as CSV with numbers to six digits.
 
     Raises:
         LavaError: The file cannot be written.
     """
     text = StringIO()
-    writer = csv.DictWriter(text, [item.name for item in fields(rows[0])], lineterminator='\n')
+    writer = csv.DictWriter(text, list(_columns(rows[0])), lineterminator='\n')
     writer.writeheader()
     for row in rows:
-        values = asdict(row).items()
+        values = _columns(row).items()
         writer.writerow(
             {name: f'{value:.6g}' if isinstance(value, float) else value for name, value in values}
         )
     write_output('output', path, text.getvalue())
+
+
+def _columns(row: Any) -> dict[str, Any]:
+    """The values of a row, a dataclass or a mapping, by column."""
+    return row if isinstance(row, dict) else asdict(row)
 
 
 def read_csv(path: Path) -> list[Row]:
@@ -101,30 +108,23 @@ def read_csv(path: Path) -> list[Row]:
     Raises:
         LavaError: The file cannot be read, or is no such file.
     """
-    names = [item.name for item in fields(Row)]
+    types: dict[str, Callable[[str], Any]] = {'str': str, 'float': float, 'int': int}
+    columns = fields(Row)
     try:
-        with TextIOWrapper(open_input(path), newline='', encoding='utf-8') as file:
-            reader = csv.DictReader(file)
-            if reader.fieldnames != names:
-                raise LavaError('columns', reader.fieldnames, f'{", ".join(names)} in {path}')
-            types: list[Callable[[str], Any]] = [_TYPES[str(item.type)] for item in fields(Row)]
-            return [
-                Row(*(convert(line[name]) for convert, name in zip(types, names, strict=True)))
-                for line in reader
-            ]
-    except (OSError, ValueError) as error:
+        return [
+            Row(*(types[str(item.type)](line[item.name]) for item in columns))
+            for _, line in read_table('report', path, [item.name for item in columns], ())
+        ]
+    except ValueError as error:
         raise LavaError('report', str(path), f'a CSV of measurements ({error})') from error
 
 
-_TYPES: dict[str, Callable[[str], Any]] = {'str': str, 'float': float, 'int': int}
-
-
 def as_plain(rows: Sequence[Any]) -> list[dict[str, Any]]:
-    """Turn rows, dataclasses, into a list with the CSV's columns for JSON, None for NaN."""
+    """Turn rows into a list with the CSV's columns for JSON, None for NaN."""
     return [
         {
             name: None if isinstance(value, float) and math.isnan(value) else value
-            for name, value in asdict(row).items()
+            for name, value in _columns(row).items()
         }
         for row in rows
     ]
@@ -132,16 +132,10 @@ def as_plain(rows: Sequence[Any]) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Point:
-    """A setting in a case: the largest error of its quantities, and the time it took.
+    """A setting in a case: its largest relative error, infinite where one is no number.
 
-    Attributes:
-        case: Name of the case.
-        setting: Name of the setting.
-        preset: Name of the preset that the setting is, or empty.
-        error: Largest relative error.
-        cost: Wall time for a simulated hour [s].
-        particles: Particles at the end.
-        least: Largest of the errors that are numbers; the error is infinite where one is not.
+    ``cost`` is the wall time for a simulated hour [s], ``least`` the largest of the errors that
+    are numbers, ``preset`` the name of the preset that it is, or empty.
     """
 
     case: str

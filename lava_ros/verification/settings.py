@@ -22,7 +22,7 @@ import math
 from lava_ros.simulation.accuracy import Accuracy, GRADIENTS
 from lava_ros.simulation.presets import DEFAULT, PRESETS
 from lava_ros.verification.cases import Case, CASES
-from lava_ros.verification.lateral import lateral_experiments
+from lava_ros.verification.cases.sheets import EXPERIMENTS
 
 #: Refinements of the grid: 500, 2,000, 8,000 and 32,000 particles in the fixed volume's case.
 REFINEMENTS = (0.25, 0.5, 1.0, 2.0)
@@ -71,14 +71,7 @@ LITERAL = 4.74
 
 @dataclass(frozen=True)
 class Setting:
-    """One column of the experiment.
-
-    Attributes:
-        name: What it is, in words.
-        accuracy: The knobs.
-        preset: Name of the preset it is, if any.
-        cases: Names of the cases it is run on; None for all.
-    """
+    """One column of the experiment, on the cases that are named, None for all; maybe a preset."""
 
     name: str
     accuracy: Accuracy
@@ -87,11 +80,7 @@ class Setting:
 
 
 def all_settings(*, quick: bool = False) -> list[Setting]:
-    """The settings of a report, each accuracy once, from cheap to dear.
-
-    Args:
-        quick: Only what takes less than two minutes on two cores.
-    """
+    """The settings of a report, each accuracy once, from cheap to dear."""
     refinements, ratios = (QUICK_REFINEMENTS, QUICK_RATIOS) if quick else (REFINEMENTS, RATIOS)
     chosen = {
         PRESETS[name].accuracy: name for name in (QUICK_PRESETS if quick else tuple(PRESETS))
@@ -232,17 +221,16 @@ def expected_cost(accuracy: Accuracy) -> float:
 def all_pairs(*, quick: bool = False) -> list[tuple[Case, Setting]]:
     """Every case with the settings it is run at, from cheap to dear, and the lateral experiments.
 
-    Args:
-        quick: Only what takes less than two minutes on two cores.
+    A quick report takes less than two minutes on two cores.
     """
     settings = all_settings(quick=quick)
     pairs = [
         (case, item) for case in CASES.values() for item in settings if _is_run(item, case.name)
     ]
     return pairs + [
-        (item.case, Setting(item.setting, _standard()))
-        for item in lateral_experiments()
-        if not quick or item.setting.endswith(QUICK_RADII)
+        (case, Setting(name, _standard()))
+        for name, case in EXPERIMENTS.items()
+        if not quick or name.endswith(QUICK_RADII)
     ]
 
 

@@ -68,11 +68,7 @@ class Frames(Protocol):
         """Take what has come since; never raises for what came."""
 
     def frame(self, index: int) -> Frame:
-        """Return the frame of ``times[index]``.
-
-        Raises:
-            LavaError: It cannot be read.
-        """
+        """The frame of ``times[index]``; LavaError where it cannot be read."""
 
 
 def watched_layers(files: tuple[str, ...] = ('default.yaml', 'forecast.yaml')) -> list[Layer]:
@@ -90,11 +86,7 @@ class BagFrames:
     """The frames of a bag, also of one that is still recorded."""
 
     def __init__(self, path: str | Path) -> None:
-        """Open the bag.
-
-        Raises:
-            LavaError: It is no bag.
-        """
+        """Open the bag; LavaError where it is none."""
         BagReader(path)
         self.times: list[float | None] = []
         self.version = 0

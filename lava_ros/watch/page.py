@@ -100,11 +100,7 @@ class Page:
     """The page of one browser session, with its own slider and choice of map."""
 
     def __init__(self, frames: Frames) -> None:
-        """Lay the page out, empty.
-
-        Args:
-            frames: What is shown.
-        """
+        """Lay the page out, empty."""
         self._frames = frames
         self._version, self._problem = -1, ''
         self._time: float | None = None
@@ -286,16 +282,10 @@ def _placed(frame: Frame, image: np.ndarray) -> dict[str, Any]:
 def serve(
     frames: Frames, address: str, port: int, *, on_poll: Callable[[], None] = lambda: None
 ) -> BaseServer:
-    """Serve the page, with all that it needs, to whoever asks at an address.
+    """Serve the page, with all that it needs, at an address, ``0.0.0.0`` for every network.
 
-    Args:
-        frames: What is shown.
-        address: Where to listen: a name or a number, ``0.0.0.0`` for every network.
-        port: The port, 0 for a free one.
-        on_poll: Called after each look for what is new.
-
-    Returns:
-        The server; it serves while its ``io_loop`` runs.
+    Port 0 is a free one. The server, which is returned, serves while its ``io_loop`` runs, and
+    calls ``on_poll`` after each look for what is new.
 
     Raises:
         LavaError: The address is not this machine's, or the port is taken.

@@ -25,7 +25,7 @@ import pytest
 
 from lava_ros.cli import main as cli
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.verification import cases, measure, settings
+from lava_ros.verification import cases, settings
 from lava_ros.verification.rows import read_csv
 
 ROOT = Path(__file__).parents[2]
@@ -101,39 +101,12 @@ def test_what_is_interrupted_keeps_what_it_has(tmp_path, one_setting, monkeypatc
     def stop(accuracy, device):
         raise KeyboardInterrupt
 
-    monkeypatch.setitem(settings.CASES, 'dam_break', replace(second, run=stop))
+    monkeypatch.setitem(settings.CASES, 'dam_break', replace(second, measure=stop))
     words = ['--quick', '--device', 'cpu', '--output', str(tmp_path)]
     words += ['--case', 'fixed_volume', '--case', 'dam_break']
     assert cli.main(['accuracy', *words]) == 130
     assert {row.case for row in read_csv(tmp_path / 'cpu.csv')} == {'fixed_volume'}
     assert 'Fixed volume' in (tmp_path / 'cpu.md').read_text()
-
-
-@pytest.mark.parametrize(
-    ('words', 'field'),
-    [
-        (('--case', 'none'), '--case'),
-        (('--device', 'cuda:77'), '--device'),
-        (('--repetitions', '0'), '--repetitions'),
-        (('--output', 'file/folder'), '--output'),
-        (('--json', 'none/a.json'), '--json'),
-    ],
-)
-def test_what_cannot_be_used_is_refused_before_anything_runs(
-    words, field, tmp_path, monkeypatch, capsys
-):
-    """A wrong argument is one sentence at once, not after an hour of measuring."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / 'file').write_text('')
-
-    def never(*args, **options):
-        raise AssertionError('it began to measure')
-
-    monkeypatch.setattr(measure, 'measure', never)
-    assert cli.main(['accuracy', *words]) == 2
-    errors = capsys.readouterr().err
-    assert errors.startswith(f'lava accuracy: {field} ')
-    assert errors.count('\n') == 1
 
 
 def test_a_bare_machine_is_enough(tmp_path):

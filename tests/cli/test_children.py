@@ -14,7 +14,6 @@
 
 """Processes that a command starts: how they end is told, and none is left behind."""
 
-from collections.abc import Callable
 import os
 from pathlib import Path
 import signal
@@ -24,7 +23,7 @@ import time
 
 import pytest
 
-from lava_ros.cli.children import Child, ChildError, SHOWN_LINES
+from lava_ros.cli.ros import Child, ChildError, SHOWN_LINES
 
 ROOT = Path(__file__).parents[2]
 
@@ -54,7 +53,7 @@ time.sleep(60)
 
 
 @pytest.fixture
-def start(tmp_path: Path) -> Callable[[str], Child]:
+def start(tmp_path):
     """Starts a child of a program's text, and waits until it has said something."""
 
     def begin(text: str) -> Child:
@@ -71,7 +70,7 @@ def start(tmp_path: Path) -> Callable[[str], Child]:
     return begin
 
 
-def test_a_child_that_follows(start: Callable[[str], Child]) -> None:
+def test_a_child_that_follows(start):
     """It ends when it is asked to; asking again does no harm."""
     child = start(ENDS_WELL)
     child.check()
@@ -81,7 +80,7 @@ def test_a_child_that_follows(start: Callable[[str], Child]) -> None:
         child.check()
 
 
-def test_a_child_that_does_not_follow_is_killed(start: Callable[[str], Child]) -> None:
+def test_a_child_that_does_not_follow_is_killed(start):
     """That is an error for one that had to end well."""
     child = start(STUBBORN)
     with pytest.raises(ChildError, match=r'did not end within 0.2 s; its log ends with\n    here'):
@@ -89,7 +88,7 @@ def test_a_child_that_does_not_follow_is_killed(start: Callable[[str], Child]) -
     assert child.end(0.2) == -9
 
 
-def test_a_child_that_fails_shows_the_end_of_its_log(start: Callable[[str], Child]) -> None:
+def test_a_child_that_fails_shows_the_end_of_its_log(start):
     """Its last lines, and its status."""
     child = start(FAILS)
     with pytest.raises(ChildError, match='ended with status 3') as caught:
@@ -106,7 +105,7 @@ from pathlib import Path
 import signal
 import sys
 import time
-from lava_ros.cli.children import Child
+from lava_ros.cli.ros import Child
 # whoever runs the tests may ignore it, as nohup does
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 child = Child('program', 'a_program', [], log=Path('a.log'), env=os.environ)
@@ -121,7 +120,7 @@ finally:
 
 
 @pytest.mark.parametrize('name', ['SIGTERM', 'SIGHUP'])
-def test_children_end_with_their_command(tmp_path: Path, name: str) -> None:
+def test_children_end_with_their_command(tmp_path, name):
     """One that is told to end, or loses its terminal, ends its children first."""
     (tmp_path / 'a_program.py').write_text(ENDS_WELL)
     (tmp_path / 'command.py').write_text(COMMAND)

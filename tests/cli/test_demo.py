@@ -50,7 +50,7 @@ def start(directory: Path, *words: str) -> subprocess.Popen[str]:
     )
 
 
-def test_a_domain_in_use_is_not_free(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_domain_in_use_is_not_free(monkeypatch):
     """Whoever is in it would hear the demo, and the demo whoever is in it."""
     busy = own_domain('busy')
     chosen = SimpleNamespace(sample=lambda *_: [busy])
@@ -59,7 +59,7 @@ def test_a_domain_in_use_is_not_free(monkeypatch: pytest.MonkeyPatch) -> None:
         ros.domain_of(None)
 
 
-def test_the_demo_runs_again_and_again(tmp_path: Path) -> None:
+def test_the_demo_runs_again_and_again(tmp_path):
     """It leaves a bag others can read, a picture and a table, and replaces its own earlier bag."""
     words = ('--duration', '900', '--max-speed', '300', '--device', 'cpu', '--json', 'out.json')
     for attempt in range(2):
@@ -87,9 +87,7 @@ def test_the_demo_runs_again_and_again(tmp_path: Path) -> None:
     assert min(counts[name] for name in ('/height', '/temperature', '/hazard')) >= 2
 
 
-def test_what_no_demo_made_is_not_touched(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_no_demo_made_is_not_touched(tmp_path, monkeypatch, capsys):
     """A folder that is not an earlier demo's stays, whatever is in it."""
     monkeypatch.chdir(tmp_path)
     for name in ('metadata.yaml', 'a_0.mcap'):
@@ -103,9 +101,7 @@ def test_what_no_demo_made_is_not_touched(
     assert len(list((tmp_path / 'mine').iterdir())) == 4
 
 
-def test_what_cannot_be_written_is_refused_before_anything_starts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_written_is_refused_before_anything_starts(tmp_path, monkeypatch, capsys):
     """A result for a folder that is missing is named at once, and an earlier demo stays."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'lava_demo').mkdir()
@@ -116,7 +112,7 @@ def test_what_cannot_be_written_is_refused_before_anything_starts(
     assert (tmp_path / 'lava_demo/demo.json').exists()
 
 
-def test_a_discharge_that_changes_gives_its_integral(tmp_path: Path) -> None:
+def test_a_discharge_that_changes_gives_its_integral(tmp_path):
     """Whatever the speed; the scene's own gravity is the node's."""
     np.savez(tmp_path / 'a.npz', elevation=np.zeros((40, 40)), resolution=10.0)
     vent = {'position': [200.0, 200.0], 'discharge': [[0.0, 30.0], [600.0, 0.0]], 'radius': 20.0}
@@ -133,7 +129,7 @@ def test_a_discharge_that_changes_gives_its_integral(tmp_path: Path) -> None:
     assert {'/terrain', '/vents'} <= held
 
 
-def test_a_node_that_cannot_work_is_an_error_with_its_log(tmp_path: Path) -> None:
+def test_a_node_that_cannot_work_is_an_error_with_its_log(tmp_path):
     """A device that does not exist ends the demo with status 1 and the node's own words."""
     demo = start(tmp_path, '--device', 'cuda:77', '--duration', '600')
     _, errors = demo.communicate(timeout=60)
@@ -143,7 +139,7 @@ def test_a_node_that_cannot_work_is_an_error_with_its_log(tmp_path: Path) -> Non
     assert 'Traceback' not in errors
 
 
-def test_ctrl_c_leaves_a_finished_bag_and_no_processes(tmp_path: Path) -> None:
+def test_ctrl_c_leaves_a_finished_bag_and_no_processes(tmp_path):
     """An interrupted demo ends its children, and its bag is whole and may be replaced."""
     demo = start(tmp_path, '--device', 'cpu', '--duration', '7200')
     assert demo.stdout is not None

@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 def findings(monkeypatch):
     """What the doctor finds, to be filled."""
     found: list[Finding] = []
-    monkeypatch.setattr(cli.doctor, '_findings', lambda args: iter(found))
+    monkeypatch.setattr('lava_ros.cli.doctor._findings', lambda args: iter(found))
     return found
 
 
@@ -92,19 +92,8 @@ def test_every_check_is_made_without_ros_and_gpu(tmp_path):
     )
     assert ended.returncode == 1, ended.stderr
     levels = {item['check']: item for item in json.loads(ended.stdout)}
-    assert set(levels) == {
-        'python',
-        'packages',
-        'ros',
-        'discovery',
-        'dds',
-        'sros2',
-        'qos',
-        'gpu',
-        'kernel cache',
-        'disk',
-        'clock',
-    }
+    names = 'python packages ros discovery dds sros2 qos gpu kernel_cache disk clock'
+    assert set(levels) == {name.replace('_', ' ') for name in names.split()}
     assert levels['ros']['level'] == levels['dds']['level'] == FAIL
     assert 'none.yaml' in levels['qos']['text']
     assert all(item['way_out'] for item in levels.values() if item['level'] != OK)

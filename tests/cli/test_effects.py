@@ -19,8 +19,6 @@ from dataclasses import fields
 import json
 from pathlib import Path
 
-import pytest
-
 from lava_ros.cli import main as cli
 from lava_ros.cli.effects import step_costs
 from lava_ros.effects import EFFECTS, Effects
@@ -95,18 +93,3 @@ def test_bench_effects_writes_its_table(tmp_path, capsys, monkeypatch):
     )
     assert len(json.loads(text.read_text())) == 2
     assert 'green' in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    'words',
-    [
-        ('--device', 'cuda:77'),
-        ('--repetitions', '0'),
-        ('--output', 'none/a.csv'),
-        ('--json', '.'),
-    ],
-)
-def test_what_cannot_be_used_is_refused(words, capsys):
-    """An argument that is not usable is named before anything is measured."""
-    assert cli.main(['bench', 'effects', *words]) == 2
-    assert words[0] in capsys.readouterr().err

@@ -16,7 +16,6 @@
 """`lava hindcast`, `lava calibrate`, `lava barrier` and `lava materials`."""
 
 import json
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,7 +39,7 @@ LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_streng
 
 
 @pytest.fixture(scope='module')
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished(tmp_path_factory):
     """The folder of a hindcast."""
     folder = tmp_path_factory.mktemp('hindcast')
     case = write_case(folder / 'valley', hours=1, yaml=LAVA)
@@ -50,7 +49,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_numbers_are_written(finished: Path) -> None:
+def test_numbers_are_written(finished):
     """The JSON has score, budget, settings and constants, twice."""
     data = json.loads((finished / 'out.json').read_text())
     assert data == json.loads((finished / 'out/hindcast.json').read_text())
@@ -65,7 +64,7 @@ def test_numbers_are_written(finished: Path) -> None:
     assert not (finished / 'out/.unfinished').exists()
 
 
-def test_vents_of_the_command(tmp_path: Path) -> None:
+def test_vents_of_the_command(tmp_path):
     """They replace the case's; a discharge is each vent's own, else the case's is divided."""
     words = ['hindcast', str(write_case(tmp_path / 'valley', hours=1, yaml=LAVA)), '-o']
     words += [str(tmp_path / 'out'), '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
@@ -89,7 +88,7 @@ def test_vents_of_the_command(tmp_path: Path) -> None:
     assert main([*words, '--vent', '1,2']) == 2
 
 
-def test_maps_are_on_the_elevation(finished: Path) -> None:
+def test_maps_are_on_the_elevation(finished):
     """GeoTIFFs lie where the elevation does, and the comparison adds up to the score."""
     score = json.loads((finished / 'out.json').read_text())['score']
     names = ('thickness', 'peak_thickness', 'arrival', 'temperature', 'comparison')
@@ -111,7 +110,7 @@ def test_maps_are_on_the_elevation(finished: Path) -> None:
     assert grids['temperature'].max() < 1100.0
 
 
-def test_page_says_what_was_run(finished: Path) -> None:
+def test_page_says_what_was_run(finished):
     """The page has the score, its constants with sources, and no text that is markup."""
     text = (finished / 'out/hindcast.html').read_text()
     score = json.loads((finished / 'out.json').read_text())['score']
@@ -124,7 +123,7 @@ def test_page_says_what_was_run(finished: Path) -> None:
     assert (finished / 'out/comparison.png').stat().st_size > 10_000
 
 
-def test_bag_has_the_maps(finished: Path) -> None:
+def test_bag_has_the_maps(finished):
     """The bag has a frame for each map, at its simulated time, and what describes the run."""
     bag = BagReader(finished / 'out/bag')
     assert len(list(bag.messages(['/height']))) == 3
@@ -134,7 +133,7 @@ def test_bag_has_the_maps(finished: Path) -> None:
     assert read_frame(finished / 'out/bag', 2400.0).time == pytest.approx(2400.0)
 
 
-def test_more_runs_say_how_sure_it_is(tmp_path: Path) -> None:
+def test_more_runs_say_how_sure_it_is(tmp_path):
     """Scores of two more runs, their majority, and the share of them in each cell."""
     case = write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)
     arguments = ['hindcast', str(case), '--preset', 'draft', '--spacing', '20', '--device', 'cpu']
@@ -153,9 +152,7 @@ def test_more_runs_say_how_sure_it_is(tmp_path: Path) -> None:
     assert not (tmp_path / 'out/.unfinished').exists()
 
 
-def test_wrong_case_is_refused_in_a_sentence(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_case_is_refused_in_a_sentence(tmp_path, capsys):
     """The command ends with status 2 and one line that says what is wrong."""
     case = write_case(tmp_path / 'valley')
     (case / 'vent.csv').unlink()
@@ -168,9 +165,7 @@ def test_wrong_case_is_refused_in_a_sentence(
 
 
 @pytest.mark.parametrize('command', ['hindcast', 'calibrate'])
-def test_what_cannot_be_written_is_refused_before_the_flow(
-    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_written_is_refused_before_the_flow(command, tmp_path, capsys):
     """A file in a folder that is missing is named at once: nothing has run."""
     words = [command, str(write_case(tmp_path / 'valley')), '-o', str(tmp_path / 'out')]
     assert main([*words, '--json', str(tmp_path / 'none/a.json')]) == 2
@@ -178,9 +173,7 @@ def test_what_cannot_be_written_is_refused_before_the_flow(
     assert not (tmp_path / 'out').exists()
 
 
-def test_folder_of_something_else_is_left_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_folder_of_something_else_is_left_alone(tmp_path, capsys):
     """A folder that no hindcast made is not written to."""
     case = write_case(tmp_path / 'valley')
     (tmp_path / 'out').mkdir()
@@ -190,9 +183,7 @@ def test_folder_of_something_else_is_left_alone(
     assert [path.name for path in (tmp_path / 'out').iterdir()] == ['thesis.txt']
 
 
-def test_calibration_reports_near_best_sets(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_calibration_reports_near_best_sets(tmp_path, capsys):
     """A few runs in given ranges make a table and a result; the same runs are not run twice."""
     case = write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)
     arguments = ['calibrate', str(case), '--device', 'cpu', '--spacing', '40', '--runs', '5']
@@ -219,9 +210,7 @@ def test_calibration_reports_near_best_sets(
     assert '--directions' in (message := capsys.readouterr().err) and '2 as in' in message
 
 
-def test_calibration_of_two_cases(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_calibration_of_two_cases(tmp_path, capsys):
     """Both have the same constants, and each is judged by those of the other."""
     cases = [write_case(tmp_path / name, hours=0.5, yaml=LAVA) for name in ('one', 'two')]
     words = ['calibrate', *map(str, cases), '--device', 'cpu', '--spacing', '40', '--runs', '4']
@@ -240,7 +229,7 @@ def test_calibration_of_two_cases(
     assert 'a table of runs with crust_cover of one' in capsys.readouterr().err
 
 
-def test_barrier_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_barrier_is_written(tmp_path, capsys):
     """The new elevation is the old one, higher along the line."""
     case = write_case(tmp_path / 'valley')
     x, y = VENT
@@ -269,9 +258,7 @@ def test_barrier_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
         ([], '--low-pass'),
     ],
 )
-def test_wrong_barriers_are_named(
-    arguments: list[str], word: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_barriers_are_named(arguments, word, tmp_path, capsys):
     """Each by a sentence, and no file is written."""
     case = write_case(tmp_path / 'valley')
     terrain, output = str(case / 'elevation.asc'), tmp_path / 'new.tif'
@@ -280,7 +267,7 @@ def test_wrong_barriers_are_named(
     assert not output.exists()
 
 
-def test_materials_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_materials_are_listed(capsys):
     """Each lava with its numbers, units and references."""
     assert main(['materials']) == 0
     said = capsys.readouterr().out
@@ -294,9 +281,7 @@ def test_materials_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     assert 'etna_basalt' in capsys.readouterr().err
 
 
-def test_a_case_in_degrees_runs_without_a_warning(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_case_in_degrees_runs_without_a_warning(tmp_path, capsys):
     """What a stranger has of the web needs no conversion, and nobody is warned of anything."""
     folder, _ = write_case_in_degrees(tmp_path / 'degrees', hours=0.5)
     words = ['hindcast', str(folder), '--preset', 'draft', '--device', 'cpu', '--maps', '1']

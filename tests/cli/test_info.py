@@ -14,7 +14,6 @@
 
 """`lava info` and `lava recover`, as the command line calls them."""
 
-import argparse
 import json
 from pathlib import Path
 import subprocess
@@ -24,8 +23,7 @@ import pytest
 
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import NAME
-from lava_ros.cli import info, recover, replay
-from lava_ros.errors import LavaError
+from lava_ros.cli.main import main
 from lava_ros.simulation.checkpoint import MEDIA_TYPE
 from small_checkpoint import small_checkpoint
 
@@ -36,20 +34,13 @@ SCENE = {
 }
 
 
-def call(*words: str) -> int:
-    """Parse the words and run the command."""
-    parser = argparse.ArgumentParser()
-    subparsers = parser.add_subparsers()
-    for command in (info, recover, replay):
-        subparser = subparsers.add_parser(command.__name__.split('.')[-1])
-        command.add_arguments(subparser)
-        subparser.set_defaults(run=command.run)
-    args = parser.parse_args(words)
-    return args.run(args)
+def call(*words):
+    """Run the command."""
+    return main(words)
 
 
 @pytest.fixture
-def bag(tmp_path: Path) -> Path:
+def bag(tmp_path):
     """A bag of three messages with a scene."""
     data = {'scene': json.dumps(SCENE), 'device': 'cuda:0'}
     with BagWriter(tmp_path / 'bag', custom_data=data) as writer:
@@ -59,7 +50,7 @@ def bag(tmp_path: Path) -> Path:
     return tmp_path / 'bag'
 
 
-def test_info_says_what_is_in_a_bag(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_says_what_is_in_a_bag(bag, capsys):
     """Scene, vents, topics, durability, duration and state are printed."""
     assert call('info', str(bag)) == 0
     lines = [' '.join(line.split()) for line in capsys.readouterr().out.splitlines()]
@@ -71,7 +62,7 @@ def test_info_says_what_is_in_a_bag(bag: Path, capsys: pytest.CaptureFixture[str
     assert 'device: cuda:0' in lines
 
 
-def test_info_as_json(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_info_as_json(bag, tmp_path, capsys):
     """The same as JSON, in a file or on standard output."""
     assert call('info', str(bag), '--json', str(tmp_path / 'info.json')) == 0
     data = json.loads((tmp_path / 'info.json').read_text())
@@ -80,13 +71,10 @@ def test_info_as_json(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert (data['message_count'], data['recovered'], data['duration']) == (3, False, 2.0)
     assert call('info', str(bag), '--json', '-') == 0
     assert json.loads(capsys.readouterr().out) == data
-    with pytest.raises(LavaError, match='--json'):
-        call('info', str(bag), '--json', str(tmp_path / 'gone' / 'info.json'))
+    assert call('info', str(bag), '--json', str(tmp_path / 'gone' / 'info.json')) == 2
 
 
-def test_info_says_which_effects_were_on(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_info_says_which_effects_were_on(tmp_path, capsys):
     """The table at the start and what changed later, as text and as JSON."""
     changes = [
         {'stamp_ns': 1, 'time': 0.0, 'effects': {'steep': 'on: slope = 0.8 > 0.12'}},
@@ -108,18 +96,14 @@ def test_info_says_which_effects_were_on(
 
 
 @pytest.mark.parametrize('text', ['[1', '[1]', '{}', '[{"time": 0}]'])
-def test_effects_that_cannot_be_read_are_shown_as_text(
-    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_effects_that_cannot_be_read_are_shown_as_text(text, tmp_path, capsys):
     """A bag of someone else's may have anything by that name."""
     BagWriter(tmp_path / 'bag', custom_data={'effects': text}).close()
     assert call('info', str(tmp_path / 'bag')) == 0
     assert f'  effects: {text}' in capsys.readouterr().out
 
 
-def test_info_and_recover_of_a_bag_that_was_cut_off(
-    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_info_and_recover_of_a_bag_that_was_cut_off(bag, tmp_path, capsys):
     """A cut bag is described as such, and made whole by recover."""
     path = bag / 'bag_0.mcap'
     path.write_bytes(path.read_bytes()[:-50])
@@ -129,11 +113,11 @@ def test_info_and_recover_of_a_bag_that_was_cut_off(
     assert call('recover', str(bag), str(tmp_path / 'whole')) == 0
     assert '3 messages' in capsys.readouterr().out
     assert not BagReader(tmp_path / 'whole').recovered
-    with pytest.raises(LavaError, match='choose another name'):
-        call('recover', str(bag), str(tmp_path / 'whole'))
+    assert call('recover', str(bag), str(tmp_path / 'whole')) == 2
+    assert 'choose another name' in capsys.readouterr().err
 
 
-def test_checkpoints_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_checkpoints_are_listed(tmp_path, capsys):
     """The newest of them with time and size in the text, all of them in the JSON."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for count in range(7):
@@ -152,9 +136,7 @@ def test_checkpoints_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert stored[6]['size'] == len(checkpoint.to_bytes())
 
 
-def test_a_bag_names_what_it_was_resumed_from(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_bag_names_what_it_was_resumed_from(tmp_path, capsys):
     """Bag and simulated time in the text, all of it in the JSON; another text is only shown."""
     origin = {'bag': 'bags/first', 'time': 1234.5, 'stamp_ns': 7}
     BagWriter(tmp_path / 'bag', custom_data={'resumed_from': json.dumps(origin)}).close()
@@ -170,7 +152,7 @@ def test_a_bag_names_what_it_was_resumed_from(
         assert f'  resumed_from: {text}\n' in capsys.readouterr().out
 
 
-def test_the_scene_may_be_anything(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_scene_may_be_anything(tmp_path, capsys):
     """Custom data that is no scene is printed as text, an empty bag too."""
     BagWriter(tmp_path / 'bag', custom_data={'scene': '[Etna', 'long': 'x ' * 100}).close()
     assert call('info', str(tmp_path / 'bag')) == 0
@@ -179,7 +161,7 @@ def test_the_scene_may_be_anything(tmp_path: Path, capsys: pytest.CaptureFixture
     assert max(len(line) for line in output.splitlines()) < 100
 
 
-def test_commands_are_described_without_ros() -> None:
+def test_commands_are_described_without_ros():
     """Building the parsers does not import rclpy: help is quick and works without ROS."""
     code = (
         'import sys; sys.modules["rclpy"] = None\n'
@@ -189,9 +171,7 @@ def test_commands_are_described_without_ros() -> None:
     subprocess.run([sys.executable, '-c', code], check=True, cwd=Path(__file__).parents[2])
 
 
-def test_info_says_what_is_in_each_file(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_info_says_what_is_in_each_file(tmp_path, capsys):
     """A bag of several files is listed file by file, one that was cut off marked as such."""
     with BagWriter(tmp_path / 'bag', custom_data={}, max_duration=2.0) as writer:
         for second in range(5):

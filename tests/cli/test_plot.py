@@ -40,13 +40,13 @@ def plot(folder: Path, *words: str) -> dict[str, Any]:
 
 
 @pytest.fixture(scope='module')
-def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bag(tmp_path_factory):
     """Frames at 200, 400, 600 and 800 s."""
     return record(tmp_path_factory.mktemp('plot') / 'flow')
 
 
 @pytest.fixture(scope='module')
-def ensemble(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def ensemble(tmp_path_factory):
     """Four members on the ground of the bag."""
     folder = tmp_path_factory.mktemp('ensemble')
     np.savez(
@@ -69,7 +69,7 @@ def ensemble_words(folder: Path) -> list[str]:
 
 
 @pytest.fixture
-def seen(tmp_path: Path) -> str:
+def seen(tmp_path):
     """Where lava was seen: a part of the bag's flow and of the ensemble's."""
     crs = {'properties': {'name': 'EPSG:32633'}}
     ring = [[499_950, 4_180_070], [500_060, 4_180_070], [500_060, 4_180_120],
@@ -79,7 +79,7 @@ def seen(tmp_path: Path) -> str:
     return str(tmp_path / 'seen.geojson')
 
 
-def test_a_bag(bag: Path, tmp_path: Path) -> None:
+def test_a_bag(bag, tmp_path):
     """The page says what the bag knows, and what it is told."""
     said = plot(tmp_path, str(bag))
     assert said['title'] == 'Lava flow after 13 min'
@@ -100,7 +100,7 @@ def test_a_bag(bag: Path, tmp_path: Path) -> None:
     assert said['notes']['date'] == '2026-11-23'
 
 
-def test_an_ensemble(ensemble: Path, tmp_path: Path, seen: str) -> None:
+def test_an_ensemble(ensemble, tmp_path, seen):
     """Probability and arrivals; with what was seen also how reliable they were."""
     said = plot(tmp_path, str(ensemble))
     assert len(said['maps']) == 4 and said['title'] == 'Lava within 3 min, 4 runs'
@@ -110,7 +110,7 @@ def test_an_ensemble(ensemble: Path, tmp_path: Path, seen: str) -> None:
     assert 0.0 < said['scores']['members']['brier_score'] < 1.0
 
 
-def test_shapes_of_an_ensemble(ensemble: Path) -> None:
+def test_shapes_of_an_ensemble(ensemble):
     """Isochrones lie beside the contours of probability: each holds all that came before."""
     for share in (10, 50, 90):
         path = ensemble / f'arrival_time_p{share}.geojson'
@@ -120,9 +120,7 @@ def test_shapes_of_an_ensemble(ensemble: Path) -> None:
         assert areas == sorted(areas) and (areas or share == 90)
 
 
-def test_formats_of_an_ensemble(
-    ensemble: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_formats_of_an_ensemble(ensemble, capsys, monkeypatch):
     """The command given again writes what was not asked for before; what cannot be is refused."""
     words = [*ensemble_words(ensemble.parent), '--formats', 'gpkg']
     with monkeypatch.context() as patch:
@@ -137,9 +135,7 @@ def test_formats_of_an_ensemble(
         assert layer.crs.to_epsg() == 32633 and 'time_s' in layer.schema['properties']
 
 
-def test_several_runs(
-    bag: Path, ensemble: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_several_runs(bag, ensemble, tmp_path, capsys):
     """They are told apart by their folders; what they have in common is said once."""
     other = record(tmp_path / 'other' / 'flow', times=(200.0, 400.0))
     said = plot(tmp_path, str(bag), str(other))
@@ -159,9 +155,7 @@ def test_several_runs(
     assert not (tmp_path / 'no.png').exists()
 
 
-def test_overlays(
-    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], seen: str
-) -> None:
+def test_overlays(bag, tmp_path, capsys, seen):
     """Points, lines and outlines of others are drawn; those beyond the map are counted."""
     plain = plot(tmp_path, str(bag), '--layers', 'hazard')
     before = imread(tmp_path / 'map.png')
@@ -186,17 +180,14 @@ def test_overlays(
         (('--time', '9h'), 'time is'),
     ],
 )
-def test_what_cannot_be_drawn(
-    bag: Path, tmp_path: Path, words: tuple[str, ...], named: str,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_what_cannot_be_drawn(bag, tmp_path, words, named, capsys):
     """One sentence, and no picture."""
     assert main(['plot', str(bag), '-o', str(tmp_path / 'a.png'), *words]) == 2
     assert re.search(named, capsys.readouterr().err)
     assert not (tmp_path / 'a.png').exists()
 
 
-def test_an_ensemble_without_maps(ensemble: Path, tmp_path: Path) -> None:
+def test_an_ensemble_without_maps(ensemble, tmp_path):
     """A folder that is not finished is named, and so is a time it has not."""
     (tmp_path / 'ensemble.json').write_text((ensemble / 'ensemble.json').read_text())
     assert main(['plot', str(tmp_path), '-o', str(tmp_path / 'a.png')]) == 2
@@ -205,7 +196,7 @@ def test_an_ensemble_without_maps(ensemble: Path, tmp_path: Path) -> None:
     assert main(['report', str(tmp_path), '-o', str(tmp_path / 'a.html')]) == 2
 
 
-def test_reports(bag: Path, ensemble: Path, tmp_path: Path, seen: str) -> None:
+def test_reports(bag, ensemble, tmp_path, seen):
     """A page of an ensemble or of several runs has the maps as a picture, and the facts."""
     page = tmp_path / 'a.html'
     assert main(['report', str(ensemble), '-o', str(page), '--observed', seen]) == 0

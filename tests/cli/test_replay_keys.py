@@ -14,7 +14,7 @@
 
 """The keys of a replay, in a real terminal."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 import os
 from pathlib import Path
@@ -27,16 +27,13 @@ import threading
 import time
 
 import pytest
-import rclpy
-from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from lava_ros.bag import BagWriter, LATCHED, QosProfile
 from lava_ros.cli.keys import Keys, keys_of
+from lava_ros.ros.spinning import Watcher
 from ros_domain import own_domain
 
 SECOND = 1_000_000_000
@@ -59,7 +56,7 @@ os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 
 
 @pytest.fixture
-def terminal() -> Iterator[tuple[int, int]]:
+def terminal():
     """Both ends of a terminal: the side that people are at, and the one of programs."""
     outside, inside = os.openpty()
     yield outside, inside
@@ -78,7 +75,7 @@ def terminal() -> Iterator[tuple[int, int]]:
         (b'\n', ['']),
     ],
 )
-def test_keys_have_names(terminal: tuple[int, int], typed: bytes, names: list[str]) -> None:
+def test_keys_have_names(terminal, typed, names):
     """Arrows in both modes of terminals; other keys are themselves, or nothing."""
     outside, inside = terminal
     with keys_of(inside) as keys:
@@ -87,7 +84,7 @@ def test_keys_have_names(terminal: tuple[int, int], typed: bytes, names: list[st
         assert keys.read(0.0) == ''
 
 
-def test_an_arrow_may_come_in_pieces(terminal: tuple[int, int]) -> None:
+def test_an_arrow_may_come_in_pieces(terminal):
     """A slow line does not make three keys of it."""
     outside, inside = terminal
     with keys_of(inside) as keys:
@@ -98,7 +95,7 @@ def test_an_arrow_may_come_in_pieces(terminal: tuple[int, int]) -> None:
         rest.join()
 
 
-def test_the_terminal_is_put_back(terminal: tuple[int, int]) -> None:
+def test_the_terminal_is_put_back(terminal):
     """Echo and lines are off while keys are read, and on again also after an error."""
     _, inside = terminal
     before = termios.tcgetattr(inside)
@@ -110,27 +107,23 @@ def test_the_terminal_is_put_back(terminal: tuple[int, int]) -> None:
     assert termios.tcgetattr(inside) == before
 
 
-class Heard:
+class Heard(Watcher):
     """What comes on /text in a graph of the test's own, as seconds of the bag."""
 
     def __init__(self, domain: int) -> None:
         """Subscribe."""
-        self.context = Context()
-        rclpy.init(context=self.context, domain_id=domain)
-        self.node = Node('listener', context=self.context)
-        self.executor = SingleThreadedExecutor(context=self.context)
-        self.executor.add_node(self.node)
+        super().__init__('listener', domain)
         self.places: list[float] = []
-        self.node.create_subscription(
+        self._node.create_subscription(
             String, '/text', lambda message: self.places.append(float(message.data)),
             QoSProfile(depth=1000),
         )
 
-    def listen(self, seconds: float) -> list[float]:
+    def during(self, seconds: float) -> list[float]:
         """What comes within a time."""
         before, end = len(self.places), time.monotonic() + seconds
         while time.monotonic() < end:
-            self.executor.spin_once(timeout_sec=0.02)
+            self.listen(0.02)
         return self.places[before:]
 
     def until(self, condition: Callable[[], bool], timeout: float = 30.0) -> None:
@@ -138,16 +131,11 @@ class Heard:
         end = time.monotonic() + timeout
         while not condition():
             assert time.monotonic() < end, self.places[-5:]
-            self.executor.spin_once(timeout_sec=0.02)
-
-    def close(self) -> None:
-        """Leave the graph."""
-        self.node.destroy_node()
-        rclpy.shutdown(context=self.context)
+            self.listen(0.02)
 
 
 @pytest.fixture
-def heard(monkeypatch: pytest.MonkeyPatch) -> Iterator[Heard]:
+def heard(monkeypatch):
     """A listener in a domain of this test process's own."""
     domain = own_domain('keys')
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
@@ -158,9 +146,7 @@ def heard(monkeypatch: pytest.MonkeyPatch) -> Iterator[Heard]:
 
 
 @pytest.fixture
-def replay(
-    tmp_path: Path, terminal: tuple[int, int], heard: Heard
-) -> Iterator['subprocess.Popen[bytes]']:
+def replay(tmp_path, terminal, heard):
     """`lava replay` of two minutes with ten texts a second, which is this terminal's program."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for tenth in range(int(10 * LENGTH) + 1):
@@ -201,9 +187,7 @@ class Screen(threading.Thread):
                     self.shown += os.read(self.outside, 4096).decode('utf-8', 'replace')
 
 
-def test_keys_in_a_terminal(
-    replay: 'subprocess.Popen[bytes]', terminal: tuple[int, int], heard: Heard
-) -> None:
+def test_keys_in_a_terminal(replay, terminal, heard):
     """Space holds, arrows move and quicken, q ends with status 0 and a terminal as before."""
     outside, inside = terminal
     screen = Screen(outside)
@@ -214,13 +198,13 @@ def test_keys_in_a_terminal(
     heard.until(lambda: len(heard.places) > 5, timeout=60.0)
     press(' ')
     heard.until(lambda: 'held' in screen.shown)
-    heard.listen(0.5)
-    assert heard.listen(1.0) == []
+    heard.during(0.5)
+    assert heard.during(1.0) == []
     place = heard.places[-1]
 
     press(RIGHT)
     press(RIGHT)
-    heard.listen(0.5)
+    heard.during(0.5)
     press(' ')
     heard.until(lambda: heard.places[-1] > place + 10.5)
     # by two jumps of five seconds; of what lies between at most the place of the first
@@ -261,7 +245,7 @@ def test_keys_in_a_terminal(
     assert termios.tcgetattr(inside)[3] & SHELL_FLAGS == SHELL_FLAGS
 
 
-def test_without_a_terminal_there_are_no_keys(tmp_path: Path, heard: Heard) -> None:
+def test_without_a_terminal_there_are_no_keys(tmp_path, heard):
     """What comes on the standard input of a script is not taken for keys."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for tenth in range(6):

@@ -25,7 +25,7 @@ from lava_ros.files.resources import share_path
 
 
 @pytest.fixture
-def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def installed(tmp_path, monkeypatch):
     """The package as if it were installed: not in a checkout, an empty prefix, no ament."""
     package = tmp_path / 'lib/site-packages/lava_ros'
     package.mkdir(parents=True)
@@ -43,18 +43,18 @@ def put(prefix: Path) -> Path:
     return path
 
 
-def test_checkout() -> None:
+def test_checkout():
     """In a checkout the files beside the package are used."""
     assert share_path('msg_configs/default.yaml').parents[1] == Path(share.__file__).parents[2]
 
 
-def test_pip(installed: Path) -> None:
+def test_pip(installed):
     """Without a checkout and ament, pip's share folder is used."""
     path = put(installed / 'prefix')
     assert share_path('msg_configs/default.yaml') == path
 
 
-def test_ament_comes_before_pip(installed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ament_comes_before_pip(installed, monkeypatch):
     """An ament prefix wins over pip's; the first prefix that has the file wins."""
     put(installed / 'prefix')
     path = put(installed / 'overlay')
@@ -64,7 +64,7 @@ def test_ament_comes_before_pip(installed: Path, monkeypatch: pytest.MonkeyPatch
     assert share_path('msg_configs/default.yaml') == path
 
 
-def test_somebody_elses_checkout_is_not_ours(installed: Path) -> None:
+def test_somebody_elses_checkout_is_not_ours(installed):
     """A package.xml of another package beside lava_ros/ does not make a checkout."""
     root = installed / 'lib/site-packages'
     (root / 'package.xml').write_text('<package><name>other</name></package>')
@@ -74,7 +74,7 @@ def test_somebody_elses_checkout_is_not_ours(installed: Path) -> None:
     assert share_path('msg_configs/default.yaml') == path
 
 
-def test_a_missing_file_lists_the_places(installed: Path) -> None:
+def test_a_missing_file_lists_the_places(installed):
     """The error names the file and every place that was looked at."""
     with pytest.raises(LavaError, match=r'msg_configs/none\.yaml') as caught:
         share_path('msg_configs/none.yaml')

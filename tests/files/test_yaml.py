@@ -30,7 +30,7 @@ BOMB = 'a: &a [x, x, x, x, x, x, x, x, x]\n' + ''.join(
 )
 
 
-def test_aliases_and_merged_keys_are_values() -> None:
+def test_aliases_and_merged_keys_are_values():
     """What people write by hand is read as before."""
     data = parse_yaml('scene', 'a: &a {x: 1}\nb: [*a, *a]\nc: {<<: *a, y: 2}\nd: 2001-02-03\n')
     assert data['b'] == [{'x': 1}, {'x': 1}]
@@ -64,7 +64,7 @@ def test_aliases_and_merged_keys_are_values() -> None:
     ],
     ids=lambda item: item[:20],
 )
-def test_what_is_refused(text: str, reason: str) -> None:
+def test_what_is_refused(text, reason):
     """Each is one error of one line, with the place and the reason."""
     with pytest.raises(LavaError) as caught:
         parse_yaml('scene', text)
@@ -74,7 +74,7 @@ def test_what_is_refused(text: str, reason: str) -> None:
     assert len(str(caught.value)) < 3 * LONGEST_VALUE
 
 
-def test_long_texts_are_not_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_texts_are_not_parsed(tmp_path, monkeypatch):
     """Neither a text nor a file."""
     monkeypatch.setattr(yaml_files, 'MOST_BYTES', 100)
     assert parse_yaml('scene', ' ' * 99 + '1') == 1
@@ -86,7 +86,7 @@ def test_long_texts_are_not_parsed(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize('name', ['none.yaml', '.', 'a\0b', 'x' * 5000, 'latin.yaml'])
-def test_files_that_cannot_be_read(tmp_path: Path, name: str) -> None:
+def test_files_that_cannot_be_read(tmp_path, name):
     """The error names the file."""
     (tmp_path / 'latin.yaml').write_bytes(b'# \xe9')
     with pytest.raises(LavaError, match='expected a readable YAML file') as caught:
@@ -94,7 +94,7 @@ def test_files_that_cannot_be_read(tmp_path: Path, name: str) -> None:
     assert len(str(caught.value)) < LONGEST_EXPECTED + 2 * LONGEST_VALUE
 
 
-def test_a_scene_of_aliases_is_refused_at_once(tmp_path: Path) -> None:
+def test_a_scene_of_aliases_is_refused_at_once(tmp_path):
     """Where its values stand behind keys that a scene has, it is the text that is refused."""
     keys = ['viscosity', 'density', 'solidus', 'crystals', 'packing', 'liquidus', 'vft_a', 'vft_b']
     lines = [f'  {keys[0]}: &k0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n']
@@ -105,7 +105,7 @@ def test_a_scene_of_aliases_is_refused_at_once(tmp_path: Path) -> None:
         scene_from_yaml(tmp_path / 'scene.yaml')
 
 
-def test_nothing_else_reads_yaml() -> None:
+def test_nothing_else_reads_yaml():
     """PyYAML's own loaders have no bounds."""
     package = Path(yaml_files.__file__).parents[1]
     users = [path.name for path in package.rglob('*.py') if 'yaml.load(' in path.read_text()]

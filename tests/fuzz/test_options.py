@@ -62,7 +62,7 @@ COMMANDS = {
 #: Where the work begins: what is before that reads and checks.
 WORK = (
     'lava_ros.maps.animation._Canvas.draw',
-    'lava_ros.verification.benchmarks.convergence.measure',
+    'lava_ros.verification.benchmarks.convergence.compare',
     'lava_ros.cli.demo._flow',
     'lava_ros.cli.forecast_demo._Truth.__init__',
     'lava_ros.forecast.pool.Pool.__init__',

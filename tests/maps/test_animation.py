@@ -43,7 +43,7 @@ sys.exit(1)
 
 
 @pytest.fixture(scope='module')
-def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def bag(tmp_path_factory):
     """Frames at 200, 400, 600 and 800 s."""
     return record(tmp_path_factory.mktemp('animation') / 'bag')
 
@@ -64,7 +64,7 @@ def lava_pixels(picture: Image.Image) -> int:
     return int(red.sum())
 
 
-def test_gif(bag: Path, tmp_path: Path) -> None:
+def test_gif(bag, tmp_path):
     """Each frame is longer than the one before; the last stays; it begins again by itself."""
     path = tmp_path / 'flow.gif'
     count = animate_bag(bag, path, source='hazard', seconds=2.0, fps=8.0, width=400)
@@ -88,9 +88,7 @@ def test_gif(bag: Path, tmp_path: Path) -> None:
     assert [item.name for item in tmp_path.iterdir()] == ['flow.gif']
 
 
-def test_mp4_goes_to_ffmpeg(
-    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_mp4_goes_to_ffmpeg(bag, tmp_path, monkeypatch):
     """Raw pictures of the right number and size, and options that play everywhere."""
     stand_in(STAND_IN, tmp_path / 'bin', monkeypatch)
     animate_bag(bag, tmp_path / 'flow.mp4', seconds=1.0, fps=4.0, width=301)
@@ -101,9 +99,7 @@ def test_mp4_goes_to_ffmpeg(
     assert text.endswith(f', {12 * 300 * 240 * 3}]')
 
 
-def test_what_ffmpeg_says_is_told(
-    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_ffmpeg_says_is_told(bag, tmp_path, monkeypatch):
     """Its failure is an error with its words, and leaves no file."""
     stand_in(FAILING, tmp_path / 'bin', monkeypatch)
     with pytest.raises(LavaError, match='Unknown encoder libx264'):
@@ -111,14 +107,14 @@ def test_what_ffmpeg_says_is_told(
     assert [item.name for item in tmp_path.iterdir()] == ['bin']
 
 
-def test_without_ffmpeg(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_ffmpeg(bag, tmp_path, monkeypatch):
     """The error says what is missing and what needs none."""
     monkeypatch.setenv('PATH', str(tmp_path))
     with pytest.raises(LavaError, match='ffmpeg on the path: apt install ffmpeg; a .gif needs'):
         animate_bag(bag, tmp_path / 'flow.mp4')
 
 
-def test_real_mp4(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_real_mp4(bag, tmp_path, monkeypatch):
     """With a real ffmpeg the file is an MP4 whose index is in front."""
     if shutil.which('ffmpeg') is None:
         wheel = pytest.importorskip('imageio_ffmpeg', reason='needs ffmpeg, or .[look]')
@@ -142,15 +138,13 @@ def test_real_mp4(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         ('missing/flow.gif', {'width': 200, 'seconds': 0.5}, 'output is .*missing'),
     ],
 )
-def test_what_cannot_be_is_refused(
-    bag: Path, tmp_path: Path, name: str, options: dict[str, object], words: str
-) -> None:
+def test_what_cannot_be_is_refused(bag, tmp_path, name, options, words):
     """One error that names it."""
     with pytest.raises(LavaError, match=words):
         animate_bag(bag, tmp_path / name, **options)  # type: ignore[arg-type]
 
 
-def test_a_layer_the_bag_lacks(tmp_path: Path) -> None:
+def test_a_layer_the_bag_lacks(tmp_path):
     """The error names those it has."""
     config = 'layers: {heat: {source: temperature, message: sensor_msgs/Image}}'
     bag = record(tmp_path / 'bag', config=config)

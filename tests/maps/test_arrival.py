@@ -33,7 +33,7 @@ def arrival_of(bag: Path, threshold: float) -> Arrival:
     return result
 
 
-def test_first_times(tmp_path: Path) -> None:
+def test_first_times(tmp_path):
     """A cell has the time of the first frame with lava, also when the lava has left since."""
 
     def flow(time: float) -> np.ndarray:
@@ -50,7 +50,7 @@ def test_first_times(tmp_path: Path) -> None:
     assert (found.longest_gap, found.frame_count) == (200.0, 4)
 
 
-def test_the_threshold_decides(tmp_path: Path) -> None:
+def test_the_threshold_decides(tmp_path):
     """Cells whose lava stays below it are never reached."""
     bag = record(tmp_path / 'bag', config=RAW_CONFIG)
     found = arrival_of(bag, 3.05)
@@ -61,13 +61,13 @@ def test_the_threshold_decides(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('threshold', [0.05, 0.0, -1.0])
-def test_a_threshold_that_the_layer_does_not_show(tmp_path: Path, threshold: float) -> None:
+def test_a_threshold_that_the_layer_does_not_show(tmp_path, threshold):
     """A grid without lava thinner than 0.1 m cannot say when such lava came."""
     with pytest.raises(LavaError, match=r'threshold is .*at least 0\.1 m'):
         arrival_of(record(tmp_path / 'bag', config=GRIDS), threshold)
 
 
-def test_a_step_of_the_grid_counts_as_what_it_stands_for(tmp_path: Path) -> None:
+def test_a_step_of_the_grid_counts_as_what_it_stands_for(tmp_path):
     """Lava that the grid rounds to the threshold has arrived."""
     bag = record(tmp_path / 'bag', flow=lambda time: np.full_like(growing(time), 0.3))
     found = arrival_of(bag, 0.3)
@@ -75,7 +75,7 @@ def test_a_step_of_the_grid_counts_as_what_it_stands_for(tmp_path: Path) -> None
     assert np.isfinite(found.times).sum() == 30 * 40 - 6
 
 
-def test_times_are_those_that_the_simulation_noted(tmp_path: Path) -> None:
+def test_times_are_those_that_the_simulation_noted(tmp_path):
     """Maps 200 s apart give them to the step, for this threshold alone, where maps have lava."""
 
     def noted(time: float) -> np.ndarray:

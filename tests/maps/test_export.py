@@ -14,7 +14,6 @@
 
 """GeoTIFF files say what the bag said, where it was."""
 
-from pathlib import Path
 import sys
 
 import numpy as np
@@ -27,16 +26,16 @@ from lava_ros.maps.export import export_bag, MAPS
 from lava_ros.maps.frames import read_frame
 from lava_ros.maps.gis import NODATA, NODATA_BYTE
 from lava_ros.scene import Terrain
-from recording import GRIDS, growing, RAW_CONFIG, record, silenced, TERRAIN
+from recording import GRIDS, record, silenced, TERRAIN
 
 
 @pytest.fixture
-def bag(tmp_path: Path) -> Path:
+def bag(tmp_path):
     """Frames at 200, 400, 600 and 800 s."""
     return record(tmp_path / 'bag', config=GRIDS)
 
 
-def test_values_come_back_as_the_frame_has_them(bag: Path, tmp_path: Path) -> None:
+def test_values_come_back_as_the_frame_has_them(bag, tmp_path):
     """Every cell of height, temperature and hazard, north up; nodata outside the terrain."""
     exported = export_bag(bag, tmp_path / 'out')
     assert [item.stem for item in exported.files] == list(MAPS)
@@ -57,7 +56,7 @@ def test_values_come_back_as_the_frame_has_them(bag: Path, tmp_path: Path) -> No
             np.testing.assert_array_equal(file.read_masks(1)[::-1] == 0, cells == nodata)
 
 
-def test_a_cell_is_where_it_was(bag: Path, tmp_path: Path) -> None:
+def test_a_cell_is_where_it_was(bag, tmp_path):
     """GDAL finds the tip of the flow at its easting and northing, in UTM zone 33."""
     export_bag(bag, tmp_path / 'out', maps=['height'])
     with rasterio.open(tmp_path / 'out/height.tif') as file:
@@ -77,7 +76,7 @@ def test_a_cell_is_where_it_was(bag: Path, tmp_path: Path) -> None:
     assert 37.0 < latitude[0] < 38.0
 
 
-def test_arrival_and_peak(bag: Path, tmp_path: Path) -> None:
+def test_arrival_and_peak(bag, tmp_path):
     """Seconds of the first map with lava; the thickest there was."""
     export_bag(bag, tmp_path / 'out', threshold=0.5)
     with rasterio.open(tmp_path / 'out/arrival.tif') as file:
@@ -94,7 +93,7 @@ def test_arrival_and_peak(bag: Path, tmp_path: Path) -> None:
     assert peak[0, 0] == NODATA
 
 
-def test_tags_tell_unit_time_and_rounding(bag: Path, tmp_path: Path) -> None:
+def test_tags_tell_unit_time_and_rounding(bag, tmp_path):
     """A file by itself says what it holds."""
     export_bag(bag, tmp_path / 'out', maps=['height', 'temperature'])
     with rasterio.open(tmp_path / 'out/height.tif') as file:
@@ -110,17 +109,7 @@ def test_tags_tell_unit_time_and_rounding(bag: Path, tmp_path: Path) -> None:
         assert 'steps of 12 from 0 to 1200' in file.tags()['quantisation']
 
 
-def test_layers_of_floats_are_not_rounded(tmp_path: Path) -> None:
-    """A bag with unrounded layers gives unrounded files, which say so."""
-    export_bag(record(tmp_path / 'bag', config=RAW_CONFIG), tmp_path / 'out')
-    with rasterio.open(tmp_path / 'out/height.tif') as file:
-        cells = file.read(1)[::-1]
-        assert file.tags()['quantisation'] == 'none: recorded as float32'
-    expected = np.where(TERRAIN.has_data & (growing(800.0) > 0.0), growing(800.0), NODATA)
-    np.testing.assert_array_equal(cells, expected.astype(np.float32))
-
-
-def test_lava_is_as_thick_as_it_is(tmp_path: Path) -> None:
+def test_lava_is_as_thick_as_it_is(tmp_path):
     """A bag of the node's own layers has no largest thickness, and thin lava is there, too."""
     flow = np.zeros(TERRAIN.shape, dtype=np.float32)
     flow[12, 5:8] = 41.37, 0.004, 12.5
@@ -132,7 +121,7 @@ def test_lava_is_as_thick_as_it_is(tmp_path: Path) -> None:
         np.testing.assert_array_equal(cells, np.where(flow > 0.0, flow, np.float32(NODATA)))
 
 
-def test_at_a_time(bag: Path, tmp_path: Path) -> None:
+def test_at_a_time(bag, tmp_path):
     """Maps, arrival and peak are what was known at that time."""
     export_bag(bag, tmp_path / 'out', time=450.0)
     with rasterio.open(tmp_path / 'out/height.tif') as file:
@@ -142,7 +131,7 @@ def test_at_a_time(bag: Path, tmp_path: Path) -> None:
         assert file.read(1).max() == 400.0
 
 
-def test_every_frame(bag: Path, tmp_path: Path) -> None:
+def test_every_frame(bag, tmp_path):
     """A numbered file for each, with its time in the name."""
     exported = export_bag(bag, tmp_path / 'out', every=True, maps=['height', 'arrival'])
     names = [item.name for item in exported.files]
@@ -158,7 +147,7 @@ def test_every_frame(bag: Path, tmp_path: Path) -> None:
             assert (file.read(1)[::-1][12] > 0.0).sum() == 2 * (index + 1)
 
 
-def test_a_bag_without_coordinate_system(tmp_path: Path) -> None:
+def test_a_bag_without_coordinate_system(tmp_path):
     """Its files have none, in the map frame, unless somebody says where it is."""
     terrain = Terrain(TERRAIN.elevation, 5.0, origin=TERRAIN.origin)
     bag = record(tmp_path / 'bag', terrain=terrain)
@@ -184,16 +173,14 @@ def test_a_bag_without_coordinate_system(tmp_path: Path) -> None:
         ({'maps': ['depth']}, 'maps'),
     ],
 )
-def test_what_cannot_be_is_refused(
-    bag: Path, tmp_path: Path, options: dict[str, object], words: str
-) -> None:
+def test_what_cannot_be_is_refused(bag, tmp_path, options, words):
     """One error that names it, and nothing is written."""
     with pytest.raises(LavaError, match=words):
         export_bag(bag, tmp_path / 'out', **options)  # type: ignore[arg-type]
     assert not (tmp_path / 'out').exists()
 
 
-def test_a_folder_with_something_in_it(bag: Path, tmp_path: Path) -> None:
+def test_a_folder_with_something_in_it(bag, tmp_path):
     """Files of two bags are never mixed."""
     (tmp_path / 'out').mkdir()
     (tmp_path / 'out/height.tif').touch()
@@ -201,14 +188,14 @@ def test_a_folder_with_something_in_it(bag: Path, tmp_path: Path) -> None:
         export_bag(bag, tmp_path / 'out')
 
 
-def test_an_epsg_code_nobody_knows(tmp_path: Path) -> None:
+def test_an_epsg_code_nobody_knows(tmp_path):
     """GDAL's refusal names the code."""
     bag = record(tmp_path / 'bag', terrain=Terrain(TERRAIN.elevation, 5.0, TERRAIN.origin))
     with pytest.raises(LavaError, match='epsg is 999999'):
         export_bag(bag, tmp_path / 'out', epsg=999_999)
 
 
-def test_a_topic_that_is_listed_but_empty(bag: Path, tmp_path: Path) -> None:
+def test_a_topic_that_is_listed_but_empty(bag, tmp_path):
     """A recorder that heard nothing on a topic lists it; no empty folder is left for it."""
     heard = silenced(bag, tmp_path / 'heard.mcap', '/terrain')
     with pytest.raises(LavaError, match='messages on the topic terrain'):
@@ -218,7 +205,7 @@ def test_a_topic_that_is_listed_but_empty(bag: Path, tmp_path: Path) -> None:
     assert not (tmp_path / 'maps').exists()
 
 
-def test_a_terrain_that_comes_last(bag: Path, tmp_path: Path) -> None:
+def test_a_terrain_that_comes_last(bag, tmp_path):
     """There is no map after it: the error is about the bag, nobody has asked for a time."""
     late = silenced(bag, tmp_path / 'late.mcap', '/terrain', late=True)
     with pytest.raises(LavaError, match='bag is .*late.mcap.*a terrain and a map'):
@@ -226,7 +213,7 @@ def test_a_terrain_that_comes_last(bag: Path, tmp_path: Path) -> None:
     assert not (tmp_path / 'maps').exists()
 
 
-def test_without_rasterio(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_rasterio(bag, tmp_path, monkeypatch):
     """The error says how to get it."""
     monkeypatch.setitem(sys.modules, 'rasterio', None)
     with pytest.raises(LavaError, match=r"pip install 'lava_ros\[terrain\]'"):

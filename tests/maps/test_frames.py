@@ -14,8 +14,6 @@
 
 """What a bag's messages say comes back in metres, Celsius and simulated seconds."""
 
-from pathlib import Path
-from typing import Any
 
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 import numpy as np
@@ -33,7 +31,7 @@ from recording import GRIDS, growing, RAW_CONFIG, record, TERRAIN, VENT
 SECOND = 1_000_000_000
 
 
-def test_last_frame_in_physical_units(tmp_path: Path) -> None:
+def test_last_frame_in_physical_units(tmp_path):
     """Without a time the last frame is read: metres, Celsius and 0..100, NaN where it is dry."""
     frame = read_frame(record(tmp_path / 'bag', config=GRIDS))
     assert frame.time == 800.0
@@ -53,7 +51,7 @@ def test_last_frame_in_physical_units(tmp_path: Path) -> None:
     assert not frame.layers['thickness'].is_saturated
 
 
-def test_ground_vents_and_scene(tmp_path: Path) -> None:
+def test_ground_vents_and_scene(tmp_path):
     """Elevation, cells, the vents that emit and the scene come back as they were."""
     closed = Vent((10.0, 60.0), 0.0, 1423.0, name='closed')
     frame = read_frame(record(tmp_path / 'bag', vents=(VENT, closed)))
@@ -64,7 +62,7 @@ def test_ground_vents_and_scene(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(('asked', 'shown'), [(200.0, 200.0), (599.0, 400.0), (800.0, 800.0)])
-def test_time(tmp_path: Path, asked: float, shown: float) -> None:
+def test_time(tmp_path, asked, shown):
     """The newest frame up to the simulated time is read."""
     frame = read_frame(record(tmp_path / 'bag'), asked)
     assert frame.time == shown
@@ -72,13 +70,13 @@ def test_time(tmp_path: Path, asked: float, shown: float) -> None:
 
 
 @pytest.mark.parametrize('asked', [100.0, 999999.0])
-def test_a_time_that_is_not_in_the_bag(tmp_path: Path, asked: float) -> None:
+def test_a_time_that_is_not_in_the_bag(tmp_path, asked):
     """The error names the times there are."""
     with pytest.raises(LavaError, match=rf'time is {asked}, expected 200 to 800 s'):
         read_frame(record(tmp_path / 'bag'), asked)
 
 
-def test_without_diagnostics(tmp_path: Path) -> None:
+def test_without_diagnostics(tmp_path):
     """The last frame has no simulated time then, and none can be asked for."""
     bag = record(tmp_path / 'bag', clock=False)
     assert read_frame(bag).time is None
@@ -86,7 +84,7 @@ def test_without_diagnostics(tmp_path: Path) -> None:
         read_frame(bag, 300.0)
 
 
-def test_the_bags_own_message_configuration(tmp_path: Path) -> None:
+def test_the_bags_own_message_configuration(tmp_path):
     """Grids are decoded with the ranges they were recorded with; images need none."""
     frame = read_frame(
         record(
@@ -105,13 +103,13 @@ def test_the_bags_own_message_configuration(tmp_path: Path) -> None:
     assert 'hazard' not in frame.layers
 
 
-def test_namespace(tmp_path: Path) -> None:
+def test_namespace(tmp_path):
     """A node that ran in a namespace is read like any other."""
     bag = record(tmp_path / 'bag', prefix='/etna')
     assert set(read_frame(bag).layers) == {'thickness', 'temperature', 'hazard'}
 
 
-def test_a_bag_of_something_else(tmp_path: Path) -> None:
+def test_a_bag_of_something_else(tmp_path):
     """A bag without any layer is refused."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         writer.write('/chatter', 'std_msgs/msg/Empty', bytes(5), 0, qos=LATCHED)
@@ -119,7 +117,7 @@ def test_a_bag_of_something_else(tmp_path: Path) -> None:
         read_frame(tmp_path / 'bag')
 
 
-def test_every_frame_in_order(tmp_path: Path) -> None:
+def test_every_frame_in_order(tmp_path):
     """Each frame has its own time and its own maps."""
     recording = Recording(record(tmp_path / 'bag'))
     frames = list(recording.frames())
@@ -132,7 +130,7 @@ def test_every_frame_in_order(tmp_path: Path) -> None:
     assert [recording.share_at(frame) for frame in frames] == pytest.approx([0, 1 / 3, 2 / 3, 1])
 
 
-def test_what_a_new_file_repeats_is_no_frame(tmp_path: Path) -> None:
+def test_what_a_new_file_repeats_is_no_frame(tmp_path):
     """A bag of several files has the frames of one that was not split."""
     bag = record(tmp_path / 'bag', max_duration=2.5)
     assert len(BagReader(bag).files) > 1
@@ -141,20 +139,20 @@ def test_what_a_new_file_repeats_is_no_frame(tmp_path: Path) -> None:
     assert read_frame(bag, 450.0).time == 400.0
 
 
-def test_only_the_last_run_has_frames(tmp_path: Path) -> None:
+def test_only_the_last_run_has_frames(tmp_path):
     """After a reset the flow begins again, and what was before is not mixed with it."""
     recording = Recording(record(tmp_path / 'bag', [200.0, 400.0, 0.0, 100.0, 300.0]))
     assert [frame.time for frame in recording.frames()] == [0.0, 100.0, 300.0]
 
 
-def test_a_recording_that_was_cut_off(tmp_path: Path) -> None:
+def test_a_recording_that_was_cut_off(tmp_path):
     """Frames whose time was never said are left out."""
     recording = Recording(record(tmp_path / 'bag', close=False))
     assert recording.bag.recovered
     assert [frame.time for frame in recording.frames()] == [200.0, 400.0, 600.0, 800.0]
 
 
-def test_what_is_not_rounded_is_preferred(tmp_path: Path) -> None:
+def test_what_is_not_rounded_is_preferred(tmp_path):
     """Beside a grid of the same time, the image is what is read."""
     config = RAW_CONFIG + """
   grid: {source: thickness, message: nav_msgs/OccupancyGrid, range: [0.0, 10.0]}
@@ -166,14 +164,14 @@ def test_what_is_not_rounded_is_preferred(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('name', ['scene', 'msg_config'])
-def test_custom_data_that_is_no_yaml(tmp_path: Path, name: str) -> None:
+def test_custom_data_that_is_no_yaml(tmp_path, name):
     """The error names which text it is."""
     bag = record(tmp_path / 'bag', custom_data={name: '{not: [yaml'})
     with pytest.raises(LavaError, match=f'custom_data {name} of '):
         Recording(bag)
 
 
-def test_a_terrain_that_is_cut_off(tmp_path: Path) -> None:
+def test_a_terrain_that_is_cut_off(tmp_path):
     """An image with too few bytes for its size is refused."""
     bag = record(tmp_path / 'bag')
     with BagWriter(tmp_path / 'broken', custom_data={}) as writer:
@@ -202,9 +200,7 @@ def test_a_terrain_that_is_cut_off(tmp_path: Path) -> None:
         ('/height', {'info': MapMetaData(height=2**31, width=2)}, 'message on /height'),
     ],
 )
-def test_messages_that_lie_are_refused(
-    tmp_path: Path, topic: str, fields: dict[str, Any], said: str
-) -> None:
+def test_messages_that_lie_are_refused(tmp_path, topic, fields, said):
     """Sizes, steps and places that do not fit the data, or nothing on Earth."""
     kinds = {'terrain': Image, 'terrain_info': MapMetaData, 'vents': PointCloud2}
     bag = BagReader(record(tmp_path / 'bag', (200.0,), config=GRIDS))
@@ -228,7 +224,7 @@ def _last_layer_first(config: str) -> str:
     return '\n'.join([head, lines[-1], *lines[:-1]])
 
 
-def test_masks_and_margins_are_no_maps(tmp_path: Path) -> None:
+def test_masks_and_margins_are_no_maps(tmp_path):
     """A keepout mask says nothing of thickness; a layer with a margin shows lava where none is."""
     config = """
 layers:

@@ -15,7 +15,6 @@
 """What GIS programs read beside GeoTIFF."""
 
 import json
-from pathlib import Path
 import sys
 from xml.etree import ElementTree
 
@@ -32,12 +31,12 @@ from recording import record, TERRAIN
 
 
 @pytest.fixture
-def bag(tmp_path: Path) -> Path:
+def bag(tmp_path):
     """Frames at 200, 400, 600 and 800 s."""
     return record(tmp_path / 'bag')
 
 
-def test_outline_and_isochrones(bag: Path, tmp_path: Path) -> None:
+def test_outline_and_isochrones(bag, tmp_path):
     """Polygons of whole cells, in longitude and latitude, each time with all before it."""
     words = ['export', str(bag), '-o', str(tmp_path / 'out'), '--formats', 'geojson']
     assert main(words) == 0
@@ -55,7 +54,7 @@ def test_outline_and_isochrones(bag: Path, tmp_path: Path) -> None:
     assert [item['properties']['time'] for item in isochrones] == ['5 min', '10 min', '15 min']
 
 
-def test_a_hole_stays_a_hole() -> None:
+def test_a_hole_stays_a_hole():
     """Ground that lava flows around is not in its outline."""
     cells = np.zeros((6, 6), dtype=bool)
     cells[1:5, 1:5] = True
@@ -68,7 +67,7 @@ def test_a_hole_stays_a_hole() -> None:
     assert gis.area(~cells & cells, gis.Place((0.0, 0.0), 1.0, None)) == []
 
 
-def test_isochrones_are_few_and_round() -> None:
+def test_isochrones_are_few_and_round():
     """However long an eruption lasts."""
     place = gis.Place((0.0, 0.0), 1.0, None)
     for last in (40.0, 3000.0, 86_400.0, 86_400.0 * 1000):
@@ -78,7 +77,7 @@ def test_isochrones_are_few_and_round() -> None:
     assert gis.isochrones(np.full((3, 3), np.nan), place) == []
 
 
-def test_contours_of_probability() -> None:
+def test_contours_of_probability():
     """Where lava is at least as likely as so much; unknown is not likely."""
     percent = np.array([[np.nan, 5.0, 10.0], [49.0, 50.0, 95.0]])
     found = [item['properties'] for item in gis.probabilities(percent, gis.Place((0, 0), 1, None))]
@@ -88,7 +87,7 @@ def test_contours_of_probability() -> None:
     ]
 
 
-def test_a_map_that_is_nowhere(tmp_path: Path) -> None:
+def test_a_map_that_is_nowhere(tmp_path):
     """GeoJSON has longitudes: nothing is written where nobody knows them."""
     bag = record(tmp_path / 'bag', terrain=Terrain(TERRAIN.elevation, 5.0, TERRAIN.origin))
     with pytest.raises(LavaError, match='epsg is None, expected the EPSG code'):
@@ -96,7 +95,7 @@ def test_a_map_that_is_nowhere(tmp_path: Path) -> None:
     assert not (tmp_path / 'out').exists()
 
 
-def test_styles_of_qgis(bag: Path, tmp_path: Path) -> None:
+def test_styles_of_qgis(bag, tmp_path):
     """Each GeoTIFF has one, from the colour of the least to that of the most."""
     export_bag(bag, tmp_path / 'out')
     names = {path.stem for path in (tmp_path / 'out').glob('*.qml')}
@@ -112,14 +111,7 @@ def test_styles_of_qgis(bag: Path, tmp_path: Path) -> None:
     ('format_name', 'module', 'words'),
     [('gpkg', 'fiona', 'GeoPackage is .*fiona'), ('nc', 'xarray', 'NetCDF is .*xarray')],
 )
-def test_without_the_library(
-    format_name: str,
-    module: str,
-    words: str,
-    bag: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_without_the_library(format_name, module, words, bag, tmp_path, monkeypatch):
     """The error says how to get it, before anything is written."""
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(LavaError, match=words + r".*'lava_ros\[gis\]'"):
@@ -127,7 +119,7 @@ def test_without_the_library(
     assert not (tmp_path / 'out').exists()
 
 
-def test_a_geopackage(bag: Path, tmp_path: Path) -> None:
+def test_a_geopackage(bag, tmp_path):
     """Outline and isochrones are layers of it, in the coordinates of the map."""
     fiona = pytest.importorskip('fiona')
     export_bag(bag, tmp_path / 'out', formats=['gpkg'])
@@ -139,7 +131,7 @@ def test_a_geopackage(bag: Path, tmp_path: Path) -> None:
         assert [item['properties']['area_m2'] for item in layer] == [2000.0]
 
 
-def test_a_netcdf(bag: Path, tmp_path: Path) -> None:
+def test_a_netcdf(bag, tmp_path):
     """All maps in one file, each with unit, coordinates and coordinate system."""
     xarray = pytest.importorskip('xarray')
     export_bag(bag, tmp_path / 'out', formats=['nc'])

@@ -32,7 +32,7 @@ from lava_ros.maps.plot import duration, scale_of
         (2.75 * 86_400.0, '2 d 18 h'),
     ],
 )
-def test_duration(seconds: float, words: str) -> None:
+def test_duration(seconds, words):
     """Times are said as people say them."""
     assert duration(seconds) == words
 
@@ -49,7 +49,7 @@ def test_duration(seconds: float, words: str) -> None:
         ('temperature', [], '°C', 100.0, 'neither'),
     ],
 )
-def test_scales(source: str, values: list[float], label: str, top: float, past: str) -> None:
+def test_scales(source, values, label, top, past):
     """They end at round numbers, in units that people read, and say what is past them."""
     scale = scale_of(source, np.array([*values, np.nan]))
     assert (scale.label, scale.norm.vmax, scale.past) == (label, top, past)

@@ -33,7 +33,7 @@ from lava_ros.maps.sheet import draw_sheet, Panel
 
 
 @pytest.fixture
-def frame() -> Frame:
+def frame():
     """A flow of 20 x 6 cells on a slope with a hole in the data."""
     elevation = np.add.outer(np.arange(60.0), np.arange(90.0)).astype(np.float32)
     elevation[:, 80] = np.nan
@@ -78,7 +78,7 @@ def red(path: Path) -> int:
     return int(found.sum())
 
 
-def test_lava_is_drawn(frame: Frame, tmp_path: Path) -> None:
+def test_lava_is_drawn(frame, tmp_path):
     """Lava is as red as its hazard; without lava the legend alone is."""
     one = replace(frame, layers={'hazard': frame.layers['hazard']})
     plot_frame(one, tmp_path / 'wet.png')
@@ -88,7 +88,7 @@ def test_lava_is_drawn(frame: Frame, tmp_path: Path) -> None:
 
 
 @pytest.fixture
-def texts(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def texts(monkeypatch):
     """What is written in the pictures that are drawn."""
     said: list[str] = []
 
@@ -100,7 +100,7 @@ def texts(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return said
 
 
-def test_what_a_published_map_has(frame: Frame, texts: list[str]) -> None:
+def test_what_a_published_map_has(frame, texts):
     """Banner, scale, north, round coordinates, degrees, units and notes are written on it."""
     scene = {'terrain': {'epsg': 32633, 'offset': [500_000.0, 4_180_000.0]}}
     plot_frame(replace(frame, scene=scene), Path('all.png'))
@@ -113,15 +113,13 @@ def test_what_a_published_map_has(frame: Frame, texts: list[str]) -> None:
     assert any(re.fullmatch('[0-9]+ m', item) for item in texts)
 
 
-def test_a_map_that_is_nowhere(frame: Frame, texts: list[str]) -> None:
+def test_a_map_that_is_nowhere(frame, texts):
     """It has the coordinates of the map frame, and says so."""
     plot_frame(replace(frame, scene={}), Path('all.png'))
     assert 'x [m], map frame' in texts and not any('° E' in item for item in texts)
 
 
-def test_several_terrains_show_the_same_place(
-    frame: Frame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_several_terrains_show_the_same_place(frame, tmp_path, monkeypatch):
     """Maps whose frames have other origins show the same eastings and northings."""
     seen = []
     monkeypatch.setattr(
@@ -143,7 +141,7 @@ def test_several_terrains_show_the_same_place(
     assert seen[0][0] <= 400.0 and seen[0][2] >= 560.0
 
 
-def test_flat_ground(frame: Frame, tmp_path: Path) -> None:
+def test_flat_ground(frame, tmp_path):
     """A plain without any relief is drawn too."""
     flat = replace(frame, elevation=np.full_like(frame.elevation, 5.0))
     plot_frame(flat, tmp_path / 'flat.svg')
@@ -151,15 +149,13 @@ def test_flat_ground(frame: Frame, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('name', ['missing/a.png', 'a.lava'])
-def test_a_picture_that_cannot_be_written(frame: Frame, tmp_path: Path, name: str) -> None:
+def test_a_picture_that_cannot_be_written(frame, tmp_path, name):
     """A bad path or format is one error that names it."""
     with pytest.raises(LavaError, match=f'output is .*{name}'):
         plot_frame(frame, tmp_path / name)
 
 
-def test_without_matplotlib(
-    frame: Frame, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_matplotlib(frame, tmp_path, monkeypatch):
     """The error says how to get it."""
     monkeypatch.setitem(sys.modules, 'matplotlib.figure', None)
     with pytest.raises(LavaError, match=r"pip install 'lava_ros\[plot\]'"):

@@ -23,7 +23,8 @@ from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.verification.cases import green_response, sheet_on_slope
+from lava_ros.verification.cases.case import ISOTHERMAL
+from lava_ros.verification.cases.sheets import GREEN_RADIUS, response, sheet_speed
 
 BARE = Effects(arrhenius=False, cooling=False, steep=False)
 
@@ -101,15 +102,16 @@ def test_velocity_is_minus_the_gradient_of_the_sum():
 @pytest.mark.parametrize('degrees', [2.0, 10.0, 30.0, 45.0])
 def test_sheet_moves_at_the_exact_speed(device, degrees):
     """A uniform sheet moves at rho g h^2 sin(b) / (3 mu) along the slope, however steep."""
-    result = sheet_on_slope(math.radians(degrees), accuracy=Accuracy(), device=device)
-    assert result.error < 0.002
+    slope = math.radians(degrees)
+    run = sheet_speed('speed', ISOTHERMAL, Accuracy(), device, slope=slope)
+    assert run.measurements[0].error < 0.002
 
 
 @pytest.mark.parametrize('wavelength', [4.0, 8.0, 20.0])
 def test_green_velocity_has_the_exact_response(device, wavelength):
     """The response to sin(q x) is 1 / (1 + q^2 / k^2), support 6 / k."""
-    result = green_response(wavelength, support=6.0, accuracy=Accuracy(ratio=6.0), device=device)
-    assert result.error < 0.02
+    run = response('green', GREEN_RADIUS, wavelength, Accuracy(ratio=6.0), device)
+    assert run.measurements[0].error < 0.02
 
 
 def test_green_velocity_of_a_uniform_sheet_is_the_local_one(device):

@@ -25,7 +25,7 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.verification.exact import green_response
+from lava_ros.verification.cases.sheets import response
 
 LAVA = Lava(viscosity=1e4, arrhenius=0.0)
 
@@ -44,32 +44,8 @@ def lattice(side, spacing):
 @pytest.mark.parametrize('radius', [0.6, 1.0, 3.5, 10.0])
 def test_response_is_exact_for_any_radius_over_thickness(device, radius):
     """The response to sin(q x) is 1 / (1 + q^2 h^2 / 3) within 1 %, waves of 8 radii."""
-    wavelength, spacing = 8.0 * radius, radius / 3.0
-    q = 2.0 * math.pi / wavelength
-    side = 2.0 * wavelength + 8.0 * max(radius, 0.6)
-    cell = spacing
-    count = int(1.2 * side / cell)
-    ticks = (np.arange(count) - 0.5 * (count - 1)) * cell
-    terrain = Terrain(
-        np.tile(0.01 * np.sin(q * ticks), (count, 1)), cell, origin=(-0.5 * count * cell,) * 2
-    )
-    amplitudes = []
-    for helmholtz in (True, False):
-        simulation = Simulation(
-            Scene(terrain, lava=LAVA),
-            effects=effects(helmholtz=helmholtz),
-            accuracy=Accuracy(spacing=spacing, thickness=1.0),
-            particles=Particles(lattice(side, spacing), spacing**2, 1400.0),
-            device=device,
-        )
-        sample = simulation.sample()
-        inside = (np.abs(sample.position[:, 0]) <= wavelength) & (
-            np.abs(sample.position[:, 1]) < 0.5 * side - 3.0 * max(radius, 1.2)
-        )
-        assert inside.sum() > 100
-        wave = np.cos(q * sample.position[inside, 0])
-        amplitudes.append(sample.velocity[inside, 0] @ wave / (wave @ wave))
-    assert amplitudes[0] / amplitudes[1] == pytest.approx(green_response(q, 1.0), rel=0.01)
+    run = response('helmholtz', radius, 8.0 * radius, Accuracy(ratio=3.0), device)
+    assert run.measurements[0].error < 0.01
 
 
 def test_sweeps_solve_the_matrix():

@@ -15,6 +15,7 @@
 
 """Exact solutions of heat: each against its equation, integrated numerically, and its limits."""
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -22,22 +23,18 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.special import erf, erfcx
 
+from lava_ros.scene import Lava
 from lava_ros.verification import exact
 from lava_ros.verification.cases import silicone
 
 CAPACITY = 2500.0 * 1150.0
+LAVA = Lava(density=2500.0, specific_heat=1150.0)
 
 
 def column_on_ground(thickness):
     """A column of lava at 1400 K on ground at 300 K."""
-    return exact.ColumnOnGround(
-        initial=1400.0,
-        ground=300.0,
-        conductivity=2.0,
-        diffusivity=7e-7,
-        capacity=CAPACITY,
-        thickness=thickness,
-    )
+    lava = replace(LAVA, ground_conductivity=2.0, ground_diffusivity=7e-7)
+    return exact.ColumnOnGround(lava, initial=1400.0, ground=300.0, thickness=thickness)
 
 
 def test_column_on_ground_obeys_duhamels_integral():
@@ -68,37 +65,29 @@ def test_heat_into_ground_is_what_a_thick_column_loses():
     """Early, the mixed column loses what a constant temperature would."""
     column = column_on_ground(1000.0)
     lost = CAPACITY * 1000.0 * (1400.0 - column.temperature(3600.0))
-    taken = exact.heat_into_ground(1100.0, 3600.0, conductivity=2.0, diffusivity=7e-7)
+    # the flux kg dT / sqrt(pi a t) of a surface of constant temperature, integrated
+    taken = 2.0 * 2.0 * 1100.0 * math.sqrt(3600.0 / (math.pi * 7e-7))
     assert lost == pytest.approx(taken, rel=1e-3)
 
 
 def test_convecting_slab_has_its_limits():
     """The modes sum to the start; a slab that conducts well is mixed; a stiff film is cold."""
-    options = {'initial': 1400.0, 'ambient': 300.0, 'capacity': CAPACITY, 'thickness': 2.0}
-    slab = exact.ConvectingSlab(conductivity=2.0, convection=50.0, **options)
-    assert slab.temperature(0.0) == pytest.approx(1400.0, abs=0.5)
-    mixed = exact.ConvectingSlab(conductivity=1e6, convection=50.0, **options)
-    assert mixed.temperature(1e5) == pytest.approx(
-        300.0 + 1100.0 * math.exp(-50.0 * 1e5 / (CAPACITY * 2.0)), rel=1e-4
-    )
-    cold = exact.ConvectingSlab(conductivity=2.0, convection=1e7, **options)
+
+    def slab(conductivity, convection):
+        lava = replace(LAVA, conductivity=conductivity, convection=convection)
+        return exact.ConvectingSlab(lava, initial=1400.0, ambient=300.0, thickness=2.0)
+
+    assert slab(2.0, 50.0).temperature(0.0) == pytest.approx(1400.0, abs=0.5)
+    mixed = 300.0 + 1100.0 * math.exp(-0.5 * 1e7 / (CAPACITY * 2.0))
+    assert slab(1000.0, 0.5).temperature(1e7) == pytest.approx(mixed, rel=1e-3)
     early = 1.0 - 2.0 * math.sqrt(2.0 / CAPACITY * 1e4 / math.pi) / 2.0
-    assert cold.temperature(1e4) == pytest.approx(300.0 + 1100.0 * early, rel=1e-4)
+    assert slab(2.0, 1e5).temperature(1e4) == pytest.approx(300.0 + 1100.0 * early, rel=1e-4)
 
 
 def test_crystallising_sheet_conserves_heat():
     """The flux integrated over time is the fall of the heat content."""
-    sheet = exact.CrystallisingSheet(
-        initial=1423.0,
-        ambient=300.0,
-        convection=50.0,
-        density=2500.0,
-        specific_heat=1150.0,
-        latent_heat=3.5e5,
-        liquidus=1400.0,
-        solidus=1250.0,
-        thickness=2.0,
-    )
+    lava = replace(LAVA, convection=50.0, latent_heat=3.5e5, liquidus=1400.0, solidus=1250.0)
+    sheet = exact.CrystallisingSheet(lava, initial=1423.0, ambient=300.0, thickness=2.0)
     for time in (1e3, 3e4, 1e5):
         flux = quad(lambda t: 50.0 * (sheet.temperature(t) - 300.0), 0.0, time, limit=500)[0]
         end = sheet.temperature(time)
@@ -122,8 +111,9 @@ def test_descent_warms_by_gravity_over_heat_capacity():
 
 def test_cooling_current_obeys_its_balance():
     """T falls by rho c Q dT/dr = -2 pi r F(T), and all of the heat leaves through the surface."""
-    options = {'initial': 1423.0, 'ambient': 300.0, 'capacity': CAPACITY, 'discharge': 2.0}
-    current = exact.CoolingCurrent(emissivity=0.9, convection=50.0, **options)
+    options = {'initial': 1423.0, 'ambient': 300.0, 'discharge': 2.0}
+    lava = replace(LAVA, emissivity=0.9, convection=50.0)
+    current = exact.CoolingCurrent(lava, **options)
     distances = np.linspace(0.0, 150.0, 7)
     solved = solve_ivp(
         lambda r, t: -2.0 * math.pi * r * current.flux(t) / (CAPACITY * 2.0),
@@ -138,7 +128,7 @@ def test_cooling_current_obeys_its_balance():
         limit=500,
     )[0]
     assert power == pytest.approx(current.power, rel=1e-3)
-    convecting = exact.CoolingCurrent(emissivity=0.0, convection=50.0, **options)
+    convecting = exact.CoolingCurrent(replace(lava, emissivity=0.0), **options)
     radius = math.sqrt(CAPACITY * 2.0 / (math.pi * 50.0))
     assert convecting.thermal_radius == pytest.approx(radius, rel=1e-4)
     assert float(convecting.temperature(0.7 * radius)) == pytest.approx(
@@ -179,13 +169,14 @@ def test_silicone_oil_may_lose_heat_linearly():
     places = np.array([0.5, 1.0, 1.5]) * 0.0358
     curves = []
     for convection in silicone.CONVECTION:
-        current = exact.CoolingCurrent(
-            initial=silicone.OIL,
-            ambient=silicone.ROOM,
+        lava = Lava(
+            density=silicone.DENSITY,
+            specific_heat=silicone.SPECIFIC_HEAT,
             emissivity=silicone.EMISSIVITY,
             convection=convection,
-            capacity=silicone.DENSITY * silicone.SPECIFIC_HEAT,
-            discharge=silicone.DISCHARGE,
+        )
+        current = exact.CoolingCurrent(
+            lava, initial=silicone.OIL, ambient=silicone.ROOM, discharge=silicone.DISCHARGE
         )
         above = current.temperature(places) - silicone.ROOM
         curves.append(above / (silicone.OIL - silicone.ROOM))

@@ -19,17 +19,15 @@ import math
 import pytest
 
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, RADII
 from lava_ros.verification.exact import green_response
-from lava_ros.verification.lateral import FORMS, lateral_experiments, RADII
 
 ACCURACY = Accuracy(refinement=0.3, ratio=3.5)
-
-EXPERIMENTS = {item.setting: item for item in lateral_experiments()}
 
 
 def run(setting, device='cpu'):
     """The run of an experiment, and the errors by wavelength over the thickness."""
-    found = EXPERIMENTS[setting].case.run(ACCURACY, device)
+    found = EXPERIMENTS[setting].run(ACCURACY, device)
     return found, {
         float(item.quantity.split()[2]): item.error for item in found.measurements
     }
@@ -38,7 +36,7 @@ def run(setting, device='cpu'):
 def test_every_form_at_every_radius():
     """One experiment each, all of one case, told apart by their settings."""
     assert len(EXPERIMENTS) == len(FORMS) * len(RADII)
-    assert {item.case.name for item in EXPERIMENTS.values()} == {'lateral'}
+    assert {case.name for case in EXPERIMENTS.values()} == {'lateral'}
     assert 'green, l = 2 h' in EXPERIMENTS
 
 

@@ -25,17 +25,7 @@ import pytest
 
 ACCURACY = Path(__file__).parents[2] / 'docs/accuracy'
 BENCHMARKS = ACCURACY.parent / 'benchmarks'
-COLUMNS = (
-    'case',
-    'code',
-    'quantity',
-    'value',
-    'unit',
-    'cells_or_particles',
-    'seconds',
-    'machine',
-    'source',
-)
+COLUMNS = 'case,code,quantity,value,unit,cells_or_particles,seconds,machine,source'
 
 
 def lines_of(path: Path) -> list[dict[str, str]]:
@@ -56,7 +46,7 @@ def test_rows_of_other_codes_are_complete():
     rows = lines_of(ACCURACY / 'other_codes.csv')
     assert rows
     for row in rows:
-        assert tuple(row) == COLUMNS
+        assert ','.join(row) == COLUMNS
         assert all(row[name] for name in ('case', 'code', 'quantity', 'unit', 'source')), row
         assert math.isfinite(float(row['value'])), row
         assert not row['seconds'] or float(row['seconds']) > 0.0, row

@@ -21,7 +21,7 @@ import pytest
 
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import PRESETS
-from lava_ros.verification.lateral import FORMS, lateral_experiments, RADII
+from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, RADII
 from lava_ros.verification.report import markdown, studies
 from lava_ros.verification.settings import (
     convergence,
@@ -108,23 +108,6 @@ def test_orders_of_convergence(converging):
     assert last == ['least squares', '', '1.00', '', '2.00', '']
 
 
-def test_an_order_needs_errors(converging):
-    """Without a result there is no order, nor through all of them; one row is no study."""
-    broken = [replace(converging[0], error=math.nan), *converging[1:]]
-    _, first, second, *_, last = table(broken, 'Convergence')
-    assert first[1] == 'none'
-    assert (second[2], last[2]) == ('-', '-')
-    assert last[4] == '2.00'
-    assert section(converging[:2], 'Convergence') is None
-
-
-def test_convergence_is_of_one_case(converging):
-    """The same settings in another case do not mix with it."""
-    others = [replace(item, case='dam_break', error=1.0) for item in converging]
-    assert section(others, 'Convergence') is None
-    assert section(converging + others, 'Convergence') == section(converging, 'Convergence')
-
-
 @pytest.fixture
 def stepped(row):
     """Euler with 400 evaluations at 8,000 particles, the others with 100 and half the error."""
@@ -159,24 +142,6 @@ def test_super_time_stepping_is_held_against_euler(stepped):
     assert {line[column["larger than Euler's"]] for line in others} == {'profile'}
 
 
-def test_an_error_without_a_value_is_larger(stepped):
-    """A NaN is not within any share of Euler's error."""
-    broken = [
-        replace(item, error=math.nan) if item.setting == name_of(STANDARD) else item
-        for item in stepped
-    ]
-    lines = table(broken, 'Super-time-stepping')
-    assert lines[2][lines[0].index("larger than Euler's")] == 'radius, profile'
-
-
-def test_euler_may_be_missing(stepped):
-    """Where Euler took too long the others stand alone; one alone is no comparison."""
-    euler, others = stepped[:2], stepped[2:]
-    lines = table(others, 'Super-time-stepping')
-    assert {line[lines[0].index("Euler's over these")] for line in lines[1:]} == {'-'}
-    assert section(euler, 'Super-time-stepping') is None
-
-
 @pytest.fixture
 def corrected(row):
     """The way from the paper's settings, errors falling by a half at each step."""
@@ -200,16 +165,6 @@ def test_the_way_from_the_paper(corrected):
     assert [line[0] for line in lines] == list(from_paper())
     assert lines[0][2] == '128 %'
     assert lines[-1][2] == '1 %'
-
-
-def test_what_was_too_dear_is_left_out_of_the_way(corrected):
-    """The paper's metre is not run on a CPU; without the paper there is no way from it."""
-    literal = name_of(from_paper()['l = 1 m, as in table 3.1'])
-    rows = [item for item in corrected if item.setting != literal]
-    _, *lines = table(rows, "From the paper's settings to ours")
-    assert len(lines) == len(from_paper()) - 1
-    rows = [item for item in corrected if item.preset != 'as-published']
-    assert section(rows, "From the paper's settings to ours") is None
 
 
 def test_domination_is_at_no_more_time(corrected, row):
@@ -271,7 +226,7 @@ def test_kinds_of_lateral_stress_stand_side_by_side(row):
 
 def test_every_lateral_experiment_has_its_place(row):
     """The names that the experiments have are those that the section takes apart."""
-    rows = [row(case='lateral', setting=item.setting) for item in lateral_experiments()]
+    rows = [row(case='lateral', setting=name) for name in EXPERIMENTS]
     head, *lines = table(rows, 'Lateral stress')
     assert head[2:] == list(FORMS)
     assert [float(line[1]) for line in lines] == 2 * list(RADII)

@@ -22,7 +22,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import DEFAULT, PRESETS
 from lava_ros.verification import settings
 from lava_ros.verification.cases import CASES
-from lava_ros.verification.lateral import FORMS, lateral_experiments, NAME
+from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, LATERAL
 from lava_ros.verification.settings import all_pairs, all_settings, expected_cost, name_of
 
 
@@ -77,12 +77,6 @@ def test_a_setting_may_be_for_some_cases_only():
     assert paper == set(settings.KNOB_CASES)
 
 
-def test_the_particles_double():
-    """The convergence study begins with 2,000 particles and ends with 128,000."""
-    counts = [8000.0 * item.refinement**2 for item in settings.convergence()]
-    assert counts == pytest.approx([2000.0 * 2**n for n in range(7)], rel=2e-3)
-
-
 def test_the_papers_radius_is_a_metre():
     """The fixed volume ends as a disc of 130 m; the particles' distance times 1.84 is 1 m."""
     literal = settings.from_paper()['l = 1 m, as in table 3.1']
@@ -103,23 +97,12 @@ def test_names_say_what_is_not_usual():
     )
 
 
-def test_dear_ones_drop_out_on_a_cpu():
-    """At 1.2 s for 8,000 particles neither the paper's metre nor Euler at 128,000 takes 30 s."""
-    literal = settings.from_paper()['l = 1 m, as in table 3.1']
-    euler = next(item for item in settings.stepping()[::-1] if item.integrator == 'euler')
-    assert euler.refinement == 4.0
-    for accuracy in (literal, euler):
-        assert 1.2 * expected_cost(accuracy) > 300.0
-        # a GPU takes about a millisecond
-        assert 0.005 * expected_cost(accuracy) < 20.0
-
-
 def test_the_lateral_experiments_are_run():
     """All of them, and in a quick report every form at two radii; each at the default preset."""
-    names = [item.setting for item in lateral_experiments()]
-    found = [item for case, item in all_pairs() if case.name == NAME]
+    names = list(EXPERIMENTS)
+    found = [item for case, item in all_pairs() if case.name == LATERAL]
     assert [item.name for item in found] == names
     assert {item.accuracy for item in found} == {PRESETS[DEFAULT].accuracy}
-    quick = [item.name for case, item in all_pairs(quick=True) if case.name == NAME]
+    quick = [item.name for case, item in all_pairs(quick=True) if case.name == LATERAL]
     assert len(quick) == 2 * len(FORMS)
     assert set(quick) < set(names)

@@ -14,7 +14,6 @@
 
 """The live view without a browser: what is served, and what the page holds as frames come."""
 
-from pathlib import Path
 import socket
 import sys
 import time
@@ -40,20 +39,20 @@ from watch_page import Growing, served
 
 
 @pytest.fixture
-def frames(tmp_path: Path) -> Growing:
+def frames(tmp_path):
     """Four of six frames."""
     return Growing(tmp_path, 4)
 
 
 @pytest.fixture
-def shown(frames: Growing) -> Page:
+def shown(frames):
     """A page that has been told of the first frames."""
     result = Page(frames)
     result.update()
     return result
 
 
-def test_a_document_is_served_and_changes(frames: Growing) -> None:
+def test_a_document_is_served_and_changes(frames):
     """Who asks gets a page of this server alone, and what it shows grows with the run."""
     with served(frames) as address:
         with urlopen(address) as answer:
@@ -79,7 +78,7 @@ def _slider(address: str, session: str) -> tuple[int, int]:
         pulled.close()
 
 
-def test_maps_of_the_page(shown: Page, frames: Growing) -> None:
+def test_maps_of_the_page(shown, frames):
     """The map is that of the newest frame at its place; of an earlier time, that one's."""
     (image,) = shown.map.data['image']
     np.testing.assert_array_equal(image, frames.frame(3).layers['thickness'].values)
@@ -94,7 +93,7 @@ def test_maps_of_the_page(shown: Page, frames: Growing) -> None:
     np.testing.assert_allclose(image[15, :4], np.arange(1, 5) * 100 / 60, rtol=1e-6)
 
 
-def test_the_slider_follows_only_at_its_end(shown: Page, frames: Growing) -> None:
+def test_the_slider_follows_only_at_its_end(shown, frames):
     """Who looks at an earlier time goes on seeing it, also when frames before it are left out."""
     frames.grow(5)
     shown.update()
@@ -110,7 +109,7 @@ def test_the_slider_follows_only_at_its_end(shown: Page, frames: Growing) -> Non
     assert '10 min' in shown.title.text
 
 
-def test_probabilities_are_offered_while_there_are_some(shown: Page, frames: Growing) -> None:
+def test_probabilities_are_offered_while_there_are_some(shown, frames):
     """Another button comes with them; the map that was chosen stays."""
     names = ['Lava thickness', 'Hazard', 'Temperature', 'Arrival']
     assert shown.choice.labels == names
@@ -129,7 +128,7 @@ def test_probabilities_are_offered_while_there_are_some(shown: Page, frames: Gro
     assert (shown.choice.labels, shown.choice.active) == (names, 0)
 
 
-def test_large_maps_are_sent_coarse(frames: Growing, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_maps_are_sent_coarse(frames, monkeypatch):
     """Cells are put together to their largest value, and cover the same ground."""
     monkeypatch.setattr(page, 'MOST_CELLS', 300)
     shown = Page(frames)
@@ -140,12 +139,12 @@ def test_large_maps_are_sent_coarse(frames: Growing, monkeypatch: pytest.MonkeyP
     assert (shown.map.data['dw'], shown.map.data['dh']) == ([200.0], [150.0])
 
 
-def test_texts_of_others_are_no_markup(shown: Page) -> None:
+def test_texts_of_others_are_no_markup(shown):
     """What a status quotes is shown as it is."""
     assert 'no node answers &lt;here&gt;' in shown.status.text
 
 
-def test_a_bag_that_grows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bag_that_grows(tmp_path, monkeypatch):
     """The frames of a bag are those there are by now, as `read_frame` reads them."""
     monkeypatch.setattr('lava_ros.watch.frames.PERIOD', 0.0)
     monkeypatch.setattr('lava_ros.watch.frames.REST', 0.0)
@@ -169,7 +168,7 @@ def test_a_bag_that_grows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     np.testing.assert_array_equal(seen.elevation, TERRAIN.elevation.astype(np.float32))
 
 
-def test_a_bag_without_maps_waits(tmp_path: Path) -> None:
+def test_a_bag_without_maps_waits(tmp_path):
     """It may have just begun: the page says what is missing."""
     bag = record(tmp_path / 'bag', [])
     frames = BagFrames(bag)
@@ -182,7 +181,7 @@ def test_a_bag_without_maps_waits(tmp_path: Path) -> None:
     assert 'layers of a simulation' in shown.status.text
 
 
-def test_what_is_watched() -> None:
+def test_what_is_watched():
     """One layer for each map: the thickness that is not rounded."""
     found = {item.source: item.name for item in watched_layers()}
     assert found['thickness'] == 'height_raw'
@@ -190,24 +189,7 @@ def test_what_is_watched() -> None:
     assert found['arrival'] == 'arrival_time'
 
 
-@pytest.mark.parametrize(
-    ('words', 'said'),
-    [
-        (['nothing.mcap'], 'nothing.mcap'),
-        (['--port', '70000'], '--port is 70000'),
-        (['bag', '--namespace', '/etna'], 'absent beside a bag'),
-        (['--namespace', '/no good'], '--namespace is'),
-    ],
-)
-def test_refusals(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
-    """What cannot be watched is one sentence."""
-    assert cli.main(['watch', *words]) == 2
-    error = capsys.readouterr().err
-    assert said in error
-    assert error.count('\n') == 1
-
-
-def test_a_port_that_is_taken(frames: Growing) -> None:
+def test_a_port_that_is_taken(frames):
     """It is named, and nothing is served."""
     with socket.socket() as taken:
         taken.bind(('127.0.0.1', 0))
@@ -220,9 +202,7 @@ def test_a_port_that_is_taken(frames: Growing) -> None:
             serve(frames, address, 0)
 
 
-def test_without_bokeh(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_bokeh(monkeypatch, capsys):
     """The error says how to get it."""
     monkeypatch.setitem(sys.modules, 'bokeh', None)
     assert cli.main(['watch']) == 2

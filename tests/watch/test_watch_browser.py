@@ -14,8 +14,6 @@
 
 """The live view opened and driven in a real browser."""
 
-from collections.abc import Iterator
-from pathlib import Path
 
 from matplotlib.image import imread
 import numpy as np
@@ -41,13 +39,13 @@ TITLE = 'seen("h1")[0]?.textContent'
 
 
 @pytest.fixture(scope='module')
-def frames(tmp_path_factory: pytest.TempPathFactory) -> Growing:
+def frames(tmp_path_factory):
     """Four of six frames."""
     return Growing(tmp_path_factory.mktemp('frames'), 4)
 
 
 @pytest.fixture(scope='module')
-def browser(frames: Growing, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+def browser(frames, tmp_path_factory):
     """A browser that has opened the page."""
     with served(frames) as address:
         found = Browser(tmp_path_factory.mktemp('profile'))
@@ -69,7 +67,7 @@ def _handle(browser: Browser) -> list[float]:
     return browser.evaluate(f'[{words}]')
 
 
-def test_the_page_grows_with_the_run(browser: Browser, frames: Growing, tmp_path: Path) -> None:
+def test_the_page_grows_with_the_run(browser, frames, tmp_path):
     """New frames come by themselves, with new kinds of maps; the slider goes back in time."""
     assert _handle(browser) == [3.0, 3.0]
     frames.grow(5)
@@ -92,7 +90,7 @@ def test_the_page_grows_with_the_run(browser: Browser, frames: Growing, tmp_path
     assert late.std() > 0.1
 
 
-def test_maps_have_their_own_scales(browser: Browser) -> None:
+def test_maps_have_their_own_scales(browser):
     """Each button shows another map, with its unit beside the colours."""
     formats = []
     for name in ('Lava thickness', 'Hazard', 'Temperature', 'Arrival'):
@@ -102,13 +100,13 @@ def test_maps_have_their_own_scales(browser: Browser) -> None:
     assert formats == ['%g m', '%g ', '%g °C', '%g min']
 
 
-def test_what_is_wrong_is_said_as_text(browser: Browser) -> None:
+def test_what_is_wrong_is_said_as_text(browser):
     """The status is on the page, and what it quotes is no part of it."""
     browser.wait_for('seen("p").some(item => item.textContent === "no node answers <here>")')
     assert browser.evaluate('seen("here").length') == 0
 
 
-def test_no_network_and_no_complaints(browser: Browser) -> None:
+def test_no_network_and_no_complaints(browser):
     """All that the page needs comes from where it does."""
     browser.evaluate('0')
     assert browser.requested

@@ -13,7 +13,3 @@
 # limitations under the License.
 
 """A run as one page of HTML that needs nothing else."""
-
-from lava_ros.pages.report.page import write_report
-
-__all__ = ['write_report']

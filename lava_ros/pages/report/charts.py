@@ -31,13 +31,7 @@ MOST_POINTS = 400
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A quantity over time.
-
-    Attributes:
-        label: What it is.
-        times: Simulated times [s], increasing.
-        values: As many values; NaN where there is none.
-    """
+    """A quantity over increasing simulated times [s], NaN where there is none."""
 
     label: str
     times: Sequence[float]
@@ -46,15 +40,7 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Curves that share their axes.
-
-    Attributes:
-        key: A short name.
-        title: What they show.
-        unit: Unit of the values, as it is shown.
-        scale: What a value is multiplied by to be in that unit.
-        curves: The curves.
-    """
+    """Curves that share their axes; values are multiplied by ``scale`` to be in the unit."""
 
     key: str
     title: str

@@ -14,7 +14,7 @@
 
 """What a bag says about its recording in ``custom_data``, as far as it can be read."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,12 +24,7 @@ from lava_ros.files.yaml import parse_json, parse_yaml
 
 @dataclass(frozen=True)
 class EffectChange:
-    """Effects that were on or off from a time on.
-
-    Attributes:
-        time: Simulated time [s].
-        effects: Why each is on or off, a text that begins with ``on`` or ``off``, by name.
-    """
+    """Effects from a simulated time [s] on: texts that begin with ``on`` or ``off``, by name."""
 
     time: float
     effects: dict[str, str]
@@ -37,13 +32,9 @@ class EffectChange:
 
 @dataclass(frozen=True)
 class Description:
-    """What describes a recording. What is absent or cannot be read is empty.
+    """What describes a recording; what is absent or cannot be read is empty.
 
-    Attributes:
-        parameters: The node's parameters by name.
-        effects: All effects at the start, then what changed.
-        version: Version of the package that recorded.
-        device: Device of the simulation.
+    These are parameters by name, all effects and then what changed, version and device.
     """
 
     parameters: Mapping[str, Any]
@@ -54,35 +45,62 @@ class Description:
 
 def describe(custom_data: Mapping[str, str]) -> Description:
     """Read a bag's custom data."""
+    told = plain(custom_data)
     return Description(
-        parameters=_parameters(custom_data.get('parameters', '')),
-        effects=_effects(custom_data.get('effects', '')),
+        parameters={str(key): value for key, value in (told['parameters'] or {}).items()},
+        effects=tuple(
+            EffectChange(
+                float(entry['time']),
+                {str(key): str(value) for key, value in entry['effects'].items()},
+            )
+            for entry in told['effects'] or ()
+        ),
         version=custom_data.get('version', ''),
         device=custom_data.get('device', ''),
     )
 
 
-def _parameters(text: str) -> Mapping[str, Any]:
-    try:
-        data = parse_yaml('parameters', text)
-    except LavaError:
-        return {}
-    return {str(key): value for key, value in data.items()} if isinstance(data, Mapping) else {}
+def plain(custom_data: Mapping[str, str]) -> dict[str, Any]:
+    """What the node has written as plain data, None where it is missing or something else.
+
+    ``scene`` is what scene_to_dict gives; ``parameters`` are the node's; ``effects``, which were
+    on from when on; ``resumed_from``, bag and time of the checkpoint that a run has gone on from.
+    """
+    found: dict[str, Any] = {}
+    for name, (parse, is_right) in _KNOWN.items():
+        try:
+            value = parse(name, custom_data.get(name, ''))
+        except LavaError:
+            value = None
+        found[name] = value if is_right(value) else None
+    return found
 
 
-def _effects(text: str) -> tuple[EffectChange, ...]:
-    try:
-        entries = parse_json('effects', text)
-    except LavaError:
-        return ()
-    if not isinstance(entries, list):
-        return ()
-    return tuple(
-        EffectChange(
-            float(entry['time']), {str(key): str(value) for key, value in entry['effects'].items()}
-        )
-        for entry in entries
-        if isinstance(entry, Mapping)
-        and isinstance(entry.get('time'), int | float)
-        and isinstance(entry.get('effects'), Mapping)
+def _is_mapping(value: object) -> bool:
+    return isinstance(value, dict)
+
+
+def _is_origin(value: object) -> bool:
+    return (
+        isinstance(value, dict)
+        and isinstance(value.get('bag'), str)
+        and isinstance(value.get('time'), int | float)
     )
+
+
+def _are_changes(value: object) -> bool:
+    return isinstance(value, list) and all(
+        isinstance(entry, dict)
+        and isinstance(entry.get('time'), int | float)
+        and isinstance(entry.get('effects'), dict)
+        for entry in value
+    )
+
+
+#: Texts that the node writes, by name: how each is read, and whether it is what it should be.
+_KNOWN: dict[str, tuple[Callable[[str, str], Any], Callable[[object], bool]]] = {
+    'scene': (parse_yaml, _is_mapping),
+    'parameters': (parse_yaml, _is_mapping),
+    'effects': (parse_json, _are_changes),
+    'resumed_from': (parse_json, _is_origin),
+}

@@ -24,10 +24,10 @@ import zlib
 import numpy as np
 
 from lava_ros.files.optional import require
-from lava_ros.maps.frames import Frame, Recording
+from lava_ros.maps.frames import Frame, Progress, Recording, silent
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 from lava_ros.maps.plot import shaded_ground
-from lava_ros.pages.report.survey import Progress, Survey
+from lava_ros.pages.report.survey import Survey
 
 #: Most frames and most cells of a frame that a page has.
 MOST_FRAMES, MOST_CELLS = 120, 90_000
@@ -44,12 +44,9 @@ _MOST_ARRIVAL = 65_535
 
 @dataclass(frozen=True)
 class View:
-    """The part of the terrain that is shown, and how coarsely.
+    """The part of the terrain that is shown, and how many cells are one along a side.
 
-    Attributes:
-        rows: First row, and the one after the last.
-        columns: First column, and the one after the last.
-        factor: Cells along a side of a cell that is shown.
+    Rows and columns are the first and the one after the last.
     """
 
     rows: tuple[int, int]
@@ -95,7 +92,7 @@ def view_of(survey: Survey) -> View:
 
 
 def pack_maps(
-    recording: Recording, survey: Survey, view: View, progress: Progress | None = None
+    recording: Recording, survey: Survey, view: View, progress: Progress = silent
 ) -> dict[str, Any]:
     """The frames as plain data for the page: times, and the packed cells of each source.
 
@@ -121,8 +118,7 @@ def pack_maps(
         areas.append(frame.area)
         for source, packer in packers.items():
             packer.add(_codes(frame, source, view, scales[source]))
-        if progress is not None:
-            progress('packing', 0.5 + 0.5 * recording.share_at(frame))
+        progress('packing', 0.5 + 0.5 * recording.share_at(frame))
     return {
         'times': times,
         'areas': areas,
@@ -141,11 +137,7 @@ def pack_maps(
 
 
 def relief(survey: Survey, view: View) -> str:
-    """The shaded ground as the address of a JPEG, north up.
-
-    Raises:
-        LavaError: matplotlib is not installed.
-    """
+    """The shaded ground as the address of a JPEG, north up."""
     require('matplotlib', 'report', 'relief')
     from PIL import Image
 

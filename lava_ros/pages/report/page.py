@@ -27,31 +27,23 @@ from typing import Any
 import lava_ros
 from lava_ros.files import file_to_write, write_output
 from lava_ros.maps.export import placement_of
-from lava_ros.maps.frames import Recording
+from lava_ros.maps.frames import Progress, Recording, silent
 from lava_ros.maps.layers import SOURCES
 from lava_ros.maps.plot import duration, STYLES
 from lava_ros.pages.report import sections
 from lava_ros.pages.report.charts import Chart, Curve, svg, thinned
 from lava_ros.pages.report.description import describe
 from lava_ros.pages.report.maps import pack_maps, relief, View, view_of
-from lava_ros.pages.report.survey import Progress, Survey, survey
+from lava_ros.pages.report.survey import Survey, survey
 
 #: Names of the layers on the page, by source.
 NAMES = {'thickness': 'height', 'temperature': 'temperature', 'hazard': 'hazard'}
 
 
 def write_report(
-    path: str | Path, output: str | Path, *, progress: Progress | None = None
+    path: str | Path, output: str | Path, *, progress: Progress = silent
 ) -> int:
-    """Write a page of HTML about a bag; it needs no other file and no network.
-
-    Args:
-        path: The bag's directory, or an .mcap file.
-        output: The page.
-        progress: Is told what is being done, and the share that is done.
-
-    Returns:
-        Size of the page [bytes].
+    """Write a page of HTML about a bag, which needs no other file; its size [bytes].
 
     Raises:
         LavaError: The bag cannot be read, or the page not be written.
@@ -62,12 +54,8 @@ def write_report(
     return len(data)
 
 
-def page(recording: Recording, progress: Progress | None = None) -> str:
-    """The page about a recording.
-
-    Raises:
-        LavaError: The bag is damaged, or does not say its simulated times.
-    """
+def page(recording: Recording, progress: Progress = silent) -> str:
+    """The page about a recording; LavaError where it is damaged or does not say its times."""
     seen = survey(recording, progress)
     view = view_of(seen)
     maps = pack_maps(recording, seen, view, progress)

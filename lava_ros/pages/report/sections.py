@@ -22,6 +22,7 @@ import math
 import numpy as np
 import yaml
 
+from lava_ros.maps.arrival import rounding
 from lava_ros.maps.frames import Recording
 from lava_ros.maps.layers import DEPTHS, HazardLimits, OCCUPANCY_GRID, ZERO_CELSIUS
 from lava_ros.maps.numbers import percent, seconds
@@ -233,8 +234,7 @@ def rounding_note(survey: Survey) -> str:
     for source, shown in sorted(survey.frame.layers.items()):
         layer = shown.layer
         if layer.message == OCCUPANCY_GRID and layer.range is not None and source != 'hazard':
-            first, last = layer.scale
-            step = (layer.range[1] - layer.range[0]) / abs(last - first)
+            step = 2.0 * rounding(layer)
             unit = 'm' if source == 'thickness' else '°C'
             notes.append(f'{layer.name} in steps of {step:g} {unit}')
     text = ', '.join(notes)

@@ -65,17 +65,7 @@ def write_still(
     shows: str,
     sections: str = '',
 ) -> int:
-    """Write the page; it needs no other file.
-
-    Args:
-        output: The page.
-        title: What it is about.
-        subtitle: The same in other words.
-        warnings: What a reader has to know first, as sentences.
-        facts: Terms and values.
-        picture: A PNG.
-        shows: What that shows.
-        sections: HTML that follows.
+    """Write the page about a PNG; it needs no other file. Sections of HTML follow the picture.
 
     Returns:
         Size of the page [bytes].
@@ -103,15 +93,7 @@ def write_still(
 
 
 def write_comparison(paths: Sequence[str], output: str | Path, words: Words) -> int:
-    """Write a page about an ensemble, or about several runs.
-
-    Args:
-        paths: Bags and ensembles.
-        output: The page.
-        words: What else is to be drawn.
-
-    Returns:
-        Size of the page [bytes].
+    """Write a page about an ensemble, or about several runs, and return its size [bytes].
 
     Raises:
         LavaError: A run or a file cannot be read, or the page not be written.

@@ -14,7 +14,6 @@
 
 """A first look at all frames of a run: how far the lava came, and its numbers over time."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 import math
 
@@ -22,29 +21,19 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.maps.arrival import Arrival, THICKNESS
-from lava_ros.maps.frames import Frame, Recording
-
-Progress = Callable[[str, float], None]
+from lava_ros.maps.frames import Frame, Progress, Recording, silent
 
 TEMPERATURE = 'temperature'
 
 
 @dataclass(eq=False)
 class Survey:
-    """A run as a whole. Curves have one value for each frame.
+    """A run as a whole: its last frame, and curves with one value for each frame.
 
-    Attributes:
-        frame: The last frame.
-        arrival: When lava came where, and how thick it got.
-        touched: Cells that lava was ever in, bool, shape [rows, columns].
-        vents: Map positions [m] of all vents that ever emitted, shape [vents, 2].
-        times: Simulated times [s].
-        area: Area that lava covers [m2].
-        front: Distance [m] of the farthest cell that lava was ever in from the nearest vent; NaN
-            without vents or lava.
-        hottest: Highest temperature [Celsius], NaN without lava.
-        largest: Largest value ever, by source.
-        saturated: Sources with a value that their grid cannot tell from larger ones.
+    ``touched`` are the cells that lava was ever in, ``vents`` the map positions [m] of those that
+    ever emitted, ``front`` the distance [m] of the farthest such cell from the nearest of them,
+    NaN without. Areas are in m2, ``hottest`` is in Celsius, NaN without lava. ``largest`` is by
+    source; ``saturated`` are sources with a value that their grid cannot tell from larger ones.
     """
 
     frame: Frame
@@ -59,12 +48,8 @@ class Survey:
     saturated: set[str] = field(default_factory=set)
 
 
-def survey(recording: Recording, progress: Progress | None = None) -> Survey:
+def survey(recording: Recording, progress: Progress = silent) -> Survey:
     """Look at every frame of the last run.
-
-    Args:
-        recording: The bag.
-        progress: Is told what is being done, and the share that is done.
 
     Raises:
         LavaError: The bag is damaged, or does not say its simulated times.
@@ -83,8 +68,7 @@ def survey(recording: Recording, progress: Progress | None = None) -> Survey:
                 np.empty((0, 2)),
             )
         _add(result, frame)
-        if progress is not None:
-            progress('reading', 0.5 * recording.share_at(frame))
+        progress('reading', 0.5 * recording.share_at(frame))
     if result is None:
         raise LavaError('bag', str(recording.bag.path), 'a bag with at least one map')
     return result

@@ -16,14 +16,15 @@
 """How far footprints depend on the resolution: scenes at presets from coarse to fine.
 
 A footprint is what at least half of several runs cover, turned and mirrored
-(hindcast/replicates.py):
-a flow forks where decimetres decide, and which way a single run goes is chance. How far two such
-footprints agree by chance is the agreement of both halves of the runs.
+(hindcast/replicates.py): a flow forks where decimetres decide, and which way a single run goes is
+chance. How far two such footprints agree by chance is the agreement of both halves of the runs.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import combinations
 import math
+from typing import Any
 
 import numpy as np
 
@@ -39,13 +40,10 @@ from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolution_of
 from lava_ros.verification.benchmarks.selection import jaccard, noise
-from lava_ros.verification.measure import machine_name
+from lava_ros.verification.rows import OnProgress
 
 #: Presets, from coarse to fine; all are compared with the last.
 LADDER = ('draft', 'standard', 'fine')
-
-#: Runs of a footprint: as many as there are directions.
-RUNS = 8
 
 #: Sides of the cells that the demo's terrain is averaged over, for cells as SRTM's [m].
 COARSE = 90.0
@@ -56,57 +54,6 @@ _LAVA = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, conve
 _CREST, _TONGUES = Vent((4110.0, 5580.0), 40.0, radius=20.0), Lava(viscosity=5e4)
 
 _HOUR = 3600.0
-
-
-@dataclass(frozen=True)
-class Row:
-    """A scene at a preset: a line of the CSV.
-
-    Attributes:
-        scene: Name of the scene.
-        preset: Name of the preset.
-        spacing_m: Distance between particles [m].
-        width_m: Width of the flow that the spacing follows [m].
-        across: Particles across it.
-        runs: Runs of the footprint.
-        jaccard: Cells in its footprint and in that of ``LADDER``'s last over cells in either.
-        noise: The same of the footprints of both halves of its runs.
-        single: Mean Jaccard index of two of its runs.
-        area_m2: Area of the footprint [m2].
-        area_ratio: The same over that of ``LADDER``'s last.
-        length_m: Length of the longest way along the footprint [m].
-        length_ratio: The same over that of ``LADDER``'s last.
-        score: Jaccard index with the mapped footprint, NaN where none is.
-        seconds: Wall time of a run alone, kernels compiled [s].
-        particles: Most particles of a run.
-        evaluations: Velocity evaluations of a run.
-        simulated_s: Simulated time [s].
-        device: Warp device.
-        machine: What it is.
-        command: What made the row.
-    """
-
-    scene: str
-    preset: str
-    spacing_m: float
-    width_m: float
-    across: float
-    runs: int
-    jaccard: float
-    noise: float
-    single: float
-    area_m2: float
-    area_ratio: float
-    length_m: float
-    length_ratio: float
-    score: float
-    seconds: float
-    particles: int
-    evaluations: int
-    simulated_s: float
-    device: str
-    machine: str
-    command: str
 
 
 def scenes() -> tuple[Case, ...]:
@@ -167,97 +114,60 @@ def _cliff() -> Case:
     return case_of('cliff', Scene(finer(Terrain(height, 25.0), 2), (vent,), lava), 6.0 * _HOUR)
 
 
-@dataclass(frozen=True, eq=False)
-class _Footprint:
-    """What the runs of a case at a preset cover, and their cost."""
-
-    runs: np.ndarray
-    cells: np.ndarray
-    judged: Score
-    seconds: float
-    particles: int
-    evaluations: int
-
-
-def _footprint(case: Case, preset: str, device: str, runs: int) -> _Footprint:
+def _footprint(
+    case: Case, preset: str, device: str, runs: int
+) -> tuple[np.ndarray, np.ndarray, Score, dict[str, Any]]:
+    """What the runs of a case at a preset cover, each and agreed, its score, and their cost."""
     settings = Settings(preset, device=device, maps=1)
     results = run_several(case, settings, runs)
     alone = simulate(case, settings)
     maps = np.nan_to_num([result.snapshot.thickness for result in results])
-    runs_cover = maps >= COVERED
-    majority = runs_cover.mean(axis=0) >= 0.5
-    return _Footprint(
-        runs_cover,
-        majority,
-        judge(case, maps.mean(axis=0), majority),
-        alone.wall_time,
-        max(result.most_particles for result in results),
-        alone.snapshot.steps.evaluations,
-    )
+    each = maps >= COVERED
+    majority = each.mean(axis=0) >= 0.5
+    cost = {
+        # of a run alone, kernels compiled
+        'seconds': alone.wall_time,
+        'particles': max(result.most_particles for result in results),
+        'evaluations': alone.snapshot.steps.evaluations,
+    }
+    return each, majority, judge(case, maps.mean(axis=0), majority), cost
 
 
-def measure(case: Case, *, device: str, command: str, runs: int = RUNS) -> list[Row]:
-    """Run a case at each preset, turned and mirrored."""
-    found = {preset: _footprint(case, preset, device, runs) for preset in LADDER}
-    finest = found[LADDER[-1]]
-    rows = []
-    for preset, item in found.items():
-        resolution = resolution_of(
-            case.scene, PRESETS[preset].accuracy, horizon=case.duration
-        )
-        pairs = [
-            jaccard(item.runs[one], item.runs[other])
-            for one in range(runs)
-            for other in range(one)
-        ]
-        rows.append(
-            Row(
-                scene=case.name,
-                preset=preset,
-                spacing_m=resolution.spacing,
-                width_m=resolution.width,
-                across=resolution.across,
-                runs=runs,
-                jaccard=jaccard(item.cells, finest.cells),
-                noise=noise(item.runs),
-                single=float(np.mean(pairs)),
-                area_m2=item.judged.area,
-                area_ratio=item.judged.area / finest.judged.area,
-                length_m=item.judged.length,
-                length_ratio=item.judged.length / finest.judged.length,
-                score=item.judged.jaccard if case.footprint.any() else math.nan,
-                seconds=item.seconds,
-                particles=item.particles,
-                evaluations=item.evaluations,
-                simulated_s=case.duration,
-                device=device,
-                machine=machine_name(device),
-                command=command,
-            )
-        )
-    return rows
-
-
-def run(
-    device: str,
-    cases: Sequence[Case] = (),
-    on_progress: Callable[[str, float], None] = lambda what, share: None,
-    runs: int = RUNS,
-) -> list[Row]:
-    """Measure every scene.
-
-    Args:
-        device: Warp device.
-        cases: Mapped eruptions, in place of the scenes.
-        on_progress: Told what begins, and the share of the work that is done, from 0 to 1.
-        runs: Runs of a footprint.
-    """
-    rows: list[Row] = []
+def measure(
+    device: str, *, cases: Sequence[Case], runs: int, on_progress: OnProgress
+) -> Iterator[dict[str, Any]]:
+    """Run every scene, or mapped eruptions in place of them, so often at each preset."""
     items = tuple(cases) or scenes()
-    command = f'lava bench convergence --device {device} --runs {runs}'
-    command += ''.join(f' --case {case.name}' for case in cases)
     for index, case in enumerate(items):
         on_progress(case.name, index / len(items))
-        rows += measure(case, device=device, command=command, runs=runs)
-    on_progress('done', 1.0)
-    return rows
+        yield from compare(case, device=device, runs=runs)
+
+
+def compare(case: Case, *, device: str, runs: int) -> Iterator[dict[str, Any]]:
+    """Run a case at each preset, turned and mirrored."""
+    found = {preset: _footprint(case, preset, device, runs) for preset in LADDER}
+    _, finest, best, _ = found[LADDER[-1]]
+    for preset, (each, cells, judged, cost) in found.items():
+        resolution = resolution_of(case.scene, PRESETS[preset].accuracy, horizon=case.duration)
+        yield {
+            'scene': case.name,
+            'preset': preset,
+            'spacing_m': resolution.spacing,
+            # of the flow that the spacing follows, and particles across it
+            'width_m': resolution.width,
+            'across': resolution.across,
+            'runs': runs,
+            'jaccard': jaccard(cells, finest),
+            'noise': noise(each),
+            # mean of two runs
+            'single': float(np.mean([jaccard(*pair) for pair in combinations(each, 2)])),
+            'area_m2': judged.area,
+            'area_ratio': judged.area / best.area,
+            # the longest way along the footprint
+            'length_m': judged.length,
+            'length_ratio': judged.length / best.length,
+            # with the mapped footprint
+            'score': judged.jaccard if case.footprint.any() else math.nan,
+            **cost,
+            'simulated_s': case.duration,
+        }

@@ -20,10 +20,9 @@ paid in full in each of them, and no effect changes how many steps there are.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from statistics import median
+from collections.abc import Iterator
 import time as wall_clock
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -33,7 +32,7 @@ from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.verification.measure import machine_name
+from lava_ros.verification.rows import OnProgress, row_of
 
 #: Particles by default: on a GPU, where fewer do not fill it, and on a CPU.
 PARTICLES = {'cuda': 1_000_000, 'cpu': 20_000}
@@ -62,37 +61,6 @@ LAVA = Lava(viscosity=1e5, liquidus=1500.0, **_NUMBERS)
 APART = ('arrhenius', 'cooling', 'cover', 'helmholtz', 'inertia')
 
 
-@dataclass(frozen=True)
-class Row:
-    """The time of a step for one set of effects: a line of the CSV.
-
-    Attributes:
-        benchmark: The effects, in words.
-        particles: Particles.
-        value: Median time of a step over the particles.
-        unit: Unit of it, of low and of high.
-        low: Shortest of the repetitions.
-        high: Longest.
-        ratio: ``value`` over that of the bare step.
-        repetitions: How many times it was measured.
-        device: Warp device.
-        machine: What it is.
-        command: What made the row.
-    """
-
-    benchmark: str
-    particles: int
-    value: float
-    unit: str
-    low: float
-    high: float
-    ratio: float
-    repetitions: int
-    device: str
-    machine: str
-    command: str
-
-
 def effect_sets() -> dict[str, Effects]:
     """The sets of effects that are measured, by name: none, each alone, and those that combine."""
     off = dict.fromkeys(EFFECTS, False)
@@ -112,14 +80,10 @@ def lava_field(
     cells: int | None = None,
     ratio: float = RATIO,
 ) -> Simulation:
-    """A field of lava on rough ground, and a vent in it.
+    """A field of about so many particles of lava on rough ground, and a vent in it.
 
-    Args:
-        particles: Particles, about.
-        effects: The physics.
-        device: Warp device.
-        cells: Cells along a side of the ground; when left out they are two spacings wide.
-        ratio: Kernel radius over spacing: pi times its square is the number of neighbours.
+    The ground has ``cells`` along a side, each two spacings wide when left out; ``ratio`` is the
+    kernel radius over the spacing: pi times its square is the number of neighbours.
     """
     count = max(8, round(particles**0.5))
     side = count * SPACING
@@ -147,58 +111,26 @@ def lava_field(
 
 
 def measure(
-    device: str,
-    *,
-    command: str,
-    particles: int | None = None,
-    repetitions: int = 5,
-    on_progress: Callable[[str, float], None] = lambda what, share: None,
-) -> Iterator[Row]:
-    """Time a step with every set of effects.
-
-    Args:
-        device: Warp device.
-        command: What the rows say made them.
-        particles: Particles, by the device when left out.
-        repetitions: How many times each is measured.
-        on_progress: Told what begins, and the share of the work that is done.
-    """
+    device: str, *, particles: int | None, repetitions: int, on_progress: OnProgress
+) -> Iterator[dict[str, Any]]:
+    """Time a step with every set of effects, with so many particles, or the device's usual."""
     if particles is None:
         particles = PARTICLES['cuda' if wp.get_device(device).is_cuda else 'cpu']
-    machine = machine_name(device)
     sets = effect_sets()
     bare = 0.0
     for index, (name, effects) in enumerate(sets.items()):
         on_progress(name, index / len(sets))
         times, count = step_times(lava_field(particles, effects, device), repetitions, LEAST)
-        middle = median(times)
-        bare = bare or middle
-        yield Row(
-            benchmark=name,
-            particles=count,
-            value=middle,
-            unit='ns per particle and step',
-            low=min(times),
-            high=max(times),
-            ratio=middle / bare,
-            repetitions=repetitions,
-            device=device,
-            machine=machine,
-            command=command,
-        )
-    on_progress('done', 1.0)
+        row = row_of(name, count, times, 'ns per particle and step')
+        bare = bare or row['value']
+        last = {'repetitions': row.pop('repetitions')}
+        yield {**row, 'ratio': row['value'] / bare, **last}
 
 
 def step_times(
     simulation: Simulation, repetitions: int, least: float
 ) -> tuple[list[float], int]:
-    """Times of a step over the particles [ns], and the particles.
-
-    Args:
-        simulation: A field of lava.
-        repetitions: How many times it is measured.
-        least: Least time that is measured at once [s].
-    """
+    """Times of a step over the particles [ns], repeatedly over some seconds, and the particles."""
     # compiles, captures and settles
     _elapsed(simulation, 2 * _AT_ONCE)
     steps = _AT_ONCE

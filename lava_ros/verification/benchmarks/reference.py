@@ -38,12 +38,7 @@ class Reference:
     """The lava of a simulation, moved by plain kernels in float32."""
 
     def __init__(self, simulation: Simulation, step: float) -> None:
-        """Copy the particles and the ground.
-
-        Args:
-            simulation: A simulation without effects, whose lava flows by its own slope.
-            step: Length of a step [s].
-        """
+        """Copy particles and ground of a simulation without effects; steps are so long [s]."""
         sample, scene = simulation.sample(), simulation.scene
         self._device = wp.get_device(simulation.device)
         self._radius = simulation.radius

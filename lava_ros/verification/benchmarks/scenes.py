@@ -31,14 +31,7 @@ from lava_ros.scene.lava import Lava
 
 @dataclass(frozen=True, eq=False)
 class BenchScene:
-    """A scene and how long it is simulated.
-
-    Attributes:
-        name: Its name.
-        title: What it is, in a few words.
-        scene: Terrain, vents and lava.
-        horizon: Time to simulate and to choose the effects for [s].
-    """
+    """A scene, in a few words, and how long it is simulated and the effects are chosen for [s]."""
 
     name: str
     title: str

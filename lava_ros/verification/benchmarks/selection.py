@@ -25,10 +25,11 @@ more than two sets of all runs do. Time is that of a run of its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 import math
 import time as wall_clock
+from typing import Any
 
 import numpy as np
 
@@ -36,11 +37,11 @@ from lava_ros.effects import Effects
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy, COVERED
-from lava_ros.simulation.presets import DEFAULT, preset_accuracy
+from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.resolution import resolved_accuracy
 from lava_ros.simulation.selection import decide, effects_for
 from lava_ros.verification.benchmarks.scenes import BenchScene, scenes
-from lava_ros.verification.measure import machine_name
+from lava_ros.verification.rows import OnProgress
 
 #: How far the vents are moved from one run to the next, in cells, along x and along y.
 SHIFT = 0.01
@@ -48,72 +49,8 @@ SHIFT = 0.01
 #: How much more they give, as a share: on a plane a flow that is moved is the same flow.
 GAIN = 1e-5
 
-#: Runs that make a footprint.
-RUNS = 24
-
 #: Cells without data between two copies of a terrain.
 GAP = 16
-
-
-@dataclass(frozen=True)
-class Row:
-    """One scene: a line of the CSV.
-
-    Attributes:
-        scene: Name of the scene.
-        effects_auto: The chosen effects.
-        effects_all: All effects: those that the material and the terrain have.
-        runs: Runs that make a footprint: the cells that lava covers in most of them.
-        jaccard: Cells in both footprints over cells in either.
-        noise_auto: The same of the footprints of both halves of the runs with the chosen effects.
-        noise_all: The same of both halves of the runs with all effects.
-        single: Mean over the runs: a run with the chosen effects, and that with all effects whose
-            vents are in the same place.
-        seconds_auto: Wall time of a run with the chosen effects [s].
-        seconds_all: Wall time of a run with all effects [s].
-        particles: Particles of a run at the end, with the chosen effects.
-        evaluations_auto: Velocity evaluations of a run with the chosen effects.
-        evaluations_all: Velocity evaluations of a run with all effects.
-        cells: Cells of the footprint with all effects.
-        simulated_s: Simulated time [s].
-        device: Warp device.
-        machine: What it is.
-        command: What made the row.
-    """
-
-    scene: str
-    effects_auto: str
-    effects_all: str
-    runs: int
-    jaccard: float
-    noise_auto: float
-    noise_all: float
-    single: float
-    seconds_auto: float
-    seconds_all: float
-    particles: int
-    evaluations_auto: int
-    evaluations_all: int
-    cells: int
-    simulated_s: float
-    device: str
-    machine: str
-    command: str
-
-
-@dataclass(frozen=True)
-class Cost:
-    """What a run took.
-
-    Attributes:
-        particles: Particles at the end.
-        evaluations: Velocity evaluations.
-        seconds: Wall time, without compiling the kernels [s].
-    """
-
-    particles: int
-    evaluations: int
-    seconds: float
 
 
 def everything(scene: Scene, *, accuracy: Accuracy, horizon: float) -> Effects:
@@ -188,8 +125,12 @@ def covered(
 
 def cost(
     scene: Scene, effects: Effects, *, accuracy: Accuracy, horizon: float, device: str
-) -> Cost:
-    """Simulate a scene up to a time [s], its kernels compiled beforehand."""
+) -> tuple[int, int, float]:
+    """Simulate a scene up to a time [s], its kernels compiled beforehand.
+
+    Returns:
+        Particles at the end, velocity evaluations and wall time [s].
+    """
     accuracy = resolved_accuracy(accuracy, scene, horizon=horizon)
     warm = Simulation(scene, effects=effects, accuracy=accuracy, device=device)
     warm.advance(1e-3)
@@ -197,11 +138,7 @@ def cost(
     start = wall_clock.perf_counter()
     simulation.advance(horizon)
     seconds = wall_clock.perf_counter() - start
-    return Cost(
-        particles=simulation.particle_count,
-        evaluations=simulation.snapshot().steps.evaluations,
-        seconds=seconds,
-    )
+    return simulation.particle_count, simulation.snapshot().steps.evaluations, seconds
 
 
 def jaccard(one: np.ndarray, other: np.ndarray) -> float:
@@ -221,67 +158,41 @@ def noise(runs: np.ndarray) -> float:
 
 
 def measure(
-    item: BenchScene, *, device: str, command: str, preset: str = DEFAULT, runs: int = RUNS
-) -> Row:
-    """Simulate a scene with the chosen effects and with all of them."""
-    accuracy = preset_accuracy(preset)
-    auto = effects_for(item.scene, accuracy=accuracy, horizon=item.horizon)
-    full = everything(item.scene, accuracy=accuracy, horizon=item.horizon)
-    cost_auto, cost_all = (
-        cost(item.scene, effects, accuracy=accuracy, horizon=item.horizon, device=device)
-        for effects in (auto, full)
-    )
-    chosen, complete = (
-        covered(
-            item.scene, runs, effects, accuracy=accuracy, horizon=item.horizon, device=device
-        )
-        for effects in (auto, full)
-    )
-    return Row(
-        scene=item.name,
-        effects_auto=names(auto),
-        effects_all=names(full),
-        runs=runs,
-        jaccard=jaccard(footprint(chosen), footprint(complete)),
-        noise_auto=noise(chosen),
-        noise_all=noise(complete),
-        single=float(np.mean([jaccard(*pair) for pair in zip(chosen, complete, strict=True)])),
-        seconds_auto=cost_auto.seconds,
-        seconds_all=cost_all.seconds,
-        particles=cost_auto.particles,
-        evaluations_auto=cost_auto.evaluations,
-        evaluations_all=cost_all.evaluations,
-        cells=int(np.count_nonzero(footprint(complete))),
-        simulated_s=item.horizon,
-        device=device,
-        machine=machine_name(device),
-        command=command,
-    )
-
-
-def names(effects: Effects) -> str:
-    """The effects that are on, in the order of the criteria, with spaces between."""
-    return ' '.join(effects)
-
-
-def run(
-    device: str,
-    on_progress: Callable[[str, float], None] = lambda what, share: None,
-    preset: str = DEFAULT,
-    runs: int = RUNS,
-) -> list[Row]:
-    """Measure every scene.
-
-    Args:
-        device: Warp device.
-        on_progress: Told what begins, and the share of the work that is done, from 0 to 1.
-        preset: Accuracy of the runs.
-        runs: Runs that make a footprint.
-    """
-    rows, items = [], scenes()
-    command = f'lava bench choice --device {device} --preset {preset} --runs {runs}'
+    device: str, *, preset: str, runs: int, on_progress: OnProgress
+) -> Iterator[dict[str, Any]]:
+    """Compare each scene with the chosen effects and with all of them, over many runs."""
+    items = scenes()
     for index, item in enumerate(items):
         on_progress(item.name, index / len(items))
-        rows.append(measure(item, device=device, command=command, preset=preset, runs=runs))
-    on_progress('done', 1.0)
-    return rows
+        yield compare(item, device=device, preset=preset, runs=runs)
+
+
+def compare(item: BenchScene, *, device: str, preset: str, runs: int) -> dict[str, Any]:
+    """Simulate a scene with the chosen effects (``auto``) and with all of them."""
+    common: dict[str, Any] = {'accuracy': preset_accuracy(preset), 'horizon': item.horizon}
+    auto, full = effects_for(item.scene, **common), everything(item.scene, **common)
+    common['device'] = device
+    cost_auto, cost_all = (cost(item.scene, effects, **common) for effects in (auto, full))
+    chosen, complete = (
+        covered(item.scene, runs, effects, **common) for effects in (auto, full)
+    )
+    return {
+        'scene': item.name,
+        'effects_auto': ' '.join(auto),
+        'effects_all': ' '.join(full),
+        'runs': runs,
+        # of the cells that lava covers in most of the runs
+        'jaccard': jaccard(footprint(chosen), footprint(complete)),
+        'noise_auto': noise(chosen),
+        'noise_all': noise(complete),
+        # mean over the runs of a chosen one and that with all, vents in the same place
+        'single': float(np.mean([jaccard(*pair) for pair in zip(chosen, complete, strict=True)])),
+        'seconds_auto': cost_auto[2],
+        'seconds_all': cost_all[2],
+        'particles': cost_auto[0],
+        'evaluations_auto': cost_auto[1],
+        'evaluations_all': cost_all[1],
+        # of the footprint with all effects
+        'cells': int(np.count_nonzero(footprint(complete))),
+        'simulated_s': item.horizon,
+    }

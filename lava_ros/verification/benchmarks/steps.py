@@ -20,9 +20,8 @@ The lava is that of ``benchmarks/effects.py``, in steps of fixed length of one s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
-from functools import partial
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 import gc
 import math
 from statistics import median
@@ -37,7 +36,7 @@ from lava_ros.errors import LavaError
 from lava_ros.simulation import Simulation
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP, step_times
 from lava_ros.verification.benchmarks.reference import Reference
-from lava_ros.verification.measure import machine_name
+from lava_ros.verification.rows import OnProgress, row_of
 
 #: Particles by default: on a GPU, and on a CPU.
 PARTICLES = {
@@ -68,101 +67,36 @@ Measured = tuple[str, int, Sequence[float], str]
 _PATIENCE = 300.0
 
 
-@dataclass(frozen=True)
-class Row:
-    """One measurement: a line of the CSV.
-
-    Attributes:
-        benchmark: What was measured.
-        particles: Particles.
-        value: Median of the repetitions.
-        unit: Unit of it, of low and of high.
-        low: Least of the repetitions.
-        high: Largest.
-        repetitions: How many times it was measured.
-        device: Warp device.
-        machine: What it is.
-        command: What made the row.
-    """
-
-    benchmark: str
-    particles: int
-    value: float
-    unit: str
-    low: float
-    high: float
-    repetitions: int
-    device: str
-    machine: str
-    command: str
-
-
-def row_of(
-    benchmark: str,
-    particles: int,
-    values: Sequence[float],
-    unit: str,
-    *,
-    device: str,
-    command: str,
-) -> Row:
-    """The row of a benchmark's repetitions."""
-    return Row(
-        benchmark=benchmark,
-        particles=particles,
-        value=median(values),
-        unit=unit,
-        low=min(values),
-        high=max(values),
-        repetitions=len(values),
-        device=device,
-        machine=machine_name(device),
-        command=command,
-    )
-
-
 def measure(
     device: str,
     *,
-    command: str,
-    particles: Sequence[int] | None = None,
-    repetitions: int = 5,
-    on_progress: Callable[[str, float], None] = lambda what, share: None,
-) -> Iterator[Row]:
-    """Time steps, snapshots and the start.
-
-    Args:
-        device: Warp device.
-        command: What the rows say made them.
-        particles: Numbers of particles, by the device when left out.
-        repetitions: How many times each is measured.
-        on_progress: Told what begins, and the share of the work that is done.
-    """
+    particles: Sequence[int] | None,
+    repetitions: int,
+    on_progress: OnProgress,
+) -> Iterator[dict[str, Any]]:
+    """Time steps with so many particles, or the device's usual, snapshots and the start."""
     if particles is None:
         particles = PARTICLES['cuda' if wp.get_device(device).is_cuda else 'cpu']
-    row = partial(row_of, device=device, command=command)
-
     parts = len(particles) + 2
     for index, number in enumerate(particles):
 
         def show(name: str, share: float, index: int = index, number: int = number) -> None:
             on_progress(f'{name}: {number} particles', (index + share) / parts)
 
-        for name, count, values, unit in _steps(number, device, repetitions, show):
-            yield row(name, count, values, unit)
+        for measured in _steps(number, device, repetitions, show):
+            yield row_of(*measured)
     for index, cells in enumerate(GRIDS):
         what = f'snapshot of {cells} x {cells} cells'
         on_progress(what, (len(particles) + index / len(GRIDS)) / parts)
         values, count = _snapshots(cells, device, repetitions)
-        yield row(what, count, values, 'ms')
+        yield row_of(what, count, values, 'ms')
     on_progress('first snapshot', (parts - 1) / parts)
     values = _starts(device, repetitions)
-    yield row('start of a process to its first snapshot', _FIRST_PARTICLES, values, 's')
-    on_progress('done', 1.0)
+    yield row_of('start of a process to its first snapshot', _FIRST_PARTICLES, values, 's')
 
 
 def _steps(
-    number: int, device: str, repetitions: int, show: Callable[[str, float], None]
+    number: int, device: str, repetitions: int, show: OnProgress
 ) -> Iterator[Measured]:
     """Yield what is measured with a number of particles."""
     sets = effect_sets()
@@ -240,10 +174,7 @@ def first_snapshot(device: str) -> None:
 def _starts(device: str, repetitions: int) -> list[float]:
     """Times of a process from its start until it has its first snapshot [s].
 
-    The first process fills the kernel cache and is not counted.
-
-    Raises:
-        LavaError: The process fails.
+    The first process fills the kernel cache and is not counted; LavaError where one fails.
     """
     times = []
     command = [sys.executable, '-c', _FIRST.format(device=device)]

@@ -25,21 +25,12 @@ from lava_ros.verification.cases import (
     solid,
     spreading,
 )
-from lava_ros.verification.cases.case import Case, Measurement, Run
-from lava_ros.verification.cases.sheets import green_response, sheet_on_slope
-from lava_ros.verification.cases.spreading import Spread, spread_of_fixed_volume
-
-__all__ = [
-    'CASES',
-    'EFFECT_CASES',
-    'Case',
-    'Measurement',
-    'Run',
-    'Spread',
-    'green_response',
-    'sheet_on_slope',
-    'spread_of_fixed_volume',
-]
+from lava_ros.verification.cases.case import Case as Case
+from lava_ros.verification.cases.case import Measurement as Measurement
+from lava_ros.verification.cases.case import Run as Run
+from lava_ros.verification.cases.spreading import (
+    spread_of_fixed_volume as spread_of_fixed_volume,
+)
 
 #: Every case by its name, from the simplest.
 CASES: dict[str, Case] = {

@@ -14,7 +14,7 @@
 
 """What a case is, what it measures, and how a run is timed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 import time as wall_clock
 
@@ -49,14 +49,9 @@ Window = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Measurement:
-    """A measured number beside the exact one.
+    """A measured number beside the exact one, in a unit.
 
-    Attributes:
-        quantity: What it is, in a word or two.
-        measured: What the solver says.
-        exact: What it should say.
-        unit: Unit of both.
-        scale: What the difference is divided by, the exact value when left out.
+    Their difference is divided by ``scale``, the exact value when left out.
     """
 
     quantity: str
@@ -93,6 +88,11 @@ class Run:
     simulated_time: float
     wall_time: float
 
+    @property
+    def errors(self) -> dict[str, float]:
+        """Relative errors by quantity."""
+        return {item.quantity: item.error for item in self.measurements}
+
 
 @dataclass(frozen=True)
 class Case:
@@ -102,14 +102,18 @@ class Case:
         name: Name on the command line.
         title: What flows, in a phrase.
         source: Where the exact solution is from.
-        run: Runs it at an accuracy on a Warp device. Its spacing is the case's own over
+        measure: Runs it at an accuracy on a Warp device. Its spacing is the case's own over
             ``accuracy.refinement``.
     """
 
     name: str
     title: str
     source: str
-    run: Callable[[Accuracy, str], Run]
+    measure: Callable[[Accuracy, str], Run]
+
+    def run(self, accuracy: Accuracy, device: str) -> Run:
+        """Run it, under its name."""
+        return replace(self.measure(accuracy, device), case=self.name)
 
 
 class Trial:
@@ -124,15 +128,7 @@ class Trial:
         effects: Effects = FLAT,
         particles: Particles | None = None,
     ) -> None:
-        """Prepare the simulation.
-
-        Args:
-            scene: Terrain, vents and lava.
-            accuracy: The resolution, spacing and thickness included.
-            device: Warp device.
-            effects: The physics.
-            particles: Lava that is there at the start.
-        """
+        """Prepare the simulation; the accuracy has spacing and thickness."""
         # the kernels are compiled for the effects and the accuracy, whatever the scene
         few = None
         if particles is not None:
@@ -154,11 +150,7 @@ class Trial:
         self._wall_time += wall_clock.perf_counter() - start
 
     def field(self, window: Window) -> Field:
-        """The thickness as the output grid shows it, on cells of half a spacing.
-
-        Args:
-            window: Smallest x, smallest y, largest x, largest y [m].
-        """
+        """The thickness in a window as the output grid shows it, on cells of half a spacing."""
         spacing = self.simulation.accuracy.spacing
         assert spacing is not None
         cell = 0.5 * spacing
@@ -185,11 +177,21 @@ class Trial:
         thickness = copy.snapshot().thickness
         return Field(thickness[beyond:-beyond, beyond:-beyond], cell, (x0, y0))
 
-    def run(self, case: str, *measurements: Measurement) -> Run:
-        """Close the trial with what was measured."""
+    def middle(self, half: float) -> dict[str, np.ndarray]:
+        """What the particles in a square around (0, 0), of half a side [m], are like now."""
+        sample = self.simulation.sample()
+        inside = np.abs(sample.position).max(axis=1) < half
+        return {
+            'position': sample.position[inside],
+            'velocity': sample.velocity[inside],
+            'temperature': sample.temperature[inside],
+        }
+
+    def run(self, *measurements: Measurement) -> Run:
+        """Close the trial, of a case without a name, with what was measured."""
         snapshot = self.simulation.snapshot()
         return Run(
-            case=case,
+            case='',
             measurements=measurements,
             particles=snapshot.particle_count,
             steps=snapshot.steps.count,
@@ -199,10 +201,10 @@ class Trial:
         )
 
 
-def joined(case: str, runs: list[Run]) -> Run:
+def joined(runs: Sequence[Run]) -> Run:
     """Make one run of several simulations of a case: particles of the largest, sums else."""
     return Run(
-        case=case,
+        case='',
         measurements=tuple(item for run in runs for item in run.measurements),
         particles=max(run.particles for run in runs),
         steps=sum(run.steps for run in runs),
@@ -234,14 +236,45 @@ def lattice(length: float, width: float, spacing: float) -> np.ndarray:
     return np.stack(np.meshgrid(*ticks), axis=-1).reshape(-1, 2)
 
 
-def plane(window: Window, cell: float, slope: float = 0.0) -> Terrain:
-    """An even slope that falls towards +x.
+def layer(
+    lava: Lava,
+    effects: Effects,
+    accuracy: Accuracy,
+    device: str,
+    *,
+    thickness: float,
+    spacing: float = 2.0,
+    side: float = 120.0,
+    slope: float = 0.0,
+    temperature: float = 1400.0,
+) -> 'Trial':
+    """A square layer of even thickness around (0, 0) on an even slope.
 
     Args:
-        window: Smallest x, smallest y, largest x, largest y [m] that it covers at least.
-        cell: Side of a cell [m].
+        lava: What it is of.
+        effects: The physics.
+        accuracy: Resolution; spacing and thickness are set here.
+        device: Warp device.
+        thickness: Its thickness, vertical [m].
+        spacing: Distance between particles at a refinement of 1 [m].
+        side: Its side [m]; the slope's is twice as long.
         slope: Angle of the slope [rad].
+        temperature: Its temperature [K].
     """
+    spacing /= accuracy.refinement
+    # a coarse one keeps its middle away from the edge
+    side = max(side, 8.0 * spacing)
+    return Trial(
+        Scene(plane(square(side), 5.0, slope), lava=lava),
+        effects=effects,
+        accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
+        particles=Particles(lattice(side, side, spacing), thickness * spacing**2, temperature),
+        device=device,
+    )
+
+
+def plane(window: Window, cell: float, slope: float = 0.0) -> Terrain:
+    """An even slope [rad] that falls towards +x, on cells [m] that cover a window at least."""
     x0, y0, x1, y1 = window
     rows, columns = (max(2, int(np.ceil(side / cell))) for side in (y1 - y0, x1 - x0))
     x = x0 + (np.arange(columns) + 0.5) * cell
@@ -253,10 +286,6 @@ def strip(width: float, count: int) -> tuple[np.ndarray, np.ndarray]:
 
     The points (i + 1/2) / count and i times the golden ratio are evenly apart however a rectangle
     is stretched.
-
-    Args:
-        width: Width of the strip [m], around 0.
-        count: Number of points.
     """
     index = np.arange(count)
     turn = np.modf(index * 0.5 * (np.sqrt(5.0) - 1.0))[0]

@@ -67,16 +67,11 @@ WAVES, WAVE_HEIGHT, WAVELENGTHS = 16, 0.06, (14.0, 40.0)
 def channel_velocity(
     width: float, *, effect: str, accuracy: Accuracy, device: str = 'cpu'
 ) -> tuple[Trial, Measurement]:
-    """Mean over local velocity in a channel of lava 1 m thick.
+    """Mean over local velocity in a channel of lava 1 m thick, with ``green`` or ``helmholtz``.
 
     The channel lies between mirrored ones whose slope is the opposite: the flow is odd about the
-    walls, so it vanishes there, as on a wall without slip.
-
-    Args:
-        width: Width of the channel [m], an even multiple of the spacing: no particle is on a wall.
-        effect: ``green`` or ``helmholtz``.
-        accuracy: Resolution, the spacing included.
-        device: Warp device.
+    walls, so it vanishes there, as on a wall without slip. Its width [m] is an even multiple of
+    the accuracy's spacing: no particle is on a wall.
     """
     spacing = accuracy.spacing
     assert spacing is not None
@@ -126,7 +121,7 @@ def _run_channel(accuracy: Accuracy, device: str) -> Run:
             accuracy=replace(accuracy, spacing=_spacing(width, count * accuracy.refinement)),
             device=device,
         )
-        runs.append(trial.run('channel', measurement))
+        runs.append(trial.run(measurement))
     # the support is the kernel's radius: with it given, finer is more neighbours, up to a limit
     spacing = _spacing(GREEN_WIDTH, GREEN_PARTICLES * min(1.0, accuracy.refinement))
     ratio = GREEN_SUPPORT / math.sqrt(3.0) / spacing
@@ -137,7 +132,7 @@ def _run_channel(accuracy: Accuracy, device: str) -> Run:
         accuracy=replace(accuracy, spacing=spacing, ratio=ratio, gradient='energy'),
         device=device,
     )
-    return joined('channel', [*runs, trial.run('channel', measurement)])
+    return joined([*runs, trial.run(measurement)])
 
 
 def _spacing(width: float, across_half: float) -> float:
@@ -165,11 +160,9 @@ def rough_bowl() -> Terrain:
 
 
 def ground_at(terrain: Terrain, position: np.ndarray) -> np.ndarray:
-    """Elevation of the surface whose gradient drives the lava [m]: the quadratic B-spline.
+    """Elevation [m] of the surface whose gradient drives the lava: the quadratic B-spline.
 
-    Args:
-        terrain: The terrain.
-        position: Places on it, at least two cells from its border [m], shape [count, 2].
+    Places [m], shape [count, 2], are at least two cells from the terrain's border.
     """
     place = (position - np.asarray(terrain.origin)) / terrain.resolution
     cell = np.floor(place).astype(int)
@@ -184,12 +177,7 @@ def ground_at(terrain: Terrain, position: np.ndarray) -> np.ndarray:
 
 
 def pond(accuracy: Accuracy, device: str = 'cpu') -> Trial:
-    """Lava filled into the rough bowl up to a level.
-
-    Args:
-        accuracy: Resolution; its spacing and thickness are set by the case.
-        device: Warp device.
-    """
+    """Lava filled into the rough bowl up to a level; the case sets spacing and thickness."""
     terrain = rough_bowl()
     spacing = 2.0 / accuracy.refinement
     # off the grid of the terrain's cells
@@ -208,11 +196,8 @@ def pond(accuracy: Accuracy, device: str = 'cpu') -> Trial:
 def stillness(trial: Trial, when: str = '') -> tuple[Measurement, Measurement]:
     """How far a pond is from rest: its fastest particle, and how level its surface is.
 
-    Speeds are over that of a fall from the surface to the bottom, heights over the largest depth.
-
-    Args:
-        trial: The pond.
-        when: What to add to the quantities' names.
+    Speeds are over that of a fall from the surface to the bottom, heights over the largest depth;
+    ``when`` ends the names of the quantities.
     """
     sample = trial.simulation.sample()
     deep = sample.thickness > DEEP
@@ -240,7 +225,7 @@ def _run_pond(accuracy: Accuracy, device: str) -> Run:
     trial.advance(REST + HOUR)
     after, flatness = stillness(trial, ' at rest')
     fastest = max(before, after, key=lambda item: item.measured)
-    return trial.run('pond', *filled, replace(fastest, quantity=after.quantity), flatness)
+    return trial.run(*filled, replace(fastest, quantity=after.quantity), flatness)
 
 
 CASES = (

@@ -18,8 +18,10 @@
 Errors of temperatures are relative to what the lava has cooled or warmed by.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 import math
+from typing import Protocol
 
 import numpy as np
 
@@ -35,6 +37,7 @@ from lava_ros.verification.cases.case import (
     ISOTHERMAL,
     joined,
     lattice,
+    layer,
     Measurement,
     NU,
     plane,
@@ -47,9 +50,6 @@ from lava_ros.verification.cases.case import (
 #: Too viscous to move, and losing nothing unless a case says so.
 STILL = Lava(density=2500.0, viscosity=1e15, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
-#: Heat capacity of a volume of it [J/(m3 K)].
-CAPACITY = STILL.density * STILL.specific_heat
-
 #: Temperatures of vents and of the air [K], and the thickness of sheets [m].
 HOT, COLD, THICKNESS = 1423.0, 300.0, 2.0
 
@@ -57,112 +57,91 @@ HOT, COLD, THICKNESS = 1423.0, 300.0, 2.0
 HOURS = (1.0, 10.0, 100.0)
 
 
+class _Cooling(Protocol):
+    """What says how a sheet cools."""
+
+    def temperature(self, time: float) -> float: ...
+
+
 def _cooling_sheet(
-    name: str,
     lava: Lava,
     effects: Effects,
-    solution: exact.ColumnOnGround | exact.ConvectingSlab | exact.CrystallisingSheet,
+    solution: _Cooling,
     accuracy: Accuracy,
     device: str,
+    hours: Sequence[float] = HOURS,
+    is_of_loss: bool = True,
 ) -> Run:
-    """Temperatures of the middle of a still sheet at ``HOURS``."""
-    spacing = 4.0 / accuracy.refinement
-    side = max(80.0, 8.0 * spacing)
-    trial = Trial(
-        Scene(plane(square(side), 10.0), lava=lava),
-        effects=effects,
-        accuracy=replace(accuracy, spacing=spacing, thickness=THICKNESS, longest_step=600.0),
-        particles=Particles(lattice(side, side, spacing), THICKNESS * spacing**2, HOT),
-        device=device,
+    """Temperatures of the middle of a still sheet, maybe held against what it has cooled by."""
+    accuracy = replace(accuracy, longest_step=600.0)
+    trial = layer(
+        lava, effects, accuracy, device, thickness=THICKNESS, spacing=4.0, side=80.0,
+        temperature=HOT,
     )
     measurements = []
-    for hours in HOURS:
-        trial.advance(3600.0 * hours)
-        sample = trial.simulation.sample()
-        middle = np.abs(sample.position).max(axis=1) < 0.2 * side
-        temperature = solution.temperature(3600.0 * hours)
+    for hour in hours:
+        trial.advance(3600.0 * hour)
+        right = solution.temperature(3600.0 * hour)
+        found = float(trial.middle(16.0)['temperature'].mean())
+        scale = HOT - right if is_of_loss else None
         measurements.append(
-            Measurement(
-                f'temperature after {hours:g} h',
-                float(sample.temperature[middle].mean()),
-                temperature,
-                'K',
-                scale=HOT - temperature,
-            )
+            Measurement(f'temperature after {hour:g} h', found, right, 'K', scale)
         )
-    return trial.run(name, *measurements)
+    return trial.run(*measurements)
+
+
+def _run_radiating(accuracy: Accuracy, device: str) -> Run:
+    lava = replace(STILL, emissivity=0.9)
+    solution = exact.RadiatingSheet(lava, initial=HOT, ambient=COLD, thickness=THICKNESS)
+    effects = replace(FLAT, cooling=True)
+    hours = (1.0, 10.0, 24.0)
+    return _cooling_sheet(
+        lava, effects, solution, accuracy, device, hours, is_of_loss=False
+    )
 
 
 def _run_ground(accuracy: Accuracy, device: str) -> Run:
     lava = replace(STILL, ground_conductivity=2.0)
-    solution = exact.ColumnOnGround(
-        initial=HOT,
-        ground=COLD,
-        conductivity=lava.ground_conductivity,
-        diffusivity=lava.ground_diffusivity,
-        capacity=CAPACITY,
-        thickness=THICKNESS,
-    )
+    solution = exact.ColumnOnGround(lava, initial=HOT, ground=COLD, thickness=THICKNESS)
     effects = replace(FLAT, ground=True)
-    return _cooling_sheet('ground', lava, effects, solution, accuracy, device)
+    return _cooling_sheet(lava, effects, solution, accuracy, device)
 
 
 def _run_crust(accuracy: Accuracy, device: str) -> Run:
     lava = replace(STILL, convection=50.0, conductivity=2.0, crust=True)
-    solution = exact.ConvectingSlab(
-        initial=HOT,
-        ambient=COLD,
-        conductivity=lava.conductivity,
-        capacity=CAPACITY,
-        convection=lava.convection,
-        thickness=THICKNESS,
-    )
+    solution = exact.ConvectingSlab(lava, initial=HOT, ambient=COLD, thickness=THICKNESS)
     effects = replace(FLAT, crust=True)
-    return _cooling_sheet('crust', lava, effects, solution, accuracy, device)
+    return _cooling_sheet(lava, effects, solution, accuracy, device)
 
 
 def _run_latent(accuracy: Accuracy, device: str) -> Run:
     # 16 kW/m2 at first: solid after two days
     lava = replace(STILL, convection=50.0, latent_heat=3.5e5, liquidus=1400.0, solidus=1250.0)
     solution = exact.CrystallisingSheet(
-        initial=HOT,
-        ambient=COLD,
-        convection=lava.convection,
-        density=lava.density,
-        specific_heat=lava.specific_heat,
-        latent_heat=lava.latent_heat,
-        liquidus=lava.liquidus,
-        solidus=lava.solidus,
-        thickness=THICKNESS,
+        lava, initial=HOT, ambient=COLD, thickness=THICKNESS
     )
     effects = replace(FLAT, cooling=True, latent_heat=True)
-    return _cooling_sheet('latent_heat', lava, effects, solution, accuracy, device)
+    return _cooling_sheet(lava, effects, solution, accuracy, device)
 
 
 def _run_viscous(accuracy: Accuracy, device: str) -> Run:
     # a small heat capacity, to warm by degrees
     lava = replace(ISOTHERMAL, specific_heat=1.0)
-    slope, thickness, side, duration = math.radians(10.0), 1.0, 120.0, 20.0
-    spacing = 2.0 / accuracy.refinement
-    trial = Trial(
-        Scene(plane(square(2.0 * side), 5.0, slope), lava=lava),
-        effects=replace(SLOPING, viscous_heating=True),
-        accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
-        particles=Particles(lattice(side, side, spacing), thickness * spacing**2, HOT),
-        device=device,
+    slope, thickness, duration = math.radians(10.0), 1.0, 20.0
+    effects = replace(SLOPING, viscous_heating=True)
+    trial = layer(
+        lava, effects, accuracy, device, thickness=thickness, slope=slope, temperature=HOT
     )
     trial.advance(duration)
-    sample = trial.simulation.sample()
-    middle = np.abs(sample.position).max(axis=1) < 0.2 * side
+    warmed = float(trial.middle(24.0)['temperature'].mean()) - HOT
     speed = exact.sheet_velocity(thickness * math.cos(slope), slope, NU, GRAVITY)
     rise = exact.warming_by_descent(
         speed * math.sin(slope) * duration, gravity=GRAVITY, specific_heat=lava.specific_heat
     )
     sheet = trial.run(
-        'viscous_heating',
-        Measurement('warming', float(sample.temperature[middle].mean()) - HOT, rise, 'K'),
+        Measurement('warming', warmed, rise, 'K'),
     )
-    return joined('viscous_heating', [sheet, _spreading(lava, accuracy, device)])
+    return joined([sheet, _spreading(lava, accuracy, device)])
 
 
 def _spreading(lava: Lava, accuracy: Accuracy, device: str) -> Run:
@@ -185,7 +164,6 @@ def _spreading(lava: Lava, accuracy: Accuracy, device: str) -> Run:
     # the centre of mass of the profile is at 2 / 5 of its height
     fall = 0.4 * (solution.centre(start) - solution.centre(end))
     return trial.run(
-        'viscous_heating',
         Measurement(
             'heat of spreading',
             rise,
@@ -221,7 +199,6 @@ def _run_conduction(accuracy: Accuracy, device: str) -> Run:
     )
     apart = np.abs(sample.temperature - right)[middle].max()
     return trial.run(
-        'conduction',
         Measurement('profile', float(apart), 0.0, 'K', scale=400.0),
         Measurement(
             'heat',
@@ -236,14 +213,7 @@ def _run_current(accuracy: Accuracy, device: str) -> Run:
     # Garel et al. measured it with silicone oil; this is lava
     lava = replace(ISOTHERMAL, emissivity=0.9, convection=50.0)
     discharge = 1.0
-    solution = exact.CoolingCurrent(
-        initial=HOT,
-        ambient=COLD,
-        emissivity=lava.emissivity,
-        convection=lava.convection,
-        capacity=lava.density * lava.specific_heat,
-        discharge=discharge,
-    )
+    solution = exact.CoolingCurrent(lava, initial=HOT, ambient=COLD, discharge=discharge)
     # until the radius is four thermal radii: what is stored then grows by 2 % of the supply
     spread = exact.ConstantFluxSpread(discharge, lava.viscosity / lava.density, GRAVITY)
     side = 4.5 * solution.thermal_radius
@@ -275,13 +245,15 @@ def _run_current(accuracy: Accuracy, device: str) -> Run:
         )
     loss = solution.flux(sample.temperature) @ (sample.volume / sample.thickness)
     return trial.run(
-        'cooling_current',
         *measurements,
         Measurement('power of the surface', float(loss), solution.power, 'W'),
     )
 
 
 CASES = (
+    Case(
+        'radiating_sheet', 'sheet that cools by radiation', 'Stefan-Boltzmann law', _run_radiating
+    ),
     Case('ground', 'sheet that warms the ground', 'Carslaw & Jaeger 1959', _run_ground),
     Case('crust', 'sheet that cools under a crust', 'Carslaw & Jaeger 1959', _run_crust),
     Case('latent_heat', 'sheet that crystallises', 'enthalpy balance', _run_latent),

@@ -96,17 +96,15 @@ def _run_sheet(accuracy: Accuracy, device: str) -> Run:
                 'm/s',
             )
         )
-    return trial.run('inertial_sheet', *measured)
+    return trial.run(*measured)
 
 
 @dataclass(frozen=True)
 class Break:
     """Two dams at |x| = ``half`` that broke at once, seen along the middle of a strip.
 
-    Attributes:
-        trial: The simulation, at the time when the fans meet.
-        distance: Distances from the dams [m], the mean of both sides.
-        thickness: Thickness there [m].
+    The trial is at the time when the fans meet, distances [m] are from the dams, the thickness [m]
+    there is the mean of both sides.
     """
 
     trial: Trial
@@ -118,13 +116,8 @@ def broken_dams(bed: float, ahead: float, *, accuracy: Accuracy, device: str = '
     """Let a block collapse on both sides, on a bed that reaches as far as its own end is not felt.
 
     The sides are as far from the band as what they feel comes. Where the tip of a break onto a dry
-    bed comes from, particles are half as far apart: it thins out to less than a single one.
-
-    Args:
-        bed: Thickness of the bed, 0 for none [m].
-        ahead: How far from the dams it has to be undisturbed at the end [m].
-        accuracy: Resolution; spacing and thickness are set by the case.
-        device: Warp device.
+    bed comes from, particles are half as far apart: it thins out to less than a single one. The
+    bed is so thick [m], 0 for none, and undisturbed so far ahead of the dams [m] at the end.
     """
     time = REACH / math.sqrt(GRAVITY * HEIGHT)
     half, side = 1.1 * REACH, 1.1 * REACH + BAND
@@ -173,7 +166,7 @@ def _difference(
 def _run_ritter(accuracy: Accuracy, device: str) -> Run:
     solution = exact.RitterDamBreak(HEIGHT, GRAVITY)
     broken = broken_dams(0.0, 0.0, accuracy=accuracy, device=device)
-    return broken.trial.run('ritter', _difference(broken, solution, 2.0 * REACH))
+    return broken.trial.run(_difference(broken, solution, 2.0 * REACH))
 
 
 def _run_stoker(accuracy: Accuracy, device: str) -> Run:
@@ -184,20 +177,16 @@ def _run_stoker(accuracy: Accuracy, device: str) -> Run:
     broken = broken_dams(bed, ahead, accuracy=accuracy, device=device)
     place = front(broken.distance, broken.thickness, 0.5 * (bed + solution.plateau))
     return broken.trial.run(
-        'stoker', _difference(broken, solution, ahead), Measurement('bore', place, bore, 'm')
+        _difference(broken, solution, ahead), Measurement('bore', place, bore, 'm')
     )
 
 
 @dataclass(frozen=True)
 class Swing:
-    """An oscillation in a bowl.
+    """An oscillation in a bowl, its exact solution, and what was seen at times [s].
 
-    Attributes:
-        trial: The simulation at the end.
-        solution: The exact solution.
-        times: When it was looked at [s].
-        spread: Mean of r^2 then [m2].
-        energy: Kinetic and potential energy over the density then, above that at rest [m5/s2].
+    ``spread`` is the mean of r^2 [m2], ``energy`` the kinetic and potential energy over the
+    density, above that at rest [m5/s2].
     """
 
     trial: Trial
@@ -239,12 +228,7 @@ def swing(
 ) -> Swing:
     """Let lava swing in a paraboloid (Thacker 1981), from where it is narrow and at rest.
 
-    Args:
-        count: About how many particles there are.
-        accuracy: Resolution; spacing and thickness are set by the case.
-        periods: How many periods it is watched.
-        looks: How many times a period it is looked at.
-        device: Warp device.
+    There are about ``count`` particles, looked at so many times a period.
     """
     solution = exact.OscillatingBowl(1.0, 50.0, 0.3, GRAVITY)
     narrow = solution.radius / math.sqrt(solution.narrowness(0.0))
@@ -297,7 +281,6 @@ def _run_thacker(accuracy: Accuracy, device: str) -> Run:
     count = max(200, round(PARTICLES * accuracy.refinement**2))
     seen = swing(count, accuracy=accuracy, device=device)
     return seen.trial.run(
-        'thacker',
         Measurement('period', seen.period, seen.solution.period, 's'),
         Measurement('loss a period', seen.damping, 0.0, '1', scale=1.0),
         Measurement('energy growth', seen.growth, 0.0, '1', scale=1.0),

@@ -19,7 +19,6 @@ import math
 
 import numpy as np
 
-from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
@@ -30,7 +29,7 @@ from lava_ros.verification.cases.case import (
     GRAVITY,
     ISOTHERMAL,
     joined,
-    lattice,
+    layer,
     mean_difference,
     Measurement,
     plane,
@@ -40,13 +39,11 @@ from lava_ros.verification.cases.case import (
     strip,
     Trial,
 )
+from lava_ros.verification.cases.sheets import MIDDLE, sheet_speed
 from lava_ros.verification.field import half_width
 
 #: Weight of a volume [N/m3].
 WEIGHT = ISOTHERMAL.density * GRAVITY
-
-#: Side of the sheets, and of their middle, which the ends do not reach [m].
-SIDE, MIDDLE = 120.0, 48.0
 
 #: A slope [rad] that most sheets are on.
 SLOPE = math.radians(10.0)
@@ -79,117 +76,41 @@ SLUMP = 1e4
 SQUEEZE = 0.7
 
 
-def _sheet(
-    lava: Lava,
-    effects: Effects,
-    *,
-    slope: float,
-    thickness: float,
-    accuracy: Accuracy,
-    device: str,
-    temperature: float = REFERENCE,
-) -> Trial:
-    """A square sheet on a slope [rad], its thickness [m] normal to it."""
-    spacing = 2.0 / accuracy.refinement
-    vertical = thickness / math.cos(slope)
-    return Trial(
-        Scene(plane(square(SIDE), 5.0, slope), lava=lava),
-        effects=effects,
-        accuracy=replace(accuracy, spacing=spacing, thickness=vertical, longest_step=1e6),
-        particles=Particles(lattice(SIDE, SIDE, spacing), vertical * spacing**2, temperature),
-        device=device,
-    )
-
-
-def _middle(trial: Trial) -> tuple[np.ndarray, np.ndarray]:
-    """Places along the slope [m] and speeds along it [m/s] of the middle, on the map."""
-    sample = trial.simulation.sample()
-    inside = np.abs(sample.position).max(axis=1) < 0.5 * MIDDLE
-    return sample.position[inside, 0], sample.velocity[inside, 0]
-
-
-def _speed(trial: Trial, slope: float, duration: float) -> float:
-    """Mean speed along the slope of the middle, over a duration [s]."""
-    speeds = []
-    for time in (0.0, duration):
-        trial.advance(time)
-        speeds.append(_middle(trial)[1].mean())
-    return float(np.mean(speeds)) / math.cos(slope)
-
-
-def _compared(
-    case: str,
-    quantity: str,
-    lava: Lava,
-    accuracy: Accuracy,
-    device: str,
-    *,
-    viscosity: float,
-    strength: float,
-    duration: float | None = None,
-    temperature: float = REFERENCE,
-    **switched: bool,
-) -> Run:
-    """Speed of a sheet 1 m thick whose viscosity [Pa s] and strength [Pa] are known.
-
-    It is watched for a duration [s], in which it moves on by its thickness when left out.
-    """
-    trial = _sheet(
-        lava,
-        replace(SLOPING, **switched),
-        slope=SLOPE,
-        thickness=1.0,
-        accuracy=accuracy,
-        device=device,
-        temperature=temperature,
-    )
-    right = exact.herschel_bulkley_velocity(
-        1.0,
-        SLOPE,
-        density=lava.density,
-        consistency=viscosity,
-        strength=strength,
-        index=lava.flow_index,
-        gravity=GRAVITY,
-    )
-    measured = _speed(trial, SLOPE, duration or 1.0 / right)
-    return trial.run(case, Measurement(quantity, measured, right, 'm/s'))
-
-
 def _run_sheets(accuracy: Accuracy, device: str) -> Run:
-    case, runs = 'herschel_bulkley', []
+    runs = []
     for quantity, switched, index in SHEETS:
         strength = STRENGTH * WEIGHT * math.sin(SLOPE) if 'yielding' in switched else 0.0
         lava = replace(ISOTHERMAL, viscosity=4e3, yield_strength=strength, flow_index=index)
         runs.append(
-            _compared(
-                case,
+            sheet_speed(
                 quantity,
                 lava,
                 accuracy,
                 device,
-                viscosity=lava.viscosity,
+                slope=SLOPE,
                 strength=strength,
-                duration=4.0,
-                **switched,
+                effects=replace(SLOPING, **switched),
             )
         )
-    return joined(case, runs)
+    return joined(runs)
 
 
 def _run_critical(accuracy: Accuracy, device: str) -> Run:
     """The thickness at which a sheet starts to move, and how far a thinner one creeps."""
-    case, runs = 'critical_thickness', []
+    runs = []
 
     def sheet(thickness: float, slope: float) -> Trial:
-        return _sheet(
+        return layer(
             replace(ISOTHERMAL, yield_strength=WEIGHT * math.sin(slope)),
             replace(SLOPING, yielding=True),
+            replace(accuracy, longest_step=1e6),
+            device,
+            thickness=thickness / math.cos(slope),
             slope=slope,
-            thickness=thickness,
-            accuracy=accuracy,
-            device=device,
         )
+
+    def moves(trial: Trial) -> bool:
+        return bool(trial.middle(MIDDLE)['velocity'][:, 0].any())
 
     for degrees in (3.0, 10.0, 25.0):
         slope = math.radians(degrees)
@@ -199,24 +120,24 @@ def _run_critical(accuracy: Accuracy, device: str) -> Run:
         )
         low, high = 0.97 * right, 1.03 * right
         trial = sheet(high, slope)
-        if not _middle(trial)[1].any() or _middle(sheet(low, slope))[1].any():
+        if not moves(trial) or moves(sheet(low, slope)):
             low = high = math.nan
         while high - low > 1e-4 * right:
             thickness = 0.5 * (low + high)
             trial = sheet(thickness, slope)
-            if _middle(trial)[1].any():
+            if moves(trial):
                 high = thickness
             else:
                 low = thickness
         found = Measurement(f'thickness at {degrees:g} degrees', 0.5 * (low + high), right, 'm')
-        runs.append(trial.run(case, found))
+        runs.append(trial.run(found))
     trial = sheet(0.99, SLOPE)
-    start = np.sort(_middle(trial)[0])
+    start = np.sort(trial.middle(MIDDLE)['position'][:, 0])
     trial.advance(1e5)
-    end = np.sort(_middle(trial)[0])
+    end = np.sort(trial.middle(MIDDLE)['position'][:, 0])
     way = float(np.abs(end - start).max()) if len(end) == len(start) else math.nan
     creep = Measurement('creep of 0.99 of it', way, 0.0, 'm', scale=1.0)
-    return joined(case, [*runs, trial.run(case, creep)])
+    return joined([*runs, trial.run(creep)])
 
 
 def _run_dome(accuracy: Accuracy, device: str) -> Run:
@@ -250,7 +171,6 @@ def _run_dome(accuracy: Accuracy, device: str) -> Run:
     expected = solution.thickness(distance)
     thin = 0.1 * volume / area
     return trial.run(
-        'bingham_dome',
         Measurement('radius', math.sqrt(float((distance**2).mean())), solution.rms_radius, 'm'),
         mean_difference(sample.thickness, expected),
         Measurement(
@@ -294,7 +214,6 @@ def _run_ridge(accuracy: Accuracy, device: str) -> Run:
     grid = trial.field((-0.15 * length, -2.0 * half, 0.15 * length, 2.0 * half))
     line, thin = grid.thickness.mean(axis=1), 0.1 * solution.critical
     return trial.run(
-        'ridge',
         Measurement(
             'half-width',
             half_width(grid.y, line, thin),
@@ -307,7 +226,7 @@ def _run_ridge(accuracy: Accuracy, device: str) -> Run:
 
 def _run_laws(accuracy: Accuracy, device: str) -> Run:
     """Sheets at several temperatures, whose speed says what viscosity and strength are there."""
-    case, runs = 'material_laws', []
+    runs = []
 
     def compare(
         quantity: str,
@@ -318,16 +237,17 @@ def _run_laws(accuracy: Accuracy, device: str) -> Run:
         **switched: bool,
     ) -> None:
         runs.append(
-            _compared(
-                case,
+            sheet_speed(
                 quantity,
                 lava,
                 accuracy,
                 device,
+                slope=SLOPE,
                 viscosity=viscosity,
                 strength=strength,
+                duration=None,
                 temperature=temperature,
-                **switched,
+                effects=replace(SLOPING, **switched),
             )
         )
 
@@ -357,7 +277,7 @@ def _run_laws(accuracy: Accuracy, device: str) -> Run:
         2.0 * lava.yield_strength,
         yielding=True,
     )
-    return joined(case, runs)
+    return joined(runs)
 
 
 CASES = (

@@ -12,16 +12,33 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Cases of layers of even thickness: speed on a slope, lateral stress, heat."""
+
+"""Layers of even thickness: speed on a slope, and lateral stress under a wave of the ground.
+
+A wave sin(q x) of the driving term comes out multiplied by 1 / (1 + q^2 h^2 / 3). Three forms of
+one velocity, for kernel radii l of 0.3 to 10 thicknesses, are the experiments of ``lateral``:
+
+* ``local``: no lateral stress. It responds with 1: its error is the effect itself.
+* ``green``: the Green's function, cut off at the kernel radius.
+* ``helmholtz``: the solve that it approximates.
+
+The kernel radius sets the distance of particles, by its ratio to it. At the smallest l a particle
+is a column an eleventh as wide as it is thick, at the largest three times as wide as thick. Waves
+shorter than four distances are left out: no form could show them.
+"""
 
 from dataclasses import replace
+from functools import partial
 import math
+from statistics import median
+import time as wall_clock
 
 import numpy as np
+import warp as wp
 
 from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene
-from lava_ros.simulation import Particles
+from lava_ros.scene import Lava, Scene, Terrain
+from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import (
@@ -30,176 +47,237 @@ from lava_ros.verification.cases.case import (
     GRAVITY,
     ISOTHERMAL,
     joined,
-    lattice,
+    layer,
     Measurement,
-    NU,
     plane,
     Run,
     SLOPING,
-    square,
-    Trial,
 )
 
 #: Angles of the slopes [degrees].
 SLOPES = (3.0, 10.0, 25.0)
 
+#: Half the side of the middle of a sheet, which its ends do not reach [m].
+MIDDLE = 24.0
+
+#: The name of the case of every experiment with lateral stress.
+LATERAL = 'lateral'
+
+FORMS = ('local', 'green', 'helmholtz')
+
+#: Kernel radii over the thickness, and that of the case of the Green's function alone, 6 / k.
+RADII, GREEN_RADIUS = (0.3, 0.6, 1.0, 2.0, 3.5, 6.0, 10.0), 6.0 / math.sqrt(3.0)
+
 #: Wavelengths of the driving term over the thickness.
 WAVELENGTHS = (4.0, 8.0, 20.0)
 
-#: Moments at which the sheet's temperature is read [s].
-HOURS = (1.0, 10.0, 24.0)
+#: Distances of particles that a wave needs to be resolved.
+RESOLVED = 4.0
+
+#: Particles at a refinement of 1; at least as many are taken as keep the borders at a distance.
+PARTICLES = 10_000
+
+#: How far from where it is measured the layer goes on, beside a kernel radius, over the
+#: thickness: five times the reach 1 / k of the lateral stress.
+MARGIN = 3.0
+
+#: Timed evaluations of a velocity.
+EVALUATIONS = 5
+
+#: Amplitude of the driving terrain over the thickness.
+AMPLITUDE = 0.01
 
 
-def _sheet_trial(slope: float, accuracy: Accuracy, device: str) -> tuple[Trial, Measurement]:
-    spacing, thickness, side, duration = 2.0 / accuracy.refinement, 1.0, 120.0, 4.0
-    trial = Trial(
-        Scene(plane(square(2.0 * side), 5.0, slope), lava=ISOTHERMAL),
-        effects=SLOPING,
-        accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
-        particles=Particles(lattice(side, side, spacing), thickness * spacing**2, 1400.0),
-        device=device,
-    )
-    speeds = []
-    for time in (0.0, duration):
-        trial.advance(time)
-        sample = trial.simulation.sample()
-        middle = np.abs(sample.position).max(axis=1) < 0.2 * side
-        speeds.append(sample.velocity[middle, 0].mean())
-    return trial, Measurement(
-        f'speed at {math.degrees(slope):g} degrees',
-        float(np.mean(speeds)) / math.cos(slope),
-        exact.sheet_velocity(thickness * math.cos(slope), slope, NU, GRAVITY),
-        'm/s',
-    )
-
-
-def sheet_on_slope(slope: float, *, accuracy: Accuracy, device: str = 'cpu') -> Measurement:
-    """Speed along the slope of the middle of a uniform sheet, over its first seconds [m/s].
+def sheet_speed(
+    quantity: str,
+    lava: Lava,
+    accuracy: Accuracy,
+    device: str,
+    *,
+    slope: float,
+    viscosity: float | None = None,
+    strength: float = 0.0,
+    duration: float | None = 4.0,
+    temperature: float = ISOTHERMAL.reference_temperature,
+    effects: Effects = SLOPING,
+) -> Run:
+    """Speed along a slope [rad] of a sheet 1 m thick whose viscosity and strength are known.
 
     Args:
-        slope: Angle of the slope [rad].
-        accuracy: Resolution; its spacing and thickness are set by the case.
+        quantity: Name of the speed.
+        lava: What the sheet is of.
+        accuracy: Resolution; spacing and thickness are set by the case.
         device: Warp device.
+        slope: Angle of the slope [rad].
+        viscosity: Viscosity at the temperature [Pa s], the lava's own when left out.
+        strength: Yield strength there [Pa].
+        duration: How long it is watched [s]; None until it has moved on by its thickness.
+        temperature: Temperature of the sheet [K].
+        effects: The physics.
     """
-    return _sheet_trial(slope, accuracy, device)[1]
+    right = exact.herschel_bulkley_velocity(
+        1.0,
+        slope,
+        density=lava.density,
+        consistency=viscosity or lava.viscosity,
+        strength=strength,
+        index=lava.flow_index,
+        gravity=GRAVITY,
+    )
+    trial = layer(
+        lava,
+        effects,
+        replace(accuracy, longest_step=1e6),
+        device,
+        thickness=1.0 / math.cos(slope),
+        slope=slope,
+        temperature=temperature,
+    )
+    speeds = []
+    for time in (0.0, duration or 1.0 / right):
+        trial.advance(time)
+        speeds.append(trial.middle(MIDDLE)['velocity'][:, 0].mean())
+    measured = float(np.mean(speeds)) / math.cos(slope)
+    return trial.run(Measurement(quantity, measured, right, 'm/s'))
 
 
 def _run_sheet(accuracy: Accuracy, device: str) -> Run:
-    runs = []
-    for degrees in SLOPES:
-        trial, measurement = _sheet_trial(math.radians(degrees), accuracy, device)
-        runs.append(trial.run('sheet', measurement))
-    return joined('sheet', runs)
+    runs = [
+        sheet_speed(
+            f'speed at {degrees:g} degrees', ISOTHERMAL, accuracy, device,
+            slope=math.radians(degrees),
+        )
+        for degrees in SLOPES
+    ]
+    return joined(runs)
 
 
-def _green_trials(
-    wavelength: float, support: float, accuracy: Accuracy, device: str
-) -> tuple[list[Trial], Measurement]:
-    thickness = 1.0
-    radius = support * thickness / math.sqrt(3.0)
+def response(
+    form: str,
+    radius: float,
+    wavelength: float,
+    accuracy: Accuracy,
+    device: str = 'cpu',
+) -> Run:
+    """Amplitude of the velocity over the local one's, on a layer 1 m thick on ground A sin(q x).
+
+    Time does not pass: the run's wall time is that of so many velocity evaluations, neighbours
+    included, as it counts.
+
+    Args:
+        form: One of ``FORMS``.
+        radius: Kernel radius [m].
+        wavelength: 2 pi / q [m].
+        accuracy: Its ratio gives the spacing, and its refinement how many particles there are.
+        device: Warp device.
+    """
     spacing = radius / accuracy.ratio
-    side = 2.0 * wavelength + 4.0 * radius
     q = 2.0 * math.pi / wavelength
-    terrain = plane(square(0.6 * side), min(spacing, wavelength / 40.0))
-    x = terrain.origin[0] + (np.arange(terrain.shape[1]) + 0.5) * terrain.resolution
-    wavy = replace(terrain, elevation=np.tile(0.01 * np.sin(q * x), (terrain.shape[0], 1)))
-    trials, speeds = [], []
-    for green in (True, False):
-        trial = Trial(
-            Scene(wavy, lava=ISOTHERMAL),
-            effects=replace(FLAT, green=green),
-            accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
-            particles=Particles(lattice(side, side, spacing), thickness * spacing**2, 1400.0),
+    # one wave, or as much of it beside a node of the terrain as there is room for
+    half = min(0.5 * wavelength, max(2.5, RESOLVED * spacing))
+    margin = radius + MARGIN
+    columns = 2 * math.ceil((half + margin) / spacing)
+    least = 2 * math.ceil((spacing + margin) / spacing)
+    rows = max(least, round(PARTICLES * accuracy.refinement**2 / columns))
+    sides = (columns * spacing, rows * spacing)
+    ticks = [(np.arange(number) - 0.5 * (number - 1)) * spacing for number in (columns, rows)]
+    places = np.stack(np.meshgrid(*ticks), axis=-1).reshape(-1, 2)
+    simulations = [
+        Simulation(
+            Scene(_waves(sides, q, spacing), lava=ISOTHERMAL),
+            effects=replace(FLAT, **({} if name == 'local' else {name: True})),
+            accuracy=replace(accuracy, spacing=spacing, thickness=1.0),
+            particles=Particles(places, spacing**2, 1400.0),
             device=device,
         )
-        trials.append(trial)
-        sample = trial.simulation.sample()
-        inside = (np.abs(sample.position[:, 0]) <= wavelength) & (
-            np.abs(sample.position[:, 1]) < 0.5 * side - 2.0 * radius
+        for name in (form, 'local')
+    ]
+    amplitudes = []
+    for simulation in simulations:
+        sample = simulation.sample()
+        inside = (np.abs(sample.position[:, 0]) <= half) & (
+            np.abs(sample.position[:, 1]) <= 0.5 * sides[1] - margin
         )
         wave = np.cos(q * sample.position[inside, 0])
-        speeds.append(float(sample.velocity[inside, 0] @ wave / (wave @ wave)))
-    return trials, Measurement(
+        amplitudes.append(float(sample.velocity[inside, 0] @ wave / (wave @ wave)))
+    measurement = Measurement(
         f'response at {wavelength:g} h',
-        speeds[0] / speeds[1],
-        exact.green_response(q, thickness),
+        amplitudes[0] / amplitudes[1],
+        exact.green_response(q, 1.0),
         '1',
+    )
+    return Run(
+        case='',
+        measurements=(measurement,),
+        particles=simulations[0].particle_count,
+        steps=0,
+        evaluations=EVALUATIONS,
+        simulated_time=0.0,
+        wall_time=EVALUATIONS * _evaluation_time(simulations[0]),
     )
 
 
-def green_response(
-    wavelength: float, *, support: float, accuracy: Accuracy, device: str = 'cpu'
-) -> Measurement:
-    """Amplitude of the Green velocity over the local one on a terrain A sin(q x).
+def _waves(sides: tuple[float, float], q: float, spacing: float) -> Terrain:
+    """Ground sin(q x) under a layer of given sides [m] and a little more."""
+    x, y = (0.5 * side + 2.0 * spacing for side in sides)
+    # a fortieth of the wave shows its slope, and more cells than particles no more
+    cell = min(2.0 * math.pi / q / 40.0, max(spacing, 0.1))
+    terrain = plane((-x, -y, x, y), cell)
+    place = terrain.origin[0] + (np.arange(terrain.shape[1]) + 0.5) * cell
+    row = AMPLITUDE * np.sin(q * place)
+    return replace(terrain, elevation=np.tile(row, (terrain.shape[0], 1)))
 
-    Args:
-        wavelength: 2 pi / q [m], for a layer 1 m thick.
-        support: Radius at which the Green's function is cut off, in units of 1 / k.
-        accuracy: Resolution; its spacing and thickness are set by the case.
-        device: Warp device.
-    """
-    return _green_trials(wavelength, support, accuracy, device)[1]
+
+def _evaluation_time(simulation: Simulation) -> float:
+    """Median time of a velocity evaluation [s], as a graph on a GPU, as in a time step."""
+    device = wp.get_device(simulation.device)
+    simulation.evaluate()
+    evaluate = simulation.evaluate
+    if device.is_cuda:
+        with wp.ScopedCapture(device=device) as capture:
+            simulation.evaluate()
+        evaluate = partial(wp.capture_launch, capture.graph)
+    times = []
+    for _ in range(EVALUATIONS + 1):
+        wp.synchronize_device(device)
+        start = wall_clock.perf_counter()
+        evaluate()
+        wp.synchronize_device(device)
+        times.append(wall_clock.perf_counter() - start)
+    # a graph's first launch is its upload
+    return median(times[1:])
 
 
 def _run_green(accuracy: Accuracy, device: str) -> Run:
     # the support is the kernel's radius: with it given, finer is more neighbours
     ratio = min(12.0, max(1.5, accuracy.ratio * accuracy.refinement))
-    runs = []
-    for wavelength in WAVELENGTHS:
-        trials, measurement = _green_trials(
-            wavelength, 6.0, replace(accuracy, ratio=ratio), device
-        )
-        runs.append(trials[0].run('green', measurement))
-    return joined('green', runs)
+    accuracy = replace(accuracy, ratio=ratio)
+    runs = [
+        response('green', GREEN_RADIUS, wavelength, accuracy, device)
+        for wavelength in WAVELENGTHS
+    ]
+    return joined(runs)
 
 
-def _run_radiating(accuracy: Accuracy, device: str) -> Run:
-    # too viscous to move
-    lava = Lava(
-        density=2500.0,
-        viscosity=1e15,
-        arrhenius=0.0,
-        specific_heat=1150.0,
-        emissivity=0.9,
-        convection=0.0,
-    )
-    spacing, thickness = 4.0 / accuracy.refinement, 2.0
-    side = max(80.0, 8.0 * spacing)
-    solution = exact.RadiatingSheet(
-        initial=1423.0,
-        ambient=300.0,
-        emissivity=lava.emissivity,
-        density=lava.density,
-        specific_heat=lava.specific_heat,
-        thickness=thickness,
-    )
-    trial = Trial(
-        Scene(plane(square(side), 10.0), lava=lava),
-        effects=Effects(arrhenius=False, cooling=True, steep=False),
-        accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
-        particles=Particles(lattice(side, side, spacing), thickness * spacing**2, 1423.0),
-        device=device,
-    )
-    measurements = []
-    for hours in HOURS:
-        trial.advance(3600.0 * hours)
-        sample = trial.simulation.sample()
-        middle = np.abs(sample.position).max(axis=1) < 0.2 * side
-        measurements.append(
-            Measurement(
-                f'temperature after {hours:g} h',
-                float(sample.temperature[middle].mean()),
-                solution.temperature(3600.0 * hours),
-                'K',
-            )
-        )
-    return trial.run('radiating_sheet', *measurements)
+def _run_lateral(form: str, radius: float, accuracy: Accuracy, device: str) -> Run:
+    runs = [
+        response(form, radius, wavelength, accuracy, device)
+        for wavelength in WAVELENGTHS
+        if wavelength >= RESOLVED * radius / accuracy.ratio
+    ]
+    return joined(runs)
 
 
 CASES = (
     Case('sheet', 'uniform sheet on slopes', 'Nusselt 1916; Jeffreys 1925', _run_sheet),
     Case('green', 'lateral stress under a driving term sin(q x)', 'Kedadry 2023', _run_green),
-    Case(
-        'radiating_sheet', 'sheet that cools by radiation', 'Stefan-Boltzmann law', _run_radiating
-    ),
 )
+
+#: Every form of the lateral stress at every kernel radius, from the smallest, by what it is.
+EXPERIMENTS = {
+    f'{form}, l = {radius:g} h': replace(
+        CASES[1], name=LATERAL, measure=partial(_run_lateral, form, radius)
+    )
+    for radius in RADII
+    for form in FORMS
+}

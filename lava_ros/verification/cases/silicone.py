@@ -106,7 +106,7 @@ def _run_oil(accuracy: Accuracy, device: str) -> Run:
     least = 0.5e-3
     front = trial.field((-half, -half, half, half)).mean_radius(least, half)
     measured.append(Measurement('front', front, spread.radius_of_thickness(least, time), 'm'))
-    return trial.run('silicone_oil', *measured)
+    return trial.run(*measured)
 
 
 CASES = (

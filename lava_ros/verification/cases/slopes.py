@@ -79,7 +79,6 @@ def _run_fixed_area(accuracy: Accuracy, device: str) -> Run:
     grid = trial.field(window)
     line = grid.along_x(2.0 * run_out) * cosine
     return trial.run(
-        'slope_fixed_area',
         Measurement('front', front(grid.x, line, 0.1 * thickness) / cosine, last, 'm'),
     )
 
@@ -123,7 +122,6 @@ def _run_flux(accuracy: Accuracy, device: str) -> Run:
     # NaN, an error, when the front is not between the first and the last
     measured = float(np.interp(gauge, fronts, times, left=math.nan, right=math.nan))
     return trial.run(
-        'slope_flux',
         Measurement('arrival', measured, arrival, 's'),
         Measurement('speed', slope_of(times, np.array(fronts)), solution.speed, 'm/s'),
     )
@@ -162,7 +160,6 @@ def _run_ahead(accuracy: Accuracy, device: str) -> Run:
     # NaN, an error, where the front did not arrive
     worst = np.unravel_index(np.argmax(np.abs(measured / exactly - 1.0)), measured.shape)
     run = trial.run(
-        'look_ahead',
         Measurement('arrival', float(measured.mean()), float(exactly.mean()), 's'),
         Measurement('worst cell', float(measured[worst]), float(exactly[worst]), 's'),
     )
@@ -226,7 +223,7 @@ def _run_lister(accuracy: Accuracy, device: str) -> Run:
         x, y = exact.LISTER_REFERENCE[time]
         measurements.append(Measurement(f'x at {time:g} T', length / scales.length, x, 'L'))
         measurements.append(Measurement(f'y at {time:g} T', half / scales.length, y, 'L'))
-    return trial.run('lister', *measurements)
+    return trial.run(*measurements)
 
 
 def _run_smith(accuracy: Accuracy, device: str) -> Run:
@@ -264,7 +261,6 @@ def _run_smith(accuracy: Accuracy, device: str) -> Run:
         shares = [y / solution.half_width(down / cosine) for down, y in here]
         squares.append(np.mean(np.square(shares)))
     return trial.run(
-        'smith',
         Measurement('half-width', float(np.mean(halves)), solution.half_width(x, threshold), 'm'),
         # the profile 1 - s^2 has a mean square of s of 1/5
         Measurement(

@@ -49,15 +49,7 @@ SHARES = (0.3, 0.6, 0.9)
 
 
 def _run(accuracy: Accuracy, device: str) -> Run:
-    lens = exact.FreezingLens(
-        depth=3.0,
-        radius=60.0,
-        heat_capacity=STIFF.density * STIFF.specific_heat,
-        transfer=STIFF.convection,
-        first=FIRST,
-        solidus=STIFF.solidus,
-        ambient=AMBIENT,
-    )
+    lens = exact.FreezingLens(STIFF, depth=3.0, radius=60.0, first=FIRST, ambient=AMBIENT)
     spacing = 3.0 / accuracy.refinement
     terrain = plane(square(HALF), spacing)
     ticks = np.arange(-HALF, HALF, spacing) + 0.5 * spacing
@@ -98,7 +90,7 @@ def _run(accuracy: Accuracy, device: str) -> Run:
     )
     measured.append(mean_difference(snapshot.frozen, solid, 'deposit'))
     # all has frozen, no particle is left
-    return replace(trial.run('freezing_lens', *measured), particles=int(wet.sum()))
+    return replace(trial.run(*measured), particles=int(wet.sum()))
 
 
 CASES = (Case('freezing_lens', 'lava at rest that freezes from its rim', 'Newton cooling', _run),)

@@ -14,7 +14,7 @@
 
 """Cases of lava that spreads on a plane."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -42,40 +42,6 @@ from lava_ros.verification.cases.case import (
 from lava_ros.verification.field import half_width, slope_of
 
 
-@dataclass(frozen=True)
-class Spread:
-    """What a spreading fixed volume shows.
-
-    Attributes:
-        radius: Root of the volume-weighted mean of r^2 [m].
-        profile: Mean of |h - exact| at the particles over the mean thickness.
-        edge: Mean radius at which the output grid's thickness falls below ``FRONT`` [m].
-        scatter: Standard deviation of h / exact at the particles inside 0.3 R.
-        run: The run.
-    """
-
-    radius: Measurement
-    profile: Measurement
-    edge: Measurement
-    scatter: Measurement
-    run: Run
-
-    @property
-    def profile_error(self) -> float:
-        """Mean relative error of the profile."""
-        return self.profile.error
-
-    @property
-    def steps(self) -> int:
-        """Time steps."""
-        return self.run.steps
-
-    @property
-    def evaluations(self) -> int:
-        """Velocity evaluations."""
-        return self.run.evaluations
-
-
 def spread_of_fixed_volume(
     count: int,
     *,
@@ -83,15 +49,12 @@ def spread_of_fixed_volume(
     effects: Effects | None = None,
     growth: float = 1.3,
     device: str = 'cpu',
-) -> Spread:
+) -> Run:
     """Let a fixed volume on a plane spread until its radius has grown by a factor (Huppert 1982).
 
-    Args:
-        count: Number of particles.
-        accuracy: Resolution; its spacing and thickness are set by the case.
-        effects: Physics; the local balance alone when left out.
-        growth: Final radius over first.
-        device: Warp device.
+    Measured are the root mean square radius, the profile, the radius where the output grid is
+    thinner than ``FRONT``, and the scatter of h / exact inside 0.3 R. The effects are the local
+    balance alone when left out.
     """
     volume, first_radius = 1e5, 100.0
     solution = exact.FixedVolumeSpread(volume, NU, GRAVITY)
@@ -113,34 +76,33 @@ def spread_of_fixed_volume(
     distance = np.hypot(*sample.position.T)
     expected = solution.thickness(distance, end)
     inner = distance < 0.3 * radius
-    spread = Measurement(
-        'radius',
-        math.sqrt(np.average(distance**2, weights=sample.volume)),
-        solution.rms_radius(end),
-        'm',
-    )
-    profile = mean_difference(sample.thickness, expected)
-    edge = Measurement(
-        'edge',
-        trial.field(window).mean_radius(FRONT, half),
-        solution.radius_of_thickness(FRONT, end),
-        'm',
-    )
-    scatter = Measurement(
-        'scatter', float((sample.thickness[inner] / expected[inner]).std()), 0.0, '1', scale=1.0
-    )
-    return Spread(
-        radius=spread,
-        profile=profile,
-        edge=edge,
-        scatter=scatter,
-        run=trial.run('fixed_volume', spread, profile, edge, scatter),
+    return trial.run(
+        Measurement(
+            'radius',
+            math.sqrt(np.average(distance**2, weights=sample.volume)),
+            solution.rms_radius(end),
+            'm',
+        ),
+        mean_difference(sample.thickness, expected),
+        Measurement(
+            'edge',
+            trial.field(window).mean_radius(FRONT, half),
+            solution.radius_of_thickness(FRONT, end),
+            'm',
+        ),
+        Measurement(
+            'scatter',
+            float((sample.thickness[inner] / expected[inner]).std()),
+            0.0,
+            '1',
+            scale=1.0,
+        ),
     )
 
 
 def _run_fixed_volume(accuracy: Accuracy, device: str) -> Run:
     count = max(20, round(8000 * accuracy.refinement**2))
-    return spread_of_fixed_volume(count, accuracy=accuracy, device=device).run
+    return spread_of_fixed_volume(count, accuracy=accuracy, device=device)
 
 
 def _run_constant_flux(accuracy: Accuracy, device: str) -> Run:
@@ -166,7 +128,6 @@ def _run_constant_flux(accuracy: Accuracy, device: str) -> Run:
     offset = solution.radius(end) / solution.radius_of_thickness(FRONT, end)
     coefficient = math.exp(np.mean(np.log(radii) - 0.5 * np.log(times))) * offset
     return trial.run(
-        'constant_flux',
         Measurement('radius', radii[-1], solution.radius_of_thickness(FRONT, end), 'm'),
         Measurement('exponent', exponent, 0.5, '1'),
         Measurement('coefficient', coefficient, solution.coefficient, 'm/s^(1/2)'),
@@ -204,7 +165,6 @@ def _run_plane_fixed_area(accuracy: Accuracy, device: str) -> Run:
     line = grid.along_x(0.2 * length)
     reach = half_width(grid.x, line, FRONT)
     return trial.run(
-        'plane_fixed_area',
         Measurement('front', reach, solution.length_of_thickness(FRONT, end), 'm'),
         mean_difference(sample.thickness[middle], expected),
     )
@@ -239,7 +199,6 @@ def _run_dam_break(accuracy: Accuracy, device: str) -> Run:
     sample = trial.simulation.sample()
     past = (np.abs(sample.position[:, 1]) < band) & (np.abs(sample.position[:, 0]) > half)
     return trial.run(
-        'dam_break',
         Measurement(
             'front',
             half_width(grid.x, line, FRONT) - half,

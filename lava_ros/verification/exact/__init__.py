@@ -19,38 +19,9 @@ nu = mu / rho, and from alpha = g / (3 nu) where that is shorter. On a slope, x 
 the slope and normal to it.
 """
 
-from lava_ros.verification.exact.heat import ColumnOnGround as ColumnOnGround
-from lava_ros.verification.exact.heat import ConvectingSlab as ConvectingSlab
-from lava_ros.verification.exact.heat import CoolingCurrent as CoolingCurrent
-from lava_ros.verification.exact.heat import CoolingSpread as CoolingSpread
-from lava_ros.verification.exact.heat import CrystallisingSheet as CrystallisingSheet
-from lava_ros.verification.exact.heat import FreezingLens as FreezingLens
-from lava_ros.verification.exact.heat import heat_into_ground as heat_into_ground
-from lava_ros.verification.exact.heat import temperature_step as temperature_step
-from lava_ros.verification.exact.heat import warming_by_descent as warming_by_descent
-from lava_ros.verification.exact.inertia import AcceleratingSheet as AcceleratingSheet
-from lava_ros.verification.exact.inertia import OscillatingBowl as OscillatingBowl
-from lava_ros.verification.exact.inertia import RitterDamBreak as RitterDamBreak
-from lava_ros.verification.exact.inertia import StokerDamBreak as StokerDamBreak
-from lava_ros.verification.exact.rheology import BinghamDome as BinghamDome
-from lava_ros.verification.exact.rheology import critical_thickness as critical_thickness
-from lava_ros.verification.exact.rheology import crystal_factor as crystal_factor
-from lava_ros.verification.exact.rheology import (
-    herschel_bulkley_velocity as herschel_bulkley_velocity,
-)
-from lava_ros.verification.exact.rheology import Ridge as Ridge
-from lava_ros.verification.exact.rheology import vft_viscosity as vft_viscosity
-from lava_ros.verification.exact.sheets import channel_mean_velocity as channel_mean_velocity
-from lava_ros.verification.exact.sheets import green_response as green_response
-from lava_ros.verification.exact.sheets import RadiatingSheet as RadiatingSheet
-from lava_ros.verification.exact.sheets import sheet_velocity as sheet_velocity
-from lava_ros.verification.exact.slopes import LISTER_REFERENCE as LISTER_REFERENCE
-from lava_ros.verification.exact.slopes import ListerScales as ListerScales
-from lava_ros.verification.exact.slopes import SlopeFixedArea as SlopeFixedArea
-from lava_ros.verification.exact.slopes import SlopeFlux as SlopeFlux
-from lava_ros.verification.exact.slopes import SteadySource as SteadySource
-from lava_ros.verification.exact.spreading import ConstantFluxSpread as ConstantFluxSpread
-from lava_ros.verification.exact.spreading import DamBreak as DamBreak
-from lava_ros.verification.exact.spreading import FixedVolumeSpread as FixedVolumeSpread
-from lava_ros.verification.exact.spreading import PlaneConstantFlux as PlaneConstantFlux
-from lava_ros.verification.exact.spreading import PlaneFixedArea as PlaneFixedArea
+from lava_ros.verification.exact.heat import *  # noqa: F403
+from lava_ros.verification.exact.inertia import *  # noqa: F403
+from lava_ros.verification.exact.rheology import *  # noqa: F403
+from lava_ros.verification.exact.sheets import *  # noqa: F403
+from lava_ros.verification.exact.slopes import *  # noqa: F403
+from lava_ros.verification.exact.spreading import *  # noqa: F403

@@ -19,7 +19,8 @@ import math
 
 import numpy as np
 
-from lava_ros.verification.exact.sheets import STEFAN_BOLTZMANN
+from lava_ros.scene import Lava
+from lava_ros.verification.exact.sheets import bisection, STEFAN_BOLTZMANN
 from lava_ros.verification.exact.spreading import ConstantFluxSpread, runge_kutta
 
 
@@ -32,42 +33,17 @@ class ColumnOnGround:
     exp(b^2 t) erfc(b sqrt(t)).
     """
 
-    def __init__(
-        self,
-        *,
-        initial: float,
-        ground: float,
-        conductivity: float,
-        diffusivity: float,
-        capacity: float,
-        thickness: float,
-    ) -> None:
-        """Set T0 [K], Tg [K], kg [W/(m K)], a [m2/s], rho c of the column [J/(m3 K)] and h [m]."""
+    def __init__(self, lava: Lava, *, initial: float, ground: float, thickness: float) -> None:
+        """Set kg, a and rho c of the lava, T0 [K], Tg [K] and h [m]."""
         self.initial = initial
         self.ground = ground
-        self.rate = conductivity / (math.sqrt(diffusivity) * capacity * thickness)
+        taken = lava.ground_conductivity / math.sqrt(lava.ground_diffusivity)
+        self.rate = taken / (lava.density * lava.specific_heat * thickness)
 
     def temperature(self, time: float) -> float:
         """T [K] at a time of contact [s], up to 700 / b^2."""
         x = self.rate * math.sqrt(time)
         return self.ground + (self.initial - self.ground) * math.exp(x * x) * math.erfc(x)
-
-
-def heat_into_ground(
-    difference: float, time: float, *, conductivity: float, diffusivity: float
-) -> float:
-    """Heat that a half-space takes from a surface of constant temperature [J/m2].
-
-    Its temperature is erfc(z / (2 sqrt(a t))) times the difference, the flux
-    kg difference / sqrt(pi a t), and its integral 2 kg difference sqrt(t / (pi a)).
-
-    Args:
-        difference: Temperature over the ground's [K].
-        time: Time of contact [s].
-        conductivity: kg [W/(m K)].
-        diffusivity: a [m2/s].
-    """
-    return 2.0 * conductivity * difference * math.sqrt(time / (math.pi * diffusivity))
 
 
 class ConvectingSlab:
@@ -80,41 +56,21 @@ class ConvectingSlab:
     """
 
     def __init__(
-        self,
-        *,
-        initial: float,
-        ambient: float,
-        conductivity: float,
-        capacity: float,
-        convection: float,
-        thickness: float,
-        modes: int = 400,
+        self, lava: Lava, *, initial: float, ambient: float, thickness: float, modes: int = 400
     ) -> None:
-        """Set the case.
-
-        Args:
-            initial: T0 [K].
-            ambient: Ta [K].
-            conductivity: k [W/(m K)].
-            capacity: rho c [J/(m3 K)].
-            convection: lambda [W/(m2 K)].
-            thickness: h [m].
-            modes: Modes that are summed.
-        """
+        """Set k, rho c and lambda of the lava, T0 [K], Ta [K] and h [m]."""
         self.initial = initial
         self.ambient = ambient
-        biot = convection * thickness / conductivity
+        biot = lava.convection * thickness / lava.conductivity
         low = np.arange(modes) * math.pi
-        high = low + 0.5 * math.pi
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            below = middle * np.sin(middle) * np.sign(np.cos(middle)) < biot * np.abs(
-                np.cos(middle)
-            )
-            low, high = np.where(below, middle, low), np.where(below, high, middle)
-        self._squares = middle**2
+        roots = bisection(
+            lambda beta: beta * np.abs(np.sin(beta)) < biot * np.abs(np.cos(beta)),
+            low,
+            low + 0.5 * math.pi,
+        )
+        self._squares = roots**2
         self._weights = 2.0 * biot**2 / (self._squares * (self._squares + biot**2 + biot))
-        self._rate = conductivity / (capacity * thickness**2)
+        self._rate = lava.conductivity / (lava.density * lava.specific_heat * thickness**2)
 
     def temperature(self, time: float) -> float:
         """Mean of the temperature over the thickness [K] at a time [s]."""
@@ -130,40 +86,17 @@ class CrystallisingSheet:
     rho c h / lambda times the sum of m ln((T1 - Ta) / (T2 - Ta)) over the pieces from T1 to T2.
     """
 
-    def __init__(
-        self,
-        *,
-        initial: float,
-        ambient: float,
-        convection: float,
-        density: float,
-        specific_heat: float,
-        latent_heat: float,
-        liquidus: float,
-        solidus: float,
-        thickness: float,
-    ) -> None:
-        """Set the case.
-
-        Args:
-            initial: T0 [K].
-            ambient: Ta [K].
-            convection: lambda [W/(m2 K)].
-            density: rho [kg/m3].
-            specific_heat: c [J/(kg K)].
-            latent_heat: L [J/kg].
-            liquidus: Temperature above which there are no crystals [K].
-            solidus: Temperature below which there is no melt [K].
-            thickness: h [m].
-        """
+    def __init__(self, lava: Lava, *, initial: float, ambient: float, thickness: float) -> None:
+        """Set lambda, rho, c, L, liquidus and solidus of the lava, T0 [K], Ta [K] and h [m]."""
         self.initial = initial
         self.ambient = ambient
-        self._time = density * specific_heat * thickness / convection
-        slower = 1.0 + latent_heat / (specific_heat * (liquidus - solidus))
+        self._time = lava.density * lava.specific_heat * thickness / lava.convection
+        span = lava.liquidus - lava.solidus
+        slower = 1.0 + lava.latent_heat / (lava.specific_heat * span)
         self._pieces = (
-            (liquidus, math.inf, 1.0),
-            (solidus, liquidus, slower),
-            (0.0, solidus, 1.0),
+            (lava.liquidus, math.inf, 1.0),
+            (lava.solidus, lava.liquidus, slower),
+            (0.0, lava.solidus, 1.0),
         )
 
     def temperature(self, time: float) -> float:
@@ -187,13 +120,7 @@ def temperature_step(
     """Temperature [K] of a layer that was at ``low`` left of 0 and at ``high`` right of it.
 
     T_t = kappa T_xx has T = (low + high) / 2 + (high - low) / 2 erf(x / (2 sqrt(kappa t))).
-
-    Args:
-        distance: x [m].
-        time: Time since then [s].
-        low: Temperature at x < 0 [K].
-        high: Temperature at x > 0 [K].
-        diffusivity: kappa [m2/s].
+    x is ``distance`` [m], kappa ``diffusivity`` [m2/s], ``time`` the time since then [s].
     """
     scaled = np.asarray(distance) / (2.0 * math.sqrt(diffusivity * time))
     shape = np.array([math.erf(value) for value in scaled.ravel()]).reshape(scaled.shape)
@@ -201,13 +128,7 @@ def temperature_step(
 
 
 def warming_by_descent(descent: float, *, gravity: float, specific_heat: float) -> float:
-    """Rise of temperature when all potential energy becomes heat, g z / c [K].
-
-    Args:
-        descent: Height that the lava has come down [m].
-        gravity: Acceleration of gravity [m/s2].
-        specific_heat: c [J/(kg K)].
-    """
+    """Rise of temperature when all potential energy becomes heat, g z / c [K]."""
     return gravity * descent / specific_heat
 
 
@@ -225,22 +146,12 @@ class CoolingCurrent:
     The surface loses rho c Q (T0 - Ta) in all: the heat that the source supplies.
     """
 
-    def __init__(
-        self,
-        *,
-        initial: float,
-        ambient: float,
-        emissivity: float,
-        convection: float,
-        capacity: float,
-        discharge: float,
-    ) -> None:
-        """Set T0 [K], Ta [K], eps, lambda [W/(m2 K)], rho c [J/(m3 K)] and Q [m3/s]."""
+    def __init__(self, lava: Lava, *, initial: float, ambient: float, discharge: float) -> None:
+        """Set eps, lambda and rho c of the lava, T0 [K], Ta [K] and Q [m3/s]."""
         self.initial = initial
         self.ambient = ambient
-        self._emissivity = emissivity
-        self._convection = convection
-        self._supply = capacity * discharge
+        self._lava = lava
+        self._supply = lava.density * lava.specific_heat * discharge
         # T falls by e each time the integral of dT / F does: even in the logarithm of T - Ta
         logs = np.linspace(0.0, -12.0, 24001)
         differences = (initial - ambient) * np.exp(logs)
@@ -253,7 +164,8 @@ class CoolingCurrent:
         """Loss of the surface [W/m2] at temperatures [K]."""
         fourth = np.asarray(temperature) ** 4 - self.ambient**4
         excess = np.asarray(temperature) - self.ambient
-        return self._emissivity * STEFAN_BOLTZMANN * fourth + self._convection * excess
+        radiated = self._lava.emissivity * STEFAN_BOLTZMANN * fourth
+        return radiated + self._lava.convection * excess
 
     @property
     def power(self) -> float:
@@ -343,33 +255,25 @@ class FreezingLens:
     of all, pi R^2 D / 2, the share 2 s - s^2. So the share (1 - s)^2 = (t / t(D))^2 is frozen.
 
     Attributes:
+        lava: rho, c, lambda and Ts.
         depth: Thickness D in the middle [m].
         radius: Radius R of the rim [m].
-        heat_capacity: rho c [J/(m3 K)].
-        transfer: lambda [W/(m2 K)].
         first: Temperature T0 at the start [K].
-        solidus: Temperature Ts [K].
         ambient: Temperature Ta of the air [K].
     """
 
+    lava: Lava
     depth: float
     radius: float
-    heat_capacity: float
-    transfer: float
     first: float
-    solidus: float
     ambient: float
-
-    @property
-    def volume(self) -> float:
-        """Volume of the lava [m3]."""
-        return 0.5 * math.pi * self.radius**2 * self.depth
 
     @property
     def end(self) -> float:
         """Time at which the middle freezes, the last to do so [s]."""
-        span = math.log((self.first - self.ambient) / (self.solidus - self.ambient))
-        return self.heat_capacity * self.depth / self.transfer * span
+        span = math.log((self.first - self.ambient) / (self.lava.solidus - self.ambient))
+        capacity = self.lava.density * self.lava.specific_heat
+        return capacity * self.depth / self.lava.convection * span
 
     def thickness(self, r: np.ndarray) -> np.ndarray:
         """Thickness at a distance from the axis [m]."""

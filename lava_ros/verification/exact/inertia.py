@@ -22,6 +22,8 @@ import math
 
 import numpy as np
 
+from lava_ros.verification.exact.sheets import bisection
+
 
 @dataclass(frozen=True)
 class AcceleratingSheet:
@@ -103,22 +105,13 @@ class StokerDamBreak:
     """
 
     def __init__(self, height: float, bed: float, gravity: float) -> None:
-        """Solve for the plateau by bisection.
-
-        Args:
-            height: Thickness behind the dam [m].
-            bed: Thickness of the layer in front of it, h_1 [m].
-            gravity: g [m/s2].
-        """
+        """Set the thickness behind the dam and h_1 in front of it [m], and g [m/s2]."""
         self.height, self.bed, self.gravity = height, bed, gravity
-        low, high = bed, height
-        for _ in range(200):
-            middle = 0.5 * (low + high)
-            if self._speed(middle) > self._bore(middle) * (1.0 - bed / middle):
-                low = middle
-            else:
-                high = middle
-        self.plateau = 0.5 * (low + high)
+
+        def is_faster(plateau: float) -> bool:
+            return self._speed(plateau) > self._bore(plateau) * (1.0 - bed / plateau)
+
+        self.plateau = float(bisection(is_faster, bed, height))
         self.bore = self._bore(self.plateau)
 
     def _speed(self, plateau: float) -> float:

@@ -59,14 +59,7 @@ def herschel_bulkley_velocity(
 
 
 def critical_thickness(strength: float, slope: float, *, density: float, gravity: float) -> float:
-    """Thickness normal to the slope up to which a sheet rests, tau_y / (rho g sin b) [m].
-
-    Args:
-        strength: tau_y [Pa].
-        slope: b [rad].
-        density: rho [kg/m3].
-        gravity: g [m/s2].
-    """
+    """Thickness normal to the slope up to which a sheet rests, tau_y / (rho g sin b) [m]."""
     return strength / (density * gravity * math.sin(slope))
 
 
@@ -113,11 +106,7 @@ class BinghamDome:
         """Places of particles of equal volume in a dome of this shape, shape [count, 2].
 
         The share of the volume beyond r is u^(3/2) (5 - 3 u) / 2 with u = 1 - r / R. Azimuths
-        follow the golden angle.
-
-        Args:
-            count: Number of particles.
-            radius: Radius of the dome [m].
+        follow the golden angle. The dome's radius [m] may be another than this one's.
         """
         index = np.arange(count)
         u = np.linspace(0.0, 1.0, 20001)

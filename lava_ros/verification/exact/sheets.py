@@ -14,23 +14,32 @@
 
 """Exact solutions of layers of even thickness: speed, lateral stress, heat."""
 
+from collections.abc import Callable
 import math
+from typing import Any
+
+import numpy as np
+
+from lava_ros.scene import Lava
 
 #: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018), apart from the solver's on purpose.
 STEFAN_BOLTZMANN = 5.670374419e-8
+
+
+def bisection(is_below: Callable[[Any], Any], low: Any, high: Any) -> Any:
+    """Where ``is_below`` turns from true to false between two numbers, or arrays of them."""
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        below = is_below(middle)
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return 0.5 * (low + high)
 
 
 def sheet_velocity(thickness: float, slope: float, nu: float, gravity: float) -> float:
     """Depth-averaged speed along the slope of a uniform sheet, g h^2 sin(b) / (3 nu) [m/s].
 
     From the balance of weight and drag, mu d2u/dz2 = -rho g sin(b), no slip below and no stress
-    on top.
-
-    Args:
-        thickness: Thickness normal to the slope [m].
-        slope: Angle of the slope [rad].
-        nu: Kinematic viscosity [m2/s].
-        gravity: Acceleration of gravity [m/s2].
+    on top; h [m] is normal to the slope b [rad], nu [m2/s] the kinematic viscosity.
     """
     return gravity * thickness**2 * math.sin(slope) / (3.0 * nu)
 
@@ -38,24 +47,16 @@ def sheet_velocity(thickness: float, slope: float, nu: float, gravity: float) ->
 def green_response(wave_number: float, thickness: float) -> float:
     """Velocity over local velocity for a driving term sin(q x), 1 / (1 + q^2 / k^2).
 
-    From lap u' - k^2 u' = b with k = sqrt(3) / h (see ``simulation.effects.green``).
-
-    Args:
-        wave_number: q [1/m].
-        thickness: Thickness of the uniform layer [m].
+    From lap u' - k^2 u' = b with k = sqrt(3) / h (see ``effects.green``); q [1/m] and h [m].
     """
     return 1.0 / (1.0 + wave_number**2 * thickness**2 / 3.0)
 
 
 def channel_mean_velocity(width: float, thickness: float) -> float:
-    """Mean velocity over the wide sheet's in a channel with no-slip walls.
+    """Mean velocity over the wide sheet's in a channel with no-slip walls, W wide, h thick [m].
 
     u'' - k^2 u = -k^2 u0 with k = sqrt(3) / h and u = 0 at y = -W/2 and W/2 has
     u = u0 (1 - cosh(k y) / cosh(k W / 2)), whose mean is u0 (1 - tanh(k W / 2) / (k W / 2)).
-
-    Args:
-        width: W [m].
-        thickness: h [m].
     """
     half = 0.5 * math.sqrt(3.0) * width / thickness
     return 1.0 - math.tanh(half) / half
@@ -69,20 +70,12 @@ class RadiatingSheet:
     F(T) = [ln((T + Ta) / (T - Ta)) + 2 atan(T / Ta)] / (4 Ta^3), which falls with T.
     """
 
-    def __init__(
-        self,
-        *,
-        initial: float,
-        ambient: float,
-        emissivity: float,
-        density: float,
-        specific_heat: float,
-        thickness: float,
-    ) -> None:
-        """Set T0 [K], Ta [K], eps, rho [kg/m3], c [J/(kg K)] and h [m]."""
+    def __init__(self, lava: Lava, *, initial: float, ambient: float, thickness: float) -> None:
+        """Set eps, rho and c of the lava, T0 [K], Ta [K] and h [m]."""
         self.initial = initial
         self.ambient = ambient
-        self.rate = emissivity * STEFAN_BOLTZMANN / (density * specific_heat * thickness)
+        capacity = lava.density * lava.specific_heat * thickness
+        self.rate = lava.emissivity * STEFAN_BOLTZMANN / capacity
 
     def _integral(self, temperature: float) -> float:
         ambient = self.ambient
@@ -90,13 +83,9 @@ class RadiatingSheet:
         return (logarithm + 2.0 * math.atan(temperature / ambient)) / (4.0 * ambient**3)
 
     def temperature(self, time: float) -> float:
-        """T [K] at a time [s], by bisection."""
+        """T [K] at a time [s]."""
         target = self._integral(self.initial) + self.rate * time
-        low, high = math.nextafter(self.ambient, math.inf), self.initial
-        for _ in range(200):
-            middle = 0.5 * (low + high)
-            if self._integral(middle) > target:
-                low = middle
-            else:
-                high = middle
-        return 0.5 * (low + high)
+        coldest = math.nextafter(self.ambient, math.inf)
+        return float(
+            bisection(lambda now: self._integral(now) <= target, self.initial, coldest)
+        )

@@ -21,6 +21,8 @@ import math
 
 import numpy as np
 
+from lava_ros.verification.exact.sheets import bisection
+
 
 class SlopeFixedArea:
     """A fixed area A down a slope, late (Huppert 1982, Nature 300).
@@ -31,12 +33,10 @@ class SlopeFixedArea:
     out is of the order h_N cot b / x_N.
     """
 
-    def __init__(
-        self, area: float, slope: float, kinematic_viscosity: float, gravity: float
-    ) -> None:
+    def __init__(self, area: float, slope: float, nu: float, gravity: float) -> None:
         """Set A [m2], b [rad], nu [m2/s] and g [m/s2]."""
         self.area = area
-        self._rate = gravity * math.sin(slope) / kinematic_viscosity
+        self._rate = gravity * math.sin(slope) / nu
 
     def length(self, time: float) -> float:
         """x_N [m] at a time [s] after the release from a line."""
@@ -67,11 +67,9 @@ class SlopeFlux:
     c t + (ln 2 - 1) h0 cot b.
     """
 
-    def __init__(
-        self, flux: float, slope: float, kinematic_viscosity: float, gravity: float
-    ) -> None:
+    def __init__(self, flux: float, slope: float, nu: float, gravity: float) -> None:
         """Set q [m2/s], b [rad], nu [m2/s] and g [m/s2]."""
-        drive = gravity * math.sin(slope) / (3.0 * kinematic_viscosity)
+        drive = gravity * math.sin(slope) / (3.0 * nu)
         self.thickness = float(np.cbrt(flux / drive))
         self.speed = flux / self.thickness
         self.run_out = self.thickness / math.tan(slope)
@@ -96,18 +94,11 @@ class SlopeFlux:
         With h = r h0 at the cell's near side, the lava in it has the area
         -(h0^2 cot b / 2) (r^2 + ln(1 - r^2)).
 
-        Args:
-            distance: Distance of the cell's middle from the source [m].
-            thickness: The mean thickness [m].
-            cell: Side of the cell along the slope [m].
+        Distances are of the cell's middle from the source, cells along the slope [m].
         """
         wanted = -2.0 * thickness * cell / (self.thickness * self.run_out)
-        low, high = 0.0, 1.0 - 1e-12
-        for _ in range(60):
-            ratio = 0.5 * (low + high)
-            is_more = ratio**2 + math.log1p(-(ratio**2)) < wanted
-            low, high = (low, ratio) if is_more else (ratio, high)
-        return self.arrival(distance - 0.5 * cell, low * self.thickness)
+        ratio = bisection(lambda r: r**2 + math.log1p(-(r**2)) >= wanted, 0.0, 1.0 - 1e-12)
+        return self.arrival(distance - 0.5 * cell, float(ratio) * self.thickness)
 
 
 class SteadySource:
@@ -126,17 +117,11 @@ class SteadySource:
     WIDTH = (105.0 / 32.0 * (14.0 / 3.0) ** 3) ** (1.0 / 7.0)
     HEIGHT = 3.0 / 14.0 * WIDTH**2
 
-    def __init__(
-        self, discharge: float, slope: float, kinematic_viscosity: float, gravity: float
-    ) -> None:
+    def __init__(self, discharge: float, slope: float, nu: float, gravity: float) -> None:
         """Set Q [m3/s], b [rad], nu [m2/s] and g [m/s2]."""
         self._tangent = math.tan(slope)
-        self._scale = (
-            kinematic_viscosity
-            * discharge
-            * math.cos(slope) ** 3
-            / (gravity * math.sin(slope) ** 4)
-        ) ** (1.0 / 7.0)
+        pull = gravity * math.sin(slope) ** 4
+        self._scale = (nu * discharge * math.cos(slope) ** 3 / pull) ** (1.0 / 7.0)
 
     def half_width(self, distance: float, thickness: float = 0.0) -> float:
         """Half of the width over which the flow is thicker than a value [m]."""
@@ -156,11 +141,9 @@ class ListerScales:
     balances flow down the slope at h0 and L, and Q T = L^2 h0.
     """
 
-    def __init__(
-        self, discharge: float, slope: float, kinematic_viscosity: float, gravity: float
-    ) -> None:
+    def __init__(self, discharge: float, slope: float, nu: float, gravity: float) -> None:
         """Set Q [m3/s], b [rad], nu [m2/s] and g [m/s2]."""
-        drive = 3.0 * kinematic_viscosity / gravity
+        drive = 3.0 * nu / gravity
         self.thickness = (drive * discharge / math.cos(slope)) ** 0.25
         self.length = self.thickness / math.tan(slope)
         self.time = drive * self.length / (math.sin(slope) * self.thickness**2)

@@ -31,16 +31,7 @@ import numpy as np
 def runge_kutta(
     rates: Callable[[float, np.ndarray], np.ndarray], places: np.ndarray, state: np.ndarray
 ) -> np.ndarray:
-    """Integrate y' = rates(x, y) by steps of the fourth order.
-
-    Args:
-        rates: The equation.
-        places: x, shape [count].
-        state: y at the first of them, shape [size].
-
-    Returns:
-        y at each place, shape [count, size].
-    """
+    """Integrate y' = rates(x, y) over places x from a state, by steps of the fourth order."""
     states = [state]
     for place, end in pairwise(places):
         step, state = end - place, states[-1]
@@ -65,10 +56,10 @@ class FixedVolumeSpread:
     RADIUS = (2.0**10 / (3.0**4 * math.pi**3)) ** 0.125
     HEIGHT = 4.0 / (3.0 * math.pi * RADIUS**2)
 
-    def __init__(self, volume: float, kinematic_viscosity: float, gravity: float) -> None:
+    def __init__(self, volume: float, nu: float, gravity: float) -> None:
         """Set V [m3], nu [m2/s] and g [m/s2]."""
         self.volume = volume
-        self.nu = kinematic_viscosity
+        self.nu = nu
         self.gravity = gravity
 
     def radius(self, time: float) -> float:
@@ -124,9 +115,9 @@ class ConstantFluxSpread:
     #: Smallest distance over R at which the thickness is given: in the middle it has no bound.
     INNERMOST = 1e-3
 
-    def __init__(self, discharge: float, kinematic_viscosity: float, gravity: float) -> None:
+    def __init__(self, discharge: float, nu: float, gravity: float) -> None:
         """Set Q [m3/s], nu [m2/s] and g [m/s2]."""
-        alpha = gravity / (3.0 * kinematic_viscosity)
+        alpha = gravity / (3.0 * nu)
         self._discharge = discharge
         self._length = (alpha * discharge**3) ** 0.125
         self._height = (discharge / alpha) ** 0.25
@@ -189,10 +180,10 @@ class PlaneFixedArea:
     SHAPE = math.sqrt(math.pi) * math.gamma(4.0 / 3.0) / (2.0 * math.gamma(11.0 / 6.0))
     LENGTH = (10.0 / 3.0 / SHAPE**3) ** 0.2
 
-    def __init__(self, area: float, kinematic_viscosity: float, gravity: float) -> None:
+    def __init__(self, area: float, nu: float, gravity: float) -> None:
         """Set A [m2], of one of the two sides, nu [m2/s] and g [m/s2]."""
         self.area = area
-        self._scale = gravity * area**3 / (3.0 * kinematic_viscosity)
+        self._scale = gravity * area**3 / (3.0 * nu)
 
     def length(self, time: float) -> float:
         """x_N [m] at a time [s] after the release from a line."""
@@ -216,24 +207,6 @@ class PlaneFixedArea:
         return self.length(time) * math.sqrt(1.0 - (thickness / self.centre(time)) ** 3)
 
 
-class PlaneConstantFlux:
-    """A constant flux q a side from a line onto a plane (Huppert 1982, J. Fluid Mech. 121).
-
-    h = (q^2 / alpha)^(1/5) t^(1/5) f(eta), eta = x / [(alpha q^3)^(1/5) t^(4/5)] gives
-    (f^3 f')' + (4 eta f' - f) / 5 = 0 with int f d eta = 1, whose front is at 1.00101.
-    """
-
-    LENGTH = 1.00101
-
-    def __init__(self, flux: float, kinematic_viscosity: float, gravity: float) -> None:
-        """Set q [m2/s], to one of the two sides, nu [m2/s] and g [m/s2]."""
-        self._scale = (gravity * flux**3 / (3.0 * kinematic_viscosity)) ** 0.2
-
-    def length(self, time: float) -> float:
-        """x_N [m] at a time [s] after the flux began."""
-        return self.LENGTH * self._scale * time**0.8
-
-
 class DamBreak:
     """A step of height h0 released at x = 0, viscous and early: before its far end feels it.
 
@@ -246,10 +219,10 @@ class DamBreak:
     FRONT = 0.28430 * math.sqrt(3.0)
     PASSED = 0.25732
 
-    def __init__(self, height: float, kinematic_viscosity: float, gravity: float) -> None:
+    def __init__(self, height: float, nu: float, gravity: float) -> None:
         """Set h0 [m], nu [m2/s] and g [m/s2]."""
         self.height = height
-        self._diffusivity = gravity * height**3 / (3.0 * kinematic_viscosity)
+        self._diffusivity = gravity * height**3 / (3.0 * nu)
 
     def time_of_reach(self, reach: float) -> float:
         """Time [s] at which the diffusive length sqrt(alpha h0^3 t) has a value [m]."""

@@ -15,7 +15,6 @@
 """A bag with everything a report can show, names that would break a careless page among it."""
 
 import json
-from pathlib import Path
 
 import pytest
 import yaml
@@ -27,7 +26,7 @@ HOSTILE = '</script><script>window.broken = 1</script><img src=x onerror="window
 
 
 @pytest.fixture(scope='session')
-def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def run(tmp_path_factory):
     """Nine frames, effects that change, parameters and hostile texts."""
     effects = [
         {

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A real browser for tests, driven by the DevTools protocol without any library."""
+"""A real browser for tests, driven by the DevTools protocol."""
 
 import base64
 from collections.abc import Callable
@@ -22,13 +22,17 @@ import os
 from pathlib import Path
 import shutil
 import socket
-import struct
 import subprocess
 import sys
 import time
 from typing import Any
-from urllib.parse import urlsplit
 from urllib.request import urlopen
+
+import pytest
+
+pytest.importorskip('tornado')
+from tornado.ioloop import IOLoop
+from tornado.websocket import websocket_connect
 
 #: Names that Chromium has, beside the path in the environment variable CHROME.
 NAMES = ('chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable')
@@ -231,53 +235,25 @@ class Browser:
 
 
 class _WebSocket:
-    """The client's side of a WebSocket, as much of it as the protocol needs."""
+    """The client's side of a WebSocket, which waits."""
 
     def __init__(self, address: str) -> None:
-        parts = urlsplit(address)
-        assert parts.hostname is not None and parts.port is not None
-        self._socket = socket.create_connection((parts.hostname, parts.port), PATIENCE)
-        self._stream = self._socket.makefile('rb')
-        key = base64.b64encode(os.urandom(16)).decode()
-        lines = [
-            f'GET {parts.path} HTTP/1.1',
-            f'Host: {parts.netloc}',
-            'Upgrade: websocket',
-            'Connection: Upgrade',
-            f'Sec-WebSocket-Key: {key}',
-            'Sec-WebSocket-Version: 13',
-        ]
-        self._socket.sendall('\r\n'.join([*lines, '', '']).encode())
-        status = self._stream.readline()
-        assert b' 101 ' in status, status
-        while self._stream.readline().strip():
-            continue
+        self._loop = IOLoop(make_current=False)
+        self._connection = self._run(websocket_connect, address, max_message_size=2**28)
 
     def send(self, text: str) -> None:
         """Send a text."""
-        data = text.encode()
-        mask = os.urandom(4)
-        length = len(data)
-        head = struct.pack('!BB', 0x81, 0x80 | min(length, 126))
-        head += struct.pack('!H', length) if length >= 126 else b''
-        assert length < 65_536
-        masked = bytes(item ^ mask[index % 4] for index, item in enumerate(data))
-        self._socket.sendall(head + mask + masked)
+        self._run(self._connection.write_message, text)
 
     def receive(self) -> str:
         """The next text."""
-        parts = []
-        while True:
-            first, second = self._stream.read(2)
-            length = second & 0x7F
-            if length >= 126:
-                size, code = (2, '!H') if length == 126 else (8, '!Q')
-                (length,) = struct.unpack(code, self._stream.read(size))
-            data = self._stream.read(length)
-            if first & 0x0F in (0, 1):
-                parts.append(data)
-                if first & 0x80:
-                    return b''.join(parts).decode()
+        return self._run(self._connection.read_message)
+
+    def _run(self, function: Callable[..., Any], *args: Any, **options: Any) -> Any:
+        async def call() -> Any:
+            return await function(*args, **options)
+
+        return self._loop.run_sync(call, PATIENCE)
 
 
 def _page_address(port: Callable[[], int]) -> str:

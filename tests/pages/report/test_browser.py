@@ -14,14 +14,12 @@
 
 """The report opened and driven in a real browser."""
 
-from collections.abc import Iterator
-from pathlib import Path
 
 from matplotlib.image import imread
 import numpy as np
 import pytest
 
-from lava_ros.pages.report import write_report
+from lava_ros.pages.report.page import write_report
 from pages.report.devtools import Browser, chromium, has_qt
 
 pytestmark = pytest.mark.skipif(
@@ -51,9 +49,7 @@ FRAME = 'Number(document.getElementById("time").value)'
 
 
 @pytest.fixture(scope='module')
-def browser(
-    run: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Iterator[Browser]:
+def browser(run, tmp_path_factory):
     """A browser that has opened the report."""
     folder = tmp_path_factory.mktemp('browser')
     write_report(run, folder / 'report.html')
@@ -68,7 +64,7 @@ def browser(
 
 
 @pytest.fixture(autouse=True)
-def at_the_end(browser: Browser) -> Iterator[None]:
+def at_the_end(browser):
     """Each test begins with the height of the last frame, and leaves no error behind."""
     browser.click('input[value=height] + span')
     # The keys of a switch that has the focus are its own.
@@ -87,7 +83,7 @@ def set_frame(browser: Browser, frame: int) -> None:
     )
 
 
-def test_the_slider_moves_the_map_the_clock_and_the_curves(browser: Browser) -> None:
+def test_the_slider_moves_the_map_the_clock_and_the_curves(browser):
     """Another time shows other pixels, another time, another cursor and other values."""
     said = 'document.querySelector("output[data-curve=area]").textContent'
     cursor = 'document.querySelector(".cursor").x1.baseVal.value'
@@ -100,7 +96,7 @@ def test_the_slider_moves_the_map_the_clock_and_the_curves(browser: Browser) -> 
     assert early[3] < late[3] - 50.0
 
 
-def test_each_layer_has_its_own_picture_and_legend(browser: Browser) -> None:
+def test_each_layer_has_its_own_picture_and_legend(browser):
     """Four layers: four pictures, four legends; lethal hazard is dark red."""
     seen = {}
     for name in ('height', 'temperature', 'hazard', 'arrival'):
@@ -116,7 +112,7 @@ def test_each_layer_has_its_own_picture_and_legend(browser: Browser) -> None:
     assert seen['temperature'][2] < 0.02
 
 
-def test_keys(browser: Browser) -> None:
+def test_keys(browser):
     """Arrows step, Home and End go to the ends, space plays and stops, numbers choose."""
     browser.press('ArrowLeft')
     browser.press('ArrowLeft')
@@ -134,7 +130,7 @@ def test_keys(browser: Browser) -> None:
     assert browser.evaluate('document.querySelector("input[value=hazard]").checked')
 
 
-def test_play(browser: Browser) -> None:
+def test_play(browser):
     """Space begins at the start, runs to the end by itself and stops there."""
     browser.press(' ')
     assert browser.evaluate('document.getElementById("play").textContent') == 'Pause'
@@ -148,7 +144,7 @@ def test_play(browser: Browser) -> None:
     assert browser.evaluate(FRAME) == 8
 
 
-def test_reading_a_cell(browser: Browser) -> None:
+def test_reading_a_cell(browser):
     """The cell under the pointer is told in the world's coordinates with all its values."""
     found = """(() => {
       const d = JSON.parse(document.getElementById('data').textContent);
@@ -168,12 +164,12 @@ def test_reading_a_cell(browser: Browser) -> None:
     assert 'lava came by 7 min' in text
 
 
-def test_no_network(browser: Browser) -> None:
+def test_no_network(browser):
     """The page asks for itself and nothing else."""
     assert {item.rsplit('/', 1)[1] for item in browser.requested} == {'report.html'}
 
 
-def test_on_a_phone(browser: Browser, tmp_path: Path) -> None:
+def test_on_a_phone(browser, tmp_path):
     """Nothing is wider than the screen, and the map and its controls are on it."""
     browser.resize(360, 740, phone=True)
     try:

@@ -41,7 +41,7 @@ def drawn(chart: Chart, start: float, end: float) -> ElementTree.Element:
     return ElementTree.fromstring(svg(chart, start, end))
 
 
-def test_a_curve_is_where_its_values_are() -> None:
+def test_a_curve_is_where_its_values_are():
     """The first point is at the lower left, the last at the upper right, a gap lifts the pen."""
     curve = Curve('a', [0.0, 3600.0, 7200.0, 10800.0], [0.0, 1.0, math.nan, 4.0])
     tree = drawn(Chart('area', 'Area', 'm²', 1.0, [curve]), 0.0, 10800.0)
@@ -57,7 +57,7 @@ def test_a_curve_is_where_its_values_are() -> None:
     assert {'0', '1', '2', '3', '4'} <= set(texts)
 
 
-def test_hostile_words_are_escaped() -> None:
+def test_hostile_words_are_escaped():
     """Labels are text."""
     name = '"><script>'
     tree = drawn(Chart(name, name, name, 1.0, [Curve(name, [0.0, 1.0], [1.0, 2.0])]), 0.0, 1.0)
@@ -66,7 +66,7 @@ def test_hostile_words_are_escaped() -> None:
 
 
 @pytest.mark.parametrize('values', [[0.0, 0.0], [math.nan, math.nan], [5.0, 5.0]])
-def test_curves_without_height(values: list[float]) -> None:
+def test_curves_without_height(values):
     """What does not change, or is not there, is drawn without dividing by zero."""
     assert len(drawn(Chart('a', 'A', 'm', 1.0, [Curve('a', [0.0, 1.0], values)]), 0.0, 1.0)) > 3
     assert len(drawn(Chart('a', 'A', 'm', 1.0, [Curve('a', [0.0], [1.0])]), 0.0, 0.0)) > 3
@@ -81,12 +81,12 @@ def test_curves_without_height(values: list[float]) -> None:
         (3.0, 3.0, [3.0]),
     ],
 )
-def test_ticks(low: float, high: float, expected: list[float]) -> None:
+def test_ticks(low, high, expected):
     """Round numbers between the ends."""
     assert ticks(low, high, 4) == expected
 
 
-def test_long_curves_are_thinned() -> None:
+def test_long_curves_are_thinned():
     """Their ends stay."""
     times = np.arange(5000.0).tolist()
     few = thinned(Curve('a', times, times))
@@ -97,6 +97,6 @@ def test_long_curves_are_thinned() -> None:
 @pytest.mark.parametrize(
     ('span', 'name'), [(60.0, 's'), (600.0, 'min'), (7200.0, 'h'), (300_000.0, 'd')]
 )
-def test_time_units(span: float, name: str) -> None:
+def test_time_units(span, name):
     """Spans are said in the unit people would use."""
     assert time_unit(span)[1] == name

@@ -29,8 +29,7 @@ import pytest
 from lava_ros.bag import BagReader
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import read_frame, Recording
-from lava_ros.pages.report import write_report
-from lava_ros.pages.report.page import page
+from lava_ros.pages.report.page import page, write_report
 from lava_ros.pages.report.sections import facts, warnings
 from lava_ros.pages.report.survey import survey
 from lava_ros.pages.runs import read_run
@@ -88,7 +87,7 @@ class Reader(HTMLParser):
 
 
 @pytest.fixture(scope='module')
-def read(run: Path) -> Reader:
+def read(run):
     """The page of the run."""
     return Reader(page(Recording(run)))
 
@@ -101,7 +100,7 @@ def frames(data: dict[str, Any], name: str) -> np.ndarray:
     return np.bitwise_xor.accumulate(np.frombuffer(raw, np.uint8).reshape(shape), axis=0)
 
 
-def test_a_page_needs_nothing_else(run: Path) -> None:
+def test_a_page_needs_nothing_else(run):
     """No address of anything outside, and a policy that forbids to ask for any."""
     text = page(Recording(run))
     for _, attributes in Reader(text).elements:
@@ -114,7 +113,7 @@ def test_a_page_needs_nothing_else(run: Path) -> None:
 
 
 @pytest.mark.parametrize('kind', ['script', 'style'])
-def test_the_policy_lets_the_page_run(run: Path, kind: str) -> None:
+def test_the_policy_lets_the_page_run(run, kind):
     """Its hashes are those of the only script and the only style, to the last blank."""
     text = page(Recording(run))
     (content,) = re.findall(f'<{kind}>(.*?)</{kind}>', text, re.DOTALL)
@@ -122,7 +121,7 @@ def test_the_policy_lets_the_page_run(run: Path, kind: str) -> None:
     assert f"{kind}-src 'sha256-{digest}'" in text
 
 
-def test_the_script_finds_what_it_asks_for(read: Reader) -> None:
+def test_the_script_finds_what_it_asks_for(read):
     """Elements by their id, and each part of the data and of a layer by its name."""
     script = (ROOT / 'lava_ros/pages/report/report.js').read_text(encoding='utf-8')
     ids = set(re.findall(r"byId\('(\w+)'\)", script))
@@ -137,7 +136,7 @@ def test_the_script_finds_what_it_asks_for(read: Reader) -> None:
     assert set(re.findall(r'\bitem\.(\w+)', script)) <= layer | charts
 
 
-def test_texts_of_the_bag_are_texts(run: Path, read: Reader) -> None:
+def test_texts_of_the_bag_are_texts(run, read):
     """What a bag says is shown as it is, and never becomes an element or a script."""
     assert sum('window.broken' in item for item in read.texts) >= 2
     assert any(HOSTILE in item for item in read.texts)
@@ -145,7 +144,7 @@ def test_texts_of_the_bag_are_texts(run: Path, read: Reader) -> None:
     assert sum(tag == 'script' for tag, _ in read.elements) == 2
 
 
-def test_the_maps_are_those_of_the_bag(read: Reader) -> None:
+def test_the_maps_are_those_of_the_bag(read):
     """Each frame unpacks to the grid that was recorded, at its place."""
     data = read.data
     assert data['times'] == [0.0, 200.0, 400.0, 600.0, 800.0, 1000.0, 1200.0, 1400.0, 1600.0]
@@ -162,7 +161,7 @@ def test_the_maps_are_those_of_the_bag(read: Reader) -> None:
     assert (frames(data, 'hazard')[-1] == 100).sum() == 160
 
 
-def test_arrival_is_never_late(read: Reader) -> None:
+def test_arrival_is_never_late(read):
     """The packed times are those of the frames, or earlier by less than a step."""
     arrival = read.data['arrival']
     raw = zlib.decompress(base64.b64decode(arrival['cells']))
@@ -174,7 +173,7 @@ def test_arrival_is_never_late(read: Reader) -> None:
     np.testing.assert_allclose(reached, expected, atol=1.01 * arrival['step'])
 
 
-def test_curves(read: Reader) -> None:
+def test_curves(read):
     """Volume, area, front and temperature are those of the frames."""
     charts = {item['key']: item['curves'] for item in read.data['charts']}
     times = charts['area'][0]['times']
@@ -190,7 +189,7 @@ def test_curves(read: Reader) -> None:
     assert charts['temperature'][0]['values'][1] == pytest.approx(880.0, abs=6.1)
 
 
-def test_effects_and_accuracy(read: Reader) -> None:
+def test_effects_and_accuracy(read):
     """What is on and why, what changed, and the preset with its measured error and cost."""
     texts = read.texts
     at = texts.index('cooling')
@@ -205,7 +204,7 @@ def test_effects_and_accuracy(read: Reader) -> None:
     assert '-1' in texts and 'lethal: 0.5 m of lava or more, or 300 °C or more' in texts
 
 
-def test_a_bag_that_was_cut_off(tmp_path: Path) -> None:
+def test_a_bag_that_was_cut_off(tmp_path):
     """The page says it before anything else."""
     bag = record(tmp_path / 'bag', close=False)
     assert BagReader(bag).recovered
@@ -217,7 +216,7 @@ def test_a_bag_that_was_cut_off(tmp_path: Path) -> None:
     ) < read.texts.index('simulated')
 
 
-def test_the_picture_and_the_page_agree(tmp_path: Path) -> None:
+def test_the_picture_and_the_page_agree(tmp_path):
     """Area and largest thickness are one number, of lava from 0.1 m on; nothing ends at 10 m."""
 
     def flow(time: float) -> np.ndarray:
@@ -241,7 +240,7 @@ def test_the_picture_and_the_page_agree(tmp_path: Path) -> None:
         Recording(bag), survey(Recording(bag))))
 
 
-def test_layers_of_floats(tmp_path: Path) -> None:
+def test_layers_of_floats(tmp_path):
     """Unrounded layers are packed in steps of a 250th of the largest value."""
     read = Reader(page(Recording(record(tmp_path / 'bag', config=RAW_CONFIG))))
     (layer,) = [item for item in read.data['layers'] if item['name'] == 'height']
@@ -249,7 +248,7 @@ def test_layers_of_floats(tmp_path: Path) -> None:
     assert frames(read.data, 'height').max() == 250
 
 
-def test_a_large_and_long_run_stays_small(tmp_path: Path) -> None:
+def test_a_large_and_long_run_stays_small(tmp_path):
     """Cells and frames are thinned; the worst of those that become one is kept."""
     elevation = np.add.outer(np.arange(380.0), np.arange(500.0))
     terrain = Terrain(elevation, 5.0, TERRAIN.origin, 32633)
@@ -272,7 +271,7 @@ def test_a_large_and_long_run_stays_small(tmp_path: Path) -> None:
     assert size < 300_000
 
 
-def test_a_run_without_lava(tmp_path: Path) -> None:
+def test_a_run_without_lava(tmp_path):
     """All of the terrain is shown, and nothing divides by zero."""
     bag = record(tmp_path / 'bag', flow=lambda time: np.zeros(TERRAIN.shape, dtype=np.float32))
     read = Reader(page(Recording(bag)))
@@ -280,20 +279,20 @@ def test_a_run_without_lava(tmp_path: Path) -> None:
     assert read.data['arrival'] is None
 
 
-def test_a_bag_that_does_not_say_its_times(tmp_path: Path) -> None:
+def test_a_bag_that_does_not_say_its_times(tmp_path):
     """Without them there is no report."""
     with pytest.raises(LavaError, match='/diagnostics of the node'):
         page(Recording(record(tmp_path / 'bag', clock=False)))
 
 
 @pytest.mark.parametrize('name', ['report.pdf', 'missing/report.html'])
-def test_a_page_that_cannot_be_written(run: Path, tmp_path: Path, name: str) -> None:
+def test_a_page_that_cannot_be_written(run, tmp_path, name):
     """A bad path or format is one error that names it."""
     with pytest.raises(LavaError, match='output is '):
         write_report(run, tmp_path / name)
 
 
-def test_the_sample(tmp_path: Path) -> None:
+def test_the_sample(tmp_path):
     """The recorded sample gives a page of some 100 kB, with the effects that were on."""
     size = write_report(SAMPLE, tmp_path / 'report.html')
     read = Reader((tmp_path / 'report.html').read_text(encoding='utf-8'))

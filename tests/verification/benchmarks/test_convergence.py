@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The benchmark of convergence, and what the docs say of it."""
+"""The benchmark of convergence."""
 
-from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,8 +22,6 @@ import pytest
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.verification.benchmarks import convergence
-
-ROOT = Path(__file__).parents[3]
 
 
 def test_scenes_are_cases() -> None:
@@ -42,9 +40,8 @@ def test_a_scene_at_each_preset(device: str) -> None:
     scene = Scene(
         Terrain(np.tile(-0.2 * x, (40, 1)), 5.0), (Vent((40.0, 100.0), 2.0),), Lava(viscosity=1e4)
     )
-    rows = convergence.measure(
-        convergence.case_of('incline', scene, 600.0), device=device, command='a test', runs=2
-    )
+    case = convergence.case_of('incline', scene, 600.0)
+    rows = [SimpleNamespace(**row) for row in convergence.compare(case, device=device, runs=2)]
     assert [row.preset for row in rows] == list(convergence.LADDER)
     assert rows[0].particles < rows[1].particles < rows[2].particles
     assert rows[0].spacing_m > rows[1].spacing_m > rows[2].spacing_m
