@@ -233,3 +233,25 @@ def test_lava_whose_speed_drag_does_not_change() -> None:
             watch.renew()
         simulation.advance(0.461961952225758 * frame / 6.0)
         watch.check()
+
+
+def test_lava_that_breaks_loose_for_a_moment() -> None:
+    """Its steps were taken for too many: at the ends of the frame it lay still, and called for 2.
+
+    Of a power law it is a thousand times as stiff in between.
+    """
+    simulation = Simulation(
+        Scene(
+            Terrain(np.add.outer(0.5 * np.arange(20.0), np.zeros(20)), 1.0),
+            (Vent((10.0, 10.0), ((0.0, 100.0), (0.25, 0.0)), radius=1.0),),
+            Lava(viscosity=12.0, yield_strength=1e5, flow_index=0.5),
+        ),
+        effects=Effects(arrhenius=False, cooling=False, yielding=True, power_law=True),
+        accuracy=Accuracy(spacing=1.0),
+        device='cpu',
+    )
+    watch = Watch(simulation)
+    simulation.advance(0.5)
+    watch.check()
+    # the lava called for what was taken, to a tenth: the bound is four times that
+    assert 0.2 < watch.largest['cost'] < 0.3

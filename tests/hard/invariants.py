@@ -46,8 +46,9 @@ climb        The surface H + h at a particle is no higher than the highest that 
 fall         Without inertia u^2 / 2g is at most the fall from the highest surface that lava came
              from, plus the thickness. Not at the paper's formulas, which have no bound.
 place        Particles are on cells with data, and nowhere that the scene declares dry.
-cost         Velocity evaluations in a frame: at most ``COST`` times those that the thickest,
-             fastest and least viscous lava at the frame's ends allow with steps at the limits.
+cost         Velocity evaluations in a frame: at most ``COST`` times those that the lava calls for
+             with steps at the limits (cost.py), at the frame's ends or, if that is less than were
+             taken, at each of its steps.
 
 With ``Watch.renew`` a change from outside (a new terrain) is taken as it is.
 """
@@ -60,14 +61,15 @@ import math
 
 import numpy as np
 
+from hard.cost import called_for, pace
 from hard.ground import distance, Ground, lift
 from lava_ros.scene import Scene
 from lava_ros.simulation import Simulation, Snapshot
 from lava_ros.simulation.accuracy import expected_thickness
-from lava_ros.simulation.kernels import smoothing_kernel
+from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.particles import ParticleSample
 from lava_ros.simulation.state import EVALUATIONS, STEPS
-from lava_ros.simulation.timestep import longest_step, MOST_STAGES
+from lava_ros.simulation.timestep import MOST_STAGES
 from lava_ros.verification.bounds import BOUNDS
 
 #: Largest share of the lava that may be unaccounted for.
@@ -88,7 +90,7 @@ LEVEL = max(BOUNDS['pond']['flatness at rest'].values())
 #: Share by which u^2 may exceed that of free fall: heights are float32.
 FALL = 1e-3
 
-#: Evaluations over those that the lava at the frame's ends calls for.
+#: Evaluations over those that the lava calls for.
 COST = 4.0
 
 #: Where lava may not be, as a function of positions [m], shape [count, 2]; True where dry.
@@ -141,6 +143,7 @@ class _Frame:
     steps: int
     cost: float
     half_kick: float
+    checkpoint: Checkpoint
 
 
 class Watch:
@@ -401,14 +404,15 @@ class Watch:
         evaluations = now.evaluations - self._last.evaluations
         self.smallest_step = min(self.smallest_step, span / steps)
         self.highest_cost = max(self.highest_cost, evaluations / span)
-        most = COST * (max(now.cost, self._last.cost) * span + 2 * MOST_STAGES)
-        # what comes out may run across the map and off it between two frames: no frame shows it
+        if self._simulation.accuracy.fixed_step is not None:
+            return
+        # the frame's end may cut a step in two, and so does each particle that comes out
         came = (now.given - self._last.given) / self._simulation.particle_volume
-        x0, y0, x1, y1 = self._simulation.scene.terrain.extent
-        across = math.hypot(x1 - x0, y1 - y0)
-        most += COST * came * (2.0 + across / self._simulation._stage.constants.reach)
-        if self._simulation.accuracy.fixed_step is None:
-            bound('cost', evaluations, most, 'evaluations in the frame')
+        cuts = 2 * MOST_STAGES + 2.0 * came
+        most = COST * (max(now.cost, self._last.cost) * span + cuts)
+        if evaluations > most:
+            most = COST * (called_for(self._last.checkpoint, self._simulation) + cuts)
+        bound('cost', evaluations, most, 'evaluations in the frame')
 
     def _frame(self, sample: ParticleSample, ground: Ground) -> _Frame:
         budget = self._simulation.budget()
@@ -431,8 +435,9 @@ class Watch:
             thickest=thickest,
             evaluations=int(counts[EVALUATIONS]),
             steps=int(counts[STEPS]),
-            cost=_cost(self._simulation, sample, ground),
+            cost=pace(self._simulation, sample, ground),
             half_kick=half_kick,
+            checkpoint=self._simulation.checkpoint(),
         )
 
     def _highest_source(self, ground: Ground) -> float:
@@ -486,41 +491,6 @@ def _not_finite(sample: ParticleSample, snapshot: Snapshot) -> dict[str, int]:
         'budget': np.array([budget.emitted, budget.held, budget.left, budget.frozen]),
     }
     return {name: int((~np.isfinite(array)).sum()) for name, array in values.items()}
-
-
-def _cost(simulation: Simulation, sample: ParticleSample, ground: Ground) -> float:
-    """Evaluations in a second that the lava calls for as it is, with steps at their limits."""
-    accuracy, scene = simulation.accuracy, simulation.scene
-    vents, reach = simulation._vents, simulation._stage.constants.reach
-    longest = longest_step(scene, accuracy, simulation.effects, vents, reach)
-    if not len(sample.volume):
-        return 3.0 / longest
-    lava = scene.lava
-    kernel = smoothing_kernel(accuracy.kernel, simulation._state.real, accuracy.ratio)
-    thickness = sample.thickness.astype(np.float64)
-    reach = accuracy.courant_number * min(simulation.radius, scene.terrain.resolution)
-    advection = float(np.linalg.norm(sample.velocity, axis=1).max()) / reach
-    # how fast the shortest waves of thickness decay over the mobility, in a hollow of the ground
-    stiffness = thickness * kernel.stiffness / simulation.radius**2 + ground.bend(sample.position)
-    stiffness /= accuracy.diffusion_number
-    if simulation.effects.inertia:
-        waves = scene.gravity * float(stiffness.max()) / accuracy.diffusion_number
-        return max(1.0 / longest, math.sqrt(waves) + advection)
-    if simulation.effects.power_law:
-        explicit = float(simulation._state.rates.numpy()[0])
-    else:
-        viscosity = np.array([lava.viscosity_at(float(value)) for value in sample.temperature])
-        if not (simulation.effects.arrhenius or simulation.effects.vft):
-            viscosity[:] = lava.viscosity
-        weight = lava.density * scene.gravity
-        explicit = float((weight * thickness**2 / (3.0 * viscosity) * stiffness).max())
-    explicit = max(explicit, 1.0 / longest)
-    if accuracy.integrator == 'euler':
-        return max(explicit, advection)
-    most = 0.25 * (MOST_STAGES**2 + MOST_STAGES - 2)
-    step = min(longest, most / explicit, 1.0 / max(advection, 1e-300))
-    stages = max(2.0, math.ceil(0.5 * (math.sqrt(9.0 + 16.0 * step * explicit) - 1.0)))
-    return stages / step
 
 
 def frame_times(scene: Scene, until: float, count: int) -> list[float]:

@@ -14,6 +14,7 @@
 
 """The hardest scene of each kind keeps every invariant; ``make hard`` runs all at all presets."""
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -23,8 +24,9 @@ from hard.case import HardScene, PHYSICS
 from hard.invariants import InvariantError, Watch
 from hard.play import play
 from hard.scenes import FAMILIES, SCENES
+from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.simulation import Particles, Simulation, vents
+from lava_ros.simulation import Particles, Simulation, timestep, vents
 from lava_ros.simulation.accuracy import Accuracy
 
 #: Of each family those that broke an invariant, or cost most, before the solver was made for them.
@@ -137,4 +139,20 @@ def test_the_watch_sees_choked_vents(monkeypatch):
     watch = Watch(simulation)
     simulation.advance(0.2 * item.until)
     with pytest.raises(InvariantError, match='vents .* that wait in them'):
+        watch.check()
+
+
+@pytest.mark.parametrize('effects', [PHYSICS['plain'], Effects(power_law=True)])
+def test_the_watch_sees_steps_that_lava_does_not_call_for(effects, monkeypatch):
+    """Steps a hundredth as long as they might be are found, also by playing the frame again."""
+    item = SCENES['film_1_mm']
+    longest = timestep.longest_step
+    monkeypatch.setattr(timestep, 'longest_step', lambda *of: 0.01 * longest(*of))
+    simulation = Simulation(
+        replace(item.scene, lava=replace(item.scene.lava, flow_index=0.8)), effects=effects,
+        accuracy=Accuracy(thickness=0.001), device='cpu', particles=item.lava(5.0),
+    )
+    watch = Watch(simulation)
+    simulation.advance(600.0)
+    with pytest.raises(InvariantError, match=r'cost .* > .*evaluations in the frame'):
         watch.check()
