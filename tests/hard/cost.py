@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Velocity evaluations that lava calls for.
+"""Invariant cost: velocity evaluations in a frame are at most ``COST`` times what lava calls for.
 
 A step dt of lava whose thickness relaxes at the rate r takes s evaluations, the fewest with
 (s^2 + s - 2) / 4 >= r dt, and is as long as vents, speed and ``MOST_STAGES`` allow: ``pace`` is
@@ -20,29 +20,74 @@ s / dt of the lava that there is. What a frame calls for is the integral of it. 
 where r changes little between them, which power-law lava and lava held by its strength do not: r
 follows the slope, and lava that breaks loose for a moment, or has run off by the frame's end, has
 shown it at neither (measured: 17 evaluations by the ends, 6,887 in the frame, 117 steps of 59).
-``called_for`` plays a frame again and looks at the lava after each step.
+A frame that took more than its ends call for is therefore played again, and what the lava at the
+start of each of its steps calls for is what counts.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 import math
 
 import numpy as np
 
-from hard.ground import Ground
+from hard.ground import Bound, Moment
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.particles import ParticleSample
-from lava_ros.simulation.state import FULL_STEP
+from lava_ros.simulation.state import EVALUATIONS, FULL_STEP, STEPS
 from lava_ros.simulation.timestep import longest_step, MOST_STAGES
+
+#: Evaluations over those that the lava calls for.
+COST = 4.0
 
 #: Moments of a frame that is played again, at most: each takes a few milliseconds.
 MOST_LOOKS = 2000
 
 
-def pace(simulation: Simulation, sample: ParticleSample, ground: Ground) -> float:
+class Cost:
+    """Counts evaluations from frame to frame.
+
+    Attributes:
+        smallest_step: Smallest mean step of a frame [s].
+        highest: Most evaluations in a simulated second of a frame [1/s].
+    """
+
+    def __init__(self) -> None:
+        self.smallest_step, self.highest = math.inf, 0.0
+
+    def renew(self, moment: Moment) -> None:
+        """Begin a frame."""
+        self._begin(moment, pace(moment))
+
+    def _begin(self, moment: Moment, pace: float) -> None:
+        self._last, self._pace = moment, pace
+        self._start = moment.simulation.checkpoint()
+
+    def check(self, moment: Moment) -> Iterator[Bound]:
+        """What the frame that ends has cost."""
+        last, simulation, now = self._last, moment.simulation, pace(moment)
+        span = moment.time - last.time
+        evaluations, steps = (
+            int(moment.counts[count] - last.counts[count]) for count in (EVALUATIONS, STEPS)
+        )
+        if span > 0.0 and steps > 0:
+            self.smallest_step = min(self.smallest_step, span / steps)
+            self.highest = max(self.highest, evaluations / span)
+            if simulation.accuracy.fixed_step is None:
+                # the frame's end may cut a step in two, and so does each particle that comes out
+                came = (moment.given - last.given) / simulation.particle_volume
+                cuts = 2.0 * (MOST_STAGES + came)
+                most = COST * (max(now, self._pace) * span + cuts)
+                if evaluations > most:
+                    most = COST * (called_for(self._start, simulation) + cuts)
+                yield 'cost', evaluations, most, 'evaluations in the frame'
+        self._begin(moment, now)
+
+
+def pace(moment: Moment) -> float:
     """Evaluations in a second that the lava calls for as it is, with steps at their limits."""
+    simulation, sample = moment.simulation, moment.lava
     accuracy, scene = simulation.accuracy, simulation.scene
     vents, reach = simulation._vents, simulation._stage.constants.reach
     longest = longest_step(scene, accuracy, simulation.effects, vents, reach)
@@ -53,8 +98,9 @@ def pace(simulation: Simulation, sample: ParticleSample, ground: Ground) -> floa
     thickness = sample.thickness.astype(np.float64)
     reach = accuracy.courant_number * min(simulation.radius, scene.terrain.resolution)
     advection = float(np.linalg.norm(sample.velocity, axis=1).max()) / reach
+    bend = moment.ground.bend(sample.position)
     # how fast the shortest waves of thickness decay over the mobility, in a hollow of the ground
-    stiffness = thickness * kernel.stiffness / simulation.radius**2 + ground.bend(sample.position)
+    stiffness = thickness * kernel.stiffness / simulation.radius**2 + bend
     stiffness /= accuracy.diffusion_number
     if simulation.effects.inertia:
         waves = scene.gravity * float(stiffness.max()) / accuracy.diffusion_number
@@ -82,12 +128,12 @@ def called_for(start: Checkpoint, simulation: Simulation) -> float:
     if start.scene.vents != simulation.scene.vents:
         again.set_vents(simulation.scene.vents)
     least = (simulation.time - start.time) / MOST_LOOKS
-    total, now = 0.0, pace(again, again.sample(), Ground(again))
+    total, now = 0.0, pace(Moment(again))
     while again.time < simulation.time:
         begun, steps, former = again.time, again.steps, now
         length = max(float(again._state.clock.numpy()[FULL_STEP]), least)
         again.advance(min(begun + length, simulation.time))
-        now = pace(again, again.sample(), Ground(again))
+        now = pace(Moment(again))
         # a step is what the lava at its start calls for; what is between several is not seen
         most = former if again.steps == steps + 1 else max(former, now)
         total += most * (again.time - begun)
