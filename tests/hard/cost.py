@@ -42,7 +42,7 @@ from lava_ros.simulation.timestep import longest_step, MOST_STAGES
 COST = 4.0
 
 #: Moments of a frame that is played again, at most: each takes a few milliseconds.
-MOST_LOOKS = 2000
+MOST_LOOKS = 4000
 
 
 class Cost:
@@ -80,7 +80,7 @@ class Cost:
                 cuts = 2.0 * (MOST_STAGES + came)
                 most = COST * (max(now, self._pace) * span + cuts)
                 if evaluations > most:
-                    most = COST * (called_for(self._start, simulation) + cuts)
+                    most = COST * (called_for(self._start, simulation, steps) + cuts)
                 yield 'cost', evaluations, most, 'evaluations in the frame'
         self._begin(moment, now)
 
@@ -122,19 +122,19 @@ def pace(moment: Moment) -> float:
     return stages / step
 
 
-def called_for(start: Checkpoint, simulation: Simulation) -> float:
-    """Evaluations that lava called for on its way from a checkpoint to what is now."""
+def called_for(start: Checkpoint, simulation: Simulation, steps: int) -> float:
+    """Evaluations that lava called for on its way from a checkpoint to now, in so many steps."""
     again = Simulation.resume(start, device=simulation.device)
     if start.scene.vents != simulation.scene.vents:
         again.set_vents(simulation.scene.vents)
-    least = (simulation.time - start.time) / MOST_LOOKS
+    span = simulation.time - start.time
+    least, most = span / MOST_LOOKS, span / (2 * steps)
     total, now = 0.0, pace(Moment(again))
     while again.time < simulation.time:
-        begun, steps, former = again.time, again.steps, now
-        length = max(float(again._state.clock.numpy()[FULL_STEP]), least)
+        begun, former = again.time, now
+        # as short as the last step, lest what comes out and runs off is missed
+        length = max(min(float(again._state.clock.numpy()[FULL_STEP]), most), least)
         again.advance(min(begun + length, simulation.time))
         now = pace(Moment(again))
-        # a step is what the lava at its start calls for; what is between several is not seen
-        most = former if again.steps == steps + 1 else max(former, now)
-        total += most * (again.time - begun)
+        total += max(former, now) * (again.time - begun)
     return total
