@@ -59,11 +59,10 @@ def in_share(request: pytest.FixtureRequest) -> Share:
     part, count = request.param
     chosen = request.config.getoption('--hypothesis-seed')
 
-    def run(check: Callable[..., None], **strategies: Any) -> None:
-        profile = settings()
-        tried = settings(profile, max_examples=profile.max_examples // count)(
-            given(**strategies)(check)
-        )
+    def run(check: Callable[..., None], profile: Any = None, **strategies: Any) -> None:
+        profile = profile or settings()
+        part_of_it = settings(profile, max_examples=-(-profile.max_examples // count))
+        tried = part_of_it(given(**strategies)(check))
         (tried if chosen is None else seed(f'{chosen} {part}')(tried))()
 
     return run
