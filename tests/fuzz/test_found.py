@@ -244,7 +244,7 @@ def test_lava_that_breaks_loose_for_a_moment() -> None:
         Scene(
             Terrain(np.add.outer(0.5 * np.arange(20.0), np.zeros(20)), 1.0),
             (Vent((10.0, 10.0), ((0.0, 100.0), (0.25, 0.0)), radius=1.0),),
-            Lava(viscosity=12.0, yield_strength=1e5, flow_index=0.5),
+            Lava(viscosity=14.0, yield_strength=1e5, flow_index=0.5),
         ),
         effects=Effects(arrhenius=False, cooling=False, yielding=True, power_law=True),
         accuracy=Accuracy(spacing=1.0),
