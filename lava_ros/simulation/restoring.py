@@ -78,6 +78,9 @@ def put_back(simulation: Simulation, checkpoint: Checkpoint) -> Simulation:
         checkpoint.scene.vents, since=checkpoint.since, carried=carried
     )
     simulation._vents.load(released)
+    # the state knows how high they are; what has frozen since has raised the ground
+    giving = simulation._vents.giving(checkpoint.time, others_than=())
+    simulation._counted = simulation._vents, set(giving)
     if simulation._notes_arrival:
         _put_arrival(simulation, parts.pop('arrived'))
     for effect, step in simulation._after_step.items():

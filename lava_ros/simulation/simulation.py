@@ -135,6 +135,8 @@ class Simulation:
         self._start_with(particles)
         check_rates(scene.vents, self.particle_volume)
         self._vents = self._vent_set(scene.vents, since=0.0, carried=[0.0] * len(scene.vents))
+        #: Numbers of the vents, of these, that lava is known to have fallen from.
+        self._counted: tuple[VentSet, set[int]] = self._vents, set()
         self._raise_top(self._state.read_particles()[:, :2])
 
     @property
@@ -186,6 +188,7 @@ class Simulation:
         (``together.interleave``). Only when all parts are taken the simulation is at rest.
         """
         until = validation.number('until', until, unit='s')
+        self._raise_top(until=until)
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
         self._state.write_clock(TARGET, until)
         clock, counts = self._state.look()
@@ -460,11 +463,24 @@ class Simulation:
         self._emitted_before = float(self._state.read_particles()[:, 2].sum())
         self._sort()
 
-    def _raise_top(self, places: np.ndarray | None = None) -> None:
-        """Let lava have fallen from the vents, and from places relative to the centre [m]."""
+    def _raise_top(
+        self, places: np.ndarray | None = None, *, until: float | None = None
+    ) -> None:
+        """Let lava have fallen from places relative to the centre [m], and from the vents.
+
+        Only vents count that have given lava, or will by a time [s]; each once.
+        """
+        if self._counted[0] is not self._vents:
+            self._counted = self._vents, set()
+        new = self._vents.giving(
+            self.time if until is None else until, others_than=self._counted[1]
+        )
+        if places is None and not new:
+            return
+        self._counted[1].update(new)
         every = [np.empty((0, 2)) if places is None else places]
         centre, resolution = centre_of(self.scene.terrain), self.scene.terrain.resolution
-        for vent in self.scene.vents:
+        for vent in (self.scene.vents[number] for number in new):
             start, end = np.subtract((vent.position, vent.end or vent.position), centre)
             count = 1 + math.ceil(math.dist(start, end) / resolution)
             every.append(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start))

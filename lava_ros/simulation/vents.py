@@ -15,7 +15,7 @@
 """Vents: particles of constant volume, as many as the integral of the discharge asks for."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from functools import lru_cache
 import math
 from typing import Any
@@ -213,6 +213,15 @@ class VentSet:
         if len(released):
             self.released.assign(released)
             self._foresee()
+
+    def giving(self, until: float, *, others_than: Container[int]) -> list[int]:
+        """Numbers of the vents that have lava in their conduits, or give some by a time [s]."""
+        return [
+            number
+            for number, vent in enumerate(self.vents)
+            if number not in others_than
+            and (self._carried[number] > 0.0 or vent.volume_between(self.since, until) > 0.0)
+        ]
 
     def emitted(self, time: float) -> float:
         """Volume [m3] the vents have given from ``since`` to ``time``."""

@@ -120,13 +120,13 @@ def _messages(chance: random.Random, source: Path, target: Path) -> None:
             return data[: same.randrange(4, len(data))]
         message = deserialize_message(data, _TYPES[name])
         for _ in range(same.choice((1, 1, 1, 2, 3))):
-            _change(same, message)
+            change(same, message)
         return serialize_message(message)
 
     _copied(source, target, edit=edit)
 
 
-def _change(chance: random.Random, message: Any) -> None:
+def change(chance: random.Random, message: Any) -> None:
     """Set a field, at any depth, to another value of its type."""
     while True:
         name = chance.choice(list(message.get_fields_and_field_types()))

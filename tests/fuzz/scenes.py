@@ -75,25 +75,17 @@ class Trial:
             else f'<terrain {item.shape}, {item.resolution!r} m, {item.origin!r}>'
             for item in grounds
         )
-        on = [name for name, value in vars(self.effects).items() if value]
         return (
-            f'Trial(vents={self.scene.vents!r}, then={self.vents!r}, lava={_changed(self.scene)}, '
-            f'effects={on}, accuracy={_changed_accuracy(self.accuracy)}, until={self.until!r}, '
-            f'grounds=[{shown}])'
+            f'Trial(vents={self.scene.vents!r}, then={self.vents!r}, '
+            f'lava={_changed(self.scene.lava)}, air={self.scene.ambient_temperature}, '
+            f'gravity={self.scene.gravity}, effects={[*self.effects]}, '
+            f'accuracy={_changed(self.accuracy)}, until={self.until!r}, grounds=[{shown}])'
         )
 
 
-def _changed(scene: Scene) -> dict[str, Any]:
-    standard = vars(Lava())
-    changed = {name: item for name, item in vars(scene.lava).items() if item != standard[name]}
-    return {
-        **changed, 'ambient_temperature': scene.ambient_temperature, 'gravity': scene.gravity
-    }
-
-
-def _changed_accuracy(accuracy: Accuracy) -> dict[str, Any]:
-    standard = vars(Accuracy())
-    return {name: item for name, item in vars(accuracy).items() if item != standard[name]}
+def _changed(item: Any) -> dict[str, Any]:
+    usual = vars(type(item)())
+    return {name: value for name, value in vars(item).items() if value != usual[name]}
 
 
 def powers(low: float, high: float) -> st.SearchStrategy[float]:

@@ -22,6 +22,7 @@ import random
 import resource
 import shutil
 import signal
+from typing import Any
 import warnings
 
 from hypothesis import given, Phase, settings
@@ -112,27 +113,29 @@ def unpublished() -> Iterator[None]:
         yield
 
 
-@settings(files, max_examples=BAGS)
-@given(seed=SEEDS)
-def test_bags(seed: int, sound: Path, folder: Callable[[], Path]) -> None:
+def test_bags(in_share: Any, sound: Path, folder: Callable[[], Path]) -> None:
     """Commands that read one; what is recovered is a bag without damage."""
-    chance = random.Random(seed)
-    path = folder()
-    hostile_bag(chance, sound, path / 'bag')
-    commands = [
-        ('info', path / 'bag'),
-        ('info', path / 'bag', '--json', path / 'out.json'),
-        ('replay', path / 'bag'),
-        ('plot', path / 'bag', '-o', path / 'out.png'),
-        ('report', path / 'bag', '-o', path / 'out.html'),
-        ('export', path / 'bag', '-o', path / 'out', '--every'),
-        ('recover', path / 'bag', path / 'new'),
-    ]
-    for words in chance.sample(commands, 2):
-        call(*words)
-    if (path / 'new').exists():
-        status, said = call('info', path / 'new')
-        assert (status, 'damaged in' in said) == (0, False), said
+
+    def is_read_or_refused(number: int) -> None:
+        chance = random.Random(number)
+        path = folder()
+        hostile_bag(chance, sound, path / 'bag')
+        commands = [
+            ('info', path / 'bag'),
+            ('info', path / 'bag', '--json', path / 'out.json'),
+            ('replay', path / 'bag'),
+            ('plot', path / 'bag', '-o', path / 'out.png'),
+            ('report', path / 'bag', '-o', path / 'out.html'),
+            ('export', path / 'bag', '-o', path / 'out', '--every'),
+            ('recover', path / 'bag', path / 'new'),
+        ]
+        for words in chance.sample(commands, 2):
+            call(*words)
+        if (path / 'new').exists():
+            status, said = call('info', path / 'new')
+            assert (status, 'damaged in' in said) == (0, False), said
+
+    in_share(is_read_or_refused, settings(files, max_examples=BAGS), number=SEEDS)
 
 
 @files

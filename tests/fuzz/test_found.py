@@ -233,3 +233,50 @@ def test_lava_whose_speed_drag_does_not_change() -> None:
             watch.renew()
         simulation.advance(0.461961952225758 * frame / 6.0)
         watch.check()
+
+
+def test_lava_that_breaks_loose_for_a_moment() -> None:
+    """Its steps were taken for too many: at the ends of the frame it lay still, and called for 2.
+
+    Of a power law it is a thousand times as stiff in between.
+    """
+    simulation = Simulation(
+        Scene(
+            Terrain(np.add.outer(0.5 * np.arange(20.0), np.zeros(20)), 1.0),
+            (Vent((10.0, 10.0), ((0.0, 100.0), (0.25, 0.0)), radius=1.0),),
+            Lava(viscosity=14.0, yield_strength=1e5, flow_index=0.5),
+        ),
+        effects=Effects(arrhenius=False, cooling=False, yielding=True, power_law=True),
+        accuracy=Accuracy(spacing=1.0),
+        device='cpu',
+    )
+    watch = Watch(simulation)
+    simulation.advance(0.5)
+    watch.check()
+    # the lava called for what was taken, to a tenth: the bound is four times that
+    assert 0.2 < watch.largest['cost'] < 0.3
+
+
+def test_lava_does_not_fall_from_a_vent_that_has_given_none() -> None:
+    """Lava of a low vent was as fast as if it had come from a high one that opens later."""
+    low, high = Vent((10.0, 10.0), 20.0, radius=1.0), Vent((10.0, 35.0), ((100.0, 20.0),))
+    heads = {}
+    for name, vents in {'alone': (low,), 'with another': (low, high)}.items():
+        simulation = Simulation(
+            Scene(
+                Terrain(np.add.outer(3.0 * np.arange(40.0), np.zeros(20)), 1.0), vents,
+                Lava(viscosity=1.0),
+            ),
+            effects=Effects(arrhenius=False, cooling=False),
+            accuracy=Accuracy(spacing=1.0, thickness=1.0),
+            device='cpu',
+        )
+        watch = Watch(simulation)
+        simulation.advance(0.5)
+        watch.check()
+        heads[name] = (simulation.sample().velocity ** 2).sum(axis=1).max(initial=0.0) / 19.62
+    assert heads['alone'] == heads['with another'] > 1.0
+    # what opens within a step forward counts
+    simulation.advance(101.0)
+    watch.check()
+    assert simulation._counted[1] == {0, 1}

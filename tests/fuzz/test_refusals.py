@@ -12,9 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whatever is wrong with a scene, a file or a parameter: one LavaError that names the field."""
+"""Whatever is wrong with a scene, a file or a parameter: one LavaError that names the field.
+
+Each is a valid set of values with one replaced by something that is not allowed there, whatever
+the others are.
+"""
 
 from dataclasses import asdict, fields
+import math
 from typing import Any
 
 from hypothesis import given, note
@@ -23,7 +28,6 @@ import numpy as np
 import pytest
 import yaml
 
-from fuzz import invalid
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict
@@ -43,6 +47,137 @@ from lava_ros.simulation.accuracy import (
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.selection import decide
 
+#: No number at all.
+NOT_NUMBERS = (
+    None, 'warm', '', [], {}, [1.0], True, False, object(), b'1', 1j, math.nan, math.inf,
+    -math.inf, 'nan', 'inf', '1_0_', np.array([1.0, 2.0]), np.array([]), np.nan, 10**400, {1: 2},
+)
+
+#: No pair of numbers.
+NOT_PAIRS = (
+    None, 1.0, 'ab', [], [1.0], [1.0, 2.0, 3.0], [1.0, None], ['x', 'y'], {}, {1: 2, 3: 4}, True,
+    [math.nan, 0.0], [0.0, math.inf], [[1.0], [2.0]], np.zeros(3), np.zeros((2, 2)), {1.0, 2.0},
+    np.array(1.0), (True, 1.0), [1e300, 0.0], range(3), b'ab', iter([1.0, 2.0]),
+)
+
+#: No truth value.
+NOT_SWITCHES = (None, 0, 1, 'true', 'on', [], 1.0, np.array([True]))
+
+#: No text.
+NOT_TEXTS = (None, 1, 1.0, [], {}, b'x', True)
+
+
+def below(least: float) -> st.SearchStrategy[float]:
+    """Finite numbers under a limit."""
+    return st.floats(max_value=least, exclude_max=True, allow_infinity=False)
+
+
+def above(most: float) -> st.SearchStrategy[float]:
+    """Finite numbers over a limit."""
+    return st.floats(min_value=most, exclude_min=True, allow_infinity=False)
+
+
+def no_number(least: float | None = None, most: float | None = None) -> st.SearchStrategy[Any]:
+    """Anything but a finite number within limits."""
+    result: st.SearchStrategy[Any] = st.sampled_from(NOT_NUMBERS)
+    if least is not None:
+        result |= below(least)
+    if most is not None:
+        result |= above(most)
+    return result
+
+
+def no_choice(words: tuple[str, ...]) -> st.SearchStrategy[Any]:
+    """Anything but one of the words."""
+    texts = st.text(max_size=20).filter(lambda text: text not in words)
+    return texts | st.sampled_from(NOT_TEXTS) | st.just([words[0]])
+
+
+def terrain_fields() -> dict[str, st.SearchStrategy[Any]]:
+    """What each field of a terrain cannot be."""
+    arrays = st.sampled_from(
+        (
+            None, 1.0, 'ground', [], [[]], [1.0, 2.0], [[1.0]], [[1.0, 2.0]], [[1.0], [2.0]],
+            [[1.0, 2.0], [3.0]], [[[1.0, 2.0]] * 2] * 2, [['a', 'b'], ['c', 'd']],
+            [[None, None], [None, None]], [[math.nan] * 3] * 3, [[0.0, math.inf], [0.0, 0.0]],
+            [[0.0, -math.inf], [0.0, 0.0]], [[0.0, 1e38], [0.0, 0.0]], [[0.0, 1e300], [0, 0]],
+            np.zeros((0, 5)), np.zeros((2, 2, 2)), np.zeros((2, 40_000)), np.zeros((2, 2), 'c16'),
+            np.array([[object()] * 2] * 2), np.zeros((2, 2), 'M8[s]'), {1: 2}, {1.0, 2.0},
+            np.full((3, 3), 10**400, dtype=object), b'....',
+        )
+    )
+    return {
+        'elevation': arrays,
+        'resolution': no_number(1e-4, 1e5) | st.just(0.0),
+        'origin': st.sampled_from(NOT_PAIRS),
+        'offset': st.sampled_from(NOT_PAIRS),
+        'epsg': st.sampled_from((0, -1, 1023, 1.5, '32633', True, [], math.nan, 10**30)),
+    }
+
+
+def vent_fields() -> dict[str, st.SearchStrategy[Any]]:
+    """What each field of a vent cannot be."""
+    series = st.sampled_from(
+        (
+            [], [1.0, 2.0], [(0.0,)], [(0.0, 1.0), (0.0, 2.0)], [(1.0, 1.0), (0.5, 1.0)],
+            [(0.0, -1.0)], [(0.0, math.nan)], [(math.inf, 1.0)], [(0.0, 1e300)], [None], ['ab'],
+            [(0.0, 1.0, 2.0)], np.zeros((2, 3)), np.zeros((2, 2)), np.zeros((0, 2)),
+            [[[0.0, 1.0]]],
+        )
+    )
+    return {
+        'position': st.sampled_from(NOT_PAIRS),
+        'discharge': st.sampled_from(NOT_NUMBERS) | below(0.0) | above(1e8) | series,
+        'temperature': no_number(700.0, 2000.0),
+        'radius': no_number(0.0, 1e5) | st.just(0.0),
+        'end': st.sampled_from([item for item in NOT_PAIRS if item is not None]),
+        'velocity': st.sampled_from(NOT_PAIRS),
+        'name': st.sampled_from(NOT_TEXTS),
+    }
+
+
+def lava_fields() -> dict[str, st.SearchStrategy[Any]]:
+    """What each constant of a material cannot be."""
+    result: dict[str, st.SearchStrategy[Any]] = {}
+    for name, item in Lava.__dataclass_fields__.items():
+        if 'limits' in item.metadata:
+            result[name] = no_number(*item.metadata['limits'])
+        elif 'choices' in item.metadata:
+            result[name] = no_choice(item.metadata['choices'])
+        else:
+            result[name] = st.sampled_from(NOT_SWITCHES)
+    return result
+
+
+def scene_fields() -> dict[str, st.SearchStrategy[Any]]:
+    """What each field of a scene cannot be."""
+    return {
+        'terrain': st.sampled_from((None, 1.0, 'ground', {}, np.zeros((3, 3)), Terrain)),
+        'vents': st.sampled_from((None, 1.0, 'vents', [None], ['vent'], [{}], [[]], {1: 2}, b'v')),
+        'lava': st.sampled_from((None, 1.0, 'lava', {}, Lava)),
+        'uncertainty': st.sampled_from((None, 1.0, 'uncertainty', {}, [])),
+        **{
+            name: no_number(*item.metadata['limits'])
+            for name, item in Scene.__dataclass_fields__.items()
+            if 'limits' in item.metadata
+        },
+    }
+
+
+def any_yaml() -> st.SearchStrategy[Any]:
+    """Data that a YAML file may hold, of any shape."""
+    leaves = (
+        st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8)
+        | st.dates() | st.sampled_from(('nan', '1e4', '.inf', 'file', 'vents', 'position'))
+    )
+    return st.recursive(
+        leaves,
+        lambda inner: st.lists(inner, max_size=4)
+        | st.dictionaries(st.text(max_size=8) | st.integers() | st.none(), inner, max_size=4),
+        max_leaves=12,
+    )
+
+
 GROUND = Terrain(np.zeros((4, 5)), 10.0)
 
 VALID: dict[type, dict[str, Any]] = {
@@ -55,29 +190,29 @@ VALID: dict[type, dict[str, Any]] = {
 }
 
 WRONG: dict[type, dict[str, st.SearchStrategy[Any]]] = {
-    Terrain: invalid.terrain_fields(),
-    Vent: invalid.vent_fields(),
-    Lava: invalid.lava_fields(),
-    Scene: invalid.scene_fields(),
+    Terrain: terrain_fields(),
+    Vent: vent_fields(),
+    Lava: lava_fields(),
+    Scene: scene_fields(),
     Accuracy: {
-        'spacing': invalid.no_number(1e-6, 1e7).filter(lambda value: value is not None),
-        'refinement': invalid.no_number(0.05, 20.0),
-        'thickness': invalid.no_number(1e-9, 1e5).filter(lambda value: value is not None),
-        'ratio': invalid.no_number(1.5, 12.0),
-        'kernel': invalid.no_choice(KERNELS),
-        'raster_ratio': invalid.no_number(1e-3, 2.0),
-        'diffusion_number': invalid.no_number(1e-4, 2.0),
-        'courant_number': invalid.no_number(1e-4, 1.0),
-        'longest_step': invalid.no_number(1e-6, 1e9),
-        'fixed_step': invalid.no_number(1e-9, 1e9).filter(lambda value: value is not None),
-        'gradient': invalid.no_choice(GRADIENTS),
-        'formulation': invalid.no_choice(FORMULATIONS),
-        'deterministic': st.sampled_from(invalid.NOT_SWITCHES),
-        'symmetric': st.sampled_from(invalid.NOT_SWITCHES),
-        'integrator': invalid.no_choice(INTEGRATORS),
-        'precision': invalid.no_choice(PRECISIONS),
+        'spacing': no_number(1e-6, 1e7).filter(lambda value: value is not None),
+        'refinement': no_number(0.05, 20.0),
+        'thickness': no_number(1e-9, 1e5).filter(lambda value: value is not None),
+        'ratio': no_number(1.5, 12.0),
+        'kernel': no_choice(KERNELS),
+        'raster_ratio': no_number(1e-3, 2.0),
+        'diffusion_number': no_number(1e-4, 2.0),
+        'courant_number': no_number(1e-4, 1.0),
+        'longest_step': no_number(1e-6, 1e9),
+        'fixed_step': no_number(1e-9, 1e9).filter(lambda value: value is not None),
+        'gradient': no_choice(GRADIENTS),
+        'formulation': no_choice(FORMULATIONS),
+        'deterministic': st.sampled_from(NOT_SWITCHES),
+        'symmetric': st.sampled_from(NOT_SWITCHES),
+        'integrator': no_choice(INTEGRATORS),
+        'precision': no_choice(PRECISIONS),
     },
-    Effects: {item.name: st.sampled_from(invalid.NOT_SWITCHES) for item in fields(Effects)},
+    Effects: {item.name: st.sampled_from(NOT_SWITCHES) for item in fields(Effects)},
 }
 
 CASES = [(kind, name) for kind, names in WRONG.items() for name in names]
@@ -148,7 +283,7 @@ def written(path, data):
     return path
 
 
-@given(data=invalid.any_yaml())
+@given(data=any_yaml())
 def test_any_yaml_is_no_scene_or_refused(data):
     """Data of any shape in place of vents, layers and accuracy gives a value or a LavaError."""
     for read in (
@@ -169,15 +304,15 @@ def test_any_yaml_is_no_scene_or_refused(data):
 
 
 LAYER_FIELDS: dict[str, st.SearchStrategy[Any]] = {
-    'topic': st.sampled_from((*invalid.NOT_TEXTS, '', '/height', 'a b', '1a', 'a/', 'ä')),
-    'source': invalid.no_choice(('thickness', 'temperature', 'hazard')),
-    'message': invalid.no_choice(('nav_msgs/OccupancyGrid', 'sensor_msgs/Image')),
-    'range': st.sampled_from((*invalid.NOT_PAIRS[:13], [1.0, 1.0], [2.0, 1.0])),
-    'threshold': invalid.no_number(0.0),
+    'topic': st.sampled_from((*NOT_TEXTS, '', '/height', 'a b', '1a', 'a/', 'ä')),
+    'source': no_choice(('thickness', 'temperature', 'hazard')),
+    'message': no_choice(('nav_msgs/OccupancyGrid', 'sensor_msgs/Image')),
+    'range': st.sampled_from((*NOT_PAIRS[:13], [1.0, 1.0], [2.0, 1.0])),
+    'threshold': no_number(0.0),
     'outside': st.sampled_from((-2, 101, 1.5, None, True, 'one', 10**30)),
-    'enabled': st.sampled_from(invalid.NOT_SWITCHES),
-    'rate': invalid.no_number(0.001, 50.0),
-    'record': st.sampled_from(invalid.NOT_SWITCHES),
+    'enabled': st.sampled_from(NOT_SWITCHES),
+    'rate': no_number(0.001, 50.0),
+    'record': st.sampled_from(NOT_SWITCHES),
     'qos': st.sampled_from(
         (None, [], 'latched', {'depth': 0}, {'depth': 1.5}, {'durability': 1}, {'no': 1}, {1: 2})
     ),
@@ -211,7 +346,7 @@ def test_a_scene_file_with_anything_in_it(data, tmp_path_factory):
     }
     assert scene_from_yaml(written(folder / 'scene.yaml', content)).gravity == 9.81
     key = data.draw(st.sampled_from([*content, 'file', 'window', 'density', 'whole', 'text']))
-    thing = data.draw(invalid.any_yaml())
+    thing = data.draw(any_yaml())
     if key in ('file', 'window'):
         content['terrain'] = {**content['terrain'], key: thing}
     elif key == 'density':

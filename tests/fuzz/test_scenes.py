@@ -16,8 +16,7 @@
 
 import time
 
-from hypothesis import given, note, seed, settings
-import pytest
+from hypothesis import note, settings
 
 from fuzz.scenes import MOST_PARTICLES, Trial, trials
 from hard.invariants import Watch
@@ -25,10 +24,6 @@ from lava_ros.simulation import Simulation
 
 #: Wall time after which a scene of a test run is left as it is [s].
 PATIENCE = {True: 0.4, False: 10.0}
-
-#: Parts that `make nightly` splits the scenes into: one that fails does not end the others, and
-#: each processor takes one after the other.
-SHARES = 1 if settings().derandomize else 40
 
 #: Moments at which the invariants are checked.
 FRAMES = 6
@@ -70,20 +65,14 @@ def play(trial: Trial, device: str, patience: float) -> bool:
     return True
 
 
-@pytest.mark.parametrize('share', range(SHARES))
-def test_random_scenes_keep_the_invariants(share, device, trial, request):
+def test_random_scenes_keep_the_invariants(in_share, device, trial):
     """Whatever ground, lava, vents and physics: nothing is lost, made, heated or lifted."""
-    profile = settings()
+    is_ci = settings().derandomize
 
-    @settings(profile, max_examples=profile.max_examples // SHARES)
-    @given(scene=trials(all_effects=not profile.derandomize))
     def keeps_the_invariants(scene):
         note(repr(scene))
         with trial('scenes') as row:
-            is_whole = play(scene, device, PATIENCE[profile.derandomize])
+            is_whole = play(scene, device, PATIENCE[is_ci])
             row['cut_off'] = row.get('cut_off', 0) + (not is_whole)
 
-    chosen = request.config.getoption('--hypothesis-seed')
-    if chosen is not None:
-        keeps_the_invariants = seed(f'{chosen} {share}')(keeps_the_invariants)
-    keeps_the_invariants()
+    in_share(keeps_the_invariants, scene=trials(all_effects=not is_ci))

@@ -12,16 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The ground under a simulation, in numpy: an account of it beside the solver's own."""
+"""Lava and the ground under it, in numpy: an account of them beside the solver's own."""
 
 from __future__ import annotations
 
+from functools import cached_property
 import math
 
 import numpy as np
 
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation import Simulation
+
+#: What a check says: the invariant, what was found, what it may be at most, more about it.
+Bound = tuple[str, float, float, str]
 
 
 class Ground:
@@ -99,6 +103,31 @@ class Ground:
         blocks = np.stack(self._around(places, max(vent.radius, least)), axis=1)
         tops = [self._heights[a : b + 1, c : d + 1].max() for a, b, c, d in blocks]
         return float(max(tops)) - self.lowest
+
+
+class Moment:
+    """Lava and ground of a simulation as they are now."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self.simulation = simulation
+        self.time = simulation.time
+        self.lava = simulation.sample()
+        self.budget = simulation.budget()
+        # on a CPU that is the solver's own array
+        self.counts = simulation._state.counts.numpy().copy()
+        #: Volume that has come out of the vents [m3].
+        self.given = self.budget.emitted - self.budget.pending
+        self.thickest = float(self.lava.thickness.max(initial=0.0))
+
+    @cached_property
+    def ground(self) -> Ground:
+        """The ground, what froze included."""
+        return Ground(self.simulation)
+
+    @cached_property
+    def surface(self) -> np.ndarray:
+        """Height of the lava's surface [m], shape [count]."""
+        return self.lava.thickness + self.ground.height(self.lava.position)
 
 
 def _spline(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

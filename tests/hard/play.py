@@ -41,11 +41,10 @@ import time as wall_clock
 import numpy as np
 
 from hard.case import HardScene, PHYSICS
-from hard.invariants import frame_times, Violation, Watch
-from hard.maps import asymmetry, footprint, footprint_change
+from hard.invariants import Violation, Watch
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
-from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation import Particles, Simulation, Snapshot
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy, PRESETS
 from lava_ros.simulation.state import TIME
@@ -154,7 +153,7 @@ def play(
     snapshot = simulation.snapshot()
     outcome.time, outcome.particles = simulation.time, simulation.particle_count
     outcome.steps, outcome.evaluations = snapshot.steps.count, snapshot.steps.evaluations
-    outcome.smallest_step, outcome.cost = watch.smallest_step, watch.highest_cost
+    outcome.smallest_step, outcome.cost = watch.cost.smallest_step, watch.cost.highest
     whole = not outcome.violations and not outcome.is_cut
     if whole and item.still:
         _check_still(outcome, before, simulation)
@@ -201,7 +200,8 @@ def simulation_of(item: HardScene, accuracy: Accuracy, device: str | None) -> Si
 def _moments(item: HardScene, step: float | None = None) -> list[float]:
     """The frames, with the times of events among them; after 1, 2, 4, ... steps if it is fixed."""
     span = item.until - item.since
-    moments = frame_times(item.scene, span, item.frames)
+    moments = [span * (index + 1) / item.frames for index in range(item.frames)]
+    moments += [time for vent in item.scene.vents for time, _ in vent.series if time > 0.0]
     if step is not None:
         moments += [step * 2.0**k for k in range(40)]
     if math.isfinite(item.mirrored_until):
@@ -322,3 +322,25 @@ def _shaken(item: HardScene, share: float, *, seed: int = 0) -> HardScene:
         ),
         lava=None if lava is None else shaken_lava,
     )
+
+
+def footprint(snapshot: Snapshot) -> np.ndarray:
+    """Cells with lava, bool, shape [rows, columns]."""
+    return np.nan_to_num(snapshot.thickness) > 0.0
+
+
+def footprint_change(one: np.ndarray, other: np.ndarray) -> float:
+    """Distance between two footprints' borders over their radius.
+
+    The area that only one of them covers over twice the mean area: dR / R for discs. 0 where both
+    are empty.
+    """
+    area = one.sum() + other.sum()
+    return float((one ^ other).sum() / area) if area else 0.0
+
+
+def asymmetry(snapshot: Snapshot) -> float:
+    """Largest difference of thickness from its mirror image left to right, over the largest."""
+    thickness = np.nan_to_num(snapshot.thickness)
+    largest = float(thickness.max())
+    return float(np.abs(thickness - thickness[:, ::-1]).max()) / largest if largest else 0.0

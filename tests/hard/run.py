@@ -26,12 +26,10 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
 import csv
 from dataclasses import dataclass
-import json
 import math
 import multiprocessing
 from pathlib import Path
 import sys
-import time
 
 import warp as wp
 
@@ -90,16 +88,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         '--limit', type=float, default=10.0,
         help='wall time of a scene at the paper\'s settings [s] (default: 10)',
     )
-    parser.add_argument(
-        '--begin-within', type=float, metavar='S', default=math.inf,
-        help='begin no scene later than this; the others are named (default: begin all)',
-    )
     parser.add_argument('--csv', type=Path, metavar='FOLDER', help='write hard_cpu.csv and '
                         'hard_as_published_cpu.csv there, or of another device')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='add every outcome to it')
     options = parser.parse_args(arguments)
     try:
-        _check_outputs(options.csv, options.json)
+        if options.csv:
+            _check_folder(options.csv)
     except LavaError as error:
         parser.error(str(error))
     # a process is as much as a core does
@@ -112,28 +106,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return max(_run_on(device, options, names, presets) for device in devices)
 
 
-def _check_outputs(folder: Path | None, file: Path | None) -> None:
+def _check_folder(folder: Path) -> None:
     """Make the folder, and refuse what cannot be written before the time is spent."""
-    if folder is not None:
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise LavaError('--csv', str(folder), f'a folder to write to ({error})') from error
-        file_to_write('--csv', folder / 'hard_cpu.csv')
-    if file is not None:
-        file_to_write('--json', file)
-        try:
-            _known(file)
-        except ValueError as error:
-            raise LavaError('--json', str(file), f'a file of outcomes ({error})') from error
-
-
-def _known(file: Path) -> list[dict[str, object]]:
-    """The outcomes that are in a file already."""
-    known = json.loads(file.read_text(encoding='utf-8')) if file.exists() else []
-    if not isinstance(known, list):
-        raise ValueError('not a list')
-    return known
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise LavaError('--csv', str(folder), f'a folder to write to ({error})') from error
+    file_to_write('--csv', folder / 'hard_cpu.csv')
 
 
 def _run_on(
@@ -146,33 +125,17 @@ def _run_on(
         for preset in reversed(presets)
         for name in names
     ]
-    outcomes = run(tasks, options.jobs, options.begin_within)
+    outcomes = run(tasks, options.jobs)
     order = {name: index for index, name in enumerate(names)}
     outcomes.sort(key=lambda item: (order[item.scene], presets.index(item.preset)))
-    kept = [item for item in outcomes if item.preset != PUBLISHED]
-    published = [item for item in outcomes if item.preset == PUBLISHED]
-    if kept:
-        print(table(f'At the presets, {device}', kept))
-        print(summary(kept))
-    if published:
-        print(table(f'At the paper\'s settings, {options.limit:g} s each, {device}', published))
-        print(summary(published))
-    missing = [f'{task.scene} {task.preset}' for task in tasks if not _is_in(outcomes, task)]
-    if missing:
-        print(f'{len(missing)} not begun within {options.begin_within:g} s: {", ".join(missing)}')
+    title, name = 'At the presets', 'hard'
+    if options.published:
+        title, name = f'At the paper\'s settings, {options.limit:g} s each', 'hard_as_published'
+    print(table(f'{title}, {device}', outcomes))
+    print(summary(outcomes))
     if options.csv:
-        for name, items in (('hard', kept), ('hard_as_published', published)):
-            if items:
-                path = options.csv / f'{name}_{file_stem(device)}.csv'
-                write_csv(path, items, device)
-    if options.json:
-        known = [*_known(options.json), *(_plain(item, device) for item in outcomes)]
-        options.json.write_text(json.dumps(known, indent=1), encoding='utf-8')
-    return int(bool(missing) or any(item.verdict != 'holds' for item in kept))
-
-
-def _is_in(outcomes: Iterable[Outcome], task: Task) -> bool:
-    return any((item.scene, item.preset) == (task.scene, task.preset) for item in outcomes)
+        write_csv(options.csv / f'{name}_{file_stem(device)}.csv', outcomes, device)
+    return int(not options.published and any(item.verdict != 'holds' for item in outcomes))
 
 
 def _is_asked(name: str, asked: Iterable[str] | None) -> bool:
@@ -181,20 +144,14 @@ def _is_asked(name: str, asked: Iterable[str] | None) -> bool:
     return any(name == item or SCENES[name] in FAMILIES.get(item, ()) for item in asked)
 
 
-def run(tasks: Sequence[Task], jobs: int, begin_within: float = math.inf) -> list[Outcome]:
-    """Run the tasks in processes of their own, but those whose turn comes too late [s]."""
+def run(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
+    """Run the tasks in processes of their own."""
     outcomes: list[Outcome] = []
-    end = time.monotonic() + begin_within
     context = multiprocessing.get_context('spawn')
     pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=use_threads, initargs=(1,))
     with Progress() as progress, pool:
         futures = {pool.submit(task.run): task for task in tasks}
         for future in as_completed(futures):
-            if time.monotonic() > end:
-                for later in futures:
-                    later.cancel()
-            if future.cancelled():
-                continue
             outcomes.append(future.result())
             last = futures[future]
             progress.show(f'{last.scene} {last.preset}', len(outcomes) / len(tasks))
@@ -255,9 +212,9 @@ def summary(outcomes: Sequence[Outcome]) -> str:
     return '\n'.join(lines)
 
 
-def _plain(item: Outcome, device: str) -> dict[str, object]:
+def _row(item: Outcome, device: str) -> tuple[object, ...]:
     family = next(name for name in FAMILIES if SCENES[item.scene] in FAMILIES[name])
-    values = (
+    return (
         item.scene, family, item.preset, item.verdict, item.time, item.until, item.particles,
         item.steps, item.smallest_step, item.cost, item.volume_error, item.footprint_change,
         item.footprint_bound, item.asymmetry, round(item.wall_time, 2),
@@ -265,24 +222,20 @@ def _plain(item: Outcome, device: str) -> dict[str, object]:
         ('make hard-published' if item.preset == PUBLISHED else 'make hard')
         + ('' if device == 'cpu' else f' ARGS=\'--device {device}\''),
     )
-    plain = dict(zip(COLUMNS, values, strict=True))
-    return {
-        name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in plain.items()
-    }
+
+
+def _cell(value: object) -> object:
+    if not isinstance(value, float):
+        return value
+    return f'{value:.6g}' if math.isfinite(value) else ''
 
 
 def write_csv(path: Path, outcomes: Iterable[Outcome], device: str) -> None:
     """Write the outcomes; what was not measured is empty."""
     with path.open('w', newline='', encoding='utf-8') as file:
-        writer = csv.DictWriter(file, COLUMNS, lineterminator='\n')
-        writer.writeheader()
-        for item in outcomes:
-            row = _plain(item, device)
-            writer.writerow(
-                {key: f'{value:.6g}' if isinstance(value, float) else value
-                 for key, value in row.items()}
-            )
+        writer = csv.writer(file, lineterminator='\n')
+        writer.writerow(COLUMNS)
+        writer.writerows(map(_cell, _row(item, device)) for item in outcomes)
 
 
 if __name__ == '__main__':

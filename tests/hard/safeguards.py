@@ -160,7 +160,7 @@ def fails_without(safeguard: Safeguard) -> bool:
         path.write_text(text.replace(safeguard.line, safeguard.without), encoding='utf-8')
         result = subprocess.run(
             [
-                sys.executable, '-m', 'pytest', '-q', '-x', 'tests/hard/test_safeguards.py',
+                sys.executable, '-m', 'pytest', '-q', '-x', 'tests/hard/test_hard.py',
                 '-k', f'misses and {safeguard.name}', '-p', 'no:cacheprovider',
             ],
             cwd=root,

@@ -12,19 +12,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The hardest scene of each kind keeps every invariant; ``make hard`` runs all at all presets."""
+"""The hardest scene of each kind keeps every invariant; ``make hard`` runs all at all presets.
 
+Each safeguard has a scene that misses it; ``make safeguards`` takes them out.
+"""
+
+import csv
+from dataclasses import replace
 import math
 
 import numpy as np
 import pytest
 
+from hard import run
 from hard.case import HardScene, PHYSICS
 from hard.invariants import InvariantError, Watch
 from hard.play import play
+from hard.safeguards import ROOT, SAFEGUARDS
 from hard.scenes import FAMILIES, SCENES
+from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.simulation import Particles, Simulation, vents
+from lava_ros.simulation import Particles, Simulation, timestep, vents
 from lava_ros.simulation.accuracy import Accuracy
 
 #: Of each family those that broke an invariant, or cost most, before the solver was made for them.
@@ -138,3 +146,59 @@ def test_the_watch_sees_choked_vents(monkeypatch):
     simulation.advance(0.2 * item.until)
     with pytest.raises(InvariantError, match='vents .* that wait in them'):
         watch.check()
+
+
+@pytest.mark.parametrize('effects', [PHYSICS['plain'], Effects(power_law=True)])
+def test_the_watch_sees_steps_that_lava_does_not_call_for(effects, monkeypatch):
+    """Steps a hundredth as long as they might be are found, also by playing the frame again."""
+    item = SCENES['film_1_mm']
+    longest = timestep.longest_step
+    monkeypatch.setattr(timestep, 'longest_step', lambda *of: 0.01 * longest(*of))
+    simulation = Simulation(
+        replace(item.scene, lava=replace(item.scene.lava, flow_index=0.8)), effects=effects,
+        accuracy=Accuracy(thickness=0.001), device='cpu', particles=item.lava(5.0),
+    )
+    watch = Watch(simulation)
+    simulation.advance(600.0)
+    with pytest.raises(InvariantError, match=r'cost .* > .*evaluations in the frame'):
+        watch.check()
+
+
+EACH_SAFEGUARD = pytest.mark.parametrize('safeguard', SAFEGUARDS, ids=lambda item: item.name)
+
+
+@EACH_SAFEGUARD
+def test_the_line_is_there(safeguard):
+    """The line that is named is in the file that is named, once."""
+    text = (ROOT / safeguard.file).read_text(encoding='utf-8')
+    assert text.count(safeguard.line) == 1
+
+
+@EACH_SAFEGUARD
+def test_scene_that_misses_it(safeguard):
+    """The scene holds; it does not when the line is taken out."""
+    compare = safeguard.invariant == 'halving'
+    outcome = play(SCENES[safeguard.scene], safeguard.preset, compare=compare, wall_limit=60.0)
+    assert outcome.verdict == 'holds', outcome.violations
+
+
+WORDS = ('--scene', 'no_particles', '--preset', 'draft', '--device', 'cpu', '--jobs', '1')
+
+
+def test_the_command_makes_the_folder_of_its_table(tmp_path):
+    """A folder that is missing is made."""
+    assert run.main([*WORDS, '--csv', str(tmp_path / 'a/b')]) == 0
+    with (tmp_path / 'a/b/hard_cpu.csv').open(encoding='utf-8', newline='') as table:
+        (row,) = csv.DictReader(table)
+    assert tuple(row) == run.COLUMNS
+    assert (row['case'], row['verdict'], row['asymmetry']) == ('no_particles', 'holds', '')
+
+
+def test_what_cannot_be_written_is_refused_before_a_scene_runs(tmp_path, monkeypatch, capsys):
+    """One sentence that names it, at once, not a traceback after all the work."""
+    (tmp_path / 'file').write_text('')
+    monkeypatch.setattr(run, 'run', lambda *_: pytest.fail('a scene has run'))
+    with pytest.raises(SystemExit) as stopped:
+        run.main([*WORDS, '--csv', str(tmp_path / 'file/folder')])
+    assert stopped.value.code == 2
+    assert '--csv is ' in capsys.readouterr().err

@@ -15,11 +15,11 @@
 """The hard scenes by family."""
 
 from hard.case import HardScene
-from hard.scenes import heat, long, particles, terrain, thickness, vents, viscosity
+from hard.scenes import heat, layers, long, particles, terrain, vents
 
 FAMILIES: dict[str, tuple[HardScene, ...]] = {
-    'viscosity': viscosity.SCENES,
-    'thickness': thickness.SCENES,
+    'viscosity': layers.VISCOSITY,
+    'thickness': layers.THICKNESS,
     'terrain': terrain.SCENES,
     'vents': vents.SCENES,
     'particles': particles.SCENES,

@@ -1,0 +1,201 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Invariants of energy and heat.
+
+energy       E = sum V (h / 2 + H), over rho g and from the lowest ground, plus V u^2 / 2g with
+             inertia; h is the sum over the neighbours that the flow's gradient belongs to, H the
+             ground's surface. From one frame to the next it grows by no more than what came in:
+             what the vents gave, at the height of the highest lava and ground at the vents. What
+             froze is gone with its energy; the ground it raised lifts what lies on it by no more
+             than the thickest lava. With inertia speeds are half a step older than places and
+             brought up with the acceleration a, good to V (a dt)^2 / 8g: the tolerance there.
+heat         With viscous heating, the heat of what is warmer than the hottest vent is no more
+             than the energy below that is gone since the start: rho c sum V (T - hottest).
+temperature  No colder than air, vents and lava at the start, no hotter than the hottest of them;
+             with viscous heating by g / c times the height that its surface can fall by more:
+             from the highest ground there was, raised by what new ground has lifted it; twice the
+             thickest lava, and once more each time that lava's age grows e-fold, for what is
+             behind pushes it and at a front that moves along the surface falls again and again;
+             and with inertia what vents have thrown it. Under lateral stress heat appears where
+             gravity does the work: lava that is carried along warms by its own slope, which is at
+             most ``STEEPEST`` h / l, all the way across the lava. To ``DIGITS`` float32 digits of
+             2048 K.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+import math
+
+import numpy as np
+
+from hard.ground import Bound, lift, Moment
+from lava_ros.simulation.state import STEPS
+
+#: Digits of a float32 that a temperature may be off by.
+DIGITS = 16
+
+#: Slope of a sum over neighbours times its radius over the thickness, at most.
+STEEPEST = 1.5
+
+#: Share of the energy that rounding may add in a frame: positions and heights are float32.
+ENERGY = 1e-6
+
+
+class Temperature:
+    """Knows how cold and how hot lava may be."""
+
+    def __init__(self, moment: Moment) -> None:
+        self._thickest = self._widest = self._thrown = 0.0
+        self._first = math.inf
+        temperature = moment.lava.temperature
+        self._coldest = float(temperature.min(initial=math.inf))
+        self.hottest = float(temperature.max(initial=-math.inf))
+        self._terrain = moment.simulation.scene.terrain
+        self._highest = float(np.nanmax(self._terrain.elevation))
+
+    def renew(self, moment: Moment) -> None:
+        """Widen what may be by vents, air and ground as they are now."""
+        scene = moment.simulation.scene
+        bounds = [scene.ambient_temperature, *(vent.temperature for vent in scene.vents)]
+        self._coldest, self.hottest = min(self._coldest, *bounds), max(self.hottest, *bounds)
+        if moment.simulation.effects.inertia:
+            speeds = [float(np.hypot(*vent.velocity)) for vent in scene.vents]
+            heads = [speed**2 / (2.0 * scene.gravity) for speed in speeds]
+            self._thrown = max([self._thrown, *heads])
+        if scene.terrain is not self._terrain:
+            top = float(np.nanmax(scene.terrain.elevation))
+            self._highest = max(self._highest + lift(self._terrain, scene.terrain), top)
+            self._terrain = scene.terrain
+
+    def look(self, moment: Moment) -> None:
+        """Take note of how thick lava is."""
+        self._thickest = max(self._thickest, moment.thickest)
+
+    def check(self, moment: Moment) -> Iterator[Bound]:
+        """Hold the lava of a frame's end against what may be."""
+        self.renew(moment)
+        temperature = moment.lava.temperature
+        if not len(temperature):
+            return
+        effects, scene = moment.simulation.effects, moment.simulation.scene
+        tolerance, fall = DIGITS * 2.0**-13, 0.0
+        if effects.viscous_heating:
+            # lava that came out since the last frame was thicker than any frame shows: granted
+            # is twice of that
+            self.look(moment)
+            height = self._highest - float(np.nanmin(scene.terrain.elevation))
+            self._first = min(self._first, moment.time)
+            spread = math.log(moment.time / self._first) if self._first else 0.0
+            height += (2.0 + spread) * self._thickest + self._thrown
+            if effects.green or effects.helmholtz:
+                extent = float(np.hypot(*np.ptp(moment.lava.position, axis=0)))
+                self._widest = max(self._widest, extent)
+                height += STEEPEST * self._thickest / moment.simulation.radius * self._widest
+            fall = scene.gravity / scene.lava.specific_heat * height
+        above = float(temperature.max()) - self.hottest
+        yield 'temperature', above, fall + tolerance, 'above the hottest vent'
+        below = self._coldest - float(temperature.min())
+        yield 'temperature', below, tolerance, 'below air and vents'
+
+
+@dataclass(frozen=True)
+class _Account:
+    """Energy at a moment [m4], what vents and frost then add to it, the error of a step^2."""
+
+    energy: float
+    source: float
+    half_kick: float
+
+
+class Energy:
+    """Keeps account of energy from frame to frame."""
+
+    def __init__(self) -> None:
+        self._half_kick = self._received = 0.0
+        self._last: Moment | None = None
+
+    def renew(self, moment: Moment) -> None:
+        """Take energy as it is, after vents or ground were changed from outside."""
+        now = _account(moment)
+        if self._last is None:
+            self._received = now.energy
+        elif moment.time == self._last.time:
+            self._received += now.energy - self._known.energy
+        else:
+            # what came in and what is gone since the last check cannot be told apart
+            self._received = math.inf
+        self._last, self._known = moment, now
+
+    def check(self, moment: Moment, hottest: float) -> Iterator[Bound]:
+        """Hold energy, and heat above the hottest vent's, against the frame before."""
+        assert self._last is not None
+        last, before, now = self._last, self._known, _account(moment)
+        lava, simulation = moment.lava, moment.simulation
+        thickest = max(last.thickest, moment.thickest)
+        given = max(moment.given - last.given, 0.0)
+        # what came out since may be of vents that were replaced
+        received = given * (max(before.source, now.source) + thickest)
+        received += max(moment.budget.frozen - last.budget.frozen, 0.0) * thickest
+        relief = float(lava.volume.sum()) * (moment.ground.relief + moment.thickest)
+        received += ENERGY * max(relief, before.energy)
+        steps = max(int(moment.counts[STEPS] - last.counts[STEPS]), 1)
+        square = ((moment.time - last.time) / steps) ** 2
+        # half a step of the frame before may have been a longer one
+        received += max(self._half_kick, max(before.half_kick, now.half_kick) * square)
+        self._half_kick = now.half_kick * square
+        yield 'energy', now.energy - before.energy, received, 'm4 over the last frame'
+        self._received += received
+        if simulation.effects.viscous_heating:
+            warmer = np.maximum(lava.temperature - hottest - DIGITS * 2.0**-13, 0.0)
+            scene = simulation.scene
+            heat = float((lava.volume * warmer).sum()) * scene.lava.specific_heat / scene.gravity
+            yield 'heat', heat, self._received - now.energy, 'm4 since the start'
+        self._last, self._known = moment, now
+
+
+def _account(moment: Moment) -> _Account:
+    simulation, lava, ground = moment.simulation, moment.lava, moment.ground
+    gravity, energy, half_kick = simulation.scene.gravity, 0.0, 0.0
+    if len(lava.volume):
+        inertia = simulation.effects.inertia
+        thickness = lava.thickness if inertia else _sum_of(moment)
+        height = ground.height(lava.position) - ground.lowest
+        energy = float((lava.volume * (0.5 * thickness + height)).sum())
+        if inertia:
+            square = (lava.velocity**2).sum(axis=1)
+            energy += float((lava.volume * square).sum()) / (2.0 * gravity)
+            kick = simulation._state.kick.numpy()[: len(lava.volume)].astype(float)
+            half_kick = float((lava.volume * (kick**2).sum(axis=1)).sum()) / (8.0 * gravity)
+    # highest energy of what vents emit, over its weight and from the lowest ground
+    source, least = 0.0, simulation.accuracy.spacing or 0.0
+    for vent in simulation.scene.vents:
+        head = float(np.hypot(*vent.velocity)) ** 2 / (2.0 * gravity)
+        source = max(source, ground.highest(vent, least) + head)
+    return _Account(energy, source, half_kick)
+
+
+def _sum_of(moment: Moment) -> np.ndarray:
+    """The sum over the neighbours that a thickness is, its excess put back on."""
+    simulation, lava = moment.simulation, moment.lava
+    factor, power = {'wendland': (1.25, 2.5), 'spiky': (2.15, 1.5)}.get(
+        simulation.accuracy.kernel, (0.0, 1.0)
+    )
+    total = lava.thickness.copy()
+    for _ in range(60):
+        share = lava.volume / (total * simulation.radius**2)
+        total = lava.thickness / (1.0 - np.minimum(factor * share**power, 0.5))
+    return total
