@@ -26,6 +26,7 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
 import csv
 from dataclasses import dataclass
+import json
 import math
 import multiprocessing
 from pathlib import Path
@@ -90,10 +91,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument('--csv', type=Path, metavar='FOLDER', help='write hard_cpu.csv and '
                         'hard_as_published_cpu.csv there, or of another device')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write the outcomes to it')
     options = parser.parse_args(arguments)
     try:
         if options.csv:
             _check_folder(options.csv)
+        if options.json:
+            file_to_write('--json', options.json)
     except LavaError as error:
         parser.error(str(error))
     # a process is as much as a core does
@@ -103,7 +107,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.published:
         presets = [PUBLISHED]
     devices = options.device or [str(device) for device in wp.get_devices()]
-    return max(_run_on(device, options, names, presets) for device in devices)
+    found = {device: _run_on(device, options, names, presets) for device in devices}
+    if options.json:
+        rows = [_plain(item, device) for device in devices for item in found[device]]
+        options.json.write_text(json.dumps(rows, indent=1), encoding='utf-8')
+    outcomes = [item for items in found.values() for item in items]
+    return int(not options.published and any(item.verdict != 'holds' for item in outcomes))
 
 
 def _check_folder(folder: Path) -> None:
@@ -117,7 +126,7 @@ def _check_folder(folder: Path) -> None:
 
 def _run_on(
     device: str, options: argparse.Namespace, names: Sequence[str], presets: Sequence[str]
-) -> int:
+) -> list[Outcome]:
     """Run what is asked for on a device."""
     # the dearest first, lest one of them is left for the end
     tasks = [
@@ -135,7 +144,7 @@ def _run_on(
     print(summary(outcomes))
     if options.csv:
         write_csv(options.csv / f'{name}_{file_stem(device)}.csv', outcomes, device)
-    return int(not options.published and any(item.verdict != 'holds' for item in outcomes))
+    return outcomes
 
 
 def _is_asked(name: str, asked: Iterable[str] | None) -> bool:
@@ -222,6 +231,15 @@ def _row(item: Outcome, device: str) -> tuple[object, ...]:
         ('make hard-published' if item.preset == PUBLISHED else 'make hard')
         + ('' if device == 'cpu' else f' ARGS=\'--device {device}\''),
     )
+
+
+def _plain(item: Outcome, device: str) -> dict[str, object]:
+    """A row by its columns; what was not measured is None."""
+    values = zip(COLUMNS, _row(item, device), strict=True)
+    return {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in values
+    }
 
 
 def _cell(value: object) -> object:

@@ -18,6 +18,7 @@ Each safeguard has a scene that misses it; ``make safeguards`` takes them out.
 """
 
 import csv
+import json
 from dataclasses import replace
 import math
 
@@ -187,9 +188,12 @@ WORDS = ('--scene', 'no_particles', '--preset', 'draft', '--device', 'cpu', '--j
 
 def test_the_command_makes_the_folder_of_its_table(tmp_path):
     """A folder that is missing is made."""
-    assert run.main([*WORDS, '--csv', str(tmp_path / 'a/b')]) == 0
+    plain = tmp_path / 'hard.json'
+    assert run.main([*WORDS, '--csv', str(tmp_path / 'a/b'), '--json', str(plain)]) == 0
     with (tmp_path / 'a/b/hard_cpu.csv').open(encoding='utf-8', newline='') as table:
         (row,) = csv.DictReader(table)
+    (same,) = json.loads(plain.read_text())
+    assert list(same) == list(row) and same['verdict'] == row['verdict']
     assert tuple(row) == run.COLUMNS
     assert (row['case'], row['verdict'], row['asymmetry']) == ('no_particles', 'holds', '')
 
