@@ -18,8 +18,8 @@ Each safeguard has a scene that misses it; ``make safeguards`` takes them out.
 """
 
 import csv
-import json
 from dataclasses import replace
+import json
 import math
 
 import numpy as np
