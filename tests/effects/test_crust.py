@@ -79,11 +79,9 @@ def test_convecting_slab_of_the_case_is_the_numerical_one():
     lava = replace(LAVA, emissivity=0.0)
     times = np.array([3600.0, 36000.0, 3.6e5])
     series = exact.ConvectingSlab(
+        replace(lava, conductivity=2.0, convection=50.0),
         initial=1423.0,
         ambient=300.0,
-        conductivity=2.0,
-        capacity=CAPACITY,
-        convection=50.0,
         thickness=2.0,
     )
     means, _ = slab(lava, 2.0, times)

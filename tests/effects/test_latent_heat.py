@@ -41,15 +41,7 @@ CAPACITY = LAVA.density * LAVA.specific_heat
 def solution(lava, thickness, initial=1423.0, ambient=300.0):
     """The exact temperature of a sheet that convects and crystallises."""
     return exact.CrystallisingSheet(
-        initial=initial,
-        ambient=ambient,
-        convection=lava.convection,
-        density=lava.density,
-        specific_heat=lava.specific_heat,
-        latent_heat=lava.latent_heat,
-        liquidus=lava.liquidus,
-        solidus=lava.solidus,
-        thickness=thickness,
+        lava, initial=initial, ambient=ambient, thickness=thickness
     )
 
 

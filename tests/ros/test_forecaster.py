@@ -76,6 +76,7 @@ class Bench:
     def __init__(self):
         self.rules = RULES
         self.started = []
+        self.horizon = None
         self.worker = SimulationWorker(simulation_of, clock=time.monotonic, time_scale=SCALE)
         self.told = []
         self.forecaster = Forecaster(
@@ -92,6 +93,13 @@ class Bench:
     def _process(self):
         process = ForecastProcess()
         self.started.append(process.pid)
+        order = process.order
+
+        def noted(name, **values):
+            self.horizon = values.get('horizon', self.horizon)
+            order(name, **values)
+
+        process.order = noted
         return process
 
     def forecast(self, condition=lambda _: True):
@@ -114,8 +122,7 @@ class Bench:
 
         def is_at_hand():
             self.worker.request_snapshot()
-            at_hand = self.forecaster._at_hand
-            return at_hand is not None and at_hand.rules.horizon == 1e7
+            return self.horizon == 1e7 and self.forecaster.status.progress is not None
 
         wait_until(is_at_hand)
 
