@@ -123,7 +123,7 @@ def _furnish(folder: Path) -> None:
     elevation = (1500.0 - 0.15 * y + 20.0 * np.sin(x / 400.0)).astype('float32')
     elevation[-1, 0] = -9999.0
     near = (np.hypot(x - 1500.0, y - 6100.0) < 200.0).astype('float32')
-    for name, values in (('etna.tif', elevation), ('seen.tif', near)):
+    for name, values in (('etna.tif', elevation), ('seen.tif', near), ('where.tif', near)):
         with rasterio.open(
             folder / name, 'w', driver='GTiff', width=60, height=140, count=1, dtype='float32',
             nodata=-9999.0,
@@ -142,6 +142,10 @@ def _furnish(folder: Path) -> None:
     lognormal = {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5}
     uncertain = {**scene, 'uncertainty': {'discharge': lognormal, 'position': {'radius': 50.0}}}
     (folder / 'uncertain.yaml').write_text(yaml.safe_dump(uncertain))
+    # a block that begins with the name of a file is that file
+    for block in BLOCKS:
+        if match := re.match(r'# (\w+\.yaml)\n', block.text):
+            (folder / match.group(1)).write_text(block.text)
     write_case(folder / 'valley', hours=0.5)
     shutil.copytree(ROOT / 'bags/sample', folder / 'bags/demo')
     whole = (ROOT / 'bags/sample/sample_0.mcap').read_bytes()

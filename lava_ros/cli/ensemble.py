@@ -148,6 +148,9 @@ def run(args: argparse.Namespace) -> int:
         raise
     wall = time.monotonic() - started
     report = _report(args, plan, ensemble, wall, where)
+    if scene.uncertainty.eruption:
+        lengths = [member.eruption[0] for member in members if member.eruption]
+        report['eruptions_cut_off'] = sum(length > plan.horizon for length in lengths)
     if case is not None:
         from lava_ros.hindcast.chances import chances_of, mapped_on
 
@@ -289,6 +292,11 @@ def _print(report: dict[str, Any]) -> None:
         + f': within {report["sampling_error_percent"]:.2g} percentage points at even odds'
     )
     print(f'arrival times within {report["arrival_error_s"]:g} s')
+    if report.get('eruptions_cut_off'):
+        print(
+            f'{report["eruptions_cut_off"]} of the eruptions last longer than the horizon: what '
+            'comes later is on no map'
+        )
     for name, area in report['area_m2'].items():
         print(f'{name:>13}: {1e-6 * area:8.3f} km2')
     if 'score' in report:

@@ -29,6 +29,7 @@ from lava_ros.forecast.sampling import Member, rough_terrain
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.uncertainty import Distribution
+from lava_ros.scene.vents import erupting
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.resolution import resolved_accuracy
@@ -176,7 +177,10 @@ def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
         terrain = scene.terrain
         if rough and scene.uncertainty.terrain is not None:
             terrain = rough_terrain(terrain, scene.uncertainty.terrain, member.seed)
-        vents = tuple(_member_vent(vent, member, scene.terrain) for vent in scene.vents)
+        vents = scene.vents
+        if member.eruption is not None:
+            vents = erupting(vents, duration=member.eruption[0], volume=member.eruption[1])
+        vents = tuple(_member_vent(vent, member, scene.terrain) for vent in vents)
         return replace(scene, terrain=terrain, vents=vents, lava=_member_lava(scene.lava, member))
     except LavaError as error:
         right = f'{error.expected}; limits on its distribution keep it there'
@@ -359,4 +363,7 @@ def _end_scenes(scene: Scene) -> list[Scene]:
                 drawn.append({name: distribution.quantile(share)})
         for name, distribution in uncertainty.constants.items():
             drawn.append({'constants': ((name, distribution.quantile(share)),)})
+        for kind in uncertainty.eruption:
+            ends = kind.duration.quantile(share), kind.volume.quantile(share)
+            drawn.append({'eruption': ends})
     return [member_scene(scene, Member(0, **values), rough=False) for values in drawn]

@@ -38,6 +38,9 @@ COORDINATES = (
     'discharge', 'temperature', 'viscosity', 'yield_strength', 'x', 'y', 'place_x', 'place_y',
 )
 
+#: More of them, behind those of the constants, where there are classes of eruptions.
+ERUPTION = ('eruption', 'duration', 'volume')
+
 #: Most members an ensemble can have.
 MOST_MEMBERS = 1 << 20
 
@@ -71,6 +74,7 @@ class Member:
         place: Where the vent is instead of where the scene has it (x, y) [m]; None: there.
         seed: Numbers that the errors of its terrain are drawn from.
         constants: Names and values of other constants of the lava.
+        eruption: Duration [s] and volume [m3] of the eruption; None: those of the scene.
     """
 
     index: int
@@ -82,6 +86,7 @@ class Member:
     place: tuple[float, float] | None = None
     seed: tuple[int, ...] = (0,)
     constants: tuple[tuple[str, float], ...] = ()
+    eruption: tuple[float, float] | None = None
 
 
 class Susceptibility:
@@ -165,7 +170,11 @@ def draw_members(
             'scene.uncertainty', {}, 'a quantity that is uncertain: all members would be the same'
         )
     # in the order of Lava, whatever that of a file is
-    names = (*COORDINATES, *(name for name in CONSTANTS if name in uncertainty.constants))
+    names = (
+        *COORDINATES,
+        *(name for name in CONSTANTS if name in uncertainty.constants),
+        *(ERUPTION if uncertainty.eruption else ()),
+    )
     points = _points(count, seed, len(names))
     return tuple(
         _member(index, dict(zip(names, point, strict=True)), uncertainty, seed,
@@ -205,8 +214,14 @@ def _member(
     if susceptibility is not None:
         x, y = susceptibility.place(point['place_x'], point['place_y'])
         place = (_rounded(x), _rounded(y))
+    eruption = None
+    if uncertainty.eruption:
+        sums = np.cumsum([item.probability for item in uncertainty.eruption])
+        kind = uncertainty.eruption[_cell(sums, point['eruption'])[0]]
+        eruption = (drawn('duration', kind.duration), drawn('volume', kind.volume))
     return Member(
         index,
+        eruption=eruption,
         discharge=value('discharge', 1.0),
         temperature=value('temperature', 0.0),
         viscosity=value('viscosity', 1.0),

@@ -222,6 +222,42 @@ class Roughness:
 
 
 @dataclass(frozen=True)
+class EruptionClass:
+    """Eruptions of a kind: how likely the next one is of it, how long it lasts, what it emits.
+
+    Attributes:
+        probability: Likelihood, relative to those of the other classes, above 0.
+        duration: How long it lasts [s].
+        volume: What all vents emit together [m3].
+        name: What it is called.
+    """
+
+    probability: float
+    duration: Distribution
+    volume: Distribution
+    name: str = ''
+
+    def __post_init__(self) -> None:
+        """Validate every field.
+
+        Raises:
+            LavaError: A field is not usable.
+        """
+        where = 'eruptionclass'
+        value = validation.number(
+            f'{where}.probability', self.probability, above=0.0, at_most=1e9
+        )
+        object.__setattr__(self, 'probability', value)
+        for name in ('duration', 'volume'):
+            item = getattr(self, name)
+            if not isinstance(item, Distribution) or item.support[0] < 0.0:
+                right = 'a distribution of values above 0: lognormal, loguniform, or with limits'
+                raise LavaError(f'{where}.{name}', item, right)
+        if not isinstance(self.name, str):
+            raise LavaError(f'{where}.name', self.name, 'text')
+
+
+@dataclass(frozen=True)
 class Uncertainty:
     """What differs from member to member of an ensemble; None is certain.
 
@@ -233,6 +269,8 @@ class Uncertainty:
         position: Displacement of the vents.
         terrain: Errors of the terrain.
         constants: Values of other constants of the lava, by the names of ``Lava``.
+        eruption: Classes of eruptions, from which each member is one: the discharge of the scene
+            is stretched to its duration and scaled to its volume.
     """
 
     discharge: Distribution | None = None
@@ -242,6 +280,7 @@ class Uncertainty:
     position: Displacement | None = None
     terrain: Roughness | None = None
     constants: Mapping[str, Distribution] = field(default_factory=dict)
+    eruption: tuple[EruptionClass, ...] = ()
 
     def __post_init__(self) -> None:
         """Validate every field.
@@ -250,7 +289,8 @@ class Uncertainty:
             LavaError: A field is of the wrong kind, or a factor may be negative.
         """
         kinds: dict[str, type] = {
-            'position': Displacement, 'terrain': Roughness, 'constants': Mapping
+            'position': Displacement, 'terrain': Roughness, 'constants': Mapping,
+            'eruption': tuple,
         }
         validation.keys('uncertainty.constants', self.constants, allowed=CONSTANTS)
         for item in fields(self):
@@ -285,6 +325,12 @@ def uncertainty_from_dict(data: object) -> Uncertainty:
         elif name == 'constants':
             known = validation.keys(label, item, allowed=CONSTANTS)
             values[name] = {key: _distribution(f'{label}.{key}', known[key]) for key in known}
+        elif name == 'eruption':
+            if not isinstance(item, list):
+                raise LavaError(label, item, 'a list of classes of eruptions')
+            values[name] = tuple(
+                _class(f'{label}[{number}]', part) for number, part in enumerate(item)
+            )
         else:
             values[name] = _distribution(label, item)
     return Uncertainty(**values)
@@ -299,6 +345,12 @@ def uncertainty_to_dict(uncertainty: Uncertainty) -> dict[str, Any]:
             result[item.name] = _plain(value)
         elif isinstance(value, Mapping):
             result |= {item.name: {key: _plain(value[key]) for key in value}} if value else {}
+        elif isinstance(value, tuple):
+            classes = [
+                {**vars(part), 'duration': _plain(part.duration), 'volume': _plain(part.volume)}
+                for part in value
+            ]
+            result |= {item.name: classes} if classes else {}
         elif isinstance(value, Displacement):
             name = 'deviation' if value.deviation else 'radius'
             result[item.name] = {name: getattr(value, name)}
@@ -326,6 +378,15 @@ def _distribution(where: str, data: object) -> Distribution:
     )
     numbers = [values[name] for name in names]
     made: Distribution = _made(where, Distribution, kind, numbers, values.get('limits'))
+    return made
+
+
+def _class(where: str, data: object) -> EruptionClass:
+    names = [item.name for item in fields(EruptionClass)]
+    values = validation.keys(where, data, allowed=names, required=names[:-1])
+    for name in ('duration', 'volume'):
+        values[name] = _distribution(f'{where}.{name}', values[name])
+    made: EruptionClass = _made(where, EruptionClass, **values)
     return made
 
 

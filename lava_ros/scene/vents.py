@@ -183,6 +183,42 @@ def check_vents(
     )
 
 
+def erupting(vents: Sequence[Vent], *, duration: float, volume: float) -> tuple[Vent, ...]:
+    """The vents with their discharges stretched to a duration [s] and scaled to a volume [m3].
+
+    The volume is that of all vents from time 0 on. A constant discharge lasts as long as the
+    series beside it, and ends.
+
+    Raises:
+        LavaError: A series does not end with 0, or nothing comes out.
+    """
+    ends = []
+    for index, vent in enumerate(vents):
+        time, flux = vent.series[-1]
+        if math.isfinite(time) and (flux > 0.0 or time <= 0.0):
+            right = 'a constant, or a series that ends with 0 after time 0, to be stretched'
+            raise LavaError(f'vents[{index}].discharge', vent.series[-1], right)
+        ends += [time] if math.isfinite(time) else []
+    span = max(ends, default=1.0)
+    whole = sum(vent.volume_between(0.0, span) for vent in vents)
+    if whole == 0.0:
+        raise LavaError('vents.discharge', 0.0, 'a vent that lava comes out of')
+    longer = duration / span
+    more = volume / (whole * longer)
+    curves = [_within(vent, span) for vent in vents]
+    return tuple(
+        replace(vent, discharge=[(time * longer, flux * more) for time, flux in curve])
+        for vent, curve in zip(vents, curves, strict=True)
+    )
+
+
+def _within(vent: Vent, span: float) -> list[tuple[float, float]]:
+    """The series of a vent from time 0 on, which ends after a time [s]."""
+    first = vent.discharge_at(0.0)
+    later = [(time, flux) for time, flux in vent.series if time > 0.0]
+    return [(0.0, first), *(later or [(span, 0.0)])]
+
+
 def vents_from_list(
     items: object, terrain: Terrain, *, temperature: object = None
 ) -> tuple[Vent, ...]:

@@ -71,6 +71,22 @@ def test_a_member_is_the_scene_with_what_was_drawn() -> None:
     assert same.terrain is TERRAIN and same.vents == scene.vents
 
 
+def test_an_eruption_has_its_duration_and_volume() -> None:
+    """The series is stretched, a constant lasts as long; each vent keeps its share."""
+    first, second = SCENE.vents
+    series = replace(first, discharge=((-50.0, 10.0), (600.0, 4.0), (1200.0, 0.0)))
+    scene = replace(SCENE, vents=(series, second))
+    one, other = member_scene(scene, Member(0, eruption=(12_000.0, 2.16e5))).vents
+    np.testing.assert_allclose(one.discharge, [(0.0, 20.0), (6000.0, 8.0), (12_000.0, 0.0)])
+    np.testing.assert_allclose(other.discharge, [(0.0, 4.0), (12_000.0, 0.0)])
+    for vents, words in (
+        ((first, second), r"vents\[0\].discharge of member 0 is \(600.0, 4.0\)"),
+        ((replace(second, discharge=0.0),), 'vents.discharge of member 0 is 0.0'),
+    ):
+        with pytest.raises(LavaError, match=words):
+            member_scene(replace(SCENE, vents=vents), Member(0, eruption=(1e4, 1e5)))
+
+
 def test_a_viscosity_by_the_vft_law_has_the_factor_too() -> None:
     """Twice the viscosity at any temperature."""
     lava = Lava(vft_b=5000.0, vft_c=600.0)

@@ -14,6 +14,7 @@
 
 """Members are drawn the same everywhere, and as their distributions say."""
 
+from dataclasses import replace
 import hashlib
 
 import numpy as np
@@ -65,6 +66,22 @@ def test_a_member_is_the_same_however_many_there_are() -> None:
 def test_members_are_known_to_the_last_digit() -> None:
     """Frozen values: on another machine, and after an upgrade of numpy or scipy, the same."""
     assert draw_members(SCENE, 3, seed=1)[2] == MEMBER_2
+
+
+def test_eruptions_are_as_likely_as_their_classes() -> None:
+    """Three in four are short; what else is drawn stays as it was without classes."""
+    long = {'distribution': 'uniform', 'low': 1e5, 'high': 1e6}
+    classes = [
+        {'probability': 3.0, 'duration': {**long, 'low': 1e3, 'high': 1e4}, 'volume': long},
+        {'probability': 1.0, 'duration': long, 'volume': {**long, 'low': 1e6, 'high': 2e6}},
+    ]
+    members = draw_members(disc_plan(**UNCERTAIN, eruption=classes).scene, 256, seed=1)
+    assert replace(members[2], eruption=None) == MEMBER_2
+    drawn = np.array([member.eruption for member in members])
+    short = drawn[:, 0] < 1e5
+    assert short.mean() == pytest.approx(0.75, abs=0.02)
+    assert drawn[short].min(axis=0) == pytest.approx([1e3, 1e5], rel=0.1)
+    assert drawn[~short].max(axis=0) == pytest.approx([1e6, 2e6], rel=0.1)
 
 
 def test_values_are_distributed_as_asked() -> None:

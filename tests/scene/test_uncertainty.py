@@ -43,6 +43,18 @@ WHOLE = {
     'position': {'radius': 40.0},
     'terrain': {'deviation': 1.5, 'correlation': 100.0},
     'constants': {'crust_temperature': {'distribution': 'uniform', 'low': 700, 'high': 750}},
+    'eruption': [
+        {
+            'name': 'short', 'probability': 3.0,
+            'duration': {'distribution': 'uniform', 'low': 3600, 'high': 86400},
+            'volume': {'distribution': 'lognormal', 'median': 1e5, 'factor': 2.0},
+        },
+        {
+            'name': 'long', 'probability': 1.0,
+            'duration': {'distribution': 'uniform', 'low': 86400, 'high': 864000},
+            'volume': {'distribution': 'loguniform', 'low': 1e6, 'high': 1e7},
+        },
+    ],
 }
 
 
@@ -162,6 +174,16 @@ def test_a_checkpoint_keeps_it(tmp_path: Path) -> None:
         ({'position': {'radius': -1.0}}, 'uncertainty.position.radius'),
         ({'terrain': {'deviation': 1.0}}, 'uncertainty.terrain.correlation'),
         ({'terrain': {'deviation': 0.0, 'correlation': 5.0}}, 'uncertainty.terrain.deviation'),
+        ({'eruption': {}}, 'uncertainty.eruption'),
+        ({'eruption': [{'probability': 1.0}]}, 'uncertainty.eruption[0].duration'),
+        (
+            {'eruption': [{**WHOLE['eruption'][0], 'probability': 0.0}]},
+            'uncertainty.eruption[0].probability',
+        ),
+        (
+            {'eruption': [{**WHOLE['eruption'][0], 'volume': WHOLE['temperature']}]},
+            'uncertainty.eruption[0].volume',
+        ),
         ([], 'uncertainty'),
     ],
 )
