@@ -24,6 +24,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 import yaml
@@ -118,16 +119,20 @@ class Tools:
         return child
 
     def say(self, *words):
-        """What a tool says that ends with 0."""
-        ended = subprocess.run(
-            ['ros2', *words],
-            cwd=self.graph.directory,
-            env=self.environment,
-            capture_output=True,
-            text=True,
-            timeout=PATIENCE,
-            check=False,
-        )
+        """What a tool says that ends with 0; one that looks for the node takes its time."""
+        end = time.monotonic() + PATIENCE
+        while True:
+            ended = subprocess.run(
+                ['ros2', *words],
+                cwd=self.graph.directory,
+                env=self.environment,
+                capture_output=True,
+                text=True,
+                timeout=PATIENCE,
+                check=False,
+            )
+            if 'Node not found' not in ended.stderr or time.monotonic() > end:
+                break
         assert ended.returncode == 0, ended.stdout + ended.stderr
         return ended.stdout
 
