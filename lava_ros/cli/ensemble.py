@@ -223,6 +223,7 @@ def _report(
         'sampling_error_percent': maps.sampling_error,
         'horizon_s': plan.horizon,
         'arrival_error_s': maps.arrival_error,
+        'members_beyond': maps.members_beyond,
         'threshold_m': plan.threshold,
         'preset': args.preset,
         'seed': args.seed,
@@ -292,6 +293,11 @@ def _print(report: dict[str, Any]) -> None:
         + f': within {report["sampling_error_percent"]:.2g} percentage points at even odds'
     )
     print(f'arrival times within {report["arrival_error_s"]:g} s')
+    if report['members_beyond']:
+        print(
+            f'lava of {report["members_beyond"]} members left the map: what it covers there is '
+            'not known'
+        )
     if report.get('eruptions_cut_off'):
         print(
             f'{report["eruptions_cut_off"]} of the eruptions last longer than the horizon: what '

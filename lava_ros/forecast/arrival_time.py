@@ -79,6 +79,7 @@ class Looking:
         simulation: The simulation.
         gathered: What has been seen.
         steps: How it had been stepping at the last look.
+        budget: Where its lava was then.
     """
 
     def __init__(
@@ -145,7 +146,7 @@ class Looking:
         flaw = snapshot.flaw()
         if flaw:
             raise LavaError(f'flow{self._of}', flaw, 'one that can be shown as a map')
-        self.steps = snapshot.steps
+        self.steps, self.budget = snapshot.steps, snapshot.budget
         time = snapshot.time - self._origin
         self.gathered.look(time, snapshot.thickness, snapshot.temperature)
 

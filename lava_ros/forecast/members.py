@@ -97,11 +97,13 @@ class MemberFields:
         arrival: Time at which lava got as thick as the threshold [s], float32, shape [rows,
             columns]; NaN: not up to the horizon.
         peak: Largest thickness [m], float32, same shape; 0 without lava.
+        left: Share of the emitted volume that has left the map.
     """
 
     index: int
     arrival: np.ndarray
     peak: np.ndarray
+    left: float = 0.0
 
 
 def make_plan(
@@ -274,7 +276,8 @@ class MemberRun(Looking):
     def fields(self) -> MemberFields:
         """What it has done to the cells so far."""
         arrival, peak = self.gathered.arrival, np.nan_to_num(self.gathered.thickness)
-        return MemberFields(self._index, arrival.astype(np.float32), peak)
+        left = self.budget.left / max(self.budget.emitted, 1e-9)
+        return MemberFields(self._index, arrival.astype(np.float32), peak, left)
 
 
 def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':

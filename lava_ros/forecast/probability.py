@@ -26,6 +26,7 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.forecast.members import MemberFields, Plan
 from lava_ros.maps.forecast import HazardMaps, QUANTILES
+from lava_ros.simulation.budget import GONE
 
 #: In place of a look where there was no lava in any.
 NEVER = np.iinfo(np.uint16).max
@@ -41,12 +42,14 @@ class Footprint:
         look: Looks at the flow before the first with lava as thick as the threshold, uint16,
             shape [rows, columns] of the part; ``NEVER`` where there was none.
         millimetres: Largest thickness, uint32, same shape.
+        left: Share of the emitted volume that has left the map.
     """
 
     index: int
     corner: tuple[int, int]
     look: np.ndarray
     millimetres: np.ndarray
+    left: float = 0.0
 
 
 def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
@@ -60,10 +63,11 @@ def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
     wet = arrived | (millimetres > 0)
     rows, columns = (np.flatnonzero(wet.any(axis=axis)) for axis in (1, 0))
     if not rows.size:
-        return Footprint(member.index, (0, 0), look[:0, :0], millimetres[:0, :0])
+        return Footprint(member.index, (0, 0), look[:0, :0], millimetres[:0, :0], member.left)
     part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     corner = (int(rows[0]), int(columns[0]))
-    return Footprint(member.index, corner, look[part].copy(), millimetres[part].copy())
+    parts = look[part].copy(), millimetres[part].copy()
+    return Footprint(member.index, corner, *parts, member.left)
 
 
 def reached_by(footprint: Footprint, plan: Plan, time: float) -> np.ndarray:
@@ -92,6 +96,7 @@ class Tally:
         self._added: set[int] = set()
         self._total = 0
         self._squares = 0
+        self._beyond = 0
 
     @property
     def count(self) -> int:
@@ -113,6 +118,7 @@ class Tally:
             right = f'a member on a terrain of {shape} cells'
             raise LavaError(f'member {footprint.index}', (row + rows, column + columns), right)
         self._added.add(footprint.index)
+        self._beyond += footprint.left > GONE
         self._total += weight
         self._squares += weight * weight
         cells = (np.arange(row, row + rows)[:, None] * shape[1]
@@ -159,6 +165,7 @@ class Tally:
             members=self.count,
             effective_members=self._total**2 / self._squares,
             arrival_error=0.5 * plan.interval,
+            members_beyond=self._beyond,
         )
 
     def _arrivals_of(self, cells: np.ndarray) -> np.ndarray:

@@ -33,14 +33,14 @@ from lava_ros.forecast.sampling import Susceptibility
 from lava_ros.scene import scene_to_dict
 
 #: Version of the format of a folder.
-VERSION = 1
+VERSION = 2
 
 #: What says whose members they are.
 MANIFEST = 'ensemble.json'
 
 _MEMBERS = 'members'
 
-_KEYS = ('look', 'millimetres', 'corner')
+_KEYS = ('look', 'millimetres', 'corner', 'left')
 
 
 class Store:
@@ -90,6 +90,7 @@ class Store:
                     look=footprint.look,
                     millimetres=footprint.millimetres,
                     corner=np.array(footprint.corner, dtype=np.int32),
+                    left=np.array([footprint.left]),
                 )
         except OSError as error:
             raise LavaError('--output', str(path), f'a file to write ({error})') from error
@@ -98,13 +99,15 @@ class Store:
         """Read a member; None where it is missing or its file damaged."""
         try:
             stored = read_arrays('member', self._path(index))
-            look, millimetres, corner = (stored[key] for key in _KEYS)
+            look, millimetres, corner, left = (stored[key] for key in _KEYS)
         except (LavaError, KeyError):
             return None
         is_whole = look.dtype == np.uint16 and millimetres.dtype == np.uint32
-        if not is_whole or look.shape != millimetres.shape or corner.shape != (2,):
+        is_whole &= look.shape == millimetres.shape and corner.shape == (2,) and left.shape == (1,)
+        if not is_whole:
             return None
-        return Footprint(index, (int(corner[0]), int(corner[1])), look, millimetres)
+        place = int(corner[0]), int(corner[1])
+        return Footprint(index, place, look, millimetres, float(left[0]))
 
     def finished(self, count: int) -> Iterator[Footprint]:
         """Read those of the first members that are there, in order."""

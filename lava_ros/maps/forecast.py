@@ -79,6 +79,7 @@ class HazardMaps:
         members: Members that are in it.
         effective_members: Members of equal weight that would say as much: (sum w)^2 / sum w^2.
         arrival_error: Arrival times are known to this [s], half the time between two looks.
+        members_beyond: Members of which some lava has left the map: where it went nobody knows.
     """
 
     probability: np.ndarray
@@ -87,6 +88,7 @@ class HazardMaps:
     members: int
     effective_members: float
     arrival_error: float
+    members_beyond: int = 0
 
     @property
     def sampling_error(self) -> float:

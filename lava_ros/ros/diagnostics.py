@@ -244,6 +244,7 @@ def ensemble_status(
             'members_effective': f'{maps.effective_members:.1f}',
             'sampling_error_percent': f'{maps.sampling_error:.1f}',
             'arrival_error_s': f'{maps.arrival_error:.6g}',
+            'members_beyond': maps.members_beyond,
         }
         message = f'{maps.members} of {outlook.asked} members'
         if not outlook.is_done:

@@ -28,6 +28,7 @@ from lava_ros.forecast.members import (
     plan_from,
     run_members,
 )
+from lava_ros.forecast.probability import footprint_of, Tally
 from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
@@ -164,6 +165,19 @@ def test_a_run_is_that_of_the_scene(device: str) -> None:
         np.testing.assert_array_equal(results[1].peak, gathering.thickness)
     assert np.isfinite(results[1].arrival).sum() > 20
     assert not np.array_equal(results[0].arrival, results[1].arrival, equal_nan=True)
+
+
+def test_lava_that_leaves_the_map_is_told(device: str) -> None:
+    """By the share that is gone, and the maps by the number of such members."""
+    (vent, _) = SCENE.vents
+    scene = replace(SCENE, vents=(replace(vent, position=(240.0, 560.0)),))
+    plan = make_plan(scene, horizon=1800.0, accuracy=Accuracy(refinement=0.5), looks=4)
+    far, near = run_members(plan, [Member(0), Member(1, discharge=0.05)], device=device)
+    assert far.left > 0.05 and near.left == 0.0
+    tally = Tally(plan)
+    for member in (far, near):
+        tally.add(footprint_of(member, plan))
+    assert tally.maps().members_beyond == 1
 
 
 def test_a_member_can_go_on_from_a_running_simulation(device: str) -> None:
