@@ -216,7 +216,7 @@ def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
 
 
 def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
-    """Refuse formats whose library is missing, and GeoJSON of maps that are nobody knows where."""
+    """Refuse formats whose library is missing, and GeoJSON of maps without coordinates."""
     if 'geojson' in formats and crs is None:
         right = 'the EPSG code of the map: GeoJSON has longitudes and latitudes'
         raise LavaError('epsg', None, right)
