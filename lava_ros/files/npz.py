@@ -45,7 +45,8 @@ def read_arrays(field: str, path: str | Path) -> dict[str, np.ndarray]:
                 # numpy takes the memory that a header asks for before it reads on
                 with archive.open(item) as member:
                     shape, _, dtype = _HEADERS[npy.read_magic(member)](member)
-                asked = dtype.itemsize
+                # items without bytes are made all the same, each of them
+                asked = max(dtype.itemsize, 1)
                 for side in shape:
                     asked *= side
                 if min(shape, default=0) < 0 or asked > item.file_size:

@@ -14,6 +14,7 @@
 
 """Maps of others on the cells of a terrain: where vents may open, where lava was seen."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,8 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
 
         band = source.read(1, masked=True).astype(np.float64).filled(np.nan)
         place, crs, count = source.transform, source.crs, source.count
-    if place.is_identity or count != 1:
+    is_placed = all(map(math.isfinite, place)) and not (place.is_identity or place.is_degenerate)
+    if not is_placed or count != 1:
         raise LavaError(field, str(path), 'a georeferenced raster with one band')
     target_crs = _coordinates(terrain, crs, path, field)
     result = np.full(terrain.shape, np.nan)

@@ -14,12 +14,13 @@
 
 """Rasters of others land on the cells of the terrain they are on."""
 
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 import rasterio
-from rasterio.transform import from_origin
+from rasterio.transform import Affine, from_origin
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.rasters import raster_on, seen_in_file
@@ -99,6 +100,11 @@ def test_rasters_of_nowhere_are_refused(tmp_path: Path) -> None:
     (tmp_path / 'other.tif').write_text('<VRTDataset rasterXSize="8" rasterYSize="6"/>')
     with pytest.raises(LavaError, match='a GeoTIFF or an ESRI ASCII grid'):
         seen_in_file(tmp_path / 'other.tif', TERRAIN)
+    flat = write(tmp_path / 'flat.tif', ones, transform=Affine(0.0, 0.0, 5e5, 0.0, -20.0, 4.18e6))
+    endless = write(tmp_path / 'nan.tif', ones, transform=Affine(20, 0, math.nan, 0, -20, 4.18e6))
+    for path in (flat, endless):
+        with pytest.raises(LavaError, match='a georeferenced raster'):
+            seen_in_file(path, TERRAIN)
     here = write(tmp_path / 'here.tif', ones)
     with pytest.raises(LavaError, match='coordinate system'):
         raster_on(Terrain(np.zeros((6, 8)), 20.0), here, field='a')

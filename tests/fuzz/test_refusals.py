@@ -128,7 +128,8 @@ def vent_fields() -> dict[str, st.SearchStrategy[Any]]:
     return {
         'position': st.sampled_from(NOT_PAIRS),
         'discharge': st.sampled_from(NOT_NUMBERS) | below(0.0) | above(1e8) | series,
-        'temperature': no_number(700.0, 2000.0),
+        # without one it is that of the scene's lava
+        'temperature': no_number(700.0, 2000.0).filter(lambda value: value is not None),
         'radius': no_number(0.0, 1e5) | st.just(0.0),
         'end': st.sampled_from([item for item in NOT_PAIRS if item is not None]),
         'velocity': st.sampled_from(NOT_PAIRS),

@@ -294,11 +294,16 @@ def test_npz_keeps_its_frame(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    'shape', ['(100000, 100000)', '(4611686018427387904, 4)', '(-1, -5)']
+    ('kind', 'shape'),
+    [
+        ('<f4', '(100000, 100000)'), ('<f4', '(4611686018427387904, 4)'), ('<f4', '(-1, -5)'),
+        # items without bytes
+        ('|V0', '(268435456, )'),
+    ],
 )
-def test_npz_headers_are_not_believed(tmp_path: Path, shape: str) -> None:
+def test_npz_headers_are_not_believed(tmp_path: Path, kind: str, shape: str) -> None:
     """Memory is taken for what is there only."""
-    header = f"{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}, }}".encode()
+    header = f"{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}".encode()
     data = b'\x93NUMPY\x01\x00' + len(header).to_bytes(2, 'little') + header + bytes(64)
     np.savez(tmp_path / 'a.npz', resolution=10.0)
     with zipfile.ZipFile(tmp_path / 'a.npz', 'a') as archive:
