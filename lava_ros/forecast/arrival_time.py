@@ -41,7 +41,7 @@ class Gathering:
     """
 
     def __init__(self, threshold: float) -> None:
-        """Start without looks; lava counts as arrived from a thickness of ``threshold`` [m], above 0."""
+        """Start without looks; lava counts as arrived from ``threshold`` [m] on, above 0."""
         self._threshold = threshold
         self._time = 0.0
         self._last: np.ndarray | None = None

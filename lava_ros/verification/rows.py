@@ -30,7 +30,7 @@ from lava_ros.files import write_output
 from lava_ros.files.csv import read_table
 from lava_ros.simulation.presets import PRESETS
 
-#: Is told what begins, and the share of the work that is done, from 0 to 1.
+#: Called with the name of the next measurement and the share of the work that is done, 0 to 1.
 OnProgress = Callable[[str, float], None]
 
 
