@@ -47,7 +47,7 @@ class Arrival:
     """
 
     def __init__(self, threshold: float) -> None:
-        """Start without frames; ``threshold`` is the thickness at which lava counts as arrived [m]."""
+        """Start without frames; lava counts as arrived from ``threshold`` [m] on."""
         self.threshold = threshold
         self._grid: tuple[object, ...] | None = None
         self.times: np.ndarray | None = None

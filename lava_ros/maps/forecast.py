@@ -128,7 +128,7 @@ class Outlook:
     duration: float
 
     def forecast(self, share: float) -> Forecast:
-        """The ensemble as a forecast: arrival by ``share``, one of ``QUANTILES``, and mean thickness."""
+        """A forecast with mean thickness, and arrival times by ``share``, one of ``QUANTILES``."""
         thickness = self.maps.thickness
         return Forecast(
             time=self.time,

@@ -176,7 +176,7 @@ def write_grid(
 
 
 def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, Any]]:
-    """Turn cells into a GeoJSON feature, in the map's own coordinates; an empty list without cells.
+    """Turn cells into a list of one GeoJSON feature in the map's coordinates; empty without cells.
 
     ``cells`` is bool, row 0 the southernmost. The feature has ``properties`` and its ``area_m2``.
     """

@@ -279,7 +279,7 @@ def draw_map(
         picture: Colours of the cells, shape [rows, columns, 4].
         window: The part of the map that the axes show: left, bottom, right, top [m].
         fissures: Ends of the vents that are lines [m], shape [count, 2, 2].
-        extent: Place of a picture of only some cells: left, right, bottom, top [m]. None for all.
+        extent: Edges of a picture of only some cells: left, right, bottom, top [m]; None for all.
 
     Returns:
         The artists of the picture and of the vents.

@@ -116,7 +116,7 @@ def draw_sheet(
     overlays: Mapping[str, Sequence[Feature]] | None = None,
     charts: Sequence[Callable[[Any], None]] = (),
 ) -> None:
-    """Draw maps, and optional charts, on one page whose layout shows the lava as large as possible.
+    """Draw maps, and optional charts, on one page whose layout shows the lava largest.
 
     All maps show the same area, and maps of the same kind share a colour scale. Panels and
     overlays must be in the same coordinate system. The suffix of the file chooses the format.
@@ -204,7 +204,7 @@ def _scales(panels: Sequence[Panel]) -> dict[str, Scale]:
 
 @dataclass(frozen=True)
 class _Page:
-    """The layout of a page: its size and the height of its footer [inches], and its grid of maps."""
+    """The layout of a page: its size, the height of its footer [inches], and its grid."""
 
     width: float
     height: float

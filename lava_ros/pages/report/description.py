@@ -24,7 +24,7 @@ from lava_ros.files.yaml import parse_json, parse_yaml
 
 @dataclass(frozen=True)
 class EffectChange:
-    """The effects from a simulated time [s] on: texts that begin with ``on`` or ``off``, by name."""
+    """Effects from a simulated time [s] on: texts that begin with ``on`` or ``off``, by name."""
 
     time: float
     effects: dict[str, str]
