@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What commands need of ROS 2: whether it is there, a domain, and a node that they watch."""
+"""Helpers of commands that use ROS 2: whether it is installed, a domain, and a node as a child."""
 
 from __future__ import annotations
 

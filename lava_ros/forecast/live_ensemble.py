@@ -63,8 +63,8 @@ class LiveEnsemble:
 
         ``begun`` is the start of the ensemble on the monotonic clock [s], by default now.
         ``deadline`` is the wall time after it [s] at which the ensemble ends with the members that
-        have run; None sets no limit. ``number`` and ``stamp_ns`` identify the ensemble in answers.
-        Other arguments are those of ``LookAhead``.
+        have run; None sets no limit. ``number`` and ``stamp_ns``, a ROS time [ns], identify the
+        ensemble in answers. Other arguments are those of ``LookAhead``.
 
         Raises:
             LavaError: An argument is not usable, or nothing about the scene is uncertain.

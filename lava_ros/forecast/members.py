@@ -154,10 +154,10 @@ def plan_from(
     threshold: float = THRESHOLD,
     looks: int | None = None,
 ) -> Plan:
-    """Plan an ensemble that continues a running simulation.
+    """Plan an ensemble that continues a running simulation for ``horizon`` [s].
 
     Members have the simulation's resolution and effects; the properties drawn for a member apply
-    from the checkpoint on. The other arguments are those of ``make_plan``.
+    from the checkpoint ``start`` on. The other arguments are those of ``make_plan``.
 
     Raises:
         LavaError: An argument is not usable.

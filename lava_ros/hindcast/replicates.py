@@ -269,7 +269,10 @@ def agreed(snapshots: Sequence[Snapshot]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def agreement(case: Case, snapshots: Sequence[Snapshot]) -> Agreement:
-    """Compare the final state of runs with the mapped footprint, each alone and combined."""
+    """Compare runs with the mapped footprint of their case, each alone and combined.
+
+    ``snapshots`` are the final states of the runs, on the cells of the case.
+    """
     share, thickness = agreed(snapshots)
     return Agreement(
         scores=tuple(judge(case, item.thickness, covered_by(item)) for item in snapshots),

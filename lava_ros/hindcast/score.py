@@ -147,7 +147,8 @@ def score(
 def judge(case: Case, thickness: np.ndarray, covered: np.ndarray) -> Score:
     """Compare a flow with the map of its case.
 
-    ``thickness`` [m] and ``covered`` (bool) are as in ``score``, on the cells of the case.
+    ``thickness`` [m] and ``covered`` (bool) are as in ``score``, shape [rows, columns] of the
+    case.
     """
     terrain = case.scene.terrain
     places = [vent.position for vent in case.scene.vents]

@@ -178,7 +178,8 @@ def write_grid(
 def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, Any]]:
     """Turn cells into a list of one GeoJSON feature in the map's coordinates; empty without cells.
 
-    ``cells`` is bool, row 0 the southernmost. The feature has ``properties`` and its ``area_m2``.
+    ``cells`` is bool, shape [rows, columns], row 0 the southernmost. The feature has
+    ``properties`` and its ``area_m2``.
     """
     from rasterio.features import shapes
     from rasterio.transform import Affine

@@ -114,7 +114,7 @@ class ForecastTopics:
         self.publish()
 
     def publish(self, *, repeat: bool = False) -> None:
-        """Publish new forecasts or withdraw stale ones; ``repeat`` does so once more."""
+        """Publish new forecasts or withdraw stale ones; ``repeat`` includes those already sent."""
         forecaster = self._forecaster
         if forecaster is None or not self._is_active:
             return

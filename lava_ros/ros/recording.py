@@ -229,7 +229,7 @@ class CheckpointRecording:
     def finish(self, period: float, stamp_ns: int, *, timeout: float) -> str:
         """Write a last checkpoint before the bag closes, waiting at most ``timeout`` [s] for it.
 
-        Other arguments and the result are as in ``poll``.
+        ``stamp_ns`` is the ROS time [ns]; ``period`` and the result are as in ``poll``.
         """
         if not self._is_recording() or not period:
             return ''

@@ -113,6 +113,8 @@ def vent_markers(
 ) -> MarkerArray:
     """Make markers of the vents on the terrain, as they are at ``time``, simulated [s].
 
+    ``stamp_ns`` is the ROS time of the markers [ns].
+
     Returns:
         A marker that deletes the earlier ones, then for each vent its disc, or the line of a
         fissure, and a label with its name, discharge [m3/s] and temperature [Celsius].

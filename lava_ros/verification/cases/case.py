@@ -150,7 +150,7 @@ class Trial:
         self._wall_time += wall_clock.perf_counter() - start
 
     def field(self, window: Window) -> Field:
-        """The thickness in a window, as in the output grid, on cells of half a spacing."""
+        """The thickness [m] in a window, as in the output grid, on cells of half a spacing."""
         spacing = self.simulation.accuracy.spacing
         assert spacing is not None
         cell = 0.5 * spacing

@@ -61,7 +61,8 @@ def herschel_bulkley_velocity(
 def critical_thickness(strength: float, slope: float, *, density: float, gravity: float) -> float:
     """Largest thickness at which a sheet stays at rest, tau_y / (rho g sin b) [m].
 
-    It is normal to the slope b [rad]; tau_y is ``strength`` [Pa].
+    It is normal to the slope b [rad]; tau_y is ``strength`` [Pa], rho ``density`` [kg/m3] and g
+    ``gravity`` [m/s2].
     """
     return strength / (density * gravity * math.sin(slope))
 

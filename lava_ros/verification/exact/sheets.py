@@ -40,7 +40,7 @@ def sheet_velocity(thickness: float, slope: float, nu: float, gravity: float) ->
 
     It follows from the balance of weight and drag, mu d2u/dz2 = -rho g sin(b), without slip below
     and without stress on top. h [m] is normal to the slope b [rad]; nu is the kinematic viscosity
-    [m2/s].
+    [m2/s] and g ``gravity`` [m/s2].
     """
     return gravity * thickness**2 * math.sin(slope) / (3.0 * nu)
 

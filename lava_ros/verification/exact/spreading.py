@@ -33,10 +33,11 @@ def runge_kutta(
 ) -> np.ndarray:
     """Integrate y' = rates(x, y) with the fourth-order Runge-Kutta method.
 
-    ``places`` are the values of x, and ``state`` is y at the first of them.
+    ``places`` are the values of x, shape [count]; ``state`` is y at the first of them, shape
+    [size].
 
     Returns:
-        y at each place, shape [places, ...].
+        y at each place, shape [count, size].
     """
     states = [state]
     for place, end in pairwise(places):
