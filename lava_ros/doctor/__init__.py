@@ -39,7 +39,7 @@ class Finding:
     way_out: str = ''
 
 
-#: Level, text and maybe the way out.
+#: Level, text and maybe a remedy.
 Said = tuple[str, str] | tuple[str, str, str]
 
 

@@ -34,9 +34,9 @@ def write_atlas(
     """Write the maps of an ensemble to a folder, replacing files of the same names.
 
     The maps are probability, arrival times, expected thickness and elevation, each as GeoTIFF.
-    ``formats`` are further formats, of ``export.FORMATS``, which also hold probability contours
-    and isochrones. None stands for GeoJSON where the terrain's coordinate system is known, else
-    for no further format.
+    ``formats`` are further formats, of ``export.FORMATS``; vector formats hold contours of
+    probability and isochrones. None stands for GeoJSON where the terrain's coordinate system is
+    known, else for no further format.
 
     Returns:
         The paths of the files.

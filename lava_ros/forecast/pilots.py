@@ -79,8 +79,8 @@ def run_at(
     """Run a scene to ``horizon`` [s], or for ``wall_limit`` [s] of wall time if that is less.
 
     Kernels are compiled before the clock starts. Looks at the flow before the end do not count as
-    wall time of the run, but as time spent. ``effects`` switches effects by name; the others are
-    chosen for the scene and the refinement.
+    wall time of the run, but as time spent. ``effects`` are the physics, or a mapping that
+    switches some effects; all others are chosen for the scene and the refinement.
     """
     accuracy = accuracy_at(scene, refinement, horizon)
     warm = Simulation(scene, accuracy=accuracy, device=device, effects=effects)

@@ -341,7 +341,7 @@ class Forecaster:
         if fork is None or values.pop('number', None) != self._number:
             return
         if name == 'refused':
-            raise LavaError('forecast', values['reason'], 'a flow that can be looked ahead')
+            raise LavaError('forecast', values['reason'], 'a flow that can be simulated ahead')
         if name == 'forecast':
             self._at_hand = None
             forecast = Forecast(terrain=fork.checkpoint.scene.terrain, **values)

@@ -53,8 +53,8 @@ from lava_ros import validation
 #:     end of a step is used for all of it, and the kernel lowers the centre. conduction: heat:
 #:     rounding.
 #: cooling_current: power: heat is still being stored.
-#: silicone_oil: means and three standard deviations of 16 draws (6 at fine), discharges that
-#:     differ by 1e-6; what the paper leaves open is 4.7 % of the temperature at 0.5 radii.
+#: silicone_oil: mean plus three standard deviations of 16 runs (6 at fine) whose discharges differ
+#:     by 1e-6; what the paper leaves open is 4.7 % of the temperature at 0.5 radii.
 #:
 #: A preset in ``STAND_INS`` is held to the bounds of another where it has none of its own.
 BOUNDS: dict[str, dict[str, dict[str, float]]] = {
