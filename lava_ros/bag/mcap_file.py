@@ -143,8 +143,8 @@ class McapFile:
         ``start_ns`` is the earliest log time [ns].
 
         Raises:
-            LavaError: The file is damaged, cannot be read, or has too many messages of the same
-                time.
+            LavaError: The file is damaged, cannot be read, or needs more than ``MAX_HELD`` bytes
+                of messages at once to put them in order.
         """
         wanted = frozenset(channel_ids)
         waiting = deque(
