@@ -94,10 +94,10 @@ class Attachment:
 
 
 def attachments_of(bag: str | Path) -> list[Attachment]:
-    """The attachments of a bag or of an .mcap file, damaged ones included, in their order.
+    """Return all attachments of a bag or an .mcap file in order, damaged ones included.
 
     Raises:
-        LavaError: There is no such bag, or a file of it cannot be read.
+        LavaError: The bag does not exist, or one of its files cannot be read.
     """
     path = Path(bag)
     files = [path / name for name in mcap_names(path)] if path.is_dir() else [path]
@@ -185,12 +185,13 @@ class FoundCheckpoint(NamedTuple):
 def checkpoints_of(
     bag: str | Path, on_refused: Callable[[LavaError], None] | None = None
 ) -> list[StoredCheckpoint]:
-    """The checkpoints of a bag, finished or not, oldest first; what they hold is not unpacked.
+    """List the checkpoints of a bag, finished or not, oldest first, without unpacking their state.
 
-    ``on_refused`` is told of each attachment that is damaged, or of a later version.
+    ``on_refused`` is called with the error of each attachment that is damaged or has a later
+    format version.
 
     Raises:
-        LavaError: There is no such bag, or it cannot be read.
+        LavaError: The bag does not exist, or cannot be read.
     """
     result = []
     for item in attachments_of(bag):
@@ -213,10 +214,10 @@ def checkpoints_of(
 
 
 def newest_checkpoint(bag: str | Path) -> FoundCheckpoint:
-    """Read the newest checkpoint of a bag, finished or not, that is not damaged.
+    """Read the newest undamaged checkpoint of a bag, finished or not.
 
     Raises:
-        LavaError: There is no such bag, or no checkpoint in it that can be read.
+        LavaError: The bag does not exist, or has no checkpoint that can be read.
     """
     refused: list[LavaError] = []
     for item in reversed(attachments_of(bag)):

@@ -143,7 +143,8 @@ class McapFile:
         ``start_ns`` is the earliest log time [ns].
 
         Raises:
-            LavaError: The file is damaged or cannot be read.
+            LavaError: The file is damaged, cannot be read, or needs more than ``MAX_HELD`` bytes
+                of messages at once to put them in order.
         """
         wanted = frozenset(channel_ids)
         waiting = deque(
@@ -172,9 +173,9 @@ class McapFile:
                     yield message
 
     def newest(self, channel_ids: Collection[int], before_ns: int) -> dict[int, Message]:
-        """The newest message of each channel that is logged before a time [ns].
+        """Return the newest message of each channel that was logged before ``before_ns`` [ns].
 
-        Reads backwards and stops as soon as no earlier block can hold a newer one.
+        Reads backwards and stops as soon as no earlier block can hold a newer message.
 
         Raises:
             LavaError: The file is damaged or cannot be read.

@@ -112,7 +112,7 @@ class McapOutput:
     def __init__(
         self, directory: Directory, name: str, custom_data: Mapping[str, str]
     ) -> None:
-        """Create the file and write what it begins with.
+        """Create the file and write its header and metadata.
 
         Raises:
             OSError: The file cannot be written.
@@ -157,10 +157,11 @@ class McapOutput:
         log_time: int,
         publish_time: int,
     ) -> None:
-        """Append a message, in CDR; the first one of a topic registers its channel.
+        """Append a message in CDR; the first message of a topic registers its channel.
 
-        The record of the topic has the number of its messages that came before in the bag; times
-        [ns] are those of playing and of publishing.
+        ``topic.message_count`` is the number of messages of the topic already in the bag.
+        ``log_time`` [ns] is the time at which the message is played back, ``publish_time`` [ns]
+        that at which it was published.
 
         Raises:
             OSError: The file cannot be written.

@@ -30,18 +30,18 @@ def recover(
     *,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> int:
-    """Copy every message that can be read, with its definition, QoS and time, into a new bag.
+    """Copy every readable message, with its definition, QoS and times, into a new bag.
 
-    The new bag is split into files where the old one is, and has the same attachments. What is
-    damaged is left out; ``source.damage`` says what that is. ``on_progress`` is told what is done,
-    and the share of the recorded time that is.
+    The new bag is split into files where the old one is, and keeps the readable attachments.
+    Damaged parts are left out; ``source.damage`` lists them. ``on_progress`` is called with the
+    name of the activity and the share of the recorded time that has been copied.
 
     Returns:
-        How many messages were copied.
+        The number of messages copied.
 
     Raises:
-        LavaError: The directory exists, or a file of the source can no longer be read; what comes
-            before has been copied then.
+        LavaError: The directory exists, or a file of the source can no longer be read; messages
+            before that point have been copied.
         OSError: The new bag cannot be written.
     """
     with BagWriter(directory, custom_data=source.custom_data) as writer:

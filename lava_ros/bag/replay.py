@@ -43,13 +43,13 @@ POLL = 0.05
 
 
 class Step(NamedTuple):
-    """What to publish, and when.
+    """A message to publish or a tick of the clock, and its time.
 
     Attributes:
         at: Wall time since the start of the replay [s].
         clock_ns: Bag time at that moment [ns].
         message: The message, None for a clock tick only.
-        round: 0 for the first time through the bag, 1 for the next, ...
+        round: 0 for the first pass through the bag, 1 for the next, ...
     """
 
     at: float
@@ -168,10 +168,12 @@ class Transport:
         now: Callable[[], float] = time.monotonic,
         on_change: Callable[['Transport'], None] = lambda _: None,
     ) -> None:
-        """Run at the rate.
+        """Start at the bag's own speed, not paused.
 
-        ``read_key`` waits up to a time [s] for a key and gives its name, or nothing; ``now`` is a
-        clock that only goes forward [s]; ``on_change`` is called when a key has changed something.
+        Args:
+            read_key: Waits up to a time [s] for a key and returns its name, or an empty string.
+            now: A monotonic clock [s].
+            on_change: Called when a key has changed something.
         """
         self._read_key = read_key
         self._now = now
@@ -193,9 +195,11 @@ class Transport:
         return self._time
 
     def wait(self, seconds: float, stop: threading.Event) -> bool:
-        """Wait up to a replay time [s], or until a pause ends, and obey keys meanwhile.
+        """Wait for ``seconds`` of replay time [s] at most, and obey keys meanwhile.
 
-        Returns whether the replay is to stop, or to go on elsewhere (``take_jump``).
+        Returns:
+            Whether the replay is to stop or to continue elsewhere (``take_jump``). False also when
+            a pause ends before the time is up.
         """
         self._obey(self._read_key(0.0 if self.is_paused else min(seconds / self.speed, POLL)))
         # What is due right where a jump leads to is shown, also while time stands still.

@@ -125,10 +125,10 @@ class BagWriter:
         return len(self._records())
 
     def set_custom_data(self, custom_data: Mapping[str, str]) -> None:
-        """Replace what describes the recording; it is in the file after the next ``flush``.
+        """Replace the description of the recording; the next ``flush`` writes it to the file.
 
         Raises:
-            LavaError: It is not text, or the bag is closed.
+            LavaError: A key or a value is not text, or the bag is closed.
         """
         file = self._open()
         self._custom_data = _texts(custom_data)

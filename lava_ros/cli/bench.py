@@ -35,13 +35,13 @@ from lava_ros.cli.output import Progress, table_lines, write_json
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 
-#: Heading, column and format of what is printed of the repetitions of a measurement.
+#: Heading, column and format of the statistics that are printed of repeated measurements.
 _SPREAD = (
     ('', 'benchmark', ''), ('particles', 'particles', 'd'), ('median', 'value', '.4g'),
     ('low', 'low', '.4g'), ('high', 'high', '.4g'), ('', 'unit', ''),
 )
 
-#: The benchmarks, each of which the description above explains, and what is printed of their rows.
+#: The benchmarks that the description above explains, and the columns printed for each.
 SHOWN: dict[str, tuple[tuple[str, str, str], ...]] = {
     'effects': (
         ('', 'benchmark', ''), ('', 'value', '.3g'), ('', 'unit', ''),
@@ -115,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _options(args: argparse.Namespace) -> dict[str, Any]:
-    """What a benchmark takes beside the device, checked."""
+    """Check the options of a benchmark, except for the device, and return them by name."""
     repetitions = validation.whole('--repetitions', args.repetitions, at_least=1, at_most=1000)
     runs = {'choice': 24}.get(args.benchmark, 8) if args.runs is None else args.runs
     runs = validation.whole('--runs', runs, at_least=2, at_most=1000)
@@ -136,7 +136,7 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _command(benchmark: str, device: str, options: dict[str, Any]) -> str:
-    """What gives the rows again."""
+    """The command line that reproduces the rows."""
     words = [f'lava bench {benchmark} --device {device}']
     for name, value in options.items():
         if name == 'cases':

@@ -126,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _remove_earlier_demo(output: Path) -> None:
-    """Make room for the bag; LavaError where something lies there that no demo made."""
+    """Remove the output of an earlier demo; LavaError where anything else is in its place."""
     try:
         if not output.exists():
             return
@@ -147,7 +147,11 @@ def _remove_earlier_demo(output: Path) -> None:
 def _flow(
     scene: Scene, parameters: dict[str, Any], domain: int, duration: float
 ) -> Observation:
-    """Run the node until the flow has reached its end: what was heard last."""
+    """Run the node until the flow has ended, and return the last observation.
+
+    Raises:
+        ChildError: The node failed.
+    """
     from lava_ros.ros.monitor import Monitor
 
     print(f'ROS domain {domain}; to watch: ROS_DOMAIN_ID={domain} lava watch (or rviz2)')

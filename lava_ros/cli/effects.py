@@ -59,7 +59,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def step_costs() -> dict[str, float]:
-    """Time of a step with each effect alone over that of the bare step, as measured."""
+    """Measured time of a step with each single effect, relative to that of a step without effects.
+
+    Raises:
+        LavaError: The file of the measurements is missing from the package's data.
+    """
     with share_path(COSTS).open(newline='', encoding='utf-8') as file:
         return {row['benchmark']: float(row['ratio']) for row in csv.DictReader(file)}
 

@@ -177,7 +177,11 @@ class _Demo:
     domain: int
 
     def run(self) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]]]:
-        """The figures, and titles and probabilities before and after."""
+        """Return the figures, and titles and maps of probability before and after the outline.
+
+        Raises:
+            ChildError: The node failed, or took too long.
+        """
         from lava_ros.ros.monitor import ForecastWatch
 
         print(f'ROS domain {self.domain}; to watch: ROS_DOMAIN_ID={self.domain} rviz2')

@@ -96,7 +96,7 @@ def _as_dict(bag: BagReader) -> dict[str, Any]:
 
 
 def _known(bag: BagReader) -> dict[str, Any]:
-    """What is shown in words, None where it is missing or something else."""
+    """The parts of the description that are shown in words; None where missing or malformed."""
     from lava_ros.pages.report.description import plain
 
     told = plain(bag.custom_data)

@@ -41,7 +41,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 _ROS_ARGS = '--ros-args'
 
-#: The commands, each the module of its name, under the headings of the manual page.
+#: The modules of the commands, by heading of the manual page.
 GROUPS = tuple(
     (heading, tuple(import_module(f'lava_ros.cli.{name}') for name in names.split()))
     for heading, names in (

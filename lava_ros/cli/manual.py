@@ -119,11 +119,11 @@ class Manual(Parser):
     def __init__(
         self, *, prog: str, description: str, groups: Sequence[tuple[str, Sequence[ModuleType]]]
     ) -> None:
-        """Declare the commands: headings, and the modules of the commands below each.
+        """Declare the commands: headings, each with the modules of its commands.
 
-        The name of a module is that of its command, the first line of its docstring says what it
-        does, and it has ``add_arguments(parser)`` and ``run(args)``, which returns the exit status
-        and raises LavaError for what cannot be used.
+        A command is named after its module, and the first line of the module's docstring
+        summarises it. The module has ``add_arguments(parser)`` and ``run(args)``. ``run`` returns
+        the exit status, and raises LavaError for arguments and files that cannot be used.
         """
         super().__init__(prog=prog, description=description)
         subparsers = self.add_subparsers(

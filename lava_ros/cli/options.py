@@ -80,9 +80,9 @@ _OPTIONS: dict[str, dict[str, Any]] = {
 
 
 def add_options(parser: argparse.ArgumentParser, *names: str, **defaults: Any) -> None:
-    """Declare options of those above; ``bag`` is a positional argument.
+    """Add shared options, by name, to a parser; ``bag`` is a positional argument.
 
-    Defaults, by the name of the attribute, take the place of the usual ones.
+    ``defaults`` replace the usual default values, by the attribute of the parsed arguments.
     """
     for name in names:
         parser.add_argument(name, **_OPTIONS[name])
@@ -95,7 +95,11 @@ def forced_effects(args: argparse.Namespace) -> dict[str, bool]:
 
 
 def device_named(name: str | None) -> str:
-    """The Warp device that ``--device`` names; the first GPU, else the CPU, for None."""
+    """The Warp device that ``--device`` names; for None the first GPU, or the CPU without one.
+
+    Raises:
+        LavaError: There is no such device.
+    """
     import warp as wp
 
     import lava_ros.simulation  # noqa: F401  (quietens Warp)
@@ -105,10 +109,11 @@ def device_named(name: str | None) -> str:
 
 
 def seconds_of(field: str, text: str, *, may_be_zero: bool = False) -> float:
-    """Read a time [s]: a number with a unit, or of seconds without one; maybe 0.
+    """Read a time [s] from a number with a unit; without a unit it is in seconds.
 
     Raises:
-        LavaError: It is no time above 0, or from 0 on; the field names it.
+        LavaError: The text is not a finite time above 0, or 0 where ``may_be_zero`` is set. The
+            error names ``field``.
     """
     match = re.fullmatch(r'\s*([^a-z\s]+(?:e[+-]?\d+)?)\s*([a-z]*)\s*', text)
     if match is None or (match[2] or 's') not in UNITS:

@@ -56,7 +56,10 @@ class Printable:
 
 
 def terminal(stream: TextIO | None = None, **options: Any) -> Any:
-    """A rich console that draws past ``Printable``: give it no text from elsewhere as it is."""
+    """A rich console that writes past ``Printable``, which makes text from outside safe to print.
+
+    Text from outside must therefore be made printable before it is passed to the console.
+    """
     from rich.console import Console
 
     stream = sys.stdout if stream is None else stream
@@ -64,7 +67,12 @@ def terminal(stream: TextIO | None = None, **options: Any) -> Any:
 
 
 def check_outputs(args: argparse.Namespace) -> None:
-    """Refuse to write over what the arguments name beside, and JSON over what is no JSON."""
+    """Check that ``--json`` can be written, and that no output overwrites another named file.
+
+    Raises:
+        LavaError: An output is also named by another argument, or ``--json`` is not a writable
+            file whose name ends with .json.
+    """
     named = {name: value for name, value in vars(args).items() if isinstance(value, str)}
     if named.get('json', '-') != '-':
         file_to_write('--json', named['json'], ('.json',))
@@ -91,7 +99,10 @@ def write_json(data: Any, *names: str | Path | None) -> None:
 
 
 def table_lines(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
-    """Lines of a table, each column as wide as its widest cell, to the sides ``<`` or ``>``."""
+    """Format rows as the lines of a table; each column is as wide as its widest cell.
+
+    ``sides`` has one character for each column: ``<`` aligns it left, ``>`` right.
+    """
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [
         '  '.join(
@@ -102,7 +113,11 @@ def table_lines(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
 
 
 def made_folder(name: str | Path) -> Path:
-    """The folder that ``--output`` names, made where it does not exist."""
+    """Create the folder that ``--output`` names, unless it exists, and return its path.
+
+    Raises:
+        LavaError: The folder cannot be created.
+    """
     folder = Path(name)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -122,7 +137,7 @@ class Progress:
     """A bar with the time that is left in a terminal, a line for every tenth elsewhere."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
-        """Show it in a stream, stdout when left out."""
+        """Show progress on a stream, by default stdout."""
         self._stream = sys.stdout if stream is None else stream
         self._tenths = -1
         self._started = time.monotonic()
@@ -172,7 +187,7 @@ class Progress:
 
 @contextmanager
 def in_terminal() -> Iterator[Callable[[str, float], None]]:
-    """A bar for what takes seconds; nothing where stdout is no terminal."""
+    """Show a progress bar for work that takes seconds; nothing where stdout is not a terminal."""
     if not sys.stdout.isatty():
         yield lambda what, share: None
         return

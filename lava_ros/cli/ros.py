@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What commands need of ROS 2: whether it is there, a domain, and a node that they watch."""
+"""Helpers of commands that use ROS 2: whether it is installed, a domain, and a node as a child."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, scene_to_dict
 
-#: Last lines of a log that are shown when its process has failed.
+#: Number of last lines of the log shown when a process has failed.
 SHOWN_LINES = 40
 
 
@@ -55,7 +55,7 @@ class Child:
         log: Path,
         env: Mapping[str, str],
     ) -> None:
-        """Start a module with arguments and an environment, its output in a log file."""
+        """Run a Python module as a child process, and write its output to a log file."""
         self.name = name
         self._log = log
         _end_in_order()
@@ -66,18 +66,26 @@ class Child:
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 env=dict(env),
-                # Ctrl+C is for the command, which then ends its children in order.
+                # only the command gets Ctrl+C, and then ends its children in order
                 start_new_session=True,
             )
 
     def check(self) -> None:
-        """Do nothing as long as the process runs; ChildError where it has ended."""
+        """Check that the process is still running.
+
+        Raises:
+            ChildError: The process has ended.
+        """
         status = self._process.poll()
         if status is not None:
             raise ChildError(self.failure(f'ended by itself with status {status}'))
 
     def stop(self, timeout: float = 20.0) -> None:
-        """Ask the process to end; ChildError if it does not in time [s], or not with status 0."""
+        """Ask the process to end, and wait for at most ``timeout`` [s].
+
+        Raises:
+            ChildError: The process does not end in time, or ends with a status other than 0.
+        """
         status = self.end(timeout)
         if status is None:
             raise ChildError(self.failure(f'did not end within {timeout:g} s'))
@@ -109,13 +117,13 @@ class Child:
 def _end_in_order() -> None:
     """Let the command end its children when it is told to end, as after Ctrl+C."""
     for number in (signal.SIGTERM, signal.SIGHUP):
-        # nohup has it ignored
+        # nohup has made the signal ignored
         if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _leave)
 
 
 def _leave(number: int, _: FrameType | None) -> None:
-    # once: what is told again and again must not cut short how it ends
+    # only the first signal counts: repeated ones must not cut the orderly end short
     signal.signal(number, signal.SIG_IGN)
     raise SystemExit(128 + number)
 
@@ -127,7 +135,11 @@ def missing_package() -> str | None:
 
 
 def require_ros() -> None:
-    """Refuse to go on where ROS 2 cannot be imported; the message says how to get it."""
+    """Check that ROS 2 can be imported.
+
+    Raises:
+        LavaError: A package of ROS 2 is missing; the message says how to install it.
+    """
     name = missing_package()
     if name is not None:
         right = "a sourced ROS 2 Jazzy installation, or: pip install 'lava_ros[ros]'"
@@ -135,7 +147,11 @@ def require_ros() -> None:
 
 
 def domain_of(chosen: int | None) -> int:
-    """The ROS domain that ``--domain`` names; for None a free one."""
+    """The ROS domain that ``--domain`` names; a free one for None.
+
+    Raises:
+        LavaError: The number is not a domain from 0 to 101, or no domain is free.
+    """
     if chosen is not None:
         return validation.whole('--domain', chosen, at_least=0, at_most=101)
     for domain in random.SystemRandom().sample(range(1, 102), 101):
@@ -150,7 +166,7 @@ def domain_of(chosen: int | None) -> int:
 
 
 def start_node(scene: Scene, settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
-    """Start a node on a scene; scene, parameters and log go into a folder."""
+    """Start a node on a scene; the scene, parameters and log are written to ``folder``."""
     terrain = scene.terrain
     grid: dict[str, Any] = {'elevation': terrain.elevation, 'resolution': terrain.resolution}
     grid |= {'origin': terrain.origin, 'offset': terrain.offset, 'source': terrain.source}

@@ -102,7 +102,11 @@ def add_vent_arguments(parser: argparse.ArgumentParser, of: str = 'scene') -> No
 
 
 def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
-    """Vents that the arguments name; none where they name none."""
+    """The vents that the arguments name; an empty list where they name none.
+
+    Raises:
+        LavaError: An argument or a file cannot be used.
+    """
     if args.vent and args.vents:
         raise LavaError('--vent', args.vent[0], 'absent beside --vents')
     if args.vents:

@@ -31,7 +31,7 @@ FAIL = 'FAIL'
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of the report: what was looked at, level, what is there, and maybe what to do."""
+    """One line of the report: the subject, the level, what was found, and maybe a remedy."""
 
     check: str
     level: str
@@ -39,14 +39,14 @@ class Finding:
     way_out: str = ''
 
 
-#: Level, text and maybe the way out.
+#: Level, text and maybe a remedy.
 Said = tuple[str, str] | tuple[str, str, str]
 
 
 def check(
     name: str,
 ) -> Callable[[Callable[..., Iterator[Said]]], Callable[..., Iterator[Finding]]]:
-    """Make findings, under a name, of what a function says."""
+    """Turn what a function yields into findings under a common name."""
 
     def of(function: Callable[..., Iterator[Said]]) -> Callable[..., Iterator[Finding]]:
         @wraps(function)

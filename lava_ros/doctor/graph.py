@@ -179,9 +179,10 @@ def _short_of(offered: QosProfile, asked: QosProfile) -> list[str]:
 
 @check('dds')
 def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Iterator[Said]:
-    """Whether a message comes back through the middleware in time [s], and how long it takes.
+    """Check whether a message returns through the middleware within ``timeout`` [s], and how fast.
 
-    The probe is a process of its own: middleware that hangs or crashes is a finding.
+    The probe runs in a process of its own, so that middleware that hangs or crashes is reported as
+    a finding.
     """
     if find_spec('rclpy') is None:
         yield FAIL, 'not tried: no rclpy', _WAY_TO_ROS

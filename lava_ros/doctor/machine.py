@@ -160,7 +160,10 @@ def check_kernel_cache() -> Iterator[Said]:
 
 @check('disk')
 def check_disk(folder: str | Path) -> Iterator[Said]:
-    """Whether bags can be written into a folder, which need not be there, and how much room is."""
+    """Check whether bags can be written to a folder, and how much space there is.
+
+    The folder need not exist yet.
+    """
     folder = Path(folder).absolute()
     problem = _problem_of_writing(folder)
     if problem:

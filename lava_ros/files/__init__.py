@@ -57,14 +57,14 @@ def open_input(path: str | Path) -> BinaryIO:
 
 
 def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) -> Path:
-    """The path of a file to write; that it replaces one is logged.
+    """Check a path that is to be written, and return it; an existing file is announced in the log.
 
-    What is there stays as it is until ``replacing`` is done. The name has one of some endings, as
-    ``.json``: what is written never takes the place of a file of another kind.
+    The existing file stays until ``replacing`` has finished. ``endings`` are the suffixes that the
+    name may have, such as ``.json``; they keep output from replacing a file of another kind.
 
     Raises:
-        LavaError: The name ends otherwise; it is a folder, a pipe or a device, in no folder that
-            exists, or not to be written. The field names it.
+        LavaError: The name has another suffix; the path is a folder, a pipe or a device; its
+            folder does not exist; or it cannot be written. The error names ``field``.
     """
     path = Path(value)
     if endings and path.suffix.lower() not in endings:
@@ -88,9 +88,12 @@ def file_to_write(field: str, value: str | Path, endings: Sequence[str] = ()) ->
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A new, empty file beside ``path``, of the same suffix, that takes its place at the end.
+    """Yield a new, empty file beside ``path``, with the same suffix, which replaces it at the end.
 
-    When something is raised meanwhile it is removed, and what was there stays.
+    If an exception is raised meanwhile, the new file is removed and the old one stays.
+
+    Raises:
+        OSError: The file cannot be created, or cannot replace the old one.
     """
     path = _target(path)
     partial = path.with_name(f'.{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}')
@@ -108,9 +111,10 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_output(field: str, path: str | Path, data: str | bytes) -> None:
-    """Write a file, a text in UTF-8: afterwards it is there as a whole, or as it was.
+    """Write a file, text in UTF-8; it is either written completely or left as it was.
 
-    LavaError, of a field, where it cannot be written.
+    Raises:
+        LavaError: The file cannot be written. The error names ``field``.
     """
     try:
         with replacing(Path(path)) as partial:
@@ -120,10 +124,10 @@ def write_output(field: str, path: str | Path, data: str | bytes) -> None:
 
 
 def save_picture(figure: Any, path: str | Path) -> None:
-    """Write a figure of matplotlib, in the format that its suffix chooses.
+    """Write a matplotlib figure; the suffix chooses the format.
 
     Raises:
-        LavaError: It cannot be written.
+        LavaError: The picture cannot be written.
     """
     try:
         with replacing(Path(path)) as partial:

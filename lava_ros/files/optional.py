@@ -42,7 +42,11 @@ def is_installed(package: str) -> bool:
 
 
 def require(package: str, field: str, value: object = None) -> None:
-    """Refuse what needs a package that cannot be imported; the message says how to get it."""
+    """Check that an optional package can be imported.
+
+    Raises:
+        LavaError: The package is missing; the message says how to install it.
+    """
     if not is_installed(package):
         name = package.partition('.')[0]
         right = f"{name}, which pip install 'lava_ros[{_EXTRAS[name]}]' brings"

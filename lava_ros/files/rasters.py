@@ -77,10 +77,11 @@ def open_raster(path: str | Path) -> Any:
 
 @contextmanager
 def opened_raster(field: str, path: str | Path) -> Iterator[Any]:
-    """Open a raster for reading; one that does not say where it is opens too.
+    """Open a raster for reading; it need not be georeferenced.
 
     Raises:
-        LavaError: It cannot be opened or read, as ``field`` says, or rasterio is not installed.
+        LavaError: The raster cannot be opened or read, or rasterio is not installed. The error
+            names ``field``.
     """
     require('rasterio', field, str(path))
     from rasterio.errors import NotGeoreferencedWarning, RasterioError

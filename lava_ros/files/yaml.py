@@ -37,7 +37,9 @@ MOST_DIGITS = 100
 
 
 def read_yaml(field: str, path: str | Path, expected: str = 'a readable YAML file') -> Any:
-    """Read a file; what would be right is ``expected``, followed by the reason in brackets.
+    """Read a YAML file as plain data.
+
+    ``expected`` describes a right file in errors, followed by the reason in brackets.
 
     Raises:
         LavaError: The file cannot be read, or ``parse_yaml`` refuses it.
@@ -51,11 +53,11 @@ def read_yaml(field: str, path: str | Path, expected: str = 'a readable YAML fil
 
 
 def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | None = None) -> Any:
-    """Turn a text into plain data; errors show ``value`` in its place.
+    """Parse YAML into plain data; errors show ``value`` instead of the text.
 
     Raises:
-        LavaError: The text is not YAML, has tags of Python, a value that its tag does not fit or
-            a value that holds itself, or is longer, larger or deeper than is allowed.
+        LavaError: The text is not YAML, or is longer, larger or deeper than allowed; or it has
+            tags of Python, a value that does not fit its tag, or a value that contains itself.
     """
     value = text if value is None else value
     if len(text) > MOST_BYTES:
@@ -71,11 +73,11 @@ def parse_yaml(field: str, text: str, expected: str = 'YAML', *, value: str | No
 
 
 def parse_json(field: str, text: str | bytes) -> Any:
-    """Turn a text into plain data.
+    """Parse JSON into plain data.
 
     Raises:
-        LavaError: The text is not JSON, has a number that is none or has too many digits, or is
-            too deep.
+        LavaError: The text is not JSON, is too deep, or has a number that is not finite or has too
+            many digits.
     """
     try:
         # without aliases it is as large as its text

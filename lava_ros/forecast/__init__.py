@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Looking ahead: one run, or the many of an ensemble. Never imports rclpy.
+"""Forecasts: a single look ahead, or an ensemble of many runs. Never imports rclpy.
 
-``arrival_time`` says how looks at a flow become arrival times; ``lookahead`` is the fork, and
-``process`` a process of its own for it.
+``arrival_time`` turns looks at a flow into arrival times. ``lookahead`` runs a copy of the live
+simulation ahead, and ``process`` does so in a separate process.
 
-``sampling`` draws members, ``members`` runs them, ``probability`` makes maps of them, weighed by
-``assimilation``; ``ensemble`` does all of it, with ``store``, ``pool`` and ``cluster``, and
-``scores`` says how good it was.
+``sampling`` draws the members of an ensemble and ``members`` runs them. ``probability`` makes maps
+of the members, which ``assimilation`` weighs. ``ensemble`` does all of this, with ``store``,
+``pool`` and ``cluster``; ``scores`` rates the result.
 """

@@ -41,7 +41,7 @@ class Gathering:
     """
 
     def __init__(self, threshold: float) -> None:
-        """Begin without looks; lava has arrived from a thickness on [m], above 0."""
+        """Start without looks; lava counts as arrived from ``threshold`` [m] on, above 0."""
         self._threshold = threshold
         self._time = 0.0
         self._last: np.ndarray | None = None
@@ -77,9 +77,9 @@ class Looking:
 
     Attributes:
         simulation: The simulation.
-        gathered: What has been seen.
-        steps: How it had been stepping at the last look.
-        budget: Where its lava was then.
+        gathered: What the looks have seen so far.
+        steps: Statistics of the time steps, as of the last look.
+        budget: Volume budget of the lava, as of the last look.
     """
 
     def __init__(
@@ -92,13 +92,18 @@ class Looking:
         origin: float = 0.0,
         of: str = '',
     ) -> None:
-        """Take the first look, at once; the others are due at simulated times [s] that rise.
+        """Take the first look at once.
 
-        Lava has arrived from a thickness on [m]; arrivals count from the origin [s]; errors call
-        the simulation by ``of``, such as ' of member 3'.
+        Args:
+            simulation: The simulation.
+            due: Simulated times of the other looks [s], increasing.
+            threshold: Thickness at which lava counts as arrived [m].
+            max_particles: Most particles, None for any number.
+            origin: Simulated time from which arrival times count [s].
+            of: How errors refer to the simulation, such as ' of member 3'.
 
         Raises:
-            LavaError: As ``advance``.
+            LavaError: As in ``advance``.
         """
         self.simulation = simulation
         self.gathered = Gathering(threshold)

@@ -85,12 +85,13 @@ class Outline:
 
 
 def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
-    """Take a mask of the map frame to the cells of a terrain: at the middle of each.
+    """Resample a mask of the map frame at the centres of a terrain's cells.
 
-    What lies beyond the mask was not observed; the time is simulated [s].
+    Cells beyond the mask count as not observed. ``time`` is the simulated time of the observation
+    [s].
 
     Raises:
-        LavaError: No lava of it is on the terrain.
+        LavaError: None of the mask's lava is on the terrain.
     """
     inside, cells = [], []
     for start, count, corner, size in zip(
@@ -129,10 +130,10 @@ class Weights:
 
 
 def jaccard(reached: np.ndarray, outline: Outline) -> float:
-    """Area where both have lava over the area where one has, 0 to 1.
+    """Jaccard index of a member and an outline: area with lava in both over area in either.
 
-    ``reached`` says where a member's lava had arrived at the outline's time, bool; cells that were
-    not observed do not count.
+    ``reached`` is bool, with the shape of the outline: where the member's lava had arrived at the
+    outline's time. Cells that were not observed do not count. The result is from 0 to 1.
 
     Raises:
         LavaError: The shapes differ.

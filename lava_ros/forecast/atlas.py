@@ -31,13 +31,18 @@ def write_atlas(
     tags: Mapping[str, str],
     formats: Collection[str] | None = None,
 ) -> list[Path]:
-    """Write probability, arrival times, expected thickness and elevation; contours, isochrones.
+    """Write the maps of an ensemble to a folder, replacing files of the same names.
 
-    Files of the same names are replaced. Formats beside GeoTIFF are of ``export.FORMATS``; None:
-    GeoJSON, where it is known where in the world the maps are.
+    The maps are probability, arrival times, expected thickness and elevation, each as GeoTIFF.
+    ``formats`` are further formats, of ``export.FORMATS``; vector formats hold contours of
+    probability and isochrones. None stands for GeoJSON where the terrain's coordinate system is
+    known, else for no further format.
+
+    Returns:
+        The paths of the files.
 
     Raises:
-        LavaError: A file cannot be written.
+        LavaError: A file cannot be written, or a library for a format is missing.
     """
     place = gis.place_of(plan.scene.terrain)
     tags = {

@@ -41,9 +41,10 @@ class DaskRunner:
     """Runs members on a cluster."""
 
     def __init__(self, scheduler: str, *, device: str | None = None) -> None:
-        """Describe the cluster by the address of its scheduler, such as ``tcp://host:8786``.
+        """Set the cluster by the address of its scheduler, such as ``tcp://host:8786``.
 
-        Without a Warp device every worker takes its first GPU, or else the CPU.
+        ``device`` is the Warp device of every worker. With None a worker uses its first GPU, or
+        the CPU without one.
 
         Raises:
             LavaError: Dask is not installed.

@@ -143,7 +143,7 @@ def _check_complete(done: set[int], members: Sequence[Member]) -> None:
 def run_here(
     plan: Plan, members: Sequence[Member], *, device: str | None = None
 ) -> Iterable[Footprint]:
-    """Run members in this process, by default on the first GPU, else on the CPU."""
+    """Run members in this process; without ``device`` on the first GPU, or the CPU without one."""
     for part in batches(members, device):
         yield from run_batch(plan, device, part)
 

@@ -68,7 +68,7 @@ _SPREAD = 0.3
 
 
 def completed(pilot: Pilot, model: Pilot) -> Pilot:
-    """A run that was stopped, as if it had gone on to the horizon as a coarser one did."""
+    """Extrapolate a stopped run to the horizon, in proportion to a coarser run that got there."""
     share, taken, *_ = pilot.progress[-1]
     shares = model.progress[:, 0]
     at_that = np.array([np.interp(share, shares, column) for column in model.progress.T[2:]])
@@ -110,7 +110,10 @@ def _increments(pilot: Pilot) -> np.ndarray:
 
 
 def cost_at(pilots: Sequence[Pilot], refinement: float) -> float:
-    """Wall time [s] of a run, by runs with the same physics from the coarsest to the finest."""
+    """Predict the wall time of a run at a refinement [s].
+
+    ``pilots`` are runs with the same physics, from the coarsest to the finest.
+    """
     if len(pilots) > 1 and pilots[0].refinement <= refinement <= pilots[-1].refinement:
         known = np.log([(pilot.refinement, pilot.wall_time) for pilot in pilots]).T
         return math.exp(float(np.interp(math.log(refinement), *known)))
@@ -161,7 +164,7 @@ def _line(sizes: np.ndarray, times: np.ndarray, weights: np.ndarray) -> tuple[fl
 
 
 def error_law(pilots: Sequence[Pilot]) -> ErrorLaw:
-    """The law of errors that the finest pilots give; two at least came to the horizon."""
+    """Fit the law of errors to the finest pilots, at least two of which reached the horizon."""
     done = _apart([pilot for pilot in pilots if pilot.is_done])[-4:]
     begun = [pilot for pilot in pilots if not pilot.is_done and len(pilot.covered)]
     begun = [pilot for pilot in begun if pilot.refinement > WELL_APART * done[-1].refinement]

@@ -59,10 +59,12 @@ class LiveEnsemble:
         number: int = 0,
         stamp_ns: int = 0,
     ) -> None:
-        """Draw the members, which look ahead by a horizon [s].
+        """Draw the members; each runs from the checkpoint to ``horizon`` [s] after it.
 
-        A deadline [s] is a wall time after the beginning, on the monotonic clock [s], at which
-        those have to do that there are. Arguments else as of ``LookAhead``.
+        ``begun`` is the start of the ensemble on the monotonic clock [s], by default now.
+        ``deadline`` is the wall time after it [s] at which the ensemble ends with the members that
+        have run; None sets no limit. ``number`` and ``stamp_ns``, a ROS time [ns], identify the
+        ensemble in answers. Other arguments are those of ``LookAhead``.
 
         Raises:
             LavaError: An argument is not usable, or nothing about the scene is uncertain.
@@ -128,7 +130,8 @@ class LiveEnsemble:
         """Jaccard index of each member with an outline.
 
         Returns:
-            float64, one for each that was asked for; those that have not run have the mean.
+            float64, one value for each member asked for; members that have not run get the mean of
+            the others.
         """
         seen = replace(outline, time=outline.time - self.start)
         found = [
@@ -156,10 +159,11 @@ class LiveEnsemble:
 
 
 class LiveEnsembles:
-    """The ensembles of a running simulation, one after the other, and what has been seen.
+    """The ensembles of a running simulation, one after the other, and the observed outlines.
 
-    Answers (``process``): outlook with number, stamp_ns, changes and fields of ``Outlook``; for
-    the outline of a number weighed, or outline_refused with the error.
+    It answers (``process``) with ``outlook``: number, stamp_ns, changes and the fields of
+    ``Outlook``; with ``weighed`` when an outline has been used; and with ``outline_refused``:
+    number and error.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -193,14 +197,15 @@ class LiveEnsembles:
         outlines: int,
         **how: Any,
     ) -> None:
-        """Begin an ensemble with the next turn, in place of one at hand.
+        """Start an ensemble at the next ``advance``, in place of the one in progress.
 
         Args:
-            checkpoint: The moment.
-            changes: Tells one scene from another.
-            agreement: What is known of the members of the scene where this is its first ensemble.
-            outlines: How many outlines that is from.
-            how: What ``LiveEnsemble`` takes beside that.
+            checkpoint: The state from which the members start.
+            changes: Number that identifies the scene; it changes with the scene.
+            agreement: Agreement of the members with earlier outlines, None without one. It is only
+                used for the first ensemble of a scene.
+            outlines: Number of outlines behind ``agreement``.
+            how: Further arguments of ``LiveEnsemble``.
         """
         self.drop()
         if changes != self._changes:
@@ -251,7 +256,11 @@ class LiveEnsembles:
         return self._at_hand.progress if self._at_hand is not None else 0.0
 
     def observe(self, number: int, outline: Outline) -> None:
-        """Weigh members by an outline: by that ensemble which has gone on for longest."""
+        """Weigh the members by an outline, in the oldest complete ensemble that covers its time.
+
+        The outline waits if only the ensemble in progress covers its time. It is refused if none
+        does.
+        """
         done = [self._oldest, self._shown if self._shown is not self._at_hand else None]
         for ensemble in filter(None, done):
             if ensemble.covers(outline.time):

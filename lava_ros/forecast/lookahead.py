@@ -50,14 +50,20 @@ class LookAhead(Looking):
         device: str | None = None,
         max_particles: int | None = None,
     ) -> None:
-        """Fork, and take the first look.
+        """Start a simulation from a checkpoint, and take the first look.
 
-        There are so many regular looks within the horizon [s], the first of which has
-        ``EARLY_LOOKS`` ahead. The threshold is the thickness from which on lava has arrived [m].
+        Args:
+            checkpoint: The state from which to start.
+            horizon: How far to look ahead [s].
+            threshold: Thickness at which lava counts as arrived [m].
+            looks: Number of regular looks within the horizon. ``EARLY_LOOKS`` come before the
+                first.
+            device: Warp device; None for the first GPU, or the CPU without one.
+            max_particles: Most particles, None for any number.
 
         Raises:
-            LavaError: A number is not usable, the checkpoint does not fit together, or there is
-                no such device.
+            LavaError: A number is not usable, the checkpoint is inconsistent, or there is no such
+                device.
         """
         begun = wall_clock.monotonic()
         self._horizon = validation.number('horizon', horizon, above=0.0, unit='s')

@@ -90,12 +90,12 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class MemberFields:
-    """What a member did to the cells of the terrain.
+    """The result of a member on the cells of the terrain.
 
     Attributes:
         index: The member's number.
-        arrival: Time at which lava got as thick as the threshold [s], float32, shape [rows,
-            columns]; NaN: not up to the horizon.
+        arrival: Time at which lava reached the threshold thickness [s], float32, shape [rows,
+            columns]; NaN where it did not up to the horizon.
         peak: Largest thickness [m], float32, same shape; 0 without lava.
         left: Share of the emitted volume that has left the map.
     """
@@ -154,10 +154,10 @@ def plan_from(
     threshold: float = THRESHOLD,
     looks: int | None = None,
 ) -> Plan:
-    """Settle what members have in common that go on from a running simulation.
+    """Plan an ensemble that continues a running simulation for ``horizon`` [s].
 
-    Its resolution and its effects are theirs; what is drawn holds from then on. Arguments as of
-    ``make_plan``.
+    Members have the simulation's resolution and effects; the properties drawn for a member apply
+    from the checkpoint ``start`` on. The other arguments are those of ``make_plan``.
 
     Raises:
         LavaError: An argument is not usable.
@@ -168,12 +168,13 @@ def plan_from(
 
 
 def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
-    """The scene of a member; ``rough``: with the errors of its terrain, which take time.
+    """The scene of a member.
 
-    A displacement that leads off the terrain is halved until it does not.
+    ``rough`` adds the errors of the terrain, which takes time. A displacement that would move a
+    vent off the terrain is halved until it does not.
 
     Raises:
-        LavaError: What was drawn makes no scene; the message names the member.
+        LavaError: The drawn values do not make a valid scene; the message names the member.
     """
     try:
         terrain = scene.terrain
@@ -219,13 +220,16 @@ def run_members(
     device: str | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[MemberFields]:
-    """Run members from the plan's start to the horizon; no device: the first GPU, or CPU.
+    """Run members from the plan's start to the horizon.
+
+    ``device`` is the Warp device; None for the first GPU, or the CPU without one. ``progress`` is
+    called with the mean share of the horizon that has been simulated.
 
     Returns:
-        Their fields, in the order of the members.
+        The fields of the members, in their order.
 
     Raises:
-        LavaError: A member makes no scene, or its flow is no longer one.
+        LavaError: A member has no valid scene, or its simulation fails.
     """
     # the solver loads Warp, which drawing and merging members do not need
     from lava_ros.simulation.batch import interleave
@@ -256,10 +260,10 @@ class MemberRun(Looking):
     def __init__(
         self, plan: Plan, member: Member, *, device: str | None, max_particles: int | None = None
     ) -> None:
-        """Start it, and take the first look.
+        """Start the member's simulation, and take the first look.
 
         Raises:
-            LavaError: It makes no scene, or as ``advance``.
+            LavaError: The member has no valid scene, or as in ``advance``.
         """
         simulation = _started(plan, member, device)
         start = simulation.time

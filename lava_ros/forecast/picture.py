@@ -36,9 +36,14 @@ def draw_narrowing(
     came: np.ndarray,
     output: Path,
 ) -> None:
-    """Draw maps of probability (0 to 100, NaN unknown) with their titles over shaded relief.
+    """Draw maps of probability over shaded relief, with outlines of observed and final lava.
 
-    Outlines show where lava was seen, and where it came: bool, shape [rows, columns].
+    Args:
+        scene: The terrain and the vents.
+        maps: Title and probability (0 to 100, NaN unknown) of each map, shape [rows, columns].
+        seen: Where lava was observed, bool, same shape.
+        came: Where lava came in the end, bool, same shape.
+        output: The picture; the suffix chooses the format.
 
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.
@@ -73,7 +78,10 @@ def frame_of(scene: Scene) -> Frame:
 
 
 def draw_reliability(axes: Any, probability: np.ndarray, came: np.ndarray) -> None:
-    """Draw how often lava came where it was said to come with a probability (0 to 1)."""
+    """Draw a reliability diagram: the share of cells that lava reached by forecast probability.
+
+    ``probability`` is from 0 to 1; ``came`` is bool, of the same shape.
+    """
     bins = [item for item in reliability(probability, came) if item.count]
     axes.plot([0, 100], [0, 100], color='#999999', linewidth=1.0, label='perfect')
     said = [100.0 * item.forecast for item in bins]

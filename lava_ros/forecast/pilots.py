@@ -76,11 +76,11 @@ def run_at(
     effects: Effects | Mapping[str, bool] | None = None,
     clock: Callable[[], float] = wall_clock.monotonic,
 ) -> Pilot:
-    """Run a scene to its horizon [s], or for a wall time [s] if that is shorter.
+    """Run a scene to ``horizon`` [s], or for ``wall_limit`` [s] of wall time if that is less.
 
-    Kernels are compiled before the clock starts. Looks at the flow on its way do not count as wall
-    time of the run, but as time spent. Effects are chosen by the scene and the refinement, but for
-    those of a mapping.
+    Kernels are compiled before the clock starts. Looks at the flow before the end do not count as
+    wall time of the run, but as time spent. ``effects`` are the physics, or a mapping that
+    switches some effects; all others are chosen for the scene and the refinement.
     """
     accuracy = accuracy_at(scene, refinement, horizon)
     warm = Simulation(scene, accuracy=accuracy, device=device, effects=effects)

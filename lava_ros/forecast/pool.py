@@ -43,7 +43,10 @@ class Pool(Generic[Job, Result]):
     """Processes that do the same with job after job; they end with the pool and with this one."""
 
     def __init__(self, work: Callable[[Job], Result], processes: int) -> None:
-        """Start no process yet; the work can be pickled, and goes to each of them once."""
+        """Set the function and the number of processes, without starting any.
+
+        ``work`` must be picklable; each process receives it once.
+        """
         self._work = work
         self._processes = processes
         self._executor: ProcessPoolExecutor | None = None

@@ -34,14 +34,14 @@ NEVER = np.iinfo(np.uint16).max
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """What a member did, in whole numbers, on the part of the terrain with its lava.
+    """The result of a member in integers, on the part of the terrain that its lava reached.
 
     Attributes:
         index: The member's number.
         corner: Row and column of the part's first cell.
-        look: Looks at the flow before the first with lava as thick as the threshold, uint16,
+        look: Number of looks before the first at which lava was as thick as the threshold, uint16,
             shape [rows, columns] of the part; ``NEVER`` where there was none.
-        millimetres: Largest thickness, uint32, same shape.
+        millimetres: Largest thickness [mm], uint32, same shape.
         left: Share of the emitted volume that has left the map.
     """
 
@@ -104,10 +104,10 @@ class Tally:
         return len(self._added)
 
     def add(self, footprint: Footprint, weight: int = 1) -> None:
-        """Add a member; its weight is what it counts in relation to the others.
+        """Add a member; ``weight`` is its weight relative to those of the others.
 
         Raises:
-            LavaError: The member is there already, or lies beyond the terrain.
+            LavaError: The member has been added already, or extends beyond the terrain.
         """
         if footprint.index in self._added:
             raise LavaError('member', footprint.index, 'a member that has not been added yet')

@@ -12,12 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The process of the forecasts: orders in, forecasts out.
+"""The process that computes forecasts: it receives orders and sends forecasts.
 
-The live simulation goes first: this process is nice, works in short slices, and rests between them
-so that it computes for no more than its share of the time. It has a Warp of its own,
-so neither Python's lock nor a graph that is being captured is in anyone's way, and what makes it
-fail ends a forecast, not an eruption.
+The live simulation has priority. This process therefore lowers its own priority, works in short
+slices and rests between them, so that it computes for no more than its share of the time. It has
+its own Python and Warp, so neither Python's lock nor the capture of a graph holds up the live
+simulation, and a crash ends a forecast, not an eruption.
 
 An order is the name of a method of ``Forecasting`` and its arguments, pickled. So are the answers:
 
@@ -26,8 +26,8 @@ An order is the name of a method of ``Forecasting`` and its arguments, pickled. 
     refused            number, reason
     ensemble_refused   reason
 
-and those of ``live_ensemble``. A look ahead comes before the ensemble from the same moment; from
-then on they take turns. The process ends when the other end of its connection is closed.
+and those of ``live_ensemble``. A look ahead starts before the ensemble from the same checkpoint;
+from then on they take turns. The process ends when the other end of its connection is closed.
 """
 
 from collections.abc import Callable, Mapping
@@ -66,7 +66,7 @@ class Forecasting:
     """Takes orders, one slice of a forecast after the other."""
 
     def __init__(self, orders: 'queue.Queue[Order]', answer: Answer) -> None:
-        """Begin without a forecast."""
+        """Start without a forecast; ``answer`` is called with every result of ``orders``."""
         self._orders = orders
         self._answer = answer
         self._ahead: LookAhead | None = None
@@ -96,11 +96,11 @@ class Forecasting:
         self._next_slice = now + min(rest, _LONGEST_REST)
 
     def share(self, share: float) -> None:
-        """Compute for a share of the time from now on."""
+        """Set the largest share of the time that forecasts may compute, from now on."""
         self._share = share
 
     def prepare(self) -> None:
-        """Load what ensembles need and takes a while."""
+        """Load the libraries that ensembles need, which takes a while."""
         self._guarded(prepare_sampling, self._refuse_ensemble)
 
     def fork(
@@ -112,13 +112,13 @@ class Forecasting:
         ensemble: Mapping[str, Any] | None,
         **how: Any,
     ) -> None:
-        """Look ahead from a moment, in place of what is at hand.
+        """Start a look ahead from a checkpoint, in place of the one in progress.
 
         Args:
             number: Number of the forecast.
-            checkpoint: The moment.
-            is_first: Whether nothing is known of the scene yet.
-            ensemble: What ``LiveEnsembles.order`` takes beside that, None for no ensemble.
+            checkpoint: The state from which to look ahead.
+            is_first: Whether this is the first forecast of the scene; it takes fewer looks.
+            ensemble: Further arguments of ``LiveEnsembles.order``, None for no ensemble.
             how: Horizon, threshold, device and max_particles, as ``LookAhead`` takes them.
         """
         self._ahead, self._number = None, number
@@ -133,11 +133,11 @@ class Forecasting:
         self._guarded(begin, self._refuse)
 
     def outline(self, number: int, outline: Outline) -> None:
-        """Weigh members by where lava was seen."""
+        """Weigh the members of the ensembles by an observed outline."""
         self._ensembles.observe(number, outline)
 
     def cancel(self) -> None:
-        """Give up what is at hand."""
+        """Give up the look ahead and the ensemble in progress."""
         self._ahead = None
         self._ensembles.drop()
 
@@ -168,7 +168,7 @@ class Forecasting:
 
     def _tell(self, ahead: LookAhead) -> None:
         known = dict(vars(ahead.forecast()))
-        # the node has the ground, and knows it by its identity
+        # the node has the terrain already
         del known['terrain']
         self._answer('forecast', number=self._number, **known)
 
@@ -194,7 +194,7 @@ class Forecasting:
 
 def main() -> None:
     """Take orders until there are no more."""
-    # Ctrl+C in a terminal goes to the node, which closes the connection.
+    # the node handles Ctrl+C in a terminal, and then closes the connection
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.nice(NICENESS)
     node = Connection(int(sys.argv[1]))

@@ -28,16 +28,17 @@ from lava_ros.scene.features import ENDINGS, read_features
 
 
 def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
-    """Read where lava was seen: areas, or a raster above 0 where it was, 0 where it was not.
+    """Read from a file where lava was observed.
 
-    The file is what ``features.read_features`` takes, with areas; or what ``raster_on`` takes, and
-    cells without data were not observed.
+    The file has areas (``features.read_features``), or is a raster (``raster_on``) with values
+    above 0 where lava was, 0 where it was not, and no data where nobody looked.
 
     Returns:
         Where lava was, and which cells were observed: bool, the terrain's shape.
 
     Raises:
-        LavaError: The file cannot be read, or has no known place.
+        LavaError: The file cannot be read, is not on the terrain, or has no known coordinate
+            system.
     """
     if Path(path).suffix.lower() in ENDINGS:
         values = areas_on(terrain, path, field='--observed').astype(np.float64)
@@ -49,16 +50,17 @@ def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.nda
 
 
 def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
-    """Read a raster, and take the value at the middle of each cell of a terrain.
+    """Read a raster, and sample it at the centres of a terrain's cells.
 
-    A GeoTIFF or an ESRI ASCII grid without coordinate system has the terrain's. ``field`` is what
-    errors call the file.
+    A GeoTIFF or an ESRI ASCII grid without a coordinate system is taken to be in the terrain's.
+    Errors name ``field``.
 
     Returns:
         float64, the terrain's shape; NaN where the raster has no data.
 
     Raises:
-        LavaError: The file cannot be read, or has no known place.
+        LavaError: The file cannot be read, has more than one band, has no data on the terrain, or
+            has no known coordinate system.
     """
     with opened_raster(field, path) as source:
         from rasterio.warp import reproject, Resampling
@@ -89,15 +91,17 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
 
 
 def areas_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
-    """Read areas, and mark the cells of a terrain whose middle is in one.
+    """Read areas, and mark the cells of a terrain whose centre is in one.
 
-    The file is what ``features.read_features`` takes; its points and lines do not count.
+    The file is one for ``features.read_features``; its points and lines are ignored. Errors name
+    ``field``.
 
     Returns:
         bool, the terrain's shape.
 
     Raises:
-        LavaError: The file cannot be read, has no area, or has no known place.
+        LavaError: The file cannot be read, has no area or no known coordinate system, or rasterio
+            is not installed.
     """
     require('rasterio', 'GeoTIFF', str(path))
     from rasterio.features import rasterize

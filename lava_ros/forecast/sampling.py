@@ -38,7 +38,7 @@ COORDINATES = (
     'discharge', 'temperature', 'viscosity', 'yield_strength', 'x', 'y', 'place_x', 'place_y',
 )
 
-#: More of them, behind those of the constants, where there are classes of eruptions.
+#: Further coordinates, after those of the constants, if there are classes of eruptions.
 ERUPTION = ('eruption', 'duration', 'volume')
 
 #: Most members an ensemble can have.
@@ -62,19 +62,19 @@ _DIGITS = 9
 
 @dataclass(frozen=True)
 class Member:
-    """What is different in one member.
+    """What distinguishes one member from the scene.
 
     Attributes:
         index: Its number, from 0.
         discharge: Factor on the discharge of all vents.
-        temperature: What is added to the temperature of all vents [K].
+        temperature: Offset of the temperature of all vents [K].
         viscosity: Factor on the lava's viscosity.
         yield_strength: Factor on the lava's yield strength.
-        displacement: What is added to the position of all vents (x, y) [m].
-        place: Where the vent is instead of where the scene has it (x, y) [m]; None: there.
-        seed: Numbers that the errors of its terrain are drawn from.
-        constants: Names and values of other constants of the lava.
-        eruption: Duration [s] and volume [m3] of the eruption; None: those of the scene.
+        displacement: Displacement of all vents (x, y) [m].
+        place: Position of the vent (x, y) [m], in place of the scene's; None leaves it there.
+        seed: Seed of the random errors of its terrain.
+        constants: Values of other constants of the lava, by name.
+        eruption: Duration [s] and volume [m3] of the eruption; None for those of the scene.
     """
 
     index: int
@@ -257,7 +257,7 @@ def _rounded(value: float) -> float:
 
 
 def rough_terrain(terrain: Terrain, roughness: Roughness, seed: tuple[int, ...]) -> Terrain:
-    """Add a random field to a terrain; cells without data stay so."""
+    """Add a random field, drawn with ``seed``, to a terrain; cells without data stay without."""
     field = random_field(terrain.shape, terrain.resolution, roughness, seed)
     return replace(terrain, elevation=terrain.elevation + field)
 

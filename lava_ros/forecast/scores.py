@@ -67,20 +67,22 @@ class BrierParts:
 
 
 def brier_score(probability: np.ndarray, outcome: np.ndarray) -> float:
-    """Mean square of probability (0 to 1, NaN does not count) less outcome (bool).
+    """Brier score: the mean squared difference of probability and outcome.
+
+    ``probability`` is from 0 to 1, and NaN does not count; ``outcome`` is bool, of the same shape.
 
     Raises:
-        LavaError: The shapes differ, a probability is none, or there is none at all.
+        LavaError: The shapes differ, a probability is not from 0 to 1, or all are NaN.
     """
     probability, outcome = _pairs(probability, outcome)
     return float(np.mean((probability - outcome) ** 2))
 
 
 def brier_parts(probability: np.ndarray, outcome: np.ndarray) -> BrierParts:
-    """The Brier score and its parts, which add up exactly; arguments as of ``brier_score``.
+    """The Brier score and its parts, which add up exactly; arguments as in ``brier_score``.
 
     Raises:
-        LavaError: As of ``brier_score``.
+        LavaError: As in ``brier_score``.
     """
     probability, outcome = _pairs(probability, outcome)
     said, place = np.unique(probability, return_inverse=True)
@@ -99,10 +101,13 @@ def brier_parts(probability: np.ndarray, outcome: np.ndarray) -> BrierParts:
 def reliability(
     probability: np.ndarray, outcome: np.ndarray, *, bins: int = BINS
 ) -> list[ReliabilityBin]:
-    """The points of a reliability diagram: of what was said to be 30 %, did 30 % come?
+    """The points of a reliability diagram: of what was forecast at 30 %, did 30 % come?
+
+    ``bins`` is the number of classes of equal width; empty ones have NaN. The other arguments are
+    those of ``brier_score``.
 
     Raises:
-        LavaError: As of ``brier_score``.
+        LavaError: As in ``brier_score``.
     """
     probability, outcome = _pairs(probability, outcome)
     # a share of members that ought to be 0.3 may be 0.299999999
@@ -118,10 +123,10 @@ def reliability(
 
 
 def entropy(probability: np.ndarray) -> np.ndarray:
-    """How undecided probabilities are: 0 bit where lava surely comes or does not, 1 at 0.5.
+    """Shannon entropy of probabilities (0 to 1): 0 bit where the outcome is certain, 1 bit at 0.5.
 
     Returns:
-        Bits, float64, same shape; NaN where the probability is.
+        Bits, float64, same shape; NaN where the probability is NaN.
     """
     sure = np.asarray(probability, dtype=np.float64)
     shares = np.stack([sure, 1.0 - sure])

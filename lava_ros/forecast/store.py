@@ -54,10 +54,10 @@ class Store:
         seed: int = 0,
         susceptibility: Susceptibility | None = None,
     ) -> None:
-        """Make the folder, or open that of the same ensemble.
+        """Create the folder of an ensemble, or reopen it.
 
         Raises:
-            LavaError: It cannot be written to, or holds another ensemble or other things.
+            LavaError: The folder cannot be written, or holds another ensemble or other files.
         """
         self.folder = Path(folder)
         self._plan = plan

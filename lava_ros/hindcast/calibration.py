@@ -272,10 +272,15 @@ class Evaluator:
         runs: int = 1,
         **options: Any,
     ) -> None:
-        """Start no process yet.
+        """Set up the evaluation, without starting a process yet.
 
-        More than one process share a GPU, too. Of several runs of a set, turned and mirrored, what
-        half cover is compared. Options are what ``load_case`` takes beside the folder.
+        Args:
+            directories: Folders of the cases.
+            settings: Settings of every run.
+            workers: Number of processes; several share one GPU.
+            runs: Runs for each set of constants, turned and mirrored. With more than one, the
+                cells that at least half of them cover are compared.
+            options: Further arguments of ``load_case``.
         """
         job = (tuple(map(str, directories)), tuple(sorted(options.items())), settings, runs)
         self._evaluate = partial(_evaluate, job)

@@ -132,11 +132,11 @@ class Case:
     ) -> 'Case':
         """The same eruption with other constants of the lava, by name.
 
-        It comes out with a temperature [K], None for the one it has, and every discharge is
-        multiplied by a factor.
+        ``temperature`` is the eruption temperature [K], None for the present one; ``discharge`` is
+        a factor on all discharges.
 
         Raises:
-            LavaError: A value is not usable.
+            LavaError: A name or a value is not usable.
         """
         scene = self.scene
         vents = tuple(

@@ -35,10 +35,10 @@ CELLS = 200
 
 
 def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Plan:
-    """What the members of a case have in common: they run as its hindcast does, to its end.
+    """Plan an ensemble of a case whose members run as its hindcast does, to the same end.
 
-    Where the case does not say what is uncertain, everything is that has a published range. Each
-    map is a look; lava has come from a thickness on [m].
+    If the case does not say what is uncertain, everything with a published range is. Each map is a
+    look; ``threshold`` is the thickness at which lava counts as arrived [m].
 
     Raises:
         LavaError: The case has events, or an argument is not usable.

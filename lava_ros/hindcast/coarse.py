@@ -28,11 +28,11 @@ from lava_ros.simulation.snapshot import Snapshot
 
 
 def coarsened(terrain: Terrain, factor: int) -> Terrain:
-    """Average a terrain over cells that are larger by a factor, about the same centre.
+    """Average a terrain over cells that are larger by ``factor``, around the same centre.
 
-    Where the sides are no multiples of the larger cells, these reach over all borders alike: a
-    terrain that is turned by a quarter has the same cells. One has data where any of the cells in
-    it has.
+    If the sides are not multiples of the larger cells, these extend beyond all borders alike, so a
+    terrain that is turned by 90 degrees gets the same cells. A larger cell has data where at least
+    one of its cells has.
     """
     if factor == 1:
         return terrain

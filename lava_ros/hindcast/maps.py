@@ -49,9 +49,13 @@ def comparison(snapshot: Snapshot, footprint: np.ndarray) -> np.ndarray:
 def write_maps(
     case: Case, result: Result, folder: Path, several: Agreement | None = None
 ) -> list[Path]:
-    """Write the maps, north up, on the grid of the elevation, and name the files.
+    """Write the maps of a hindcast, north up, on the grid of its elevation.
 
-    What more runs agree on gives a map of the share of them that covers each cell.
+    ``several`` is the agreement of several runs; it adds a map of the share of them that covers
+    each cell.
+
+    Returns:
+        The paths of the files.
 
     Raises:
         LavaError: rasterio is not installed, or a file cannot be written.
@@ -80,7 +84,7 @@ def write_maps(
 
 
 def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path) -> None:
-    """Draw hits, misses and false alarms of a flow at its end; the suffix says the format.
+    """Draw hits, misses and false alarms of a flow at its end; the suffix chooses the format.
 
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.

@@ -39,10 +39,10 @@ def write_page(
     output: Path,
     several: Agreement | None = None,
 ) -> None:
-    """Write the page; it needs no other file, for it takes in the picture, a PNG.
+    """Write the page of a hindcast as one HTML file that includes the picture, a PNG.
 
     Raises:
-        LavaError: The page cannot be written, or the picture not be read.
+        LavaError: The page cannot be written, or the picture cannot be read.
     """
     sections = (
         f'<h2>Lava</h2>\n<p class="note">{escape(_material(case))}</p>\n<table>\n'

@@ -111,13 +111,13 @@ def run_several(
     folder: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[Result]:
-    """Run a case in several directions, or go on where that was cut off.
+    """Run a case in several directions, or resume an interrupted set of runs.
 
-    The folder is where what is needed to go on is kept, None for nowhere; ``progress`` is told the
-    share that is simulated, at each map.
+    ``folder`` keeps the state that is needed to resume, None keeps nothing. ``progress`` is called
+    at each map with the share of the time that has been simulated.
 
     Returns:
-        The result of each run, put back on the cells of the case.
+        The result of each run, turned back onto the cells of the case.
 
     Raises:
         LavaError: A setting is not usable, or the folder is of another case or other settings.
@@ -157,9 +157,9 @@ def run_together(
 
 
 def turned(case: Case, quarters: int, *, mirror: bool = False) -> Case:
-    """Turn ground, vents and footprint counterclockwise by quarters, mirrored before if asked.
+    """Turn terrain, vents and footprint counterclockwise by ``quarters`` times 90 degrees.
 
-    The map frame's origin stays a corner; a mirror exchanges east and west.
+    ``mirror`` exchanges east and west first. The map frame's origin stays a corner.
     """
     if mirror:
         case = _changed(case, lambda x, y, width, _: (width - x, y), _mirror)
@@ -259,14 +259,20 @@ def _put_back(case: Case, result: Result, direction: Direction) -> Result:
 
 
 def agreed(snapshots: Sequence[Snapshot]) -> tuple[np.ndarray, np.ndarray]:
-    """Share of the runs that cover each cell, and mean thickness where half of them do [m]."""
+    """Combine runs: share of them that covers each cell, and their mean thickness [m].
+
+    The mean thickness is 0 where less than half of the runs cover a cell.
+    """
     share = np.mean([covered_by(snapshot) for snapshot in snapshots], axis=0)
     mean = np.mean([np.nan_to_num(snapshot.thickness) for snapshot in snapshots], axis=0)
     return share, np.where(share >= 0.5, mean, 0.0)
 
 
 def agreement(case: Case, snapshots: Sequence[Snapshot]) -> Agreement:
-    """Compare runs, as they are at the end, with the map of their case, each and together."""
+    """Compare runs with the mapped footprint of their case, each alone and combined.
+
+    ``snapshots`` are the final states of the runs, on the cells of the case.
+    """
     share, thickness = agreed(snapshots)
     return Agreement(
         scores=tuple(judge(case, item.thickness, covered_by(item)) for item in snapshots),

@@ -102,13 +102,13 @@ class Result:
 
     Attributes:
         snapshot: The flow at its end.
-        peak: Largest thickness that any map has had [m], float32, shape [rows, columns].
-        wall_time: Time that it took [s], without reading and writing files, and without that of
-            others between its parts.
-        most_particles: Most particles there were at any look.
-        effects: The effects that were on at its end.
+        peak: Largest thickness in any map [m], float32, shape [rows, columns].
+        wall_time: Wall time of the run [s], without file access, and without that of other runs
+            that took turns with it.
+        most_particles: Largest number of particles at any look.
+        effects: The effects that were on at the end.
         accuracy: The resolution, with every automatic value filled in.
-        resolution: How many particles lie across the flow.
+        resolution: Number of particles across the flow.
         device: Name of the Warp device.
     """
 
@@ -147,7 +147,7 @@ class Run:
     """
 
     def __init__(self, case: Case, settings: Settings, *, folder: Path | None = None) -> None:
-        """Begin, or go on with what is kept in the folder; None keeps nothing.
+        """Start a run, or resume the one whose state is in ``folder``; None keeps nothing.
 
         Raises:
             LavaError: A setting is not usable, or the folder is of another case or other settings.

@@ -93,7 +93,7 @@ class Score:
 
 
 def covered_by(snapshot: Snapshot) -> np.ndarray:
-    """Cells that lava came to, as the simulation notes it at its steps; bool."""
+    """The cells that lava has reached at any time step, bool, shape [rows, columns]."""
     assert snapshot.arrived is not None
     return np.isfinite(snapshot.arrived) & snapshot.terrain.has_data
 
@@ -107,15 +107,15 @@ def score(
     vents: Sequence[tuple[int, int]],
     emitted: float,
 ) -> Score:
-    """Compare a flow with a map.
+    """Compare a simulated flow with a mapped one.
 
     Args:
         thickness: Thickness of the simulated lava [m], NaN without data, shape [rows, columns].
-        covered: Where it counts as covered, bool, same shape.
-        footprint: Where lava was mapped, bool, same shape.
+        covered: Cells that count as covered, bool, same shape.
+        footprint: Cells of the mapped lava, bool, same shape.
         resolution: Side of a cell [m].
         vents: Row and column of each vent.
-        emitted: Volume that came out [m3].
+        emitted: Emitted volume [m3].
     """
     thickness = np.nan_to_num(thickness)
     hits = int((covered & footprint).sum())
@@ -147,7 +147,8 @@ def score(
 def judge(case: Case, thickness: np.ndarray, covered: np.ndarray) -> Score:
     """Compare a flow with the map of its case.
 
-    Its thickness [m] and where it counts as covered, bool, have the shape [rows, columns].
+    ``thickness`` [m] and ``covered`` (bool) are as in ``score``, shape [rows, columns] of the
+    case.
     """
     terrain = case.scene.terrain
     places = [vent.position for vent in case.scene.vents]

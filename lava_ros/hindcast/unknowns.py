@@ -104,12 +104,12 @@ def unknowns_of(
     names: tuple[str, ...] = (),
     ranges: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[Unknown, ...]:
-    """The unknowns of a case: those named, else those with a published range.
+    """The unknowns of a case: those in ``names``, or all with a published range.
 
-    Ranges given by name are in place of the published ones.
+    ``ranges`` adds unknowns by name, and replaces published ranges.
 
     Raises:
-        LavaError: A name is unknown, or an unknown has no range.
+        LavaError: A name is unknown, an unknown has no range, or there is no unknown at all.
     """
     ranges = dict(ranges or {})
     chosen = tuple(dict.fromkeys((*names, *ranges)))

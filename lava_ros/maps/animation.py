@@ -114,7 +114,11 @@ def animate_bag(
 
 
 def ffmpeg() -> str:
-    """Path of the program that makes MP4; LavaError where there is none."""
+    """Path of the ffmpeg program, which writes MP4.
+
+    Raises:
+        LavaError: ffmpeg is not installed.
+    """
     found = shutil.which('ffmpeg')
     if found is None:
         right = 'ffmpeg on the path: apt install ffmpeg; a .gif needs none'
@@ -124,9 +128,10 @@ def ffmpeg() -> str:
 
 @dataclass(frozen=True)
 class _Survey:
-    """What all pictures have in common: the place, the colours and the times [s].
+    """What all pictures have in common: place, colours, and start and end times [s].
 
-    The frame is the last one, with the largest value each cell ever had as its layer, ``item``.
+    ``frame`` is the last frame; ``item`` is its layer, with the largest value that each cell ever
+    had.
     """
 
     frame: Frame

@@ -47,7 +47,7 @@ class Arrival:
     """
 
     def __init__(self, threshold: float) -> None:
-        """Begin without frames; lava has arrived from a thickness on [m]."""
+        """Start without frames; lava counts as arrived from ``threshold`` [m] on."""
         self.threshold = threshold
         self._grid: tuple[object, ...] | None = None
         self.times: np.ndarray | None = None
@@ -59,9 +59,10 @@ class Arrival:
         self.frame: Frame | None = None
 
     def add(self, frame: Frame) -> None:
-        """Take a frame, later than the one before; one without thickness or time is passed over.
+        """Add a frame, later than the one before; frames without thickness or time are ignored.
 
-        LavaError where the frame's layer leaves out lava that is as thick as the threshold.
+        Raises:
+            LavaError: The frame's layer does not show lava as thin as the threshold.
         """
         shown = frame.layers.get(THICKNESS)
         if shown is None or frame.time is None:
@@ -92,7 +93,11 @@ class Arrival:
 
 
 def check_threshold(threshold: float, layer: Layer) -> None:
-    """Refuse a threshold below what a layer of thickness shows."""
+    """Check that a layer of thickness shows lava as thin as ``threshold`` [m].
+
+    Raises:
+        LavaError: The threshold is not above 0, or is below that of the layer.
+    """
     if threshold <= 0.0 or threshold < layer.threshold * (1.0 - 1e-6):
         right = f'at least {layer.threshold:g} m: the layer {layer.name} shows no thinner lava'
         if layer.threshold <= 0.0:

@@ -52,7 +52,12 @@ _MEANINGS = {
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the map frame is: EPSG code, None where nobody knows, and its origin [m] in that."""
+    """Where the map frame is.
+
+    Attributes:
+        epsg: EPSG code of the coordinate system, None if unknown.
+        offset: Coordinates of the map frame's origin in that system (easting, northing) [m].
+    """
 
     epsg: int | None
     offset: tuple[float, float]
@@ -60,7 +65,7 @@ class Placement:
 
 @dataclass(frozen=True)
 class Exported:
-    """The files that were written, and where in the world they are."""
+    """The files written, and where in the world their maps are."""
 
     files: tuple[Path, ...]
     placement: Placement
@@ -154,10 +159,13 @@ def placement_of(
     epsg: int | None = None,
     offset: tuple[float, float] | None = None,
 ) -> Placement:
-    """Where the map frame of a bag is, by what it says of its scene, or else by the arguments.
+    """Where the map frame of a bag is.
+
+    The description of the scene in the bag decides; ``epsg`` and ``offset`` [m] fill in what it
+    lacks.
 
     Raises:
-        LavaError: The bag says otherwise, or what it says is not usable.
+        LavaError: An argument contradicts the bag, or the bag's own values are not usable.
     """
     terrain = scene.get('terrain')
     terrain = terrain if isinstance(terrain, Mapping) else {}

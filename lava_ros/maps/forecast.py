@@ -67,19 +67,21 @@ class Forecast:
 
 @dataclass(frozen=True, eq=False)
 class HazardMaps:
-    """What an ensemble says about each cell of the terrain.
+    """The maps of an ensemble on the cells of the terrain.
 
-    All arrays are float32 and of the terrain's shape, with NaN where the terrain has no data.
+    All arrays are float32, have the terrain's shape, and are NaN where the terrain has no data.
 
     Attributes:
         probability: Probability that lava comes up to the horizon, 0 to 100.
-        arrival: Time [s] by which 10, 50 and 90 % of the members had lava here, by the share of
-            ``QUANTILES``; NaN where fewer than that had any up to the horizon.
+        arrival: Times [s] by which a share of the members had lava in a cell, by the shares in
+            ``QUANTILES``, 10, 50 and 90 %; NaN where fewer members had any up to the horizon.
         thickness: Mean over all members of the largest thickness [m].
-        members: Members that are in it.
-        effective_members: Members of equal weight that would say as much: (sum w)^2 / sum w^2.
-        arrival_error: Arrival times are known to this [s], half the time between two looks.
-        members_beyond: Members of which some lava has left the map: where it went nobody knows.
+        members: Number of members in the maps.
+        effective_members: Number of members of equal weight with the same information,
+            (sum w)^2 / sum w^2.
+        arrival_error: Error of arrival times [s]: half the time between two looks.
+        members_beyond: Number of members of which some lava has left the map; nothing is known of
+            where it went.
     """
 
     probability: np.ndarray
@@ -126,7 +128,7 @@ class Outlook:
     duration: float
 
     def forecast(self, share: float) -> Forecast:
-        """What a forecast would say: arrival by one of ``QUANTILES``, mean thickness."""
+        """A forecast with mean thickness, and arrival times by ``share``, one of ``QUANTILES``."""
         thickness = self.maps.thickness
         return Forecast(
             time=self.time,

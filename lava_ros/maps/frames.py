@@ -36,7 +36,7 @@ from lava_ros.maps.message_arrays import cloud_columns, image_array
 from lava_ros.scene import MAX_COORDINATE, Terrain
 from lava_ros.simulation.accuracy import COVERED
 
-#: Is told what is being done, and the share that is done.
+#: Called with the name of the activity and the share of it that is done, 0 to 1.
 Progress = Callable[[str, float], None]
 
 # Resolution and origin (x, y) of a grid [m].
@@ -141,7 +141,9 @@ class Recording:
     """
 
     def __init__(self, path: str | Path, *, more: Sequence[Layer] = ()) -> None:
-        """Find out what the bag holds, and which of ``more`` layers beside those it says it has.
+        """Open a bag and find its layers.
+
+        ``more`` are layers to look for in addition to those that the bag describes.
 
         Raises:
             LavaError: The bag cannot be read, or has no maps or no terrain.
@@ -170,9 +172,10 @@ class Recording:
         return {name for name in names if name is not None}
 
     def frame_at(self, time: float | None = None) -> Frame:
-        """Read the newest maps up to a simulated time [s], None for the last ones.
+        """Read the newest maps up to a simulated time [s]; None for the last ones.
 
-        LavaError where the bag is damaged or lacks what is asked for.
+        Raises:
+            LavaError: The bag is damaged, or has no terrain or no map at that time.
         """
         stamp = self.timeline.stamp_at(time)
         if stamp is None:

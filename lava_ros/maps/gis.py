@@ -68,7 +68,11 @@ class Place:
 
 
 def coordinate_system(epsg: int | None) -> Any:
-    """What rasterio calls a coordinate system, None for None; LavaError where GDAL has none."""
+    """The rasterio coordinate system of an EPSG code; None for None.
+
+    Raises:
+        LavaError: GDAL does not know the code.
+    """
     from rasterio.crs import CRS
     from rasterio.errors import CRSError
 
@@ -81,7 +85,11 @@ def coordinate_system(epsg: int | None) -> Any:
 
 
 def place_of(terrain: Terrain) -> Place:
-    """Where the cells of a terrain are; LavaError where GDAL does not know its coordinates."""
+    """Where the cells of a terrain are.
+
+    Raises:
+        LavaError: GDAL does not know the terrain's coordinate system.
+    """
     corner = (terrain.offset[0] + terrain.origin[0], terrain.offset[1] + terrain.origin[1])
     return Place(corner, terrain.resolution, coordinate_system(terrain.epsg))
 
@@ -153,10 +161,13 @@ def write_map(
 def write_grid(
     path: Path, values: np.ndarray, terrain: Terrain, *, unit: str, meaning: str
 ) -> Path:
-    """Write numbers on the cells of a terrain as GeoTIFF; the band has the name of the file.
+    """Write values on the cells of a terrain as GeoTIFF, and return its path.
+
+    ``meaning`` describes the values, and ``unit`` is their unit. The band is named after the file.
 
     Raises:
-        LavaError: rasterio is not installed, or the file cannot be written.
+        LavaError: rasterio is not installed, GDAL does not know the coordinate system, or the file
+            cannot be written.
     """
     require('rasterio', 'GeoTIFF', str(path))
     place = place_of(terrain)
@@ -165,9 +176,10 @@ def write_grid(
 
 
 def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, Any]]:
-    """Cells (bool, row 0 the southernmost) as a feature of GeoJSON; none without cells.
+    """Turn cells into a list of one GeoJSON feature in the map's coordinates; empty without cells.
 
-    It is in the map's own coordinates, with the properties and its ``area_m2``.
+    ``cells`` is bool, shape [rows, columns], row 0 the southernmost. The feature has
+    ``properties`` and its ``area_m2``.
     """
     from rasterio.features import shapes
     from rasterio.transform import Affine
@@ -184,9 +196,10 @@ def area(cells: np.ndarray, place: Place, **properties: Any) -> list[dict[str, A
 
 
 def isochrones(times: np.ndarray, place: Place) -> list[dict[str, Any]]:
-    """What lava has reached by round times, each with all that was reached before.
+    """GeoJSON features of the area that lava had reached by each of several round times.
 
-    Times [s] are NaN where it did not come, shape [rows, columns].
+    ``times`` are arrival times [s], shape [rows, columns], NaN where no lava came. Each feature
+    includes the area of the earlier ones.
     """
     if not np.isfinite(times).any():
         return []
@@ -216,7 +229,11 @@ def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
 
 
 def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
-    """Refuse formats whose library is missing, and GeoJSON of maps without coordinates."""
+    """Check that the files of some formats can be written.
+
+    Raises:
+        LavaError: A library is missing, or GeoJSON is asked for without a coordinate system.
+    """
     if 'geojson' in formats and crs is None:
         right = 'the EPSG code of the map: GeoJSON has longitudes and latitudes'
         raise LavaError('epsg', None, right)
@@ -235,13 +252,13 @@ def write_formats(
     place: Place,
     title: str,
 ) -> list[Path]:
-    """Write what has one file for all of a map, or for all maps, and name the files.
+    """Write the formats that hold several layers or maps, and return the paths of their files.
 
-    ``geojson`` and ``gpkg`` are of the layers, features by name; ``nc`` of the maps, which are as
-    of ``write_netcdf``; other formats are ignored.
+    ``geojson`` (a file for each layer) and ``gpkg`` hold ``layers``, lists of features by name.
+    ``nc`` holds ``maps``, as ``write_netcdf`` takes them. Other formats are ignored.
 
     Raises:
-        LavaError: As of ``require_formats``, or a file cannot be written.
+        LavaError: As in ``require_formats``, or a file cannot be written.
     """
     require_formats(formats, folder, place.crs)
     written = []
@@ -259,7 +276,11 @@ def write_formats(
 
 
 def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Place) -> None:
-    """Write features in longitude and latitude, as RFC 7946 has it."""
+    """Write features in longitude and latitude, as RFC 7946 demands.
+
+    Raises:
+        LavaError: The file cannot be written.
+    """
     from rasterio.warp import transform_geom
 
     turned = [
@@ -273,7 +294,11 @@ def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Plac
 def write_geopackage(
     path: Path, layers: Mapping[str, Sequence[Mapping[str, Any]]], place: Place
 ) -> None:
-    """Write layers of features in the coordinate system of the map; empty ones are left out."""
+    """Write layers of features in the coordinate system of the map; empty layers are left out.
+
+    Raises:
+        LavaError: The file cannot be written.
+    """
     import fiona
 
     try:
@@ -304,9 +329,12 @@ def write_geopackage(
 def write_netcdf(
     path: Path, maps: Mapping[str, tuple[np.ndarray, str, str]], place: Place, title: str
 ) -> None:
-    """Write maps into one file that keeps the CF conventions.
+    """Write maps to a NetCDF file that follows the CF conventions.
 
-    Of each, by name: values (NaN without data), unit and meaning.
+    ``maps`` has values (NaN without data), unit and meaning of each map by name.
+
+    Raises:
+        LavaError: The file cannot be written.
     """
     import xarray
 
@@ -340,7 +368,11 @@ def write_netcdf(
 
 
 def write_style(path: Path, name: str, values: np.ndarray) -> None:
-    """Write the style that QGIS takes for a GeoTIFF of the same name; none for an unknown map."""
+    """Write the QGIS style of a GeoTIFF beside it; maps without a known style get none.
+
+    Raises:
+        LavaError: The file cannot be written.
+    """
     if name not in _DRAWN or not np.isfinite(values).any():
         return
     colours = STYLES[_DRAWN[name]].colours

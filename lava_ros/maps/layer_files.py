@@ -62,12 +62,20 @@ _TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
 
 
 def load_layers(path: str | Path) -> tuple[Layer, ...]:
-    """Read a file of msg_configs/; LavaError where a key or a value in it is wrong."""
+    """Read a file of msg_configs/.
+
+    Raises:
+        LavaError: The file cannot be read, or a key or value in it is wrong.
+    """
     return layers_from_dict(read_yaml('msg_config', path))
 
 
 def layers_from_dict(data: object) -> tuple[Layer, ...]:
-    """Build the layers from the plain data of a file; LavaError names the key that is wrong."""
+    """Build the layers from the plain data of a file.
+
+    Raises:
+        LavaError: A key or value is wrong; the message names it and what is allowed.
+    """
     top = validation.keys('msg_config', data, allowed=['layers'], required=['layers'])
     entries = top['layers']
     if not isinstance(entries, Mapping) or not entries:
@@ -86,10 +94,10 @@ def layers_from_dict(data: object) -> tuple[Layer, ...]:
 
 
 def switched(layers: Sequence[Layer], *, on: Sequence[str], off: Sequence[str]) -> list[Layer]:
-    """Enable and disable layers by their names, whatever their file says.
+    """Enable the layers named in ``on`` and disable those in ``off``, whatever their file says.
 
     Raises:
-        LavaError: A name is none of a layer, or stands in both lists.
+        LavaError: A name is not that of a layer, or is in both lists.
     """
     known = [layer.name for layer in layers]
     for field_name, names in (('layers_on', on), ('layers_off', off)):

@@ -344,7 +344,7 @@ class Layer:
 
 
 def within(marked: np.ndarray, distance: float) -> np.ndarray:
-    """Find the cells, bool [rows, columns], as near to a marked one as a distance [cells]."""
+    """Mark all cells within ``distance`` [cells] of a marked one; bool, shape [rows, columns]."""
     result = marked.copy()
     if distance < 1.0 or not marked.any():
         return result

@@ -29,7 +29,9 @@ IMAGE_TYPES = {'32FC1': 'f4', '16UC1': 'u2'}
 
 
 def image_array(image: Any, name: str) -> np.ndarray:
-    """A view of an image's pixels, shape [height, width], of the encoding's own type.
+    """A view of an image's pixels, shape [height, width], in the type of its encoding.
+
+    Errors name the message by ``name``.
 
     Raises:
         LavaError: The encoding is not one of ``IMAGE_TYPES``, or size, step and data disagree.
@@ -51,11 +53,13 @@ def image_array(image: Any, name: str) -> np.ndarray:
 def cloud_columns(
     cloud: Any, name: str, required: Sequence[str], optional: Sequence[str] = ()
 ) -> dict[str, np.ndarray]:
-    """Read fields of a point cloud, organised or not, whatever their order, type and padding.
+    """Read fields of a point cloud, organised or not, in any order, type and padding.
+
+    Errors name the message by ``name``.
 
     Returns:
-        Values by field name, float64, shape [height x width], of the required fields and of those
-        optional ones that are there. All are empty for a cloud without points.
+        Values by field name, float64, shape [height x width], of the required fields and of the
+        optional ones present. A cloud without points has empty arrays of the required fields.
 
     Raises:
         LavaError: A field is missing or malformed, or size, steps and data disagree.

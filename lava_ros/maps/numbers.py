@@ -21,7 +21,7 @@ import math
 
 
 def table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[str]:
-    """Lines of a table of Markdown: titles of the columns, and lines of as many cells."""
+    """Format a Markdown table as lines: the column titles, then rows of as many cells."""
     lines = ['| ' + ' | '.join(head) + ' |', '|---' * len(head) + '|']
     return lines + ['| ' + ' | '.join(line) + ' |' for line in body]
 

@@ -153,9 +153,9 @@ def bounds_of(frame: Frame, shown: np.ndarray) -> Window:
 
 
 def window_of(bounds: Window, limits: Window, aspect: float, least: float) -> Window:
-    """The part of the map to draw: some bounds with a margin, inside limits where it fits.
+    """The part of the map to draw: ``bounds`` with a margin, inside ``limits`` where it fits.
 
-    It is ``aspect`` times as wide as high, and ``least`` [m] wide and high at least.
+    The window is ``aspect`` times as wide as high, and at least ``least`` [m] in both directions.
     """
     x0, y0, x1, y1 = bounds
     width = max((x1 - x0) * (1.0 + 2.0 * MARGIN), least)
@@ -214,9 +214,9 @@ class Scale:
 
 
 def scale_of(source: str, values: np.ndarray, *, is_saturated: bool = False) -> Scale:
-    """The scale of a map, one of ``STYLES``, by its values, NaN where nothing is shown.
+    """Choose the colour scale of a map from its values, NaN where nothing is shown.
 
-    There may be larger values than these where they are saturated.
+    ``source`` is one of ``STYLES``. ``is_saturated`` says that values may be larger than given.
     """
     from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, ListedColormap, Normalize
 
@@ -271,10 +271,18 @@ def draw_map(
     fissures: Any = (),
     extent: Window | None = None,
 ) -> tuple[Any, Any]:
-    """Draw a picture (RGBA 0..1) of the terrain's cells, and the vents, into axes with a window.
+    """Draw a picture (RGBA, 0 to 1) of the terrain's cells, and the vents.
 
-    Fissures are ends of vents that are lines [m], shape [count, 2, 2]; of a part of the cells the
-    extent is its own: left, right, bottom, top [m]. Returned are the artists of picture and vents.
+    Args:
+        axes: Axes to draw into.
+        frame: The terrain and the vents.
+        picture: Colours of the cells, shape [rows, columns, 4].
+        window: The part of the map that the axes show: left, bottom, right, top [m].
+        fissures: Ends of the vents that are lines [m], shape [count, 2, 2].
+        extent: Edges of a picture of only some cells: left, right, bottom, top [m]; None for all.
+
+    Returns:
+        The artists of the picture and of the vents.
     """
     x0, y0, x1, y1 = extent_of(frame)
     image = axes.imshow(
@@ -334,9 +342,10 @@ def draw_contours(axes: Any, frame: Frame, window: Window) -> None:
 
 
 def draw_ticks(axes: Any, offset: tuple[float, float] | None = None) -> None:
-    """Coordinates along the edges, and a thin grid.
+    """Draw coordinates along the edges, and a thin grid.
 
-    They are easting and northing by the offset [m] of the map frame's origin, or the map's own.
+    ``offset`` is the map frame's origin [m]; coordinates are then easting and northing. None draws
+    those of the map frame.
     """
     from matplotlib.ticker import FuncFormatter
 

@@ -116,10 +116,10 @@ def draw_sheet(
     overlays: Mapping[str, Sequence[Feature]] | None = None,
     charts: Sequence[Callable[[Any], None]] = (),
 ) -> None:
-    """Draw maps, and maybe charts, on one page of the shape that shows the lava largest.
+    """Draw maps, and optional charts, on one page whose layout shows the lava largest.
 
-    Maps of the same kind have the same colours, and all show the same place; they are in one
-    coordinate system, as the overlays are. The suffix of the file chooses the format.
+    All maps show the same area, and maps of the same kind share a colour scale. Panels and
+    overlays must be in the same coordinate system. The suffix of the file chooses the format.
 
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.
@@ -204,7 +204,7 @@ def _scales(panels: Sequence[Panel]) -> dict[str, Scale]:
 
 @dataclass(frozen=True)
 class _Page:
-    """Where everything is on the page: its sides and the footer's height [inches], and maps."""
+    """The layout of a page: its size, the height of its footer [inches], and its grid."""
 
     width: float
     height: float

@@ -64,11 +64,14 @@ class Words:
 def draw_runs(
     paths: Sequence[str | Path], output: str | Path, words: Words | None = None
 ) -> dict[str, Any]:
-    """Draw bags and ensembles on one page, and return what it says, as plain data.
+    """Draw bags and ensembles on one page.
+
+    Returns:
+        The text, titles and scores of the page as plain data.
 
     Raises:
-        LavaError: A run or a file cannot be read, they do not go together, or the picture cannot
-            be written.
+        LavaError: A run or a file cannot be read, the runs cannot be compared, or the picture
+            cannot be written.
     """
     words = words or Words()
     runs = [read_run(path, time=words.time, wanted=words.layers) for path in paths]
@@ -112,7 +115,11 @@ def draw_runs(
 
 
 def _check_together(runs: Sequence[Run]) -> None:
-    """Refuse runs that are in different places, and those that cannot be told apart."""
+    """Check that runs have the same coordinate system and different names.
+
+    Raises:
+        LavaError: Two runs have different coordinate systems, or the same name.
+    """
     names = [run.name for run in runs]
     if len(set(names)) < len(names):
         raise LavaError('runs', ', '.join(names), 'runs whose folders have different names')

@@ -59,7 +59,7 @@ _USUAL = (
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A bag or an ensemble: maps by name, facts by their terms, and the ground."""
+    """A bag or an ensemble: its maps by name, its facts by term, and the ground."""
 
     name: str
     title: str
@@ -81,13 +81,14 @@ def is_ensemble(path: str | Path) -> bool:
 
 
 def read_run(path: str | Path, *, time: float | None = None, wanted: Collection[str] = ()) -> Run:
-    """Read a bag's directory, an .mcap file, or what ``lava ensemble`` has written.
+    """Read a bag's directory, an .mcap file, or the output of ``lava ensemble``.
 
-    Of a bag, the maps are those of a simulated time [s], None for the last there is; what takes
-    long is only there when it is wanted.
+    ``time`` is the simulated time of a bag's maps [s], None for the last ones. Maps that take long
+    to make are only made if they are ``wanted``.
 
     Raises:
-        LavaError: It cannot be read, or lacks what is asked for.
+        LavaError: The run cannot be read, lacks a wanted map, or is an ensemble and ``time`` is
+            set.
     """
     if not is_ensemble(path):
         return _bag(Path(path), time, wanted)

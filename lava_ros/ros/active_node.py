@@ -54,7 +54,7 @@ CHECKPOINT_TIMEOUT = 2.0
 
 
 class Operation:
-    """A configured node: takes inputs, and once it is active lets time pass and publishes.
+    """A configured node: it takes inputs and, while active, lets time pass and publishes.
 
     Attributes:
         is_active: Whether time passes and layers are published.
@@ -70,7 +70,9 @@ class Operation:
         *,
         entities: Entities,
     ) -> None:
-        """Join the graph, and start on what there is, with time standing still.
+        """Create publishers, subscriptions and services, and load ``sources``; time stands still.
+
+        ``values`` returns the parameters of the node by name.
 
         Raises:
             LavaError: A file that a parameter names is not usable.

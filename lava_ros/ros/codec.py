@@ -95,7 +95,7 @@ def float_image(values: np.ndarray, message_header: Header) -> Image:
 
 
 def point_cloud(columns: Mapping[str, Any], message_header: Header) -> PointCloud2:
-    """Make an unorganised cloud of FLOAT32 fields from columns of equal length."""
+    """Make an unorganised cloud of FLOAT32 fields from columns of equal length, by field name."""
     points = np.stack([np.asarray(values, '<f4') for values in columns.values()], axis=-1)
     cloud = PointCloud2(header=message_header, height=1, width=len(points))
     cloud.fields = [
@@ -136,10 +136,10 @@ _ENCAPSULATION = 4
 
 
 def decode(data: bytes, message_class: Any, topic: str, *, max_bytes: int) -> Any:
-    """Read a message of a class from CDR; ``topic`` is what errors call it.
+    """Deserialise a message of ``message_class`` from CDR; errors name ``topic``.
 
     Raises:
-        LavaError: It is too large, or cannot be read as a message of this class.
+        LavaError: The message is larger than ``max_bytes``, or is not of this class.
     """
     if len(data) > max_bytes + OVERHEAD:
         raise LavaError(topic, f'{len(data)} bytes', f'at most {max_bytes} (max_input_bytes)')

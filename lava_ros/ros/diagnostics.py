@@ -145,10 +145,16 @@ def simulation_status(
     resolution: Resolution | None = None,
     clock: str = '',
 ) -> DiagnosticStatus:
-    """Say how the simulation is doing.
+    """The status of the simulation.
 
-    The snapshot is the one that was published last, with its wet cells and its stamp [ns];
-    ``clock`` says what is wrong with the clock, if anything.
+    Args:
+        worker: The state of the worker.
+        snapshot: The snapshot that was published last, None before the first.
+        is_active: Whether the node is active.
+        wet_cells: Number of cells with lava in the snapshot.
+        frame_stamp_ns: Stamp of the snapshot's maps [ns].
+        resolution: How well particles resolve the flow, None if unknown.
+        clock: What is wrong with the clock, empty if nothing is.
     """
     level, message = _LEVELS[worker.state], worker.state.value
     is_running = worker.state is WorkerState.RUNNING
@@ -186,7 +192,7 @@ def simulation_status(
 
 
 def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
-    """What a status says of maps with a stamp [ns]."""
+    """The values of a status for a snapshot; ``stamp_ns`` is the stamp of its maps [ns]."""
     steps = snapshot.steps
     return {
         'simulated_time_s': repr(snapshot.time),
@@ -201,7 +207,7 @@ def snapshot_values(snapshot: Snapshot, stamp_ns: int) -> dict[str, object]:
 
 
 def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
-    """Say which effects are on, and why each is on or off."""
+    """The status of the effects: which are on, and why each is on or off."""
     names = ', '.join(name for name, text in effects.items() if is_on(text)) or 'none'
     message = f'on: {names}' if effects else 'not chosen yet'
     return status('effects', DiagnosticStatus.OK, message, effects)
@@ -210,7 +216,11 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
 def forecast_status(
     forecaster: AheadStatus, latest: Live[Forecast] | None, *, age: float, staleness: str
 ) -> DiagnosticStatus:
-    """Say how the forecasts are doing, the newest of which has an age [s]."""
+    """The status of the forecasts.
+
+    ``latest`` is the newest forecast, ``age`` its age [s], and ``staleness`` why it is stale,
+    empty if it is not.
+    """
     values: dict[str, object] = {
         'forecasts': forecaster.count,
         'share': f'{forecaster.share:.2g}',
@@ -227,7 +237,11 @@ def forecast_status(
 def ensemble_status(
     ensembles: AheadStatus, latest: Live[Outlook] | None, *, age: float, staleness: str
 ) -> DiagnosticStatus:
-    """Say how the ensembles are doing, the newest of which has an age [s]."""
+    """The status of the ensembles.
+
+    ``latest`` is the newest ensemble, ``age`` its age [s], and ``staleness`` why it is stale,
+    empty if it is not.
+    """
     values: dict[str, object] = {
         'ensembles': ensembles.count,
         'progress': '' if ensembles.progress is None else f'{ensembles.progress:.2f}',
@@ -286,7 +300,10 @@ def _ahead_status(
 def deadline_status(
     deadline: float, choice: DeadlineChoice | None, *, took: float
 ) -> DiagnosticStatus:
-    """Say what was chosen by a deadline [s], and whether the newest, of a time [s], kept it."""
+    """The status of the deadline: what was chosen to meet it, and whether the newest forecast did.
+
+    ``deadline`` is the wall time allowed [s], ``took`` that of the newest forecast [s].
+    """
     values: dict[str, object] = {'deadline_s': f'{deadline:g}', 'took_s': f'{took:.3g}'}
     if choice is not None:
         values |= {
@@ -327,9 +344,9 @@ def recorder_status(
 
 
 def sign(message: DiagnosticArray, node: str, device: str) -> None:
-    """Put the node's name before the tasks, and say on which hardware they are.
+    """Put the node's name before the statuses' names, and name the hardware.
 
-    What gathers diagnostics knows statuses by names.
+    Diagnostic aggregators identify statuses by name.
     """
     source = node.strip('/')
     for status in message.status:
@@ -340,7 +357,7 @@ def sign(message: DiagnosticArray, node: str, device: str) -> None:
 def status(
     task: str, level: bytes, message: str, values: Mapping[str, object]
 ) -> DiagnosticStatus:
-    """Make a status."""
+    """Build a diagnostic status; ``task`` is its name."""
     return DiagnosticStatus(
         level=level,
         name=task,
@@ -361,9 +378,10 @@ class ClockWatch:
         self._seen: tuple[int, float] | None = None
 
     def look(self, stamp_ns: int, now: float) -> str:
-        """Say why simulated time stands still, and what to do; empty while the clock moves.
+        """Say why simulated time stands still and what to do; empty while the clock moves.
 
-        The stamp is the time on the clock [ns], 0 before it was heard; ``now`` is wall time [s].
+        ``stamp_ns`` is the time on the clock [ns], 0 before it is received; ``now`` is wall time
+        [s].
         """
         if self._seen is None or self._seen[0] != stamp_ns:
             self._seen = stamp_ns, now

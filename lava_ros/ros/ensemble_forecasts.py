@@ -80,15 +80,16 @@ class ForecastRules:
 
 @dataclass(frozen=True)
 class AheadStatus:
-    """How forecasts or ensembles are doing.
+    """The status of the forecasts or of the ensembles.
 
     Attributes:
-        count: Forecasts, or complete ensembles, so far.
-        progress: Share of the horizon or of the members at hand that is done, None without any.
-        error: Why the last one failed, empty when it did not.
+        count: Number of forecasts, or of complete ensembles, so far.
+        progress: Share of the horizon or of the members that is done, None if nothing is in
+            progress.
+        error: Why the last one failed, empty if it did not.
         share: Share of the time that forecasts may compute now.
-        outlines: Outlines that the members of this scene have been weighed by.
-        jaccard_mean: Mean agreement with the newest of them, 0 to 1; None without one.
+        outlines: Number of outlines by which the members of this scene have been weighed.
+        jaccard_mean: Mean agreement with the newest outline, 0 to 1; None without one.
     """
 
     count: int = 0
@@ -134,10 +135,11 @@ class Outlooks:
         return self._at_hand is not None
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Take a mask of where lava was seen at a time of the clock [s], from any thread.
+        """Take a mask of where lava was observed at ``clock``, in ROS time [s], from any thread.
 
         Returns:
-            Done when the members have been weighed by it, or with the LavaError why they have not.
+            A future that is done when the members have been weighed by the mask, or that holds the
+            LavaError why they were not.
         """
         done: Future[None] = Future()
         self._seen.put(_Seen(mask, clock, done))
@@ -151,7 +153,7 @@ class Outlooks:
         return self._at_hand is None and (changes, time) != self._ordered
 
     def order(self, fork: Fork, number: int, rules: ForecastRules) -> dict[str, Any] | None:
-        """What the order of a fork, of a number, says about an ensemble; None: there is none."""
+        """The part of the order for forecast ``number`` that asks for an ensemble, or None."""
         self._note(fork)
         if not rules.members or not self.is_wanted(fork.changes, fork.checkpoint.time):
             return None
@@ -168,7 +170,7 @@ class Outlooks:
         }
 
     def send(self, order: Callable[..., None], *, changes: int, time_scale: float) -> None:
-        """Pass on outlines that have come, unless the scene has just changed.
+        """Send waiting outlines to the process, unless the scene has just changed.
 
         ``time_scale`` is simulated time per time of the clock [s/s].
         """
@@ -186,7 +188,7 @@ class Outlooks:
             order('outline', number=self._number, outline=outline)
 
     def hear(self, name: str, **values: Any) -> bool:
-        """Take an answer of the process, and say whether ``latest`` is another now."""
+        """Take an answer of the process, and return whether ``latest`` has changed."""
         if name == 'progress' and self._at_hand is not None:
             self._put(progress=values['ensemble'])
         elif name == 'ensemble_refused':
@@ -240,7 +242,7 @@ class Outlooks:
         self, number: int, stamp_ns: int, changes: int, *, is_done: bool, **values: Any
     ) -> bool:
         if changes != self._changes:
-            # of another scene, which says nothing of this one
+            # of another scene
             return False
         assert self._terrain is not None
         outlook = Outlook(terrain=self._terrain, is_done=is_done, **values)
@@ -256,6 +258,6 @@ class Outlooks:
 
 
 def _end(seen: _Seen | None, error: LavaError | None = None) -> None:
-    """Tell who waits for an outline that it has been used, or why not."""
+    """Complete the future of an outline, with the error if it was not used."""
     if seen is not None:
         finish(seen.done, error)

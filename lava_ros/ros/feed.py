@@ -31,7 +31,10 @@ class SceneFeed(Node):
     """
 
     def __init__(self, scene: Scene, *, frame_id: str = 'map') -> None:
-        """Join the graph and publish the terrain; the lava is a parameter of the simulation."""
+        """Create the publishers, and publish the terrain.
+
+        The feed does not send the lava's constants; these are parameters of the simulation.
+        """
         super().__init__('lava_feed')
         self._scene = scene
         self._frame_id = frame_id

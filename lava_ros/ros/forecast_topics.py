@@ -61,10 +61,12 @@ class ForecastTopics:
         settings: Callable[[], Settings],
         choice: Callable[[], DeadlineChoice | None] = lambda: None,
     ) -> None:
-        """Create a publisher for every layer.
+        """Create a publisher for every layer, and the forecaster if a horizon is set.
+
+        ``choice`` returns what was chosen to meet the deadline, None without a deadline.
 
         Raises:
-            LavaError: Two layers of the arrival have different thresholds.
+            LavaError: Two layers of arrival times have different thresholds.
         """
         self._node = entities.node
         self._settings = settings
@@ -112,7 +114,7 @@ class ForecastTopics:
         self.publish()
 
     def publish(self, *, repeat: bool = False) -> None:
-        """Publish what is new, or a withdrawal; with ``repeat`` also where it has been."""
+        """Publish new forecasts or withdraw stale ones; ``repeat`` includes those already sent."""
         forecaster = self._forecaster
         if forecaster is None or not self._is_active:
             return
@@ -121,10 +123,13 @@ class ForecastTopics:
         self._outlooks.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Weigh the members of ensembles by where lava was seen at a ROS time [s].
+        """Weigh the members of ensembles by where lava was observed at ``clock``, a ROS time [s].
+
+        Returns:
+            A future as of ``Outlooks.observe``.
 
         Raises:
-            LavaError: There are no ensembles now.
+            LavaError: The node is not active, or makes no ensembles.
         """
         if self._forecaster is None or not self._is_active:
             raise LavaError('observed_outline', 'no ensemble', 'an active node that makes them')

@@ -53,17 +53,17 @@ _WATCH_TIME = 0.1
 _RETRY_TIMES = (2.0, 60.0)
 
 
-#: How long the process may take to end by itself [s].
+#: Longest time that the process may take to end by itself [s].
 _END_TIMEOUT = 2.0
 
-#: Name of an answer of the process, and what it says (``lava_ros.forecast.process``).
+#: Name and values of an answer of the process (``lava_ros.forecast.process``).
 Answer = tuple[str, dict[str, Any]]
 
 
 class ForecastProcess:
-    """``lava_ros.forecast.process`` in a child process that ends with this one.
+    """A child process that runs ``lava_ros.forecast.process`` and ends with this one.
 
-    What goes to and fro is pickled: nobody else has an end of the connection.
+    Messages are pickled, which is safe because no other process has an end of the connection.
     """
 
     def __init__(self) -> None:
@@ -75,7 +75,7 @@ class ForecastProcess:
             self._child = subprocess.Popen(
                 [sys.executable, '-m', 'lava_ros.forecast.process', str(other_end.fileno())],
                 stdin=subprocess.DEVNULL,
-                # compilers and drivers write where they please
+                # compilers and drivers may write to stdout
                 stdout=sys.__stderr__,
                 env=os.environ | {'PYTHONPATH': os.pathsep.join(paths)},
                 pass_fds=[other_end.fileno()],
@@ -127,15 +127,15 @@ class ForecastProcess:
 
 
 class Forecaster:
-    """Forks the newest state, has it run ahead in a process of its own, and so on.
+    """Runs the newest state of the simulation ahead in a separate process, again and again.
 
-    A forecast under way is dropped when scene or effects change, and begun anew. A state at rest
-    is forked once. The process is given a smaller share of the time as long as the live
-    simulation falls behind its clock. Where there are to be members, an ensemble goes on from a
+    A forecast in progress is dropped when the scene or the effects change, and a new one starts. A
+    state at rest is forked only once. While the live simulation falls behind its clock, the
+    process gets a smaller share of the time. If ensembles are enabled, the next one starts from a
     fork as soon as the one before is complete.
 
     Attributes:
-        status: How it is doing.
+        status: The status of the forecasts.
         latest: The newest forecast, None before the first.
         outlooks: The ensembles.
     """
@@ -150,7 +150,8 @@ class Forecaster:
     ) -> None:
         """Prepare the thread; ``start`` runs it.
 
-        ``on_change`` is called in it when ``latest`` has changed, and when the scene has.
+        ``rules`` returns how to make forecasts now. ``on_change`` is called in the thread when
+        ``latest`` or the scene has changed.
         """
         self._worker = worker
         self._rules = rules
@@ -167,7 +168,7 @@ class Forecaster:
         self._told = 0
         self._forked: tuple[int, float] | None = None
         self._changes: int | None = None
-        # the fork that is being looked ahead from
+        # the fork from which the forecast in progress started
         self._at_hand: Fork | None = None
         self._due = self._due_after_change = 0.0
         self._stopping = threading.Event()
@@ -200,7 +201,11 @@ class Forecaster:
         self._is_wanted = is_wanted
 
     def stop(self, timeout: float | None = None) -> bool:
-        """End the thread and the process; wait for that for a time [s], and say whether it has."""
+        """End the thread and the process, and wait for at most ``timeout`` [s].
+
+        Returns:
+            Whether the thread has ended.
+        """
         self._stopping.set()
         if self._thread.ident is not None:
             self._thread.join(timeout)
@@ -336,7 +341,7 @@ class Forecaster:
         if fork is None or values.pop('number', None) != self._number:
             return
         if name == 'refused':
-            raise LavaError('forecast', values['reason'], 'a flow that can be looked ahead')
+            raise LavaError('forecast', values['reason'], 'a flow that can be simulated ahead')
         if name == 'forecast':
             self._at_hand = None
             forecast = Forecast(terrain=fork.checkpoint.scene.terrain, **values)

@@ -67,7 +67,7 @@ def installed_classes() -> Classes | None:
 def grid_map_message(
     classes: Classes, maps: Mapping[str, np.ndarray], terrain: Terrain, message_header: Header
 ) -> Any:
-    """Make a map of values by layer, shape [rows, columns], row 0 at the smallest y."""
+    """Make a map from values by layer, shape [rows, columns], row 0 at the smallest y."""
     rows, columns = terrain.shape
     info = classes.info()
     info.resolution = terrain.resolution
@@ -98,7 +98,7 @@ def _multi_array(values: np.ndarray) -> Float32MultiArray:
 
 
 def layer_values(message: Any, layer: str, name: str) -> np.ndarray:
-    """Read a layer of a map; ``name`` is what errors call the message.
+    """Read a layer of a map; errors name the message by ``name``.
 
     Returns:
         float32, shape [rows, columns], row 0 at the smallest y, column 0 at the smallest x.

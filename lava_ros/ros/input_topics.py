@@ -68,11 +68,18 @@ class InputTopics:
         recorder: Recorder | None = None,
         is_own: Callable[[str, bytes], bool] = lambda topic, data: False,
     ) -> None:
-        """Subscribe.
+        """Subscribe to the input topics.
 
-        ``steady`` is a clock that goes on whatever ``/clock`` does. ``observe`` takes where lava
-        was seen, and at which ROS time [s]; that goes to the recorder as well. ``is_own`` says
-        whether a message on a topic comes from this node.
+        Args:
+            entities: Creates the subscriptions.
+            worker: The simulation.
+            settings: Returns the settings in use.
+            steady: A clock that advances independently of ``/clock``.
+            grid_maps: Message classes of grid maps, None for those installed.
+            observe: Takes a mask of where lava was observed and its ROS time [s]; None for no
+                subscription to outlines.
+            recorder: Records the outlines, if any.
+            is_own: Whether a serialised message on a topic comes from this node.
         """
         self.log = InputLog()
         self._node = entities.node

@@ -211,7 +211,7 @@ def _vent_of_points(name: str, columns: Mapping[str, np.ndarray], rows: Sequence
 
 
 def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Vent:
-    """Make the vent that a click in a viewer opens; the stamp is the viewer's and plays no part.
+    """Make a vent where a viewer's user clicked; the stamp is the viewer's and is ignored.
 
     Raises:
         LavaError: The frame or the position is not usable.
@@ -228,10 +228,10 @@ def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Ve
 
 
 def mask_from_grid(grid: OccupancyGrid, settings: Settings, *, name: str = 'observed') -> Mask:
-    """Read where lava was seen: 50 to 100 lava, 0 to 49 none, negative where nobody looked.
+    """Read where lava was observed: 50 to 100 is lava, 0 to 49 none, negative not observed.
 
     Raises:
-        LavaError: Frame, size, resolution, origin or data are not usable.
+        LavaError: The frame, size, resolution, origin or data are not usable.
     """
     _check_frame(name, grid.header.frame_id, settings)
     info = grid.info

@@ -37,12 +37,13 @@ Shown = TypeVar('Shown', Snapshot, Forecast, Outlook)
 
 
 def published_layers(config: Path, forecast: Path | None, settings: Settings) -> list[Layer]:
-    """The layers that the node publishes, those of ensembles only where there are any.
+    """The enabled layers; layers of ensembles only if there are ensembles.
 
-    Those of forecasts have a file of their own, None without forecasts.
+    ``forecast`` is the file of the layers of forecasts, None without forecasts.
 
     Raises:
-        LavaError: A file or a layer's name is wrong, or the package of a message is missing.
+        LavaError: A file or the name of a layer is wrong, two layers share a topic, or the package
+            of a message is missing.
     """
     known = _layers_of(config, is_forecast=False)
     if forecast is not None:
@@ -140,10 +141,11 @@ class LayerPublishers(Generic[Shown]):
         repeat: bool,
         recorded_ns: int | None = None,
     ) -> None:
-        """Publish what is shown on the layers that have not had it.
+        """Publish ``snapshot`` on the layers that are due and have not published it yet.
 
-        Stamps are ROS times [ns], that of the bag the same where there is none. Layers whose time
-        has not come take it too where ``also_not_due``, those that have had it where ``repeat``.
+        ``also_not_due`` includes layers that are not due, ``repeat`` those that have published it.
+        ``stamp_ns`` is the ROS time of the messages [ns], ``recorded_ns`` that in the bag [ns], by
+        default the same.
         """
         for output in self._outputs:
             is_new = snapshot is not output.published and (output.is_due or also_not_due)

@@ -75,12 +75,12 @@ class LiveFrames(Watcher):
     """
 
     def __init__(self, namespace: str = '', domain_id: int | None = None) -> None:
-        """Join the graph of a domain, None for that of the environment.
+        """Join the ROS graph of a domain, None for that of the environment.
 
-        The namespace is that of the node's topics, such as ``/etna``.
+        ``namespace`` is that of the node's topics, such as ``/etna``.
 
         Raises:
-            LavaError: ROS has no such namespace.
+            LavaError: The namespace is not valid in ROS.
         """
         self._namespace = namespace.strip('/')
         try:

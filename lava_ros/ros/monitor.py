@@ -69,10 +69,10 @@ class Observation:
 
 
 class DiagnosticsWatch(Watcher):
-    """Keeps the newest of each status, with its stamp [ns]."""
+    """Keeps the newest diagnostic status of each name, with its stamp [ns]."""
 
     def __init__(self, name: str, domain_id: int) -> None:
-        """Join the graph of a domain under a name."""
+        """Join the ROS graph of a domain as the node ``name``."""
         super().__init__(name, domain_id)
         self._statuses: dict[str, tuple[int, DiagnosticStatus]] = {}
         self._node.create_subscription(
@@ -145,11 +145,11 @@ class HeardGrid:
 
 
 class ForecastWatch(DiagnosticsWatch):
-    """Opens vents, shows an outline, and hears what is forecast.
+    """Opens vents, publishes an outline, and receives forecasts.
 
     Attributes:
-        arrivals: The newest ``arrival`` that said that lava comes, None before.
-        probabilities: Every ``inundation_probability``, in order.
+        arrivals: Every ``arrival`` map, in order.
+        probabilities: Every ``inundation_probability`` map, in order.
     """
 
     def __init__(self, domain_id: int) -> None:
@@ -187,9 +187,12 @@ class ForecastWatch(DiagnosticsWatch):
         return time.monotonic()
 
     def show_outline(self, lava: np.ndarray, terrain: Terrain, stamp_ns: int) -> float:
-        """Publish where lava was seen at a ROS time [ns]; return when that was published [s].
+        """Publish where lava was observed at ``stamp_ns``, a ROS time [ns].
 
-        ``lava`` is bool, shape [rows, columns]; somebody looked everywhere.
+        ``lava`` is bool, shape [rows, columns]; every cell counts as observed.
+
+        Returns:
+            Monotonic time of the publication [s].
         """
         info = codec.map_metadata(terrain, stamp_ns)
         cells = np.where(lava, 100, 0).astype(np.int8)

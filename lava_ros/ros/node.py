@@ -61,10 +61,10 @@ class LavaNode(LifecycleNode):
     """
 
     def __init__(self, **options: Any) -> None:
-        """Declare what has to be known before the node is configured.
+        """Declare the parameters, and prepare the lifecycle.
 
         Raises:
-            ParameterException: A parameter has the wrong type.
+            ParameterException: A parameter of the lifecycle has the wrong type.
         """
         super().__init__('lava', **options)
         self._operation: Operation | None = None

@@ -39,7 +39,7 @@ class NodeLog:
     def scene(
         self, scene: Scene, snapshot: Snapshot | None, effects: Mapping[str, str]
     ) -> None:
-        """Say what terrain, vents and effects there are at the time of the newest snapshot."""
+        """Log changes of terrain, vents and effects, as of the newest snapshot."""
         terrain, vents = scene.terrain, scene.vents
         self._tell('terrain', terrain, lambda: _terrain_text(terrain))
         # not the discharge: that of a feed changes all the time
@@ -56,7 +56,7 @@ class NodeLog:
     def worker(
         self, worker: WorkerStatus, resolution: Resolution | None, clock: str, *, is_paused: bool
     ) -> None:
-        """Say what the simulation does, and what is wrong with its clock, if anything."""
+        """Log changes of the simulation's state, and what is wrong with its clock, if anything."""
         state = worker.state
         text = f'simulation {state.value}'
         if state is WorkerState.FAILED:

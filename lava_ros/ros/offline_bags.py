@@ -38,7 +38,7 @@ from lava_ros.simulation.snapshot import Snapshot
 #: Namespace of the topics of an ensemble.
 NAMESPACE = '/lava'
 
-#: ROS time of simulated time 0 [ns]: 2001-09-09T01:46:40Z, a round number that is a real time.
+#: ROS time of simulated time 0 [ns]: 2001-09-09T01:46:40Z, a round number of seconds.
 START_NS = 1_000_000_000 * 10**9
 
 _NS = 1e9
@@ -47,7 +47,7 @@ _FRAME = 'map'
 
 
 class _Bag(BagWriter):
-    """A bag of messages."""
+    """A bag that is written without a node."""
 
     def __init__(self, path: Path, namespace: str, scene: Scene, data: Mapping[str, str]) -> None:
         described = {'scene': yaml.safe_dump(scene_to_dict(scene), sort_keys=False), **data}
@@ -80,14 +80,14 @@ def write_atlas_bag(
     stamp_ns: int,
     custom_data: Mapping[str, str],
 ) -> None:
-    """Write terrain, vents and what a node publishes of an ensemble; a bag there is replaced.
+    """Write terrain, vents and the layers of an ensemble to a bag; an old bag is replaced.
 
     Args:
         directory: The bag.
-        maps: The maps.
-        plan: What they are of.
-        stamp_ns: Time of all messages, from which on the maps look ahead [ns].
-        custom_data: What describes the bag, beside its scene.
+        maps: The maps of the ensemble.
+        plan: The plan of the ensemble.
+        stamp_ns: Stamp of all messages [ns], the time from which the maps look ahead.
+        custom_data: Description of the bag, in addition to its scene.
 
     Raises:
         LavaError: The bag cannot be written.

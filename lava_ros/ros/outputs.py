@@ -29,7 +29,7 @@ from lava_ros.ros import codec, grid_map
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.snapshot import Snapshot
 
-#: The topics that stand for a terrain, in the order of ``terrain_messages``.
+#: The topics of a terrain, in the order of ``terrain_messages``.
 TERRAIN_TOPICS = ('terrain', 'terrain_info')
 
 #: Messages of layers that every ROS installation has.

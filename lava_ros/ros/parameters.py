@@ -344,7 +344,7 @@ PARAMETERS = tuple(
 
 
 def constant_parameters(constants: Mapping[str, Any]) -> tuple[ParameterSpec, ...]:
-    """The parameters of surroundings and lava, ``lava.*``, with a scene's as defaults."""
+    """Parameters of surroundings and lava (``lava.*``); ``constants`` has the defaults."""
     lava = constants['lava']
     declared = [
         (item, item.name, constants[item.name])

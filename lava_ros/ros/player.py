@@ -61,8 +61,8 @@ class Player:
     def __init__(self, node: Node, bag: BagReader, *, clock: bool = True) -> None:
         """Create a publisher for every topic whose message type is installed.
 
-        Topics of other types are left out with a warning; so is a recorded /clock when the
-        player publishes its own.
+        Other topics are left out with a warning. So is a recorded /clock if ``clock`` is set, for
+        the player then publishes its own.
 
         Raises:
             LavaError: No topic is left.
@@ -88,7 +88,7 @@ class Player:
         self.published = 0
 
     def wait_for_subscribers(self, timeout: float, stop: threading.Event) -> bool:
-        """Wait up to a time [s] until every topic has a subscriber, and say whether it has."""
+        """Wait up to ``timeout`` [s] for a subscriber on every topic; return whether all came."""
         deadline = time.monotonic() + timeout
         while not stop.is_set():
             missing = [
@@ -172,10 +172,18 @@ class Player:
 def play(
     bag: BagReader, *, clock: bool = True, wait_for_subscribers: float = 0.0, **how: Any
 ) -> int:
-    """Replay a bag in this process until its end, SIGINT or SIGTERM, as ``Player.run``.
+    """Replay a bag in this process until it ends or SIGINT or SIGTERM arrives.
 
-    Call it from the main thread. It has a ROS context of its own. It waits for subscribers of
-    every topic for at most a time [s], and returns how many messages were published.
+    The function creates its own ROS context, and must be called from the main thread.
+
+    Args:
+        bag: The bag.
+        clock: Whether to publish /clock.
+        wait_for_subscribers: Longest wait for a subscriber on every topic [s].
+        how: Further arguments of ``Player.run``.
+
+    Returns:
+        The number of messages published.
 
     Raises:
         LavaError: An argument is out of range, or the bag is empty or damaged.
@@ -194,7 +202,7 @@ def message_class(message_type: str) -> type[Any]:
     """Import the class of a message type such as ``nav_msgs/msg/OccupancyGrid``.
 
     Raises:
-        LavaError: The type is not installed.
+        LavaError: The name is not that of a message type, or the type is not installed.
     """
     package, _, name = message_type.partition('/msg/')
     if not package.isidentifier() or not name.isidentifier():

@@ -77,13 +77,13 @@ _PATIENCE = 600.0
 def measure(
     device: str, *, particles: int | None, repetitions: int, on_progress: OnProgress
 ) -> Iterator[dict[str, Any]]:
-    """Time steps with and without grids, and weigh much lava on a large map.
+    """Time steps with and without publishing grids, and measure the memory of a large simulation.
 
     Args:
         device: Warp device.
-        particles: Particles that are stepped, by the device when None.
-        repetitions: How many times each is measured.
-        on_progress: Told what begins, and the share of the work that is done.
+        particles: Number of particles that are stepped, None for the usual one of the device.
+        repetitions: Number of repetitions of each measurement.
+        on_progress: Called with the name of the next measurement and the share of the work done.
     """
     kind = 'cuda' if wp.get_device(device).is_cuda else 'cpu'
     parts = len(GRIDS) + 1
@@ -124,7 +124,7 @@ class Stepping:
         self._shown = threading.Event()
         self._times: list[float] = []
         field = lava_field(particles, effect_sets()[EFFECTS], device, cells=cells)
-        # it has all that a simulation has
+        # it has all attributes of a Simulation
         self._watched: Any = _Watched(field)
         self.particles = self._watched.particle_count
         self._worker = SimulationWorker(

@@ -49,10 +49,10 @@ class Recorder:
     """Records one bag after the other.
 
     ``arm`` chooses the bag; ``begin`` opens it once there is a scene to describe. A bag that
-    cannot be written is closed and reported in ``status``; the node goes on without it.
+    cannot be written is closed and reported in ``status``; the node continues without it.
 
     Attributes:
-        status: How it is doing.
+        status: The status of the recording.
     """
 
     def __init__(self) -> None:
@@ -95,7 +95,7 @@ class Recorder:
         self.status = RecorderStatus('armed', str(directory))
 
     def begin(self, custom_data: Mapping[str, str]) -> None:
-        """Open the bag that was chosen, with what describes it."""
+        """Open the chosen bag; ``custom_data`` is its description."""
         directory = self.status.directory
         self._put(state='off')
         try:
@@ -233,16 +233,16 @@ class SaveAllowance:
     """Counts saves and what they have written, and refuses those that are too many."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        """Start with all of it; the clock tells wall time [s]."""
+        """Start with the full allowance; ``clock`` returns wall time [s]."""
         self._clock = clock
         self._left, self._counted = float(SAVES), clock()
         self._written = 0
 
     def take(self, most: int) -> None:
-        """Count a save that is about to be made; all may write so much [bytes].
+        """Count a save before it is written; all saves together may write ``most`` [bytes].
 
         Raises:
-            LavaError: They have written that much, or it comes too soon.
+            LavaError: The saves have reached that size, or follow each other too fast.
         """
         now = self._clock()
         self._left = min(float(SAVES), self._left + (now - self._counted) / SAVE_PERIOD)

@@ -58,7 +58,11 @@ class SceneRecording:
         parameters: Callable[[], Mapping[str, Any]],
         forecast_config: str = '',
     ) -> None:
-        """Write nothing yet; the configs are the texts of the files that describe layers."""
+        """Prepare the recording, without writing yet.
+
+        ``msg_config`` and ``forecast_config`` are the texts of the layer files. ``parameters``
+        returns the parameters of the node by name.
+        """
         self._node = node
         self._recorder = recorder
         self._frame_id = frame_id
@@ -75,7 +79,7 @@ class SceneRecording:
         self._history: list[dict[str, Any]] = []
 
     def write(self, eruption: Eruption, snapshot: Snapshot, stamp_ns: int) -> None:
-        """Write what has changed since the last time, at a ROS time [ns]."""
+        """Record what has changed since the last call; ``stamp_ns`` is the ROS time [ns]."""
         scene, effects = eruption.scene, eruption.effects
         if scene is None:
             return
@@ -177,10 +181,10 @@ class LastCheckpoint:
 
 
 class CheckpointRecording:
-    """Writes a checkpoint at a recording's start, from time to time, and at its end.
+    """Writes a checkpoint at the start of a recording, at intervals, and at its end.
 
-    A checkpoint that is due waits while it would make checkpoints take more than half of the bag,
-    for ``PATIENCE`` periods at most. One that is the same as the last is not written.
+    If checkpoints would take up more than half of the bag, the next one is postponed, by at most
+    ``PATIENCE`` periods. A checkpoint equal to the last one is not written.
 
     Attributes:
         last: The newest checkpoint in the bag, None without one.
@@ -193,7 +197,7 @@ class CheckpointRecording:
         *,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Write nothing yet; ``take`` asks for a checkpoint, the clock tells wall time [s]."""
+        """Write nothing yet; ``take`` requests a checkpoint, ``clock`` returns wall time [s]."""
         self._recorder = recorder
         self._take = take
         self._clock = clock
@@ -205,9 +209,9 @@ class CheckpointRecording:
         self.last: LastCheckpoint | None = None
 
     def poll(self, period: float, stamp_ns: int) -> str:
-        """Write what has been taken since, and ask for the next one when it is due.
+        """Write the requested checkpoint if it is ready, and request the next when it is due.
 
-        The period is wall time from one checkpoint to the next [s], 0 for none; the stamp is ROS
+        ``period`` is the wall time between checkpoints [s], 0 for none; ``stamp_ns`` is the ROS
         time [ns].
 
         Returns:
@@ -223,7 +227,10 @@ class CheckpointRecording:
         return ''
 
     def finish(self, period: float, stamp_ns: int, *, timeout: float) -> str:
-        """Write a last checkpoint, within a time [s], before the bag is closed; else ``poll``."""
+        """Write a last checkpoint before the bag closes, waiting at most ``timeout`` [s] for it.
+
+        ``stamp_ns`` is the ROS time [ns]; ``period`` and the result are as in ``poll``.
+        """
         if not self._is_recording() or not period:
             return ''
         self._pending = self._take()

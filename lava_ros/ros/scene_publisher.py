@@ -46,9 +46,11 @@ class ScenePublisher:
         self._markers = entities.publisher(MarkerArray, 'vents_markers', latched)
 
     def publish(self, scene: Scene, time: float, stamp_ns: int, *, is_heard: bool) -> None:
-        """Publish what is new; take back a terrain that was published once another is heard.
+        """Publish the vents and the terrain if they have changed.
 
-        The discharge is that of a simulated time [s], the stamp is ROS time [ns].
+        Once a terrain is received from elsewhere (``is_heard``), the one published here is
+        withdrawn. ``time`` is the simulated time of the discharges [s], ``stamp_ns`` the ROS time
+        [ns].
         """
         terrain, vents = scene.terrain, scene.vents
         options: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}
@@ -109,11 +111,13 @@ LETTERS, THICKNESS = 0.015, 0.1
 def vent_markers(
     vents: Sequence[Vent], time: float, terrain: Terrain, *, frame_id: str, stamp_ns: int
 ) -> MarkerArray:
-    """Draw the vents, each on the terrain, as they are at a simulated time [s].
+    """Make markers of the vents on the terrain, as they are at ``time``, simulated [s].
+
+    ``stamp_ns`` is the ROS time of the markers [ns].
 
     Returns:
-        A marker that clears what was there, then for each vent its disc, or a fissure's line, and
-        its name, discharge [m3/s] and temperature [Celsius].
+        A marker that deletes the earlier ones, then for each vent its disc, or the line of a
+        fissure, and a label with its name, discharge [m3/s] and temperature [Celsius].
     """
     header = codec.header(frame_id, stamp_ns)
     letters = LETTERS * min(terrain.shape) * terrain.resolution

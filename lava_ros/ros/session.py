@@ -93,7 +93,11 @@ class Eruption:
         constants: Mapping[str, Any] | None = None,
         max_particles: int,
     ) -> None:
-        """Begin without a terrain; constants hold until a scene brings its own."""
+        """Start without a terrain; ``constants`` apply until a scene brings its own.
+
+        ``make_simulation`` makes a simulation of a scene at time 0. ``max_particles`` is the
+        largest number of particles.
+        """
         self.max_particles = max_particles
         self._make_simulation = make_simulation
         self._constants = constants or constants_of(None)
@@ -133,10 +137,10 @@ class Eruption:
         origin: Origin | None = None,
         before: tuple[Vent, ...] = (),
     ) -> None:
-        """Take a simulation of a scene, at any time, in place of what there was.
+        """Continue with a simulation of a scene, at any time, in place of the present one.
 
-        ``before`` has the vents up to then, with all they have emitted, where those of the scene
-        do not; ``origin`` is the checkpoint it goes on from.
+        ``origin`` is the checkpoint that the simulation was resumed from. ``before`` has the vents
+        up to its time if they differ from the scene's; it determines the volume emitted so far.
         """
         self.schedule = schedule(before or scene.vents, scene.vents, simulation.time)
         self.simulation, self.scene, self._constants = simulation, scene, constants_of(scene)
@@ -289,7 +293,7 @@ def _is_same(one: Terrain, other: Terrain) -> bool:
 
 
 def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, str]:
-    """Say of every effect whether it is on, and what decided.
+    """List every effect, whether it is on, and the reason.
 
     Returns:
         Texts such as ``on: slope = 0.82 > 0.12`` by the name of the effect.
@@ -319,7 +323,10 @@ _NO_MEMORY = 'Failed to allocate'
 
 
 def failure_text(error: Exception, latest: 'Snapshot | None') -> str:
-    """Say why the simulation has failed, and what helps where that is known."""
+    """Describe why the simulation has failed, and the remedy if one is known.
+
+    ``latest`` is the newest snapshot, None without one.
+    """
     if isinstance(error, SimulationError):
         return str(error)
     if isinstance(error, MemoryError) or _NO_MEMORY in str(error):

@@ -110,10 +110,12 @@ def _vents_of(bag: str, terrain: Terrain) -> tuple[Vent, ...]:
 def adopted(
     checkpoint: Checkpoint, values: Mapping[str, Any], defaults: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """The parameters by name that the checkpoint decides in place of a default.
+    """The parameters that a checkpoint sets in place of their defaults, by name.
+
+    ``values`` are the parameters as given, ``defaults`` their defaults.
 
     Raises:
-        LavaError: One was given and says otherwise than the checkpoint.
+        LavaError: A parameter was given and contradicts the checkpoint.
     """
     result = {}
     for name, decided in _decided(checkpoint).items():
@@ -157,10 +159,10 @@ def _is_same(one: Any, other: Any) -> bool:
 def new_simulation(
     scene: Scene, settings: Settings, chooser: DeadlineChooser
 ) -> 'Simulation':
-    """A simulation of a scene at time 0.
+    """Make a simulation of a scene at time 0.
 
     Raises:
-        LavaError: The settings do not go with the scene.
+        LavaError: The settings do not suit the scene.
     """
     from lava_ros.simulation import Simulation
 

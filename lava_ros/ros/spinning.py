@@ -31,10 +31,10 @@ PAUSE = 0.01
 def spin(
     executor: Executor, *, until: Callable[[], bool], on_error: Callable[[Exception], None]
 ) -> None:
-    """Run callbacks until it is time to stop, asked ten times a second and after each.
+    """Run callbacks until ``until`` returns true, asked at least ten times a second.
 
-    What the middleware itself calls back, such as a time on /clock that no clock can show, raises
-    here. The node goes on without it.
+    Errors go to ``on_error``, and the node continues. They include those that the middleware
+    raises itself, for example for a time on /clock that no clock can represent.
     """
     while not until():
         try:

@@ -142,9 +142,12 @@ class SimulationWorker:
         self._thread.start()
 
     def stop(self, timeout: float | None = None) -> bool:
-        """End the thread after the slice it is in; commands that wait or come later are refused.
+        """End the thread after its present slice; commands that wait or come later are refused.
 
-        Wait for that for a time [s], and say whether it has ended.
+        Waits for at most ``timeout`` [s].
+
+        Returns:
+            Whether the thread has ended.
         """
         self._is_stopping = True
         self._commands.close(_STOPPED)
@@ -163,7 +166,11 @@ class SimulationWorker:
         origin: Origin | None = None,
         before: tuple[Vent, ...] = (),
     ) -> 'Future[None]':
-        """Take a simulation, made in the thread, in place of what there was: ``Eruption``."""
+        """Continue with another simulation of ``scene`` in place of the present one.
+
+        ``make_simulation`` is called in the worker's thread. ``origin`` and ``before`` are as in
+        ``Eruption.go_on_with``.
+        """
 
         def start() -> None:
             self._status = replace(self._status, state=WorkerState.STARTING)
@@ -415,7 +422,7 @@ class SimulationWorker:
             self._finishing = self._finisher.submit(self._finish_snapshot, rest, simulation)
 
     def _finish_snapshot(self, rest: Callable[[], None], simulation: 'Simulation | None') -> None:
-        """Do the rest of a snapshot; where that fails, the simulation it is of has failed."""
+        """Do the rest of a snapshot; if that fails, its simulation has failed."""
         try:
             rest()
         except Exception as error:

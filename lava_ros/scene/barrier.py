@@ -88,13 +88,13 @@ class Barrier:
 def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
     """Raise a terrain by a barrier.
 
-    The ground is raised by the height where it is nearer to the line than half the width, and by
-    less beside that, down to nothing where the sides reach the ground. Cells narrower than the
-    barrier show it whole; where it is narrower than a cell, the cells that the line crosses are
-    raised, for lava sees no gap in a dam.
+    The ground is raised by the full height within half the width of the line. Beyond that it is
+    raised less and less, to nothing where the barrier's sides reach the ground. If the barrier is
+    narrower than a cell, the cells that the line crosses are raised to the full height, so that
+    lava finds no gap.
 
     Raises:
-        LavaError: The line does not touch the terrain, or only cells without data.
+        LavaError: The line does not touch the terrain, or touches only cells without data.
     """
     rows, columns = terrain.shape
     cell = terrain.resolution

@@ -66,14 +66,15 @@ class Feature:
 
 
 def read_features(field: str, path: str | Path, terrain: Terrain) -> list[Feature]:
-    """Read the features of a file; those of several parts become several.
+    """Read the features of a file; a feature of several parts becomes several features.
 
     GeoJSON is in longitude and latitude unless it names another system, a GeoPackage in the system
     of its layers. A table (.csv) has columns ``x,y`` or ``easting,northing`` in the terrain's
     system, or ``lon,lat`` in degrees; with ``x_end,y_end`` or ``lon_end,lat_end`` a row is a line.
+    Coordinates of the result are in the terrain's system.
 
     Raises:
-        LavaError: The file cannot be read, has no features, or nobody knows where they are.
+        LavaError: The file cannot be read, has no features, or has no known coordinate system.
     """
     path = Path(path)
     readers = {'.csv': _from_table, '.gpkg': _from_geopackage}

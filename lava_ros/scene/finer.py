@@ -23,11 +23,11 @@ from lava_ros.scene.terrain import Terrain
 
 
 def finer(terrain: Terrain, factor: int) -> Terrain:
-    """Sample the quadratic B-spline of a terrain's heights on cells finer by a factor.
+    """Sample the quadratic B-spline of a terrain's heights on cells smaller by ``factor``.
 
-    It is the surface on which the simulation lets lava flow (simulation/terrain.py), so that maps
-    on the finer cells show what lies between the coarse ones. Those in a cell without data have
-    none.
+    The simulation lets lava flow on this surface (simulation/terrain.py), so maps on the finer
+    cells show its shape between the coarse cells' centres. Fine cells within a cell without data
+    have none.
     """
     if factor == 1:
         return terrain

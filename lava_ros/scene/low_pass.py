@@ -34,13 +34,12 @@ _LEAST = 0.1
 def low_pass(terrain: Terrain, width: float) -> Terrain:
     """Filter a terrain with a Gaussian.
 
-    Cells without data stay without, and count nowhere: their neighbours' means are of what is
-    known.
+    Cells without data stay without, and do not count in the means of their neighbours.
 
     Args:
         terrain: The terrain.
-        width: Standard deviation of the filter [m]; 0 changes nothing. Waves of length L are left
-            with exp(-2 (pi width / L)^2) of their height: 0.7 % at L = 2 widths, 73 % at 8.
+        width: Standard deviation of the filter [m]; 0 changes nothing. Waves of length L keep
+            exp(-2 (pi width / L)^2) of their height: 0.7 % at L = 2 widths, 73 % at 8.
 
     Raises:
         LavaError: The width is not usable, or scipy is not installed.

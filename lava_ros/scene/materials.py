@@ -70,10 +70,10 @@ class Material:
         return self.lava_with({})
 
     def lava_with(self, overrides: Mapping[str, Any]) -> Lava:
-        """The lava with some constants, by the names of ``Lava``'s fields, replaced.
+        """The lava with some constants replaced; ``overrides`` has values by field of ``Lava``.
 
         Raises:
-            LavaError: A name is unknown or a value not usable.
+            LavaError: A name is unknown or a value is not usable.
         """
         names = [item.name for item in fields(Lava)]
         overrides = validation.keys('lava', overrides, allowed=names)

@@ -92,9 +92,10 @@ ENVIRONMENT = tuple(item.name for item in fields(Scene) if 'limits' in item.meta
 
 
 def temperature_doubts(scene: Scene, *, is_celsius: bool = False) -> list[str]:
-    """What to say of vents closer to what their lava's constants hold for in the other unit.
+    """Describe vents whose temperature seems to be in the wrong unit, Celsius or kelvin.
 
-    People give temperatures in Celsius in messages, else in kelvin.
+    In the other unit it would be closer to the temperature for which the lava's constants hold.
+    ``is_celsius`` says that temperatures were given in Celsius, as in messages, not in kelvin.
     """
     lava = scene.lava
     name = 'liquidus' if lava.is_vft else 'reference_temperature'

@@ -36,7 +36,7 @@ SCENE_KEYS = ('vents', 'lava', 'uncertainty', *ENVIRONMENT)
 
 
 def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scene:
-    """Read a scene file; a terrain that is given is in place of the file's own.
+    """Read a scene file; ``terrain`` replaces the file's own.
 
     Raises:
         LavaError: The file cannot be read, or one of its fields is not usable.

@@ -24,10 +24,10 @@ MOST_CLOSED, LONGEST_SERIES = 100, 1000
 
 
 def schedule(before: Sequence[Vent], vents: Sequence[Vent], time: float) -> tuple[Vent, ...]:
-    """Say what vents emit that others have replaced at a simulated time [s].
+    """Combine the discharges of vents before and after a change at ``time``, simulated [s].
 
-    Of each it is what it was before, and is then. Vents that differ in name and discharge alone
-    are one vent. One that has closed emits 0.
+    Each vent emits as in ``before`` up to that time, and as in ``vents`` from then on; a vent that
+    is no longer there emits 0. Vents that differ only in name and discharge are the same vent.
     """
     coming = {_identity(vent): vent for vent in vents}
     closed, open_ = [], []

@@ -64,10 +64,10 @@ def check_heights(raster: Raster, path: Path) -> None:
 
 
 def tell(path: Path, terrain: Terrain, source: str, wrong: np.ndarray, *, is_filled: bool) -> None:
-    """Log what a file was taken for, and warn of what looks wrong.
+    """Log how a file was read, and warn of what looks wrong in it.
 
-    The source is what the file says its coordinates are, ``wrong`` has its holes and pits, bool
-    [rows, columns].
+    ``source`` is the coordinate system that the file states. ``wrong`` marks its holes and pits,
+    bool, shape [rows, columns]; ``is_filled`` says that they have been filled.
     """
     system = source
     if terrain.epsg and source != f'EPSG:{terrain.epsg}':

@@ -88,7 +88,7 @@ class Distribution:
         is_log = self.kind in ('lognormal', 'loguniform')
         clean = []
         for name, value in zip(names, self.numbers, strict=True):
-            # a factor of 1 and a deviation of 0 are no distribution
+            # a factor of 1 or a deviation of 0 leaves no spread
             above = {'deviation': 0.0, 'factor': 1.0}.get(name, 0.0 if is_log else None)
             label = f'distribution.{name}'
             clean.append(validation.number(label, value, above=above, at_most=1e9))
@@ -223,13 +223,13 @@ class Roughness:
 
 @dataclass(frozen=True)
 class EruptionClass:
-    """Eruptions of a kind: how likely the next one is of it, how long it lasts, what it emits.
+    """A kind of eruption: its probability, and its duration and volume.
 
     Attributes:
-        probability: Likelihood, relative to those of the other classes, above 0.
-        duration: How long it lasts [s].
-        volume: What all vents emit together [m3].
-        name: What it is called.
+        probability: Probability relative to those of the other classes, above 0.
+        duration: Duration [s].
+        volume: Volume that all vents emit together [m3].
+        name: Name of the class.
     """
 
     probability: float
@@ -259,18 +259,18 @@ class EruptionClass:
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What differs from member to member of an ensemble; None is certain.
+    """What differs between the members of an ensemble; None where nothing does.
 
     Attributes:
         discharge: Factor on the discharge of all vents.
-        temperature: What is added to the temperature of all vents [K].
+        temperature: Offset of the temperature of all vents [K].
         viscosity: Factor on the lava's viscosity.
         yield_strength: Factor on the lava's yield strength.
         position: Displacement of the vents.
         terrain: Errors of the terrain.
-        constants: Values of other constants of the lava, by the names of ``Lava``.
-        eruption: Classes of eruptions, from which each member is one: the discharge of the scene
-            is stretched to its duration and scaled to its volume.
+        constants: Values of other constants of the lava, by the field of ``Lava``.
+        eruption: Classes of eruptions. Each member is of one class: the discharge of the scene is
+            stretched to its duration and scaled to its volume.
     """
 
     discharge: Distribution | None = None
@@ -391,7 +391,7 @@ def _class(where: str, data: object) -> EruptionClass:
 
 
 def _made(where: str, kind: type, *values: Any, **named: Any) -> Any:
-    """One of the classes above, whose errors name the place in the file."""
+    """Make an instance of a class above; errors name the place in the file."""
     try:
         return kind(*values, **named)
     except LavaError as error:

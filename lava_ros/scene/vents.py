@@ -184,13 +184,13 @@ def check_vents(
 
 
 def erupting(vents: Sequence[Vent], *, duration: float, volume: float) -> tuple[Vent, ...]:
-    """The vents with their discharges stretched to a duration [s] and scaled to a volume [m3].
+    """The vents with their discharges stretched to ``duration`` [s] and scaled to ``volume`` [m3].
 
-    The volume is that of all vents from time 0 on. A constant discharge lasts as long as the
-    series beside it, and ends.
+    The volume is what all vents emit from time 0 on. The longest series and all constant
+    discharges end after ``duration``.
 
     Raises:
-        LavaError: A series does not end with 0, or nothing comes out.
+        LavaError: A series does not end with 0 after time 0, or the vents emit nothing.
     """
     ends = []
     for index, vent in enumerate(vents):
@@ -213,7 +213,7 @@ def erupting(vents: Sequence[Vent], *, duration: float, volume: float) -> tuple[
 
 
 def _within(vent: Vent, span: float) -> list[tuple[float, float]]:
-    """The series of a vent from time 0 on, which ends after a time [s]."""
+    """The discharge series of a vent from time 0 on; a constant one ends after ``span`` [s]."""
     first = vent.discharge_at(0.0)
     later = [(time, flux) for time, flux in vent.series if time > 0.0]
     return [(0.0, first), *(later or [(span, 0.0)])]

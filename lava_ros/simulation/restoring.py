@@ -78,7 +78,7 @@ def put_back(simulation: Simulation, checkpoint: Checkpoint) -> Simulation:
         checkpoint.scene.vents, since=checkpoint.since, carried=carried
     )
     simulation._vents.load(released)
-    # the state knows how high they are; what has frozen since has raised the ground
+    # the state has the vents' heights; lava that has frozen since may have raised the ground
     giving = simulation._vents.giving(checkpoint.time, others_than=())
     simulation._counted = simulation._vents, set(giving)
     if simulation._notes_arrival:

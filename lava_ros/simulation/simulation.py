@@ -135,7 +135,7 @@ class Simulation:
         self._start_with(particles)
         check_rates(scene.vents, self.particle_volume)
         self._vents = self._vent_set(scene.vents, since=0.0, carried=[0.0] * len(scene.vents))
-        #: Numbers of the vents, of these, that lava is known to have fallen from.
+        #: The vents, and the numbers of those that ``_raise_top`` has already counted.
         self._counted: tuple[VentSet, set[int]] = self._vents, set()
         self._raise_top(self._state.read_particles()[:, :2])
 
@@ -466,9 +466,10 @@ class Simulation:
     def _raise_top(
         self, places: np.ndarray | None = None, *, until: float | None = None
     ) -> None:
-        """Let lava have fallen from places relative to the centre [m], and from the vents.
+        """Update the elevation of the highest ground that lava came from, for places and vents.
 
-        Only vents count that have given lava, or will by a time [s]; each once.
+        ``places`` are relative to the centre [m], shape [count, 2]. Each vent counts once, and
+        only if it has emitted lava or will by the time ``until`` [s], by default now.
         """
         if self._counted[0] is not self._vents:
             self._counted = self._vents, set()

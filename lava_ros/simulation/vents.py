@@ -215,7 +215,10 @@ class VentSet:
             self._foresee()
 
     def giving(self, until: float, *, others_than: Container[int]) -> list[int]:
-        """Numbers of the vents that have lava in their conduits, or give some by a time [s]."""
+        """Numbers of the vents with lava in their conduits, or that emit some by ``until`` [s].
+
+        Vents with numbers in ``others_than`` are left out.
+        """
         return [
             number
             for number, vent in enumerate(self.vents)

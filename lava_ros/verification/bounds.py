@@ -16,44 +16,45 @@
 
 from lava_ros import validation
 
-#: Relative errors. A bound is about 1.5 times what was measured on a CPU (docs/accuracy/cpu.csv,
-#: `lava verify --preset P`), or more where that is small by chance: fronts move by a part of a
-#: spacing when any digit changes. What limits them:
+#: Relative errors. A bound is about 1.5 times the error measured on a CPU (docs/accuracy/cpu.csv,
+#: `lava verify --preset P`), or more if that error is small by chance: a change in any digit moves
+#: fronts by a part of a spacing. These are the sources of the errors:
 #:
-#: sheet: the lattice's sum over its density; herschel_bulkley, material_laws: the same; the power
-#:     of the thickness and what the strength leaves of it make it more. critical_thickness: the
-#:     bisection, and the same.
-#: bingham_dome, ridge: smoothing of the front; what is left of the way after 1e4 mu / tau_y is
-#:     below 0.1 %.
-#: green: the support is fixed, so draft has a particle for each 2 thicknesses, and errs by 37 %.
-#: channel: solve: particles across half of the channel, 5 to 8, 10 to 15, 20 to 30; green: the
-#:     same, and from standard on the cut at 6 / k.
-#: pond: at rest particles still change places in the deep, and chance says how fast; with the
-#:     balanced gradient of the reference the thin edge is left.
+#: sheet: density summed over the lattice of particles; herschel_bulkley, material_laws: the same,
+#:     amplified by the power of the thickness and by the yield strength. critical_thickness: the
+#:     same, and the bisection.
+#: bingham_dome, ridge: smoothing of the front; less than 0.1 % of the way remains after
+#:     1e4 mu / tau_y.
+#: green: the support is fixed, so draft has one particle for 2 thicknesses, and errs by 37 %.
+#: channel: solve: the particles across half of the channel, 5 to 8, 10 to 15, 20 to 30; green: the
+#:     same, and from standard on the cut-off at 6 / k.
+#: pond: at rest particles still change places in the deep, at speeds that vary by chance; with the
+#:     balanced gradient of the reference only the error of the thin edge is left.
 #: radiating_sheet, latent_heat: the thickness. ground, crust: their laws, whatever the spacing.
 #: fixed_volume, constant_flux, plane_fixed_area: smoothing of the front; the scatter is that of
-#:     the lattice, and a flux has the noise of a part of a spacing from the vent.
-#: dam_break: the front is 5, 7 and 10 spacings from the dam; passed: a column of particles more or
-#:     less is 2, 1.5 and 1.1 %.
-#: slope_fixed_area: smoothing, then what the solution leaves out, 0.2 run-outs of 60.
+#:     the lattice, and with a flux the vent adds noise of a part of a spacing.
+#: dam_break: the front is 5, 7 and 10 spacings from the dam; passed: one column of particles more
+#:     or less is 2, 1.5 and 1.1 %.
+#: slope_fixed_area: smoothing, then the terms that the solution neglects, 0.2 run-outs of 60.
 #: slope_flux: a front advances by rows of particles. look_ahead: the same, and half of the time
-#:     between two looks, 0.15 % of the arrival, or of what the front needs for a cell.
-#: lister: the spacing at the thin edge, and two digits of the reference. At draft x at 20 T is one
-#:     of two cells of the map: 1.5 or 3.7 %, as chance has it; y is 1.5 % at standard on a GPU.
+#:     between two looks: 0.15 % of the arrival time, or of the time the front needs for a cell.
+#: lister: the spacing at the thin edge, and the two digits of the reference. At draft, x at 20 T
+#:     is one of two cells of the map by chance, 1.5 or 3.7 %; y is 1.5 % at standard on a GPU.
 #: smith: the kernel radius, a third, a sixth and a twelfth of the half-width, and chance at the
-#:     edge, about 0.3 % in the spread at standard; what the solution leaves out is 0.2 % by then.
-#: freezing_lens: at the edge of what is fluid the sum over the neighbours is too thin, so it
-#:     freezes too early.
-#: inertial_sheet: the step, a fiftieth of the relaxation time over the refinement. ritter: the
-#:     tip, which thins out to less than a particle. stoker: both ends of the plateau are as wide
-#:     as a kernel.
-#: thacker: period: the edge; a percent of the energy is lost in a period to the dissipation that
-#:     bores need, by particles that change places; growth: leapfrog's, see STEPS in inertia.py.
-#: viscous_heating: warming: the lattice's sum; heat of spreading: the slope at the end of a step
-#:     stands for all of it, and the kernel lowers the centre. conduction: heat: rounding.
+#:     edge, about 0.3 % in the spread at standard; the solution itself neglects 0.2 % by then.
+#: freezing_lens: at the edge of the fluid part the sum over the neighbours is too small, so the
+#:     lava freezes too early.
+#: inertial_sheet: the time step, a fiftieth of the relaxation time over the refinement. ritter:
+#:     the tip, which thins out to less than a particle. stoker: the ends of the plateau, which are
+#:     smoothed over the width of a kernel.
+#: thacker: period: the edge, and a percent of the energy lost per period to the dissipation that
+#:     bores need, by particles that change places; growth: the leapfrog, see STEPS in inertia.py.
+#: viscous_heating: warming: density summed over the lattice; heat of spreading: the slope at the
+#:     end of a step is used for all of it, and the kernel lowers the centre. conduction: heat:
+#:     rounding.
 #: cooling_current: power: heat is still being stored.
-#: silicone_oil: means and three standard deviations of 16 draws (6 at fine), discharges that
-#:     differ by 1e-6; what the paper leaves open is 4.7 % of the temperature at 0.5 radii.
+#: silicone_oil: mean plus three standard deviations of 16 runs (6 at fine) whose discharges differ
+#:     by 1e-6; what the paper leaves open is 4.7 % of the temperature at 0.5 radii.
 #:
 #: A preset in ``STAND_INS`` is held to the bounds of another where it has none of its own.
 BOUNDS: dict[str, dict[str, dict[str, float]]] = {
@@ -228,7 +229,11 @@ BOUNDED_PRESETS = ('draft', 'standard', 'fine', 'reference')
 
 
 def bound(preset: str, case: str, quantity: str) -> float:
-    """Largest relative error that a quantity of a case may have at a preset, or LavaError."""
+    """Largest relative error that a quantity of a case may have at a preset.
+
+    Raises:
+        LavaError: The preset, the case or the quantity has no bound.
+    """
     validation.choice('preset', preset, BOUNDED_PRESETS)
     quantities = BOUNDS.get(case, {})
     validation.choice(f'bounds.{case}', quantity, quantities)

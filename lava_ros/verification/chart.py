@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The chart of a report: error against cost, the front drawn, the presets in colours."""
+"""The chart of a report: error against cost, the front as a line and the presets in colour."""
 
 from __future__ import annotations
 
@@ -37,6 +37,8 @@ _COLOURS = ('#fb9a06', '#e2583b', '#a92e5e', '#3d0f56', '#5f6368')
 
 def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
     """Draw a panel for each case with a cost, under its title; the suffix chooses the format.
+
+    ``titles`` has the title of each case by name.
 
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.

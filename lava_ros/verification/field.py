@@ -62,7 +62,10 @@ class Field:
         return self.thickness[np.abs(self.y) <= max(half_width, self.cell)].mean(axis=0)
 
     def mean_radius(self, threshold: float, reach: float, azimuths: int = 32) -> float:
-        """Mean distance [m] from (0, 0) of where it gets thinner than a threshold [m]."""
+        """Mean distance [m] from (0, 0) at which the field gets thinner than ``threshold`` [m].
+
+        The mean is over ``azimuths`` directions, each sampled up to ``reach`` [m].
+        """
         distance = np.arange(0.0, reach, 0.5 * self.cell)
         radii = []
         for angle in 2.0 * math.pi * (np.arange(azimuths) + 0.5) / azimuths:
@@ -72,9 +75,10 @@ class Field:
 
 
 def front(place: np.ndarray, thickness: np.ndarray, threshold: float) -> float:
-    """Largest of ascending places at which the thickness crosses a threshold, interpolated [m].
+    """Largest place at which the thickness crosses ``threshold`` [m], interpolated [m].
 
-    NaN when no thickness exceeds the threshold or the last one still does.
+    ``place`` is ascending [m], ``thickness`` the thickness there [m]. The result is NaN if no
+    thickness exceeds the threshold, or if the last one still does.
     """
     above = np.flatnonzero(thickness > threshold)
     if len(above) == 0 or above[-1] + 1 == len(place):

@@ -52,7 +52,8 @@ ALIKE = 0.01
 def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
     """The report as Markdown: presets first, then the studies, then every setting.
 
-    Cases have titles by name; the CSV and the chart are called ``stem``, without suffix.
+    ``titles`` has the title of each case by name; ``stem`` is the file name of the CSV and the
+    chart, without suffix.
     """
     commands = [f'`{command}`' for command in dict.fromkeys(row.command for row in rows)]
     machines = ', '.join(dict.fromkeys(row.machine for row in rows))
@@ -131,7 +132,7 @@ def _case_table(rows: Sequence[Row]) -> list[str]:
 
 
 def studies(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
-    """Every section whose settings were measured, as lines of Markdown."""
+    """The sections of all studies whose settings were measured, as lines of Markdown."""
     knob = [row for row in rows if row.case in KNOB_CASES]
     return [
         *_section('Convergence', _convergence(knob)),
@@ -142,7 +143,7 @@ def studies(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
     ]
 
 
-#: What a section says, the titles of its table and its lines; without lines there is none.
+#: Text of a section, column titles and rows of its table; without rows it is left out.
 Section = tuple[str, Sequence[str], Sequence[Sequence[str]]]
 
 _NONE: Section = ('', (), ())

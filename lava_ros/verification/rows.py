@@ -30,7 +30,7 @@ from lava_ros.files import write_output
 from lava_ros.files.csv import read_table
 from lava_ros.simulation.presets import PRESETS
 
-#: Is told what begins, and the share of the work that is done, from 0 to 1.
+#: Called with the name of the next measurement and the share of the work that is done, 0 to 1.
 OnProgress = Callable[[str, float], None]
 
 
@@ -38,9 +38,10 @@ OnProgress = Callable[[str, float], None]
 class Row:
     """One quantity of one case at one setting: a line of the CSV.
 
-    ``error`` is relative, ``measured`` and ``exact`` are in ``unit``; ``particles`` are those at
-    the end, ``evaluations`` those of the velocity. Times are in seconds: ``wall_s`` the median of
-    the repetitions, from ``low`` to ``high``. ``preset`` is empty for a setting that is none.
+    ``error`` is relative; ``measured`` and ``exact`` are in ``unit``. ``particles`` is the number
+    of particles at the end, ``evaluations`` that of velocity evaluations. Times are in seconds:
+    ``wall_s`` is the median of the repetitions, ``low`` and ``high`` are their range. ``preset``
+    is empty if the setting is not a preset.
     """
 
     case: str
@@ -68,7 +69,7 @@ class Row:
 def row_of(
     benchmark: str, particles: int, values: Sequence[float], unit: str
 ) -> dict[str, Any]:
-    """The row of a benchmark's repetitions: their median, and from where to where they went."""
+    """The row of a benchmark: median, smallest and largest of its repeated ``values``."""
     return {
         'benchmark': benchmark,
         'particles': particles,
@@ -81,7 +82,7 @@ def row_of(
 
 
 def write_csv(rows: Sequence[Any], path: Path) -> None:
-    """Write rows with the same columns, one at least, as CSV with numbers to six digits.
+    """Write at least one row as CSV, with numbers to six digits; all rows have the same columns.
 
     Raises:
         LavaError: The file cannot be written.
@@ -120,7 +121,7 @@ def read_csv(path: Path) -> list[Row]:
 
 
 def as_plain(rows: Sequence[Any]) -> list[dict[str, Any]]:
-    """Turn rows into a list with the CSV's columns for JSON, None for NaN."""
+    """Convert rows to mappings for JSON, with the columns of the CSV and None for NaN."""
     return [
         {
             name: None if isinstance(value, float) and math.isnan(value) else value
@@ -132,10 +133,10 @@ def as_plain(rows: Sequence[Any]) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class Point:
-    """A setting in a case: its largest relative error, infinite where one is no number.
+    """A setting in a case: its largest relative error, infinite if one of its errors is NaN.
 
-    ``cost`` is the wall time for a simulated hour [s], ``least`` the largest of the errors that
-    are numbers, ``preset`` the name of the preset that it is, or empty.
+    ``cost`` is the wall time per simulated hour [s]. ``least`` is the largest error that is a
+    number. ``preset`` is the name of the preset, empty if the setting is none.
     """
 
     case: str

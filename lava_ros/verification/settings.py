@@ -71,7 +71,10 @@ LITERAL = 4.74
 
 @dataclass(frozen=True)
 class Setting:
-    """One column of the experiment, on the cases that are named, None for all; maybe a preset."""
+    """An accuracy to measure, and the names of the cases it is run on, None for all.
+
+    ``preset`` is the name of the preset with this accuracy, empty if there is none.
+    """
 
     name: str
     accuracy: Accuracy
@@ -80,7 +83,7 @@ class Setting:
 
 
 def all_settings(*, quick: bool = False) -> list[Setting]:
-    """The settings of a report, each accuracy once, from cheap to dear."""
+    """The settings of a report, each accuracy once, from cheap to expensive."""
     refinements, ratios = (QUICK_REFINEMENTS, QUICK_RATIOS) if quick else (REFINEMENTS, RATIOS)
     chosen = {
         PRESETS[name].accuracy: name for name in (QUICK_PRESETS if quick else tuple(PRESETS))
@@ -219,7 +222,7 @@ def expected_cost(accuracy: Accuracy) -> float:
 
 
 def all_pairs(*, quick: bool = False) -> list[tuple[Case, Setting]]:
-    """Every case with the settings it is run at, from cheap to dear, and the lateral experiments.
+    """Every case with its settings, from cheap to expensive, then the lateral experiments.
 
     A quick report takes less than two minutes on two cores.
     """

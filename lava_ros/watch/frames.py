@@ -68,7 +68,11 @@ class Frames(Protocol):
         """Take what has come since; never raises for what came."""
 
     def frame(self, index: int) -> Frame:
-        """The frame of ``times[index]``; LavaError where it cannot be read."""
+        """The frame of ``times[index]``.
+
+        Raises:
+            LavaError: The frame cannot be read.
+        """
 
 
 def watched_layers(files: tuple[str, ...] = ('default.yaml', 'forecast.yaml')) -> list[Layer]:
@@ -86,7 +90,11 @@ class BagFrames:
     """The frames of a bag, also of one that is still recorded."""
 
     def __init__(self, path: str | Path) -> None:
-        """Open the bag; LavaError where it is none."""
+        """Open a bag.
+
+        Raises:
+            LavaError: The path is not a readable bag.
+        """
         BagReader(path)
         self.times: list[float | None] = []
         self.version = 0

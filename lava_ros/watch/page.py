@@ -100,7 +100,7 @@ class Page:
     """The page of one browser session, with its own slider and choice of map."""
 
     def __init__(self, frames: Frames) -> None:
-        """Lay the page out, empty."""
+        """Create an empty page that shows ``frames``."""
         self._frames = frames
         self._version, self._problem = -1, ''
         self._time: float | None = None
@@ -282,10 +282,10 @@ def _placed(frame: Frame, image: np.ndarray) -> dict[str, Any]:
 def serve(
     frames: Frames, address: str, port: int, *, on_poll: Callable[[], None] = lambda: None
 ) -> BaseServer:
-    """Serve the page, with all that it needs, at an address, ``0.0.0.0`` for every network.
+    """Serve the page at an address, ``0.0.0.0`` for every network, and return the server.
 
-    Port 0 is a free one. The server, which is returned, serves while its ``io_loop`` runs, and
-    calls ``on_poll`` after each look for what is new.
+    Port 0 chooses a free port. The page includes all that it needs. It is served while the
+    server's ``io_loop`` runs; ``on_poll`` is called after each check for new frames.
 
     Raises:
         LavaError: The address is not this machine's, or the port is taken.

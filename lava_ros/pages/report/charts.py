@@ -31,7 +31,7 @@ MOST_POINTS = 400
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A quantity over increasing simulated times [s], NaN where there is none."""
+    """A quantity over increasing simulated times [s]; NaN where it has no value."""
 
     label: str
     times: Sequence[float]
@@ -40,7 +40,7 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Curves that share their axes; values are multiplied by ``scale`` to be in the unit."""
+    """Curves that share their axes; ``scale`` converts their values to the unit of the chart."""
 
     key: str
     title: str

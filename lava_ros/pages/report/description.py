@@ -32,9 +32,10 @@ class EffectChange:
 
 @dataclass(frozen=True)
 class Description:
-    """What describes a recording; what is absent or cannot be read is empty.
+    """The description of a recording; parts that are missing or cannot be read are empty.
 
-    These are parameters by name, all effects and then what changed, version and device.
+    It has the parameters by name, the effects at the start and their later changes, the version
+    and the device.
     """
 
     parameters: Mapping[str, Any]
@@ -61,10 +62,11 @@ def describe(custom_data: Mapping[str, str]) -> Description:
 
 
 def plain(custom_data: Mapping[str, str]) -> dict[str, Any]:
-    """What the node has written as plain data, None where it is missing or something else.
+    """The node's description of a recording as plain data; None for parts missing or malformed.
 
-    ``scene`` is what scene_to_dict gives; ``parameters`` are the node's; ``effects``, which were
-    on from when on; ``resumed_from``, bag and time of the checkpoint that a run has gone on from.
+    ``scene`` is the result of scene_to_dict, ``parameters`` those of the node, ``effects`` the
+    effects and the times of their changes, and ``resumed_from`` the bag and time of the checkpoint
+    that the run was resumed from.
     """
     found: dict[str, Any] = {}
     for name, (parse, is_right) in _KNOWN.items():
@@ -97,7 +99,7 @@ def _are_changes(value: object) -> bool:
     )
 
 
-#: Texts that the node writes, by name: how each is read, and whether it is what it should be.
+#: Texts that the node writes, by name: the parser, and the check of what it returns.
 _KNOWN: dict[str, tuple[Callable[[str, str], Any], Callable[[object], bool]]] = {
     'scene': (parse_yaml, _is_mapping),
     'parameters': (parse_yaml, _is_mapping),

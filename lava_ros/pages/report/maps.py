@@ -44,9 +44,10 @@ _MOST_ARRIVAL = 65_535
 
 @dataclass(frozen=True)
 class View:
-    """The part of the terrain that is shown, and how many cells are one along a side.
+    """The part of the terrain that is shown.
 
-    Rows and columns are the first and the one after the last.
+    Rows and columns are each given by the first and the one after the last. ``factor`` cells along
+    a side are combined into one.
     """
 
     rows: tuple[int, int]
@@ -137,7 +138,11 @@ def pack_maps(
 
 
 def relief(survey: Survey, view: View) -> str:
-    """The shaded ground as the address of a JPEG, north up."""
+    """The shaded ground, north up, as a data URL of a JPEG.
+
+    Raises:
+        LavaError: matplotlib is not installed.
+    """
     require('matplotlib', 'report', 'relief')
     from PIL import Image
 

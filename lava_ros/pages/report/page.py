@@ -43,10 +43,10 @@ NAMES = {'thickness': 'height', 'temperature': 'temperature', 'hazard': 'hazard'
 def write_report(
     path: str | Path, output: str | Path, *, progress: Progress = silent
 ) -> int:
-    """Write a page of HTML about a bag, which needs no other file; its size [bytes].
+    """Write a self-contained HTML page about a bag, and return its size [bytes].
 
     Raises:
-        LavaError: The bag cannot be read, or the page not be written.
+        LavaError: The bag cannot be read, or the page cannot be written.
     """
     output = file_to_write('output', output, ('.html', '.htm'))
     data = page(Recording(path), progress).encode()
@@ -55,7 +55,11 @@ def write_report(
 
 
 def page(recording: Recording, progress: Progress = silent) -> str:
-    """The page about a recording; LavaError where it is damaged or does not say its times."""
+    """The HTML page about a recording.
+
+    Raises:
+        LavaError: The bag is damaged, or does not have its simulated times.
+    """
     seen = survey(recording, progress)
     view = view_of(seen)
     maps = pack_maps(recording, seen, view, progress)

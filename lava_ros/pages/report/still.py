@@ -65,13 +65,15 @@ def write_still(
     shows: str,
     sections: str = '',
 ) -> int:
-    """Write the page about a PNG; it needs no other file. Sections of HTML follow the picture.
+    """Write a self-contained HTML page about a PNG.
+
+    ``shows`` describes the picture; ``sections`` is HTML that follows it.
 
     Returns:
         Size of the page [bytes].
 
     Raises:
-        LavaError: The page cannot be written, or the picture not be read.
+        LavaError: The page cannot be written, or the picture cannot be read.
     """
     try:
         image = base64.b64encode(picture.read_bytes()).decode()
@@ -96,7 +98,7 @@ def write_comparison(paths: Sequence[str], output: str | Path, words: Words) -> 
     """Write a page about an ensemble, or about several runs, and return its size [bytes].
 
     Raises:
-        LavaError: A run or a file cannot be read, or the page not be written.
+        LavaError: A run or a file cannot be read, or the page cannot be written.
     """
     output = file_to_write('output', output, ('.html', '.htm'))
     with tempfile.TemporaryDirectory(prefix='lava-report-') as folder:

@@ -30,10 +30,11 @@ TEMPERATURE = 'temperature'
 class Survey:
     """A run as a whole: its last frame, and curves with one value for each frame.
 
-    ``touched`` are the cells that lava was ever in, ``vents`` the map positions [m] of those that
-    ever emitted, ``front`` the distance [m] of the farthest such cell from the nearest of them,
-    NaN without. Areas are in m2, ``hottest`` is in Celsius, NaN without lava. ``largest`` is by
-    source; ``saturated`` are sources with a value that their grid cannot tell from larger ones.
+    ``touched`` are the cells that lava was ever in, and ``vents`` the positions [m] of the vents
+    that ever emitted. ``front`` is the distance [m] of the farthest touched cell from its nearest
+    such vent, NaN without one. Areas are in m2, and ``hottest`` is in Celsius, NaN without lava.
+    ``largest`` has the largest value by source; ``saturated`` has the sources with a value at the
+    limit of their grid, which may stand for a larger one.
     """
 
     frame: Frame
@@ -49,10 +50,10 @@ class Survey:
 
 
 def survey(recording: Recording, progress: Progress = silent) -> Survey:
-    """Look at every frame of the last run.
+    """Read every frame of the last run, and summarise it.
 
     Raises:
-        LavaError: The bag is damaged, or does not say its simulated times.
+        LavaError: The bag is damaged, or has no map or no simulated times.
     """
     if not recording.timeline.moments:
         right = 'a bag with /diagnostics of the node, which say the simulated time'

@@ -13,11 +13,12 @@
 # limitations under the License.
 
 
-"""How far footprints depend on the resolution: scenes at presets from coarse to fine.
+"""How footprints depend on the resolution: scenes at presets from coarse to fine.
 
 A footprint is what at least half of several runs cover, turned and mirrored
-(hindcast/replicates.py): a flow forks where decimetres decide, and which way a single run goes is
-chance. How far two such footprints agree by chance is the agreement of both halves of the runs.
+(hindcast/replicates.py). Decimetres decide where a flow forks, so a single run's choice is chance.
+The agreement of the footprints of two halves of the runs shows how far footprints of the same
+resolution differ by chance.
 """
 
 from collections.abc import Iterator, Sequence
@@ -117,7 +118,7 @@ def _cliff() -> Case:
 def _footprint(
     case: Case, preset: str, device: str, runs: int
 ) -> tuple[np.ndarray, np.ndarray, Score, dict[str, Any]]:
-    """What the runs of a case at a preset cover, each and agreed, its score, and their cost."""
+    """Cells covered by each run at a preset, their majority footprint, its score, and the cost."""
     settings = Settings(preset, device=device, maps=1)
     results = run_several(case, settings, runs)
     alone = simulate(case, settings)
@@ -125,7 +126,7 @@ def _footprint(
     each = maps >= COVERED
     majority = each.mean(axis=0) >= 0.5
     cost = {
-        # of a run alone, kernels compiled
+        # of a single run, with kernels compiled beforehand
         'seconds': alone.wall_time,
         'particles': max(result.most_particles for result in results),
         'evaluations': alone.snapshot.steps.evaluations,
@@ -136,7 +137,7 @@ def _footprint(
 def measure(
     device: str, *, cases: Sequence[Case], runs: int, on_progress: OnProgress
 ) -> Iterator[dict[str, Any]]:
-    """Run every scene, or mapped eruptions in place of them, so often at each preset."""
+    """Run each scene ``runs`` times at each preset; ``cases`` replace the usual scenes."""
     items = tuple(cases) or scenes()
     for index, case in enumerate(items):
         on_progress(case.name, index / len(items))
@@ -153,20 +154,20 @@ def compare(case: Case, *, device: str, runs: int) -> Iterator[dict[str, Any]]:
             'scene': case.name,
             'preset': preset,
             'spacing_m': resolution.spacing,
-            # of the flow that the spacing follows, and particles across it
+            # width of the flow from which the spacing follows, and particles across it
             'width_m': resolution.width,
             'across': resolution.across,
             'runs': runs,
             'jaccard': jaccard(cells, finest),
             'noise': noise(each),
-            # mean of two runs
+            # mean over all pairs of runs
             'single': float(np.mean([jaccard(*pair) for pair in combinations(each, 2)])),
             'area_m2': judged.area,
             'area_ratio': judged.area / best.area,
-            # the longest way along the footprint
+            # the longest path along the footprint
             'length_m': judged.length,
             'length_ratio': judged.length / best.length,
-            # with the mapped footprint
+            # agreement with the mapped footprint
             'score': judged.jaccard if case.footprint.any() else math.nan,
             **cost,
             'simulated_s': case.duration,

@@ -80,10 +80,10 @@ def lava_field(
     cells: int | None = None,
     ratio: float = RATIO,
 ) -> Simulation:
-    """A field of about so many particles of lava on rough ground, and a vent in it.
+    """A field of about ``particles`` particles of lava on rough ground, with a vent in its middle.
 
-    The ground has ``cells`` along a side, each two spacings wide when left out; ``ratio`` is the
-    kernel radius over the spacing: pi times its square is the number of neighbours.
+    ``cells`` is the number of the ground's cells along a side; by default a cell is two spacings
+    wide. ``ratio`` is the kernel radius over the spacing; a particle has pi ratio^2 neighbours.
     """
     count = max(8, round(particles**0.5))
     side = count * SPACING
@@ -113,7 +113,10 @@ def lava_field(
 def measure(
     device: str, *, particles: int | None, repetitions: int, on_progress: OnProgress
 ) -> Iterator[dict[str, Any]]:
-    """Time a step with every set of effects, with so many particles, or the device's usual."""
+    """Time a step with each set of effects.
+
+    ``particles`` is the number of particles, None for the usual one of the device.
+    """
     if particles is None:
         particles = PARTICLES['cuda' if wp.get_device(device).is_cuda else 'cpu']
     sets = effect_sets()
@@ -130,7 +133,11 @@ def measure(
 def step_times(
     simulation: Simulation, repetitions: int, least: float
 ) -> tuple[list[float], int]:
-    """Times of a step over the particles [ns], repeatedly over some seconds, and the particles."""
+    """Time steps over ``repetitions`` intervals of at least ``least`` [s].
+
+    Returns:
+        Wall time per step and particle of each interval [ns], and the number of particles.
+    """
     # compiles, captures and settles
     _elapsed(simulation, 2 * _AT_ONCE)
     steps = _AT_ONCE

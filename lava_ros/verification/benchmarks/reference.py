@@ -38,7 +38,10 @@ class Reference:
     """The lava of a simulation, moved by plain kernels in float32."""
 
     def __init__(self, simulation: Simulation, step: float) -> None:
-        """Copy particles and ground of a simulation without effects; steps are so long [s]."""
+        """Copy the particles and ground of a simulation; ``step`` is the time step [s].
+
+        The simulation has no effects switched on.
+        """
         sample, scene = simulation.sample(), simulation.scene
         self._device = wp.get_device(simulation.device)
         self._radius = simulation.radius

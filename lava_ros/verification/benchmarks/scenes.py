@@ -31,7 +31,10 @@ from lava_ros.scene.lava import Lava
 
 @dataclass(frozen=True, eq=False)
 class BenchScene:
-    """A scene, in a few words, and how long it is simulated and the effects are chosen for [s]."""
+    """A scene, a short description, and the horizon [s].
+
+    The scene is simulated up to the horizon, and its effects are chosen for it.
+    """
 
     name: str
     title: str

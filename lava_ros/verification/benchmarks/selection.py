@@ -126,10 +126,10 @@ def covered(
 def cost(
     scene: Scene, effects: Effects, *, accuracy: Accuracy, horizon: float, device: str
 ) -> tuple[int, int, float]:
-    """Simulate a scene up to a time [s], its kernels compiled beforehand.
+    """Simulate a scene up to ``horizon`` [s]; kernels are compiled beforehand.
 
     Returns:
-        Particles at the end, velocity evaluations and wall time [s].
+        Number of particles at the end, number of velocity evaluations, and wall time [s].
     """
     accuracy = resolved_accuracy(accuracy, scene, horizon=horizon)
     warm = Simulation(scene, effects=effects, accuracy=accuracy, device=device)
@@ -160,7 +160,7 @@ def noise(runs: np.ndarray) -> float:
 def measure(
     device: str, *, preset: str, runs: int, on_progress: OnProgress
 ) -> Iterator[dict[str, Any]]:
-    """Compare each scene with the chosen effects and with all of them, over many runs."""
+    """Compare the chosen effects with all effects on every scene, over ``runs`` runs each."""
     items = scenes()
     for index, item in enumerate(items):
         on_progress(item.name, index / len(items))
@@ -168,7 +168,7 @@ def measure(
 
 
 def compare(item: BenchScene, *, device: str, preset: str, runs: int) -> dict[str, Any]:
-    """Simulate a scene with the chosen effects (``auto``) and with all of them."""
+    """Compare runs of a scene with the chosen effects (``auto``) and with all effects."""
     common: dict[str, Any] = {'accuracy': preset_accuracy(preset), 'horizon': item.horizon}
     auto, full = effects_for(item.scene, **common), everything(item.scene, **common)
     common['device'] = device
@@ -181,18 +181,18 @@ def compare(item: BenchScene, *, device: str, preset: str, runs: int) -> dict[st
         'effects_auto': ' '.join(auto),
         'effects_all': ' '.join(full),
         'runs': runs,
-        # of the cells that lava covers in most of the runs
+        # of the majority footprints
         'jaccard': jaccard(footprint(chosen), footprint(complete)),
         'noise_auto': noise(chosen),
         'noise_all': noise(complete),
-        # mean over the runs of a chosen one and that with all, vents in the same place
+        # mean over pairs of a run with the chosen effects and one with all, from the same vents
         'single': float(np.mean([jaccard(*pair) for pair in zip(chosen, complete, strict=True)])),
         'seconds_auto': cost_auto[2],
         'seconds_all': cost_all[2],
         'particles': cost_auto[0],
         'evaluations_auto': cost_auto[1],
         'evaluations_all': cost_all[1],
-        # of the footprint with all effects
+        # of the majority footprint with all effects
         'cells': int(np.count_nonzero(footprint(complete))),
         'simulated_s': item.horizon,
     }

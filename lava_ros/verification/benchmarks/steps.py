@@ -74,7 +74,10 @@ def measure(
     repetitions: int,
     on_progress: OnProgress,
 ) -> Iterator[dict[str, Any]]:
-    """Time steps with so many particles, or the device's usual, snapshots and the start."""
+    """Time steps, snapshots, and the start of a process to its first snapshot.
+
+    ``particles`` are the numbers of particles to step, None for the usual ones of the device.
+    """
     if particles is None:
         particles = PARTICLES['cuda' if wp.get_device(device).is_cuda else 'cpu']
     parts = len(particles) + 2
@@ -172,9 +175,12 @@ def first_snapshot(device: str) -> None:
 
 
 def _starts(device: str, repetitions: int) -> list[float]:
-    """Times of a process from its start until it has its first snapshot [s].
+    """Time from the start of a process to its first snapshot [s], over several processes.
 
-    The first process fills the kernel cache and is not counted; LavaError where one fails.
+    The first process fills the kernel cache and is not counted.
+
+    Raises:
+        LavaError: A process fails.
     """
     times = []
     command = [sys.executable, '-c', _FIRST.format(device=device)]

@@ -49,9 +49,9 @@ Window = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Measurement:
-    """A measured number beside the exact one, in a unit.
+    """A measured value and the exact one, both in ``unit``.
 
-    Their difference is divided by ``scale``, the exact value when left out.
+    The error is their difference over ``scale``, by default the exact value.
     """
 
     quantity: str
@@ -100,9 +100,9 @@ class Case:
 
     Attributes:
         name: Name on the command line.
-        title: What flows, in a phrase.
-        source: Where the exact solution is from.
-        measure: Runs it at an accuracy on a Warp device. Its spacing is the case's own over
+        title: The flow, in a phrase.
+        source: Reference of the exact solution.
+        measure: Runs the case at an accuracy on a Warp device. The spacing is the case's own over
             ``accuracy.refinement``.
     """
 
@@ -112,7 +112,7 @@ class Case:
     measure: Callable[[Accuracy, str], Run]
 
     def run(self, accuracy: Accuracy, device: str) -> Run:
-        """Run it, under its name."""
+        """Run the case, and name the result after it."""
         return replace(self.measure(accuracy, device), case=self.name)
 
 
@@ -128,7 +128,7 @@ class Trial:
         effects: Effects = FLAT,
         particles: Particles | None = None,
     ) -> None:
-        """Prepare the simulation; the accuracy has spacing and thickness."""
+        """Compile the kernels, create the simulation; ``accuracy`` sets spacing and thickness."""
         # the kernels are compiled for the effects and the accuracy, whatever the scene
         few = None
         if particles is not None:
@@ -150,7 +150,7 @@ class Trial:
         self._wall_time += wall_clock.perf_counter() - start
 
     def field(self, window: Window) -> Field:
-        """The thickness in a window as the output grid shows it, on cells of half a spacing."""
+        """The thickness [m] in a window, as in the output grid, on cells of half a spacing."""
         spacing = self.simulation.accuracy.spacing
         assert spacing is not None
         cell = 0.5 * spacing
@@ -178,7 +178,11 @@ class Trial:
         return Field(thickness[beyond:-beyond, beyond:-beyond], cell, (x0, y0))
 
     def middle(self, half: float) -> dict[str, np.ndarray]:
-        """What the particles in a square around (0, 0), of half a side [m], are like now."""
+        """Sample the particles in a square of side 2 ``half`` [m] around (0, 0).
+
+        Returns:
+            Their position [m], velocity [m/s] and temperature [K] by name.
+        """
         sample = self.simulation.sample()
         inside = np.abs(sample.position).max(axis=1) < half
         return {
@@ -188,7 +192,7 @@ class Trial:
         }
 
     def run(self, *measurements: Measurement) -> Run:
-        """Close the trial, of a case without a name, with what was measured."""
+        """End the trial; the result has the measurements, but no name of a case yet."""
         snapshot = self.simulation.snapshot()
         return Run(
             case='',
@@ -248,21 +252,21 @@ def layer(
     slope: float = 0.0,
     temperature: float = 1400.0,
 ) -> 'Trial':
-    """A square layer of even thickness around (0, 0) on an even slope.
+    """A square layer of uniform thickness around (0, 0) on an even slope.
 
     Args:
-        lava: What it is of.
+        lava: The lava of the layer.
         effects: The physics.
-        accuracy: Resolution; spacing and thickness are set here.
+        accuracy: Resolution; its spacing and thickness are set here.
         device: Warp device.
-        thickness: Its thickness, vertical [m].
+        thickness: Vertical thickness [m].
         spacing: Distance between particles at a refinement of 1 [m].
-        side: Its side [m]; the slope's is twice as long.
+        side: Side of the layer [m]; the ground's is twice as long.
         slope: Angle of the slope [rad].
-        temperature: Its temperature [K].
+        temperature: Temperature [K].
     """
     spacing /= accuracy.refinement
-    # a coarse one keeps its middle away from the edge
+    # keeps the middle of a coarse layer away from its edge
     side = max(side, 8.0 * spacing)
     return Trial(
         Scene(plane(square(side), 5.0, slope), lava=lava),
@@ -274,7 +278,10 @@ def layer(
 
 
 def plane(window: Window, cell: float, slope: float = 0.0) -> Terrain:
-    """An even slope [rad] that falls towards +x, on cells [m] that cover a window at least."""
+    """An even slope that falls towards +x by an angle ``slope`` [rad], on cells of ``cell`` [m].
+
+    It covers at least the window.
+    """
     x0, y0, x1, y1 = window
     rows, columns = (max(2, int(np.ceil(side / cell))) for side in (y1 - y0, x1 - x0))
     x = x0 + (np.arange(columns) + 0.5) * cell
@@ -282,10 +289,14 @@ def plane(window: Window, cell: float, slope: float = 0.0) -> Terrain:
 
 
 def strip(width: float, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Shares of a length in (0, 1) and places across a width [m] of ``count`` even points.
+    """Distribute ``count`` points evenly over a rectangle of the given width [m].
 
-    The points (i + 1/2) / count and i times the golden ratio are evenly apart however a rectangle
-    is stretched.
+    The points, (i + 1/2) / count along it and i times the golden ratio across, stay evenly spaced
+    however the rectangle is stretched.
+
+    Returns:
+        Positions along the rectangle as shares of its length, in (0, 1), and across it [m] from
+        its middle.
     """
     index = np.arange(count)
     turn = np.modf(index * 0.5 * (np.sqrt(5.0) - 1.0))[0]

@@ -67,11 +67,11 @@ WAVES, WAVE_HEIGHT, WAVELENGTHS = 16, 0.06, (14.0, 40.0)
 def channel_velocity(
     width: float, *, effect: str, accuracy: Accuracy, device: str = 'cpu'
 ) -> tuple[Trial, Measurement]:
-    """Mean over local velocity in a channel of lava 1 m thick, with ``green`` or ``helmholtz``.
+    """Mean over local velocity in a channel of lava 1 m thick, with ``effect`` green or helmholtz.
 
-    The channel lies between mirrored ones whose slope is the opposite: the flow is odd about the
-    walls, so it vanishes there, as on a wall without slip. Its width [m] is an even multiple of
-    the accuracy's spacing: no particle is on a wall.
+    The channel lies between mirror images with the opposite slope. The flow is odd about the
+    walls, so it vanishes there, as on a wall without slip. ``width`` [m] must be an even multiple
+    of the spacing in ``accuracy``, so that no particle is on a wall.
     """
     spacing = accuracy.spacing
     assert spacing is not None
@@ -162,7 +162,7 @@ def rough_bowl() -> Terrain:
 def ground_at(terrain: Terrain, position: np.ndarray) -> np.ndarray:
     """Elevation [m] of the surface whose gradient drives the lava: the quadratic B-spline.
 
-    Places [m], shape [count, 2], are at least two cells from the terrain's border.
+    ``position`` [m], shape [count, 2], must be at least two cells away from the terrain's border.
     """
     place = (position - np.asarray(terrain.origin)) / terrain.resolution
     cell = np.floor(place).astype(int)
@@ -177,7 +177,7 @@ def ground_at(terrain: Terrain, position: np.ndarray) -> np.ndarray:
 
 
 def pond(accuracy: Accuracy, device: str = 'cpu') -> Trial:
-    """Lava filled into the rough bowl up to a level; the case sets spacing and thickness."""
+    """Lava filled into the rough bowl up to a level; spacing and thickness are set here."""
     terrain = rough_bowl()
     spacing = 2.0 / accuracy.refinement
     # off the grid of the terrain's cells
@@ -194,10 +194,10 @@ def pond(accuracy: Accuracy, device: str = 'cpu') -> Trial:
 
 
 def stillness(trial: Trial, when: str = '') -> tuple[Measurement, Measurement]:
-    """How far a pond is from rest: its fastest particle, and how level its surface is.
+    """How far a pond is from rest: speed of its fastest particle, and scatter of its surface.
 
-    Speeds are over that of a fall from the surface to the bottom, heights over the largest depth;
-    ``when`` ends the names of the quantities.
+    The speed is relative to that of a fall from the surface to the bottom, the scatter of the
+    surface relative to the largest depth. ``when`` is appended to the names of the quantities.
     """
     sample = trial.simulation.sample()
     deep = sample.thickness > DEEP

@@ -58,7 +58,7 @@ HOURS = (1.0, 10.0, 100.0)
 
 
 class _Cooling(Protocol):
-    """What says how a sheet cools."""
+    """An exact solution for the temperature of a cooling sheet."""
 
     def temperature(self, time: float) -> float: ...
 
@@ -72,7 +72,10 @@ def _cooling_sheet(
     hours: Sequence[float] = HOURS,
     is_of_loss: bool = True,
 ) -> Run:
-    """Temperatures of the middle of a still sheet, maybe held against what it has cooled by."""
+    """Compare temperatures in the middle of a sheet at rest with the solution.
+
+    Errors are relative to the loss of temperature if ``is_of_loss``, else to the temperature.
+    """
     accuracy = replace(accuracy, longest_step=600.0)
     trial = layer(
         lava, effects, accuracy, device, thickness=THICKNESS, spacing=4.0, side=80.0,

@@ -101,10 +101,10 @@ def _run_sheet(accuracy: Accuracy, device: str) -> Run:
 
 @dataclass(frozen=True)
 class Break:
-    """Two dams at |x| = ``half`` that broke at once, seen along the middle of a strip.
+    """Two dams at |x| = ``half`` that broke at once, sampled along the middle of a strip.
 
-    The trial is at the time when the fans meet, distances [m] are from the dams, the thickness [m]
-    there is the mean of both sides.
+    The trial ends when the fans meet. Distances [m] are measured outwards from a dam; the
+    thickness [m] is the mean of both sides.
     """
 
     trial: Trial
@@ -113,11 +113,12 @@ class Break:
 
 
 def broken_dams(bed: float, ahead: float, *, accuracy: Accuracy, device: str = 'cpu') -> Break:
-    """Let a block collapse on both sides, on a bed that reaches as far as its own end is not felt.
+    """Let a block of lava collapse on both sides, onto a dry bed or a layer of lava.
 
-    The sides are as far from the band as what they feel comes. Where the tip of a break onto a dry
-    bed comes from, particles are half as far apart: it thins out to less than a single one. The
-    bed is so thick [m], 0 for none, and undisturbed so far ahead of the dams [m] at the end.
+    ``bed`` is the thickness of that layer [m], 0 for a dry bed. The layer extends so far that its
+    outer ends disturb nothing within ``ahead`` [m] of the dams by the end; nor do the strip's long
+    sides affect the sampled band. On a dry bed particles are half as far apart next to the dams,
+    because the tip, which comes from there, thins out to less than a single particle.
     """
     time = REACH / math.sqrt(GRAVITY * HEIGHT)
     half, side = 1.1 * REACH, 1.1 * REACH + BAND
@@ -183,10 +184,10 @@ def _run_stoker(accuracy: Accuracy, device: str) -> Run:
 
 @dataclass(frozen=True)
 class Swing:
-    """An oscillation in a bowl, its exact solution, and what was seen at times [s].
+    """An oscillation in a bowl, its exact solution, and what was sampled at ``times`` [s].
 
-    ``spread`` is the mean of r^2 [m2], ``energy`` the kinetic and potential energy over the
-    density, above that at rest [m5/s2].
+    ``spread`` is the mean of r^2 [m2]; ``energy`` is the kinetic and potential energy over the
+    density, relative to rest [m5/s2].
     """
 
     trial: Trial
@@ -226,9 +227,9 @@ class Swing:
 def swing(
     count: int, *, accuracy: Accuracy, periods: float = 2.0, looks: int = 20, device: str = 'cpu'
 ) -> Swing:
-    """Let lava swing in a paraboloid (Thacker 1981), from where it is narrow and at rest.
+    """Let lava oscillate in a paraboloid (Thacker 1981), from rest at its narrowest.
 
-    There are about ``count`` particles, looked at so many times a period.
+    There are about ``count`` particles, sampled ``looks`` times per period.
     """
     solution = exact.OscillatingBowl(1.0, 50.0, 0.3, GRAVITY)
     narrow = solution.radius / math.sqrt(solution.narrowness(0.0))

@@ -13,18 +13,19 @@
 # limitations under the License.
 
 
-"""Layers of even thickness: speed on a slope, and lateral stress under a wave of the ground.
+"""Layers of uniform thickness: speed on a slope, and lateral stress over wavy ground.
 
-A wave sin(q x) of the driving term comes out multiplied by 1 / (1 + q^2 h^2 / 3). Three forms of
-one velocity, for kernel radii l of 0.3 to 10 thicknesses, are the experiments of ``lateral``:
+Lateral stress multiplies a wave sin(q x) of the driving term by 1 / (1 + q^2 h^2 / 3). The
+experiments of ``lateral`` compare three forms of the velocity for kernel radii l of 0.3 to 10
+thicknesses:
 
-* ``local``: no lateral stress. It responds with 1: its error is the effect itself.
+* ``local``: no lateral stress. Its response is 1, so its error is the size of the effect.
 * ``green``: the Green's function, cut off at the kernel radius.
-* ``helmholtz``: the solve that it approximates.
+* ``helmholtz``: the solve that the Green's function approximates.
 
-The kernel radius sets the distance of particles, by its ratio to it. At the smallest l a particle
-is a column an eleventh as wide as it is thick, at the largest three times as wide as thick. Waves
-shorter than four distances are left out: no form could show them.
+The kernel radius over its ratio gives the spacing. At the smallest l a particle is a column an
+eleventh as wide as it is thick, at the largest three times as wide as thick. Waves shorter than
+four spacings are left out, because no form could resolve them.
 """
 
 from dataclasses import replace
@@ -57,31 +58,31 @@ from lava_ros.verification.cases.case import (
 #: Angles of the slopes [degrees].
 SLOPES = (3.0, 10.0, 25.0)
 
-#: Half the side of the middle of a sheet, which its ends do not reach [m].
+#: Half the side of the middle of a sheet, which the ends do not influence [m].
 MIDDLE = 24.0
 
-#: The name of the case of every experiment with lateral stress.
+#: Name of the case of all experiments with lateral stress.
 LATERAL = 'lateral'
 
 FORMS = ('local', 'green', 'helmholtz')
 
-#: Kernel radii over the thickness, and that of the case of the Green's function alone, 6 / k.
+#: Kernel radii over the thickness, and the one of the case ``green``, 6 / k.
 RADII, GREEN_RADIUS = (0.3, 0.6, 1.0, 2.0, 3.5, 6.0, 10.0), 6.0 / math.sqrt(3.0)
 
 #: Wavelengths of the driving term over the thickness.
 WAVELENGTHS = (4.0, 8.0, 20.0)
 
-#: Distances of particles that a wave needs to be resolved.
+#: Shortest wavelength that is resolved, over the spacing.
 RESOLVED = 4.0
 
-#: Particles at a refinement of 1; at least as many are taken as keep the borders at a distance.
+#: Number of particles at a refinement of 1; more if the margins need them.
 PARTICLES = 10_000
 
-#: How far from where it is measured the layer goes on, beside a kernel radius, over the
+#: Width of the layer around the measured part, in addition to a kernel radius, over the
 #: thickness: five times the reach 1 / k of the lateral stress.
 MARGIN = 3.0
 
-#: Timed evaluations of a velocity.
+#: Number of velocity evaluations that are timed.
 EVALUATIONS = 5
 
 #: Amplitude of the driving terrain over the thickness.
@@ -101,17 +102,17 @@ def sheet_speed(
     temperature: float = ISOTHERMAL.reference_temperature,
     effects: Effects = SLOPING,
 ) -> Run:
-    """Speed along a slope [rad] of a sheet 1 m thick whose viscosity and strength are known.
+    """Measure the speed of a sheet 1 m thick along a slope, with known viscosity and strength.
 
     Args:
         quantity: Name of the speed.
-        lava: What the sheet is of.
-        accuracy: Resolution; spacing and thickness are set by the case.
+        lava: The lava of the sheet.
+        accuracy: Resolution; its spacing and thickness are set here.
         device: Warp device.
         slope: Angle of the slope [rad].
-        viscosity: Viscosity at the temperature [Pa s], the lava's own when left out.
-        strength: Yield strength there [Pa].
-        duration: How long it is watched [s]; None until it has moved on by its thickness.
+        viscosity: Viscosity at the temperature [Pa s], by default the lava's own.
+        strength: Yield strength at the temperature [Pa].
+        duration: Simulated time [s]; None for the time to move by one thickness.
         temperature: Temperature of the sheet [K].
         effects: The physics.
     """
@@ -159,21 +160,21 @@ def response(
     accuracy: Accuracy,
     device: str = 'cpu',
 ) -> Run:
-    """Amplitude of the velocity over the local one's, on a layer 1 m thick on ground A sin(q x).
+    """Velocity amplitude relative to that of ``local``, in a layer 1 m thick on ground A sin(q x).
 
-    Time does not pass: the run's wall time is that of so many velocity evaluations, neighbours
-    included, as it counts.
+    No simulated time passes; the wall time is that of the velocity evaluations, neighbour search
+    included.
 
     Args:
         form: One of ``FORMS``.
         radius: Kernel radius [m].
         wavelength: 2 pi / q [m].
-        accuracy: Its ratio gives the spacing, and its refinement how many particles there are.
+        accuracy: Its ratio gives the spacing, its refinement the number of particles.
         device: Warp device.
     """
     spacing = radius / accuracy.ratio
     q = 2.0 * math.pi / wavelength
-    # one wave, or as much of it beside a node of the terrain as there is room for
+    # half a wave on both sides of a node of the terrain, or a part of it where waves are long
     half = min(0.5 * wavelength, max(2.5, RESOLVED * spacing))
     margin = radius + MARGIN
     columns = 2 * math.ceil((half + margin) / spacing)
@@ -220,7 +221,7 @@ def response(
 def _waves(sides: tuple[float, float], q: float, spacing: float) -> Terrain:
     """Ground sin(q x) under a layer of given sides [m] and a little more."""
     x, y = (0.5 * side + 2.0 * spacing for side in sides)
-    # a fortieth of the wave shows its slope, and more cells than particles no more
+    # a fortieth of a wave resolves its slope; cells smaller than the spacing add nothing
     cell = min(2.0 * math.pi / q / 40.0, max(spacing, 0.1))
     terrain = plane((-x, -y, x, y), cell)
     place = terrain.origin[0] + (np.arange(terrain.shape[1]) + 0.5) * cell
@@ -244,7 +245,7 @@ def _evaluation_time(simulation: Simulation) -> float:
         evaluate()
         wp.synchronize_device(device)
         times.append(wall_clock.perf_counter() - start)
-    # a graph's first launch is its upload
+    # the first launch of a graph uploads it
     return median(times[1:])
 
 
@@ -273,7 +274,7 @@ CASES = (
     Case('green', 'lateral stress under a driving term sin(q x)', 'Kedadry 2023', _run_green),
 )
 
-#: Every form of the lateral stress at every kernel radius, from the smallest, by what it is.
+#: Every form of the lateral stress at every kernel radius, from the smallest, by description.
 EXPERIMENTS = {
     f'{form}, l = {radius:g} h': replace(
         CASES[1], name=LATERAL, measure=partial(_run_lateral, form, radius)

@@ -50,11 +50,11 @@ def spread_of_fixed_volume(
     growth: float = 1.3,
     device: str = 'cpu',
 ) -> Run:
-    """Let a fixed volume on a plane spread until its radius has grown by a factor (Huppert 1982).
+    """Let a volume on a plane spread until its radius is ``growth`` times as large (Huppert 1982).
 
-    Measured are the root mean square radius, the profile, the radius where the output grid is
-    thinner than ``FRONT``, and the scatter of h / exact inside 0.3 R. The effects are the local
-    balance alone when left out.
+    The measurements are the root mean square radius, the profile, the radius where the output grid
+    is thinner than ``FRONT``, and the scatter of h / exact inside 0.3 R. ``count`` is the number
+    of particles; ``effects`` are by default the local balance alone.
     """
     volume, first_radius = 1e5, 100.0
     solution = exact.FixedVolumeSpread(volume, NU, GRAVITY)

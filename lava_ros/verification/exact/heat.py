@@ -34,7 +34,7 @@ class ColumnOnGround:
     """
 
     def __init__(self, lava: Lava, *, initial: float, ground: float, thickness: float) -> None:
-        """Set kg, a and rho c of the lava, T0 [K], Tg [K] and h [m]."""
+        """Set T0 [K], Tg [K] and h [m]; ``lava`` has kg, a, rho and c."""
         self.initial = initial
         self.ground = ground
         taken = lava.ground_conductivity / math.sqrt(lava.ground_diffusivity)
@@ -58,7 +58,7 @@ class ConvectingSlab:
     def __init__(
         self, lava: Lava, *, initial: float, ambient: float, thickness: float, modes: int = 400
     ) -> None:
-        """Set k, rho c and lambda of the lava, T0 [K], Ta [K] and h [m]."""
+        """Set T0 [K], Ta [K], h [m] and the number of modes; ``lava`` has k, rho, c and lambda."""
         self.initial = initial
         self.ambient = ambient
         biot = lava.convection * thickness / lava.conductivity
@@ -87,7 +87,7 @@ class CrystallisingSheet:
     """
 
     def __init__(self, lava: Lava, *, initial: float, ambient: float, thickness: float) -> None:
-        """Set lambda, rho, c, L, liquidus and solidus of the lava, T0 [K], Ta [K] and h [m]."""
+        """Set T0 [K], Ta [K] and h [m]; ``lava`` has lambda, rho, c, L, liquidus and solidus."""
         self.initial = initial
         self.ambient = ambient
         self._time = lava.density * lava.specific_heat * thickness / lava.convection
@@ -117,10 +117,10 @@ class CrystallisingSheet:
 def temperature_step(
     distance: np.ndarray, time: float, *, low: float, high: float, diffusivity: float
 ) -> np.ndarray:
-    """Temperature [K] of a layer that was at ``low`` left of 0 and at ``high`` right of it.
+    """Temperature [K] of a layer that began at ``low`` for x < 0 and at ``high`` for x > 0.
 
     T_t = kappa T_xx has T = (low + high) / 2 + (high - low) / 2 erf(x / (2 sqrt(kappa t))).
-    x is ``distance`` [m], kappa ``diffusivity`` [m2/s], ``time`` the time since then [s].
+    x is ``distance`` [m], kappa ``diffusivity`` [m2/s] and t ``time`` since the start [s].
     """
     scaled = np.asarray(distance) / (2.0 * math.sqrt(diffusivity * time))
     shape = np.array([math.erf(value) for value in scaled.ravel()]).reshape(scaled.shape)
@@ -128,7 +128,10 @@ def temperature_step(
 
 
 def warming_by_descent(descent: float, *, gravity: float, specific_heat: float) -> float:
-    """Rise of temperature when all potential energy becomes heat, g z / c [K]."""
+    """Rise of temperature when all potential energy becomes heat, g z / c [K].
+
+    z is ``descent`` [m], c ``specific_heat`` [J/(kg K)] and g ``gravity`` [m/s2].
+    """
     return gravity * descent / specific_heat
 
 
@@ -147,7 +150,7 @@ class CoolingCurrent:
     """
 
     def __init__(self, lava: Lava, *, initial: float, ambient: float, discharge: float) -> None:
-        """Set eps, lambda and rho c of the lava, T0 [K], Ta [K] and Q [m3/s]."""
+        """Set T0 [K], Ta [K] and Q [m3/s]; ``lava`` has eps, lambda, rho and c."""
         self.initial = initial
         self.ambient = ambient
         self._lava = lava
@@ -247,12 +250,13 @@ class FreezingLens:
 
         t(h) = (rho c h / lambda) ln((T0 - Ta) / (Ts - Ta)),
 
-    which is proportional to its thickness. At time t all is frozen that is thinner than
-    D t / t(D), the ring r^2 > s R^2 with s = 1 - t / t(D). What is fluid has the volume
+    which is proportional to its thickness. At time t all lava thinner than D t / t(D) is frozen:
+    the ring r^2 > s R^2 with s = 1 - t / t(D). The fluid rest has the volume
 
         integral over 0..s of D (1 - s') pi R^2 ds' = pi R^2 D (s - s^2 / 2),
 
-    of all, pi R^2 D / 2, the share 2 s - s^2. So the share (1 - s)^2 = (t / t(D))^2 is frozen.
+    which is the share 2 s - s^2 of the total, pi R^2 D / 2. So the share (1 - s)^2 = (t / t(D))^2
+    is frozen.
 
     Attributes:
         lava: rho, c, lambda and Ts.

@@ -105,7 +105,7 @@ class StokerDamBreak:
     """
 
     def __init__(self, height: float, bed: float, gravity: float) -> None:
-        """Set the thickness behind the dam and h_1 in front of it [m], and g [m/s2]."""
+        """Set the thickness behind the dam and that in front of it, h_1 [m], and g [m/s2]."""
         self.height, self.bed, self.gravity = height, bed, gravity
 
         def is_faster(plateau: float) -> bool:

@@ -59,7 +59,11 @@ def herschel_bulkley_velocity(
 
 
 def critical_thickness(strength: float, slope: float, *, density: float, gravity: float) -> float:
-    """Thickness normal to the slope up to which a sheet rests, tau_y / (rho g sin b) [m]."""
+    """Largest thickness at which a sheet stays at rest, tau_y / (rho g sin b) [m].
+
+    It is normal to the slope b [rad]; tau_y is ``strength`` [Pa], rho ``density`` [kg/m3] and g
+    ``gravity`` [m/s2].
+    """
     return strength / (density * gravity * math.sin(slope))
 
 
@@ -103,10 +107,10 @@ class BinghamDome:
         return self.radius - (thickness / self._k) ** 2
 
     def particles(self, count: int, radius: float) -> np.ndarray:
-        """Places of particles of equal volume in a dome of this shape, shape [count, 2].
+        """Positions of particles of equal volume in a dome of this shape [m], shape [count, 2].
 
         The share of the volume beyond r is u^(3/2) (5 - 3 u) / 2 with u = 1 - r / R. Azimuths
-        follow the golden angle. The dome's radius [m] may be another than this one's.
+        follow the golden angle. ``radius`` is R [m], which may differ from that of this dome.
         """
         index = np.arange(count)
         u = np.linspace(0.0, 1.0, 20001)

@@ -27,7 +27,7 @@ STEFAN_BOLTZMANN = 5.670374419e-8
 
 
 def bisection(is_below: Callable[[Any], Any], low: Any, high: Any) -> Any:
-    """Where ``is_below`` turns from true to false between two numbers, or arrays of them."""
+    """Find where ``is_below`` turns from true to false between two numbers, or two arrays."""
     for _ in range(100):
         middle = 0.5 * (low + high)
         below = is_below(middle)
@@ -38,8 +38,9 @@ def bisection(is_below: Callable[[Any], Any], low: Any, high: Any) -> Any:
 def sheet_velocity(thickness: float, slope: float, nu: float, gravity: float) -> float:
     """Depth-averaged speed along the slope of a uniform sheet, g h^2 sin(b) / (3 nu) [m/s].
 
-    From the balance of weight and drag, mu d2u/dz2 = -rho g sin(b), no slip below and no stress
-    on top; h [m] is normal to the slope b [rad], nu [m2/s] the kinematic viscosity.
+    It follows from the balance of weight and drag, mu d2u/dz2 = -rho g sin(b), without slip below
+    and without stress on top. h [m] is normal to the slope b [rad]; nu is the kinematic viscosity
+    [m2/s] and g ``gravity`` [m/s2].
     """
     return gravity * thickness**2 * math.sin(slope) / (3.0 * nu)
 
@@ -47,16 +48,18 @@ def sheet_velocity(thickness: float, slope: float, nu: float, gravity: float) ->
 def green_response(wave_number: float, thickness: float) -> float:
     """Velocity over local velocity for a driving term sin(q x), 1 / (1 + q^2 / k^2).
 
-    From lap u' - k^2 u' = b with k = sqrt(3) / h (see ``effects.green``); q [1/m] and h [m].
+    It follows from lap u' - k^2 u' = b with k = sqrt(3) / h (see ``effects.green``); q [1/m], h
+    [m].
     """
     return 1.0 / (1.0 + wave_number**2 * thickness**2 / 3.0)
 
 
 def channel_mean_velocity(width: float, thickness: float) -> float:
-    """Mean velocity over the wide sheet's in a channel with no-slip walls, W wide, h thick [m].
+    """Mean velocity in a channel with no-slip walls, relative to that of a wide sheet.
 
-    u'' - k^2 u = -k^2 u0 with k = sqrt(3) / h and u = 0 at y = -W/2 and W/2 has
-    u = u0 (1 - cosh(k y) / cosh(k W / 2)), whose mean is u0 (1 - tanh(k W / 2) / (k W / 2)).
+    The channel is W [m] wide and h [m] thick. u'' - k^2 u = -k^2 u0 with k = sqrt(3) / h and u = 0
+    at y = -W/2 and W/2 has u = u0 (1 - cosh(k y) / cosh(k W / 2)), whose mean is u0 (1 - tanh(k W
+    / 2) / (k W / 2)).
     """
     half = 0.5 * math.sqrt(3.0) * width / thickness
     return 1.0 - math.tanh(half) / half
@@ -71,7 +74,7 @@ class RadiatingSheet:
     """
 
     def __init__(self, lava: Lava, *, initial: float, ambient: float, thickness: float) -> None:
-        """Set eps, rho and c of the lava, T0 [K], Ta [K] and h [m]."""
+        """Set T0 [K], Ta [K] and h [m]; ``lava`` has eps, rho and c."""
         self.initial = initial
         self.ambient = ambient
         capacity = lava.density * lava.specific_heat * thickness

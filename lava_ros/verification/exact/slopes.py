@@ -89,12 +89,13 @@ class SlopeFlux:
         return (distance + lag) / self.speed
 
     def mean_arrival(self, distance: float, thickness: float, cell: float) -> float:
-        """Time [s] at which the mean over a cell reaches a thickness [m], its toe still in it.
+        """Time [s] at which the mean thickness over a cell reaches ``thickness`` [m].
 
-        With h = r h0 at the cell's near side, the lava in it has the area
-        -(h0^2 cot b / 2) (r^2 + ln(1 - r^2)).
+        With h = r h0 at the cell's near side, the lava in the cell has the area
+        -(h0^2 cot b / 2) (r^2 + ln(1 - r^2)), as long as the toe is still in the cell.
 
-        Distances are of the cell's middle from the source, cells along the slope [m].
+        ``distance`` is that of the cell's middle from the source [m], ``cell`` its length [m],
+        both along the slope.
         """
         wanted = -2.0 * thickness * cell / (self.thickness * self.run_out)
         ratio = bisection(lambda r: r**2 + math.log1p(-(r**2)) >= wanted, 0.0, 1.0 - 1e-12)

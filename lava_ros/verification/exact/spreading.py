@@ -31,7 +31,14 @@ import numpy as np
 def runge_kutta(
     rates: Callable[[float, np.ndarray], np.ndarray], places: np.ndarray, state: np.ndarray
 ) -> np.ndarray:
-    """Integrate y' = rates(x, y) over places x from a state, by steps of the fourth order."""
+    """Integrate y' = rates(x, y) with the fourth-order Runge-Kutta method.
+
+    ``places`` are the values of x, shape [count]; ``state`` is y at the first of them, shape
+    [size].
+
+    Returns:
+        y at each place, shape [count, size].
+    """
     states = [state]
     for place, end in pairwise(places):
         step, state = end - place, states[-1]
