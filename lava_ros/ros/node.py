@@ -14,7 +14,7 @@
 
 """The node `lava`: a managed node, from its parameters to an operation that does the work."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import partial
 import gc
@@ -60,8 +60,12 @@ class LavaNode(LifecycleNode):
         refusal: Why a transition went wrong the last time that one did.
     """
 
-    def __init__(self, **options: Any) -> None:
+    def __init__(self, *, typed: Collection[str] = (), **options: Any) -> None:
         """Declare the parameters, and prepare the lifecycle.
+
+        Args:
+            typed: Names of parameters that a command line sets for this node.
+            options: What ``LifecycleNode`` takes.
 
         Raises:
             ParameterException: A parameter of the lifecycle has the wrong type.
@@ -72,6 +76,7 @@ class LavaNode(LifecycleNode):
         self._constants: Mapping[str, Any] | None = None
         self._ending: Operation | None = None
         self.refusal = ''
+        self._typed = typed
         self._answer_all_requests()
         declared = parameters.declare(self, parameters.LIFECYCLE)
         self._is_autostarting = bool(declared['autostart'])
@@ -218,7 +223,7 @@ class LavaNode(LifecycleNode):
         specs = parameters.PARAMETERS + parameters.constant_parameters(constants)
         former, self._constants = self._constants, constants
         self._values = parameters.declare(self, specs)
-        for text in parameters.without_effect(self):
+        for text in parameters.without_effect(self, self._typed):
             self.get_logger().warning(text)
         if sources.checkpoint is not None:
             defaults = {spec.name: spec.default for spec in specs}
@@ -291,7 +296,7 @@ def main(args: list[str] | None = None) -> int:
     qos.publish_without_waiting()
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
-        node = LavaNode()
+        node = LavaNode(typed=parameters.typed(sys.argv if args is None else args))
     except ParameterException as error:
         print(f'lava_node cannot start: {error}', file=sys.stderr)
         rclpy.shutdown()

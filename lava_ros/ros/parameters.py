@@ -14,7 +14,7 @@
 
 """The node's parameters: descriptions, ranges, and the settings they make."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields
 from difflib import get_close_matches
@@ -398,10 +398,21 @@ def with_numbers(node: Node, given: Iterable[Parameter]) -> list[Parameter]:
     return result
 
 
-def without_effect(node: Node) -> list[str]:
+def typed(args: Sequence[str]) -> set[str]:
+    """Names of the parameters that a command line sets for this node: ``-p name:=value``."""
+    names = [
+        word.partition(':=')[0] for flag, word in pairwise(args) if flag in ('-p', '--param')
+    ]
+    return {name.removeprefix('lava:') for name in names}
+
+
+def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
     """What to say of each parameter given at the start that the node does not have.
 
     Files of parameters may speak to many nodes, so that one more is no error.
+
+    Raises:
+        LavaError: It was typed for this node.
     """
     known = list(node._parameters)
     result = []
@@ -409,11 +420,13 @@ def without_effect(node: Node) -> list[str]:
         if name.startswith('qos_overrides.'):
             continue
         close = get_close_matches(name, known, 3)
-        text = f'this node has no parameter {name!r}: its value has no effect'
-        text += f'; similar names: {", ".join(close)}' if close else ''
+        text = f'; similar names: {", ".join(close)}' if close else ''
         if name.split('.')[0] in ('vent', 'vents', *(item.name for item in fields(Vent))):
             text += '; vents come by the scene file (scene), the topic vents or clicks'
-        result.append(text)
+        if name in typed_names:
+            value = node._parameter_overrides[name].value
+            raise LavaError(f'-p {name}', value, f'a parameter that this node has{text}')
+        result.append(f'this node has no parameter {name!r}: its value has no effect{text}')
     return result
 
 

@@ -311,8 +311,12 @@ def test_recording_ends_and_matches_the_wire(running):
 
 
 def test_parameters_without_effect_are_warned_of(graph):
-    """Each is named, with what it may have been meant for, and where vents come from."""
-    node = graph.node(aside=True, device='cpu', discharge=60.0, time_scales=2.0, unheard_of=1)
+    """A file may be for other nodes too: each is named, and what it may have been meant for."""
+    values = {'device': 'cpu', 'discharge': 60.0, 'time_scales': 2.0, 'unheard_of': 1}
+    file = graph.directory / 'for_all.yaml'
+    file.write_text(json.dumps({'/**': {'ros__parameters': values}}), encoding='utf-8')
+    words = ('-m', 'lava_ros.ros.node', '--ros-args', '--params-file', str(file))
+    node = graph.node(aside=True, program=words)
     node.wait_for_log('active')
     assert node.end() == 0
     said = [line for line in node.log.splitlines() if 'has no effect' in line]
@@ -335,6 +339,11 @@ def test_a_wrong_start_is_refused(graph):
         (graph.node(aside=True, **parameters), words)
         for parameters, words in (
             ({'time_scale': 60}, 'written 5.0'),
+            (
+                {'discharge': 60.0},
+                '-p discharge is 60.0, expected a parameter that this node has; similar names: '
+                'default_discharge; vents come by the scene file',
+            ),
             ({'msg_config': 'nothing.yaml'}, 'nothing.yaml'),
             ({'terrain_file': 'nothing.npz'}, 'nothing.npz'),
             ({'layers_on': ['points']}, "layers_on is 'points', expected one of height, temp"),
