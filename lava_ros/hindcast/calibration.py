@@ -38,9 +38,8 @@ from lava_ros.files import open_input, write_output
 from lava_ros.files.optional import require
 from lava_ros.forecast.pool import Pool
 from lava_ros.hindcast.case import Case, load_case
-from lava_ros.hindcast.replicates import agreed, directions, run_together
+from lava_ros.hindcast.replicates import agreement, directions, run_together
 from lava_ros.hindcast.run import Result, Settings
-from lava_ros.hindcast.score import covered_by, judge
 from lava_ros.hindcast.unknowns import changed, Unknown
 
 #: Difference to the best score up to which a run is as good: what a change of the ground by its
@@ -328,13 +327,11 @@ def _evaluate(job: _Job, sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
 
 def _numbers(case: Case, results: Sequence[Result]) -> Mapping[str, float]:
     """Results of the runs of a set, by the names of ``COLUMNS``."""
-    snapshots = [result.snapshot for result in results]
-    share, thickness = agreed(snapshots)
-    judged = judge(case, thickness, share >= 0.5).as_dict()
-    single = [judge(case, item.thickness, covered_by(item)).jaccard for item in snapshots]
+    found = agreement(case, [result.snapshot for result in results])
+    judged = found.majority.as_dict()
     return {
         **{name: float(judged[name]) for name in COLUMNS if name in judged},
-        'single': float(np.mean(single)),
+        'single': float(np.mean([score.jaccard for score in found.scores])),
         'directions': float(len(results)),
         'wall_time_s': sum(result.wall_time for result in results),
     }

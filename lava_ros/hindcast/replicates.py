@@ -258,22 +258,14 @@ def _put_back(case: Case, result: Result, direction: Direction) -> Result:
     )
 
 
-def agreed(snapshots: Sequence[Snapshot]) -> tuple[np.ndarray, np.ndarray]:
-    """Combine runs: share of them that covers each cell, and their mean thickness [m].
-
-    The mean thickness is 0 where less than half of the runs cover a cell.
-    """
-    share = np.mean([covered_by(snapshot) for snapshot in snapshots], axis=0)
-    mean = np.mean([np.nan_to_num(snapshot.thickness) for snapshot in snapshots], axis=0)
-    return share, np.where(share >= 0.5, mean, 0.0)
-
-
 def agreement(case: Case, snapshots: Sequence[Snapshot]) -> Agreement:
     """Compare runs with the mapped footprint of their case, each alone and combined.
 
     ``snapshots`` are the final states of the runs, on the cells of the case.
     """
-    share, thickness = agreed(snapshots)
+    share = np.mean([covered_by(snapshot) for snapshot in snapshots], axis=0)
+    mean = np.mean([np.nan_to_num(snapshot.thickness) for snapshot in snapshots], axis=0)
+    thickness = np.where(share >= 0.5, mean, 0.0)
     return Agreement(
         scores=tuple(judge(case, item.thickness, covered_by(item)) for item in snapshots),
         share=share,
