@@ -118,6 +118,14 @@ class Vent:
         index = bisect(series, (time, math.inf)) - 1
         return series[index][1] if index >= 0 else 0.0
 
+    def opens_after(self, since: float) -> float:
+        """Time [s] from ``since`` on at which lava begins to come out; infinite without any."""
+        ends = [*(time for time, _ in self.series[1:]), math.inf]
+        for (time, flux), end in zip(self.series, ends, strict=True):
+            if flux > 0.0 and end > since:
+                return max(time, since)
+        return math.inf
+
     def volume_between(self, start: float, end: float) -> float:
         """Volume [m3] the vent emits from ``start`` to ``end`` [s]: the exact integral."""
         return self.volumes_at([end], since=start)[0]

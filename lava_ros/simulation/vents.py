@@ -157,6 +157,8 @@ class VentSet:
         self.vents = tuple(vents)
         self.since = since
         self._carried = np.array(carried, dtype=np.float64)
+        # asked at each advance: found once
+        self._opening = [vent.opens_after(since) for vent in self.vents]
         self._particle_volume = particle_volume
         self.is_symmetric = symmetric
         self._device = device
@@ -221,9 +223,8 @@ class VentSet:
         """
         return [
             number
-            for number, vent in enumerate(self.vents)
-            if number not in others_than
-            and (self._carried[number] > 0.0 or vent.volume_between(self.since, until) > 0.0)
+            for number, time in enumerate(self._opening)
+            if number not in others_than and (self._carried[number] > 0.0 or time < until)
         ]
 
     def emitted(self, time: float) -> float:
