@@ -26,7 +26,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import after_the_former, load4, quick_kernel
+from lava_ros.simulation.backend.compiled import load4, quick_kernel
 from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
@@ -46,6 +46,7 @@ def _kernel(real: Any) -> Any:
 
     @quick_kernel
     def published_velocity(
+        i: int,
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
@@ -56,8 +57,6 @@ def _kernel(real: Any) -> Any:
         area: wp.array(dtype=real),
         flow: wp.array(dtype=vec3),
     ):
-        i = wp.tid()
-        after_the_former()
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)

@@ -19,7 +19,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import after_the_former, cos_pi, quick_kernel, sin_pi
+from lava_ros.simulation.backend.compiled import cos_pi, quick_kernel, sin_pi
 from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.neighbors import bin_function
 from lava_ros.simulation.state import (
@@ -170,10 +170,9 @@ def emission_of(state: State, vents: VentSet) -> Any:
 @lru_cache
 def _kernel(real: Any, emission: Any) -> Any:
     @quick_kernel
-    def emit(apart: int, outlets: Outlets, m: journey_type(real)):
+    def emit(thread: int, apart: int, outlets: Outlets, m: journey_type(real)):
         """Release the whole particles that the discharge up to now makes and are not out yet."""
-        after_the_former()
-        emission(wp.tid(), apart, outlets, m)
+        emission(thread, apart, outlets, m)
 
     return emit
 

@@ -40,8 +40,6 @@ from lava_ros.effects.laws import law_type, speed_function, viscosity_function
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import (
-    after_the_former,
-    counted_from,
     FEW_THREADS,
     load2,
     load4,
@@ -246,6 +244,7 @@ def flow_kernels(
 
     @quick_kernel(bounds=FEW_THREADS if is_short else None)
     def thickness_and_velocity(
+        thread: int,
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
@@ -260,12 +259,9 @@ def flow_kernels(
         area_of: wp.array(dtype=real),
         rates: wp.array(dtype=real),
         slope_of: wp.array(dtype=vec2),
-        first: int,
     ):
-        thread = counted_from(first, wp.tid())
         i = thread // lanes
         lane = thread % lanes
-        after_the_former()
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)
@@ -291,6 +287,7 @@ def flow_kernels(
 
     @quick_kernel
     def elevate(
+        thread: int,
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
@@ -300,13 +297,10 @@ def flow_kernels(
         constants: flow_constants_of(real),
         surface: wp.array(dtype=vec2),
         flow: wp.array(dtype=vec3),
-        first: int,
     ):
         """Thickness, the surface's elevation and the area V / h of each particle."""
-        thread = counted_from(first, wp.tid())
         i = thread // lanes
         lane = thread % lanes
-        after_the_former()
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)
@@ -330,6 +324,7 @@ def flow_kernels(
 
     @quick_kernel
     def velocity_of_differences(
+        thread: int,
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
@@ -345,12 +340,9 @@ def flow_kernels(
         area_of: wp.array(dtype=real),
         rates: wp.array(dtype=real),
         slope_of: wp.array(dtype=vec2),
-        first: int,
     ):
-        thread = counted_from(first, wp.tid())
         i = thread // lanes
         lane = thread % lanes
-        after_the_former()
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)

@@ -27,8 +27,6 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.backend.compiled import (
-    after_the_former,
-    counted_from,
     load2,
     load4,
     past_the_cache,
@@ -292,14 +290,12 @@ def _kernel(real: Any, motion: Any, direct: Any, bounds: tuple[int, int] | None)
 
     @quick_kernel(bounds=bounds)
     def move(
+        i: int,
         flow: wp.array(dtype=vec3),
         pace: pace_type(real),
         outlets: Outlets,
         m: journey_type(real),
-        first: int,
     ):
-        i = counted_from(first, wp.tid())
-        after_the_former()
         if wp.static(direct is not None):
             if i < wp.static(DIRECTORS):
                 direct(i, pace, outlets, m)

@@ -33,9 +33,7 @@ import warp as wp
 
 from lava_ros.errors import LavaError
 from lava_ros.simulation.backend.compiled import (
-    after_the_former,
     can_count,
-    counted_from,
     load2,
     load4,
     load_int,
@@ -156,6 +154,7 @@ def _kernels(
 
     @quick_kernel
     def bin_particles(
+        i: int,
         particle: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         known: wp.array2d(dtype=wp.uint8),
@@ -165,16 +164,14 @@ def _kernels(
         rank: wp.array(dtype=wp.int32),
         sizes: wp.array(dtype=wp.int32),
         left: wp.array(dtype=wp.float64),
-        first: int,
     ):
-        i = counted_from(first, wp.tid())
-        after_the_former()
         if i < counts[PARTICLES] + counts[NEWCOMERS]:
             p = load(particle, i)
             place(i, p, counts, known, terrain, cells, cell, rank, sizes, left)
 
     @quick_kernel
     def rank_particles(
+        i: int,
         particle: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         terrain: terrain_frame(real),
@@ -185,8 +182,6 @@ def _kernels(
         left: wp.array(dtype=wp.float64),
     ):
         """Rank particles in their cells in the order of all, one after the other."""
-        i = wp.tid()
-        after_the_former()
         if i >= counts[PARTICLES] + counts[NEWCOMERS]:
             return
         c = cell[i]
@@ -199,14 +194,13 @@ def _kernels(
 
     @quick_kernel
     def list_members(
+        i: int,
         last: int,
         cell: wp.array(dtype=wp.int32),
         rank: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         members: wp.array(dtype=wp.int32),
     ):
-        i = counted_from(0, wp.tid())
-        after_the_former()
         if i < starts[last + 1]:
             members[load_int(starts, cell[i]) + rank[i]] = i
 
@@ -221,6 +215,7 @@ def _kernels(
 
     @quick_kernel
     def order_particles(
+        i: int,
         particle: wp.array(dtype=vec4),
         last: int,
         cell: wp.array(dtype=wp.int32),
@@ -242,11 +237,8 @@ def _kernels(
         ordered_velocity: wp.array(dtype=vec2),
         age: wp.array(dtype=real),
         ordered_age: wp.array(dtype=real),
-        first: int,
     ):
         """Gather the particles of each cell, and make ready for the next sums over them."""
-        i = counted_from(first, wp.tid())
-        after_the_former()
         if i == 0:
             counts[PARTICLES] = starts[last]
             counts[NEWCOMERS] = 0

@@ -30,7 +30,7 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.compiled import after_the_former
+from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.heat import freezing_step
 from lava_ros.simulation.state import (
     ADVECTION,
@@ -223,9 +223,8 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
 
 @lru_cache
 def _kernel(real: Any, choose: Any) -> Any:
-    @wp.kernel(module='unique', enable_backward=False)
-    def choose_stage(pace: pace_type(real)):
-        after_the_former()
+    @quick_kernel(fast_math=False)
+    def choose_stage(thread: int, pace: pace_type(real)):
         choose(pace)
 
     return choose_stage

@@ -44,7 +44,7 @@ def ordered(device, real, cell, rank, *, again):
     members = wp.zeros(count, dtype=wp.int32, device=device)
     if again:
         wp.launch(
-            list_members, count, inputs=[CELLS, *lists], outputs=[members], device=device
+            list_members, count, inputs=[CELLS, *lists], outputs=[members, 0], device=device
         )
     pairs = [wp.zeros(count, dtype=vec2, device=device) for _ in range(2)]
     wp.launch(

@@ -45,7 +45,7 @@ from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import heat_of, heat_type
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.compiled import after_the_former, load4, quick_kernel
+from lava_ros.simulation.backend.compiled import load4, quick_kernel
 from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import NeighborGrid
@@ -84,13 +84,13 @@ def _kernels(
 
     @quick_kernel
     def wait(
+        thread: int,
         counts: wp.array(dtype=wp.int32),
         clock: wp.array(dtype=wp.float64),
         rate: wp.float64,
         waited: wp.array(dtype=wp.float64),
     ):
         """Add a step to what has been waited; when that is enough it is the time to exchange."""
-        after_the_former()
         waited[1] = wp.float64(0.0)
         if counts[IS_LAST] == 1:
             waited[0] = waited[0] + clock[STEP]
@@ -100,6 +100,7 @@ def _kernels(
 
     @quick_kernel
     def add_rates(
+        thread: int,
         ordered: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
         particle: wp.array(dtype=vec4),
@@ -113,10 +114,9 @@ def _kernels(
         warmth: wp.array(dtype=real),
     ):
         """Sum a particle's exchange rates with its neighbours [1/s]."""
-        after_the_former()
         if waited[1] == wp.float64(0.0):
             return
-        for i in range(wp.tid(), counts[PARTICLES], threads):
+        for i in range(thread, counts[PARTICLES], threads):
             p = load(ordered, i)
             height = flow[i][0]
             inverse = real(1.0) / real(radius)
@@ -136,6 +136,7 @@ def _kernels(
 
     @quick_kernel
     def exchange_heat(
+        thread: int,
         ordered: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
@@ -151,10 +152,9 @@ def _kernels(
         particle: wp.array(dtype=vec4),
     ):
         """Exchange heat over a share of the step."""
-        after_the_former()
         if waited[1] == wp.float64(0.0):
             return
-        for i in range(wp.tid(), counts[PARTICLES], threads):
+        for i in range(thread, counts[PARTICLES], threads):
             p = load(ordered, i)
             height = flow[i][0]
             own = warmth[i]
@@ -182,14 +182,14 @@ def _kernels(
 
     @quick_kernel
     def keep(
+        thread: int,
         counts: wp.array(dtype=wp.int32),
         particle: wp.array(dtype=vec4),
         waited: wp.array(dtype=wp.float64),
         warmth: wp.array(dtype=real),
     ):
-        after_the_former()
         if waited[1] > wp.float64(0.0):
-            for i in range(wp.tid(), counts[PARTICLES], threads):
+            for i in range(thread, counts[PARTICLES], threads):
                 warmth[i] = particle[i][3]
 
     return wait, add_rates, exchange_heat, keep

@@ -37,8 +37,6 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.backend.compiled import (
-    after_the_former,
-    counted_from,
     load1,
     load4,
     past_the_cache,
@@ -240,6 +238,7 @@ def _velocity_kernel(real: Any, lanes: int, is_short: bool, is_wide: bool) -> An
 
     @quick_kernel
     def green_velocity(
+        thread: int,
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
@@ -252,12 +251,9 @@ def _velocity_kernel(real: Any, lanes: int, is_short: bool, is_wide: bool) -> An
         elevation: wp.array2d(dtype=real),
         terrain: terrain_frame(real),
         flow: wp.array(dtype=vec3),
-        first: int,
     ):
-        thread = counted_from(first, wp.tid())
         i = thread // lanes
         lane = thread % lanes
-        after_the_former()
         if i < counts[PARTICLES]:
             here, p, own = load(ordered, i), load(source, i), load_number(area, i)
             f = velocity_of(lane, here, p, own, starts, cells, support, source, area)
@@ -290,6 +286,7 @@ def _motion_kernel(
 
     @quick_kernel(bounds=bounds)
     def green_motion(
+        thread: int,
         starts: wp.array(dtype=wp.int32),
         support: real,
         source: wp.array(dtype=vec4),
@@ -297,10 +294,7 @@ def _motion_kernel(
         pace: pace_type(real),
         outlets: Outlets,
         way: journey_type(real),
-        first: int,
     ):
-        thread = counted_from(first, wp.tid())
-        after_the_former()
         if wp.static(direct is not None):
             if thread < wp.static(DIRECTORS):
                 direct(thread, pace, outlets, way)

@@ -32,8 +32,6 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.backend.compiled import (
-    after_the_former,
-    counted_from,
     load2,
     load4,
     quick_kernel,
@@ -155,17 +153,15 @@ def _kernels(
 
     @quick_kernel
     def start(
+        i: int,
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         flow: wp.array(dtype=vec3),
         layer: wp.array(dtype=vec4),
         solution: wp.array(dtype=vec2),
         correction: wp.array(dtype=vec2),
-        first: int,
     ):
         """Begin with the local velocity; what a sweep needs of a neighbour lies together."""
-        i = counted_from(first, wp.tid())
-        after_the_former()
         if i < counts[PARTICLES]:
             p = load(ordered, i)
             f = flow[i]
@@ -175,6 +171,7 @@ def _kernels(
 
     @quick_kernel
     def sweep(
+        thread: int,
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
@@ -186,13 +183,10 @@ def _kernels(
         solution: wp.array(dtype=vec2),
         correction: wp.array(dtype=vec2),
         next_solution: wp.array(dtype=vec2),
-        first: int,
     ):
         """One Chebyshev sweep: the residual over the diagonal, and the momentum of the last."""
-        thread = counted_from(first, wp.tid())
         i = thread // lanes
         lane = thread % lanes
-        after_the_former()
         if i >= counts[PARTICLES]:
             return
         p = load(layer, i)
@@ -217,6 +211,7 @@ def _kernels(
 
     @quick_kernel
     def finish(
+        i: int,
         counts: wp.array(dtype=wp.int32),
         layer: wp.array(dtype=vec4),
         solution: wp.array(dtype=vec2),
@@ -226,8 +221,6 @@ def _kernels(
         terrain: terrain_frame(real),
         flow: wp.array(dtype=vec3),
     ):
-        i = wp.tid()
-        after_the_former()
         if i < counts[PARTICLES]:
             p = load(layer, i)
             u = fallen(solution[i], p[3], p[0], p[1], real(gravity), top, elevation, terrain)

@@ -52,8 +52,6 @@ from lava_ros.effects import Effects
 from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import law_type, speed_function, viscosity_function
 from lava_ros.simulation.backend.compiled import (
-    after_the_former,
-    counted_from,
     load4,
     quick_kernel,
     raise_to,
@@ -164,6 +162,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
 
     @quick_kernel
     def synchronize(
+        i: int,
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         clock: wp.array(dtype=wp.float64),
@@ -177,11 +176,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         flow: wp.array(dtype=vec3),
         kick: wp.array(dtype=vec2),
         rates: wp.array(dtype=real),
-        first: int,
     ):
         """Acceleration from the slope, the velocity half a step after the stored one, limits."""
-        i = counted_from(first, wp.tid())
-        after_the_former()
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)
@@ -213,6 +209,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
 
     @quick_kernel
     def accelerate(
+        i: int,
         ordered: wp.array(dtype=vec4),
         counts: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
@@ -228,10 +225,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         old: wp.array(dtype=vec2),
         velocity: wp.array(dtype=vec2),
         slope: wp.array(dtype=vec2),
-        first: int,
     ):
-        i = counted_from(first, wp.tid())
-        after_the_former()
         if i >= counts[PARTICLES]:
             return
         p = load(ordered, i)
@@ -289,12 +283,11 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
 
     @quick_kernel
     def adopt(
+        i: int,
         counts: wp.array(dtype=wp.int32),
         velocity: wp.array(dtype=vec2),
         flow: wp.array(dtype=vec3),
     ):
-        i = wp.tid()
-        after_the_former()
         if i < counts[PARTICLES]:
             flow[i] = vec3(flow[i][0], velocity[i][0], velocity[i][1])
 

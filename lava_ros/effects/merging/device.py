@@ -33,7 +33,7 @@ import warp as wp
 
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.compiled import after_the_former, load4, quick_kernel
+from lava_ros.simulation.backend.compiled import load4, quick_kernel
 from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.neighbors import NeighborGrid
@@ -66,6 +66,7 @@ def _kernels(
 
     @quick_kernel
     def wait(
+        thread: int,
         counts: wp.array(dtype=wp.int32),
         clock: wp.array(dtype=wp.float64),
         rates: wp.array(dtype=real),
@@ -74,7 +75,6 @@ def _kernels(
         slots: wp.array(dtype=wp.int32),
     ):
         """Add up how far the fastest particle goes; ``moved[1]`` is 1 when it is far enough."""
-        after_the_former()
         moved[1] = wp.float64(0.0)
         slots[0] = 0
         if counts[IS_LAST] == 1 and clock[STEP] > wp.float64(0.0):
@@ -144,6 +144,7 @@ def _kernels(
 
     @quick_kernel
     def choose(
+        thread: int,
         ordered: wp.array(dtype=vec4),
         particle: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
@@ -157,9 +158,8 @@ def _kernels(
         partner: wp.array(dtype=wp.int32),
         births: wp.array(dtype=wp.int32),
     ):
-        after_the_former()
         if moved[1] > wp.float64(0.0):
-            for i in range(wp.tid(), births.shape[0], threads):
+            for i in range(thread, births.shape[0], threads):
                 seek(
                     i, ordered, particle, flow, counts, starts, cells, radius, area, least,
                     partner, births
@@ -201,6 +201,7 @@ def _kernels(
 
     @quick_kernel
     def merge(
+        thread: int,
         counts: wp.array(dtype=wp.int32),
         moved: wp.array(dtype=wp.float64),
         partner: wp.array(dtype=wp.int32),
@@ -210,9 +211,8 @@ def _kernels(
         age: wp.array(dtype=real),
     ):
         """Unite those that chose each other."""
-        after_the_former()
         if moved[1] > wp.float64(0.0):
-            for i in range(wp.tid(), counts[PARTICLES], threads):
+            for i in range(thread, counts[PARTICLES], threads):
                 j = partner[i]
                 # no index below 0 is read
                 if j > i and partner[wp.max(j, 0)] == i:
@@ -261,6 +261,7 @@ def _kernels(
 
     @quick_kernel
     def split(
+        thread: int,
         counts: wp.array(dtype=wp.int32),
         moved: wp.array(dtype=wp.float64),
         flow: wp.array(dtype=vec3),
@@ -272,9 +273,8 @@ def _kernels(
         velocity: wp.array(dtype=vec2),
         age: wp.array(dtype=real),
     ):
-        after_the_former()
         if moved[1] > wp.float64(0.0):
-            for i in range(wp.tid(), births.shape[0], threads):
+            for i in range(thread, births.shape[0], threads):
                 if births[i] > 0:
                     halve(
                         i, counts, flow, slots, partner, particle, remainder, velocity, age
@@ -282,12 +282,12 @@ def _kernels(
 
     @quick_kernel
     def count(
+        thread: int,
         moved: wp.array(dtype=wp.float64),
         births: wp.array(dtype=wp.int32),
         slots: wp.array(dtype=wp.int32),
         counts: wp.array(dtype=wp.int32),
     ):
-        after_the_former()
         if moved[1] == wp.float64(0.0):
             return
         last = births.shape[0] - 1

@@ -42,7 +42,7 @@ import warp as wp
 from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.compiled import after_the_former, quick_kernel
+from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import BORDER, HOLES, PARTICLES, State
@@ -137,6 +137,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 
     @quick_kernel
     def freeze(
+        thread: int,
         flow: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
         cold: wp.array(dtype=wp.int32),
@@ -150,10 +151,9 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         frozen: wp.array(dtype=wp.float64),
     ):
         """Lay down what is colder than the solidus; its volume turns negative until it is seen."""
-        after_the_former()
         if cold[0] == 0:
             return
-        for i in range(wp.tid(), counts[PARTICLES], threads):
+        for i in range(thread, counts[PARTICLES], threads):
             p = particle[i]
             # what is off the terrain has left
             if wp.float64(p[3]) < solidus and is_known(known, terrain, p[0], p[1]):
@@ -161,6 +161,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 
     @quick_kernel
     def raise_ground(
+        thread: int,
         flow: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
         cold: wp.array(dtype=wp.int32),
@@ -172,10 +173,9 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
         height: wp.array2d(dtype=real),
     ):
         """Renew the heights under what has just frozen, and empty it."""
-        after_the_former()
         if cold[0] == 0:
             return
-        for i in range(wp.tid(), counts[PARTICLES], threads):
+        for i in range(thread, counts[PARTICLES], threads):
             p = particle[i]
             if p[2] < real(0.0):
                 width = width_of(-p[2], flow[i][0], frame, widest)

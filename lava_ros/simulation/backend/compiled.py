@@ -31,8 +31,10 @@ What is done, why, and what it gains is in docs/PERFORMANCE.md:
   slower than the rest of the kernel; a warp of 32 finds its own maximum and asks once.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
+from inspect import signature
+import linecache
 from typing import Any
 
 import warp as wp
@@ -171,25 +173,51 @@ FEW_THREADS = 256, 4
 
 
 def quick_kernel(
-    function: Callable[..., None] | None = None, *, bounds: tuple[int, int] | None = None
+    function: Callable[..., None] | None = None,
+    *,
+    bounds: tuple[int, int] | None = None,
+    fast_math: bool = True,
 ) -> Any:
     """Make a kernel of a function of one thread a particle; a decorator.
 
     Args:
-        function: The function.
+        function: The function, of the thread's number and the kernel's arguments. The kernel takes
+            the number of its first thread on a CPU (threads.py) as one more, the last.
         bounds: Threads of a block, and blocks that a processor of a GPU must have registers for.
+        fast_math: Whether CUDA computes float32 by the hardware's own functions.
     """
     if function is None:
-        return partial(quick_kernel, bounds=bounds)
+        return partial(quick_kernel, bounds=bounds, fast_math=fast_math)
+    _, *names = signature(function).parameters
     kernel: Any = wp.kernel(
-        function,
+        _entry(
+            function,
+            {name: function.__annotations__[name] for name in names} | {'first': int},
+            f'body(thread, {", ".join(names)})',
+        ),
         module='unique',
         enable_backward=False,
         grid_stride=False,
         launch_bounds=bounds,
-        module_options={'fast_math': True, 'enable_backward': False},
+        module_options={'fast_math': fast_math, 'enable_backward': False},
     )
     return kernel
+
+
+def _entry(function: Callable[..., None], types: Mapping[str, Any], call: str) -> Any:
+    """Write the kernel of a function: what it takes, by name, and how it calls it."""
+    heading = ', '.join(f'{name}: types["{name}"]' for name in types)
+    lines = 'thread = counted_from(first, wp.tid())', 'after_the_former()', call
+    source = '\n    '.join((f'def {function.__name__}({heading}):', *lines)) + '\n'
+    file = f'<kernel of {function.__qualname__}>'
+    # Warp reads the source of what it compiles
+    linecache.cache[file] = len(source), None, source.splitlines(True), file
+    found = {
+        'wp': wp, 'types': types, 'body': wp.func(function), 'counted_from': counted_from,
+        'after_the_former': after_the_former, '__name__': function.__module__,
+    }
+    exec(compile(source, file, 'exec'), found)
+    return found[function.__name__]
 
 
 def _on_cuda(snippet: str, otherwise: str) -> str:
@@ -200,12 +228,6 @@ def _on_cuda(snippet: str, otherwise: str) -> str:
 def after_the_former():
     """Wait for the kernels that this one comes after, and for what they have written."""
     ...
-
-
-def waits_first(kernel: Any) -> bool:
-    """Whether a kernel calls ``after_the_former``."""
-    code = kernel.func.__code__
-    return 'after_the_former' in (*code.co_names, *code.co_freevars)
 
 
 @lru_cache

@@ -23,16 +23,24 @@ a list of compiled functions, each called with what was packed for it, in less t
 from collections.abc import Callable, Sequence
 import ctypes
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import waits_first
 from lava_ros.simulation.backend.programmatic_launch import overlap
 from lava_ros.simulation.backend.streams import capture_lock
 
 #: Packed launches that are kept; they keep their arrays too.
 MOST = 256
+
+
+class Launch(NamedTuple):
+    """A launch of a ``compiled.quick_kernel``, as ``Launches`` takes it."""
+
+    kernel: Any
+    dim: int
+    block_dim: int | None
+    arguments: list[Any]
 
 
 class Launches:
@@ -50,8 +58,8 @@ class Launches:
         self._device = device
         self._kept: dict[tuple[int, ...], list[Any]] = {}
         self._again: Callable[[], None] | None = None
-        self._taken_down: list[Any] | None = None
-        self._captured: set[Any] | None = None
+        self._taken_down: list[Launch] | None = None
+        self._captured: set[Any] = set()
         self.extent = 0
 
     @property
@@ -74,21 +82,27 @@ class Launches:
         """
         self._again, self.extent = None, extent
         if self._device.is_cuda:
-            self._captured = set()
-            try:
-                with capture_lock, wp.ScopedCapture(device=self._device) as capture:
-                    launch()
-                overlap(capture.graph, [one for one in self._captured if waits_first(one)])
-            finally:
-                self._captured = None
+            self._captured.clear()
+            with capture_lock, wp.ScopedCapture(device=self._device) as capture:
+                launch()
+            overlap(capture.graph, self._captured)
             self._again = partial(wp.capture_launch, capture.graph)
             return
-        self._taken_down = []
+        commands = [
+            self._record(one.kernel, one.dim, [*one.arguments, 0])
+            for one in self.taken_down(launch)
+            if one.dim > 0
+        ]
+        self._again = partial(_call, [_compiled(command) for command in commands])
+
+    def taken_down(self, launch: Callable[[], None]) -> list[Launch]:
+        """What a function launches through here, which is not launched."""
+        taken_down = self._taken_down = []
         try:
             launch()
-            self._again = partial(_call, [_compiled(command) for command in self._taken_down])
         finally:
             self._taken_down = None
+        return taken_down
 
     def replay(self) -> None:
         """Launch what was captured."""
@@ -104,30 +118,29 @@ class Launches:
         outputs: Sequence[Any],
         block_dim: int | None = None,
     ) -> None:
-        """Launch a kernel.
+        """Launch a kernel from its first thread on.
 
         Args:
-            kernel: The kernel.
+            kernel: A ``compiled.quick_kernel``.
             dim: Threads.
             inputs: Its arguments.
             outputs: Those that it writes.
             block_dim: Threads to a block of a GPU; Warp's own number when left out.
         """
-        if self._device.is_cuda:
-            if self._captured is not None:
-                self._captured.add(kernel)
+        if self._taken_down is not None:
+            self._taken_down.append(Launch(kernel, dim, block_dim, [*inputs, *outputs]))
+        elif self._device.is_cuda:
+            self._captured.add(kernel)
             wp.launch(
                 kernel,
                 dim=dim,
                 inputs=inputs,
-                outputs=outputs,
+                outputs=[*outputs, 0],
                 device=self._device,
                 block_dim=block_dim,
             )
-        elif dim > 0 and self._taken_down is not None:
-            self._taken_down.append(self._record(kernel, dim, [*inputs, *outputs]))
         elif dim > 0:
-            self.packed(kernel, dim=dim, arguments=[*inputs, *outputs]).launch()
+            self.packed(kernel, dim=dim, arguments=[*inputs, *outputs, 0]).launch()
 
     def packed(self, kernel: Any, *, dim: int, arguments: list[Any]) -> Any:
         """A launch of some threads on the CPU that is made by its ``launch()``."""

@@ -69,8 +69,8 @@ def overlap(graph: Any, kernels: Collection[Any]) -> int:
 
     Args:
         graph: Warp's graph, which has not been launched yet.
-        kernels: Kernels of Warp that call ``after_the_former`` first of all. Others wait for the
-            end of what is before them.
+        kernels: Those made by ``compiled.quick_kernel``. Others wait for the end of what is before
+            them.
 
     Returns:
         How many edges of the graph were replaced; 0 where the GPU or its driver cannot do it.

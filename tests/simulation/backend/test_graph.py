@@ -25,14 +25,14 @@ import warp as wp
 from lava_ros.simulation import Simulation
 from lava_ros.simulation import simulation as simulation_module
 from lava_ros.simulation.backend import graph as launches_module
+from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.graph import Launches, MOST
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 
 
-@wp.kernel(module='unique')
-def add(by: float, values: wp.array(dtype=float)):
+@quick_kernel
+def add(i: int, by: float, values: wp.array(dtype=float)):
     """Add to the first values."""
-    i = wp.tid()
     values[i] += by
 
 

@@ -23,7 +23,6 @@ import warp as wp
 
 from lava_ros.simulation.backend import graph as launches
 from lava_ros.simulation.backend import programmatic_launch as module
-from lava_ros.simulation.backend.compiled import after_the_former, quick_kernel, waits_first
 from lava_ros.simulation.backend.programmatic_launch import overlap
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 
@@ -128,25 +127,6 @@ def test_an_edge_that_is_lost_is_said(driver, monkeypatch):
     monkeypatch.setattr(driver, 'cuGraphAddDependencies_v2', lambda *_: INVALID)
     with pytest.raises(RuntimeError, match='an edge of a CUDA graph is lost'):
         overlap(graph(), WAITING)
-
-
-@quick_kernel
-def waiting(values: wp.array(dtype=float)):
-    """Wait first."""
-    after_the_former()
-    values[wp.tid()] = 1.0
-
-
-@quick_kernel
-def hasty(values: wp.array(dtype=float)):
-    """Do not."""
-    values[wp.tid()] = 1.0
-
-
-def test_kernels_say_whether_they_wait():
-    """By what they call."""
-    assert waits_first(waiting)
-    assert not waits_first(hasty)
 
 
 @pytest.mark.parametrize('name', ['bare', 'green', 'everything with green'])

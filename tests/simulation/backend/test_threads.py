@@ -25,7 +25,7 @@ import warp as wp
 from lava_ros.errors import LavaError
 from lava_ros.simulation import motion, neighbors
 from lava_ros.simulation.backend import threads
-from lava_ros.simulation.backend.compiled import counted_from, quick_kernel, raise_to
+from lava_ros.simulation.backend.compiled import quick_kernel, raise_to
 from lava_ros.simulation.backend.cores import usable_cores
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 
@@ -64,13 +64,12 @@ raised = raise_to(wp.float32)
 
 @quick_kernel
 def count_visits(
+    i: int,
     values: wp.array(dtype=wp.float32),
     visits: wp.array(dtype=wp.int32),
     most: wp.array(dtype=wp.float32),
-    first: int,
 ):
     """Count how often each item is visited, and find the largest value."""
-    i = counted_from(first, wp.tid())
     visits[i] += 1
     raised(most, 0, values[i])
 
