@@ -27,15 +27,14 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
-from lava_ros.simulation.cells import cell_frame, cell_functions
-from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.cells import cell_functions
+from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import PARTICLES, State
 
 
 @lru_cache
 def _kernel(real: Any) -> Any:
     vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
     _, _, cells_around, range_in = cell_functions(real)
     load = load4(real)
 
@@ -45,70 +44,43 @@ def _kernel(real: Any) -> Any:
         return log + real(0.25) * r * r * (log + real(1.0))
 
     @quick_kernel
-    def published_velocity(
-        i: int,
-        ordered: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        support: wp.float64,
-        viscosity: wp.float64,
-        source: wp.array(dtype=vec4),
-        area: wp.array(dtype=real),
-        flow: wp.array(dtype=vec3),
-    ):
-        if i >= counts[PARTICLES]:
+    def published_velocity(i: int, m: journey_type(real), viscosity: real):
+        if i >= m.counts[PARTICLES]:
             return
-        p = load(ordered, i)
-        height = flow[i][0]
-        limit = real(support) * real(support)
+        p = load(m.ordered, i)
+        height = m.flow[i][0]
+        support = m.constants.radius
         total = real(0.0)
         x = real(0.0)
         y = real(0.0)
-        box = cells_around(cells, p[0], p[1], real(support))
+        box = cells_around(m.cells, p[0], p[1], support)
         for r in range(box[0], box[1]):
-            near = range_in(cells, starts, r, box)
+            near = range_in(m.cells, r, box)
             for j in range(near[0], near[1]):
-                other = load(ordered, j)
+                other = load(m.ordered, j)
                 dx = p[0] - other[0]
                 dy = p[1] - other[1]
                 square = dx * dx + dy * dy
-                if square < limit:
+                if square < support * support:
                     weight = series(wp.max(wp.sqrt(square), real(1.0e-3)))
                     total += weight
-                    there = load(source, j)
-                    x += weight * there[2] / area[j]
-                    y += weight * there[3] / area[j]
+                    there = load(m.source, j)
+                    x += weight * there[2] / m.area[j]
+                    y += weight * there[3] / m.area[j]
         # source over area is h u_local = -h^3 rho g grad S / (3 f): b is 3 / mu of it
-        scale = real(3.0) / real(viscosity) * height * height * height / total
-        flow[i] = vec3(height, scale * x, scale * y)
+        scale = real(3.0) / viscosity * height * height * height / total
+        m.flow[i] = vec3(height, scale * x, scale * y)
 
     return published_velocity
 
 
-def publish_velocity(
-    state: State, neighbors: NeighborGrid, support: float, viscosity: float
-) -> None:
+def publish_velocity(state: State, way: Any, viscosity: float) -> None:
     """Replace the local velocity in ``state.flow`` by that of the printed formulas.
 
     Args:
         state: The particles; ``state.source`` and ``state.area`` are filled.
-        neighbors: Their neighbour grid, built.
-        support: Kernel radius l [m].
+        way: Their journey (motion_arguments.py).
         viscosity: The constant mu [Pa s].
     """
-    state.launches(
-        _kernel(state.real),
-        dim=state.capacity,
-        inputs=[
-            state.ordered,
-            state.counts,
-            neighbors.starts,
-            neighbors.frame,
-            support,
-            viscosity,
-            state.source,
-            state.area,
-        ],
-        outputs=[state.flow],
-    )
+    kernel = _kernel(state.real)
+    state.launches(kernel, dim=state.capacity, inputs=[], outputs=[way, viscosity])

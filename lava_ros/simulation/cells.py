@@ -46,6 +46,9 @@ def cell_frame(real: Any) -> Any:
 
     ``rows_per_metre`` and ``columns_per_metre`` are one over a cell's sides [1/m]. ``first_row``
     and ``first_column`` are the window's in the grid of ``all_rows`` and ``all_columns``.
+    ``starts`` is the index of each cell's first ordered particle, shape [at least cells + 2]; that
+    after the last cell is the number of particles on the terrain, the one after it that of all.
+    ``sizes`` counts the particles of each cell while they are binned, and is 0 otherwise.
     """
 
     @wp.struct
@@ -60,6 +63,8 @@ def cell_frame(real: Any) -> Any:
         columns: wp.int32
         all_rows: wp.int32
         all_columns: wp.int32
+        starts: wp.array(dtype=wp.int32)
+        sizes: wp.array(dtype=wp.int32)
 
     return CellFrame
 
@@ -69,8 +74,8 @@ class CellFunctions(NamedTuple):
 
     ``column_of(cells, x)`` and ``row_of(cells, y)`` are clamped to the grid. ``cells_around(cells,
     x, y, reach)`` gives the first row that a disc reaches and the one after the last, then the
-    same of columns; ``range_in(cells, starts, row, box)`` the first of the ordered particles of a
-    row of these cells, and the one after the last.
+    same of columns; ``range_in(cells, row, box)`` the first of the ordered particles of a row of
+    these cells, and the one after the last.
     """
 
     column_of: Any
@@ -103,10 +108,9 @@ def cell_functions(real: Any) -> CellFunctions:
         )
 
     @wp.func
-    def range_in(
-        cells: cell_frame(real), starts: wp.array(dtype=wp.int32), row: int, box: wp.vec4i
-    ) -> wp.vec2i:
+    def range_in(cells: cell_frame(real), row: int, box: wp.vec4i) -> wp.vec2i:
         first = row * cells.columns
-        return wp.vec2i(load_int(starts, first + box[2]), load_int(starts, first + box[3]))
+        start = load_int(cells.starts, first + box[2])
+        return wp.vec2i(start, load_int(cells.starts, first + box[3]))
 
     return CellFunctions(column_of, row_of, cells_around, range_in)

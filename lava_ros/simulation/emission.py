@@ -131,7 +131,7 @@ def emission_function(
             p = vec4(place[0], place[1], volume, heat)
             m.particle[i] = p
             if wp.static(bins):
-                put(i, p, m.counts, m.known, m.terrain, m.cells, m.cell, m.rank, m.sizes, m.left)
+                put(i, p, m)
         return due
 
     @wp.func

@@ -26,7 +26,8 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.terrain import terrain_frame, terrain_functions
+from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.terrain import terrain_functions
 
 
 @lru_cache
@@ -36,22 +37,13 @@ def fall_function(real: Any) -> Any:
     height_at = terrain_functions(real).height_at
 
     @wp.func
-    def fallen(
-        velocity: vec2,
-        thickness: real,
-        x: real,
-        y: real,
-        gravity: real,
-        top: wp.array(dtype=real),
-        elevation: wp.array2d(dtype=real),
-        terrain: terrain_frame(real),
-    ) -> vec2:
+    def fallen(velocity: vec2, thickness: real, place: vec2, m: journey_type(real)) -> vec2:
         square = wp.dot(velocity, velocity)
-        head = square / (real(2.0) * gravity) - thickness
+        head = square / (real(2.0) * m.constants.gravity) - thickness
         kept = velocity
         # hardly any lava is that fast: the others need not know how high they are
         if head > real(0.0):
-            fall = wp.max(top[0] - height_at(elevation, terrain, x, y), real(0.0))
+            fall = wp.max(m.top[0] - height_at(m.ground, place[0], place[1]), real(0.0))
             if head > fall:
                 kept *= wp.sqrt((fall + thickness) / (head + thickness))
         return kept

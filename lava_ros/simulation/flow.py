@@ -37,8 +37,6 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import law_type, speed_function, viscosity_function
-from lava_ros.scene import Scene
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import (
     FEW_THREADS,
     load2,
@@ -49,56 +47,13 @@ from lava_ros.simulation.backend.compiled import (
     sum_over,
 )
 from lava_ros.simulation.backend.threads import launch_over
-from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.cells import cell_functions
 from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
-from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
 from lava_ros.simulation.sums import sums_function, wide_sums_function
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
-
-#: Thickness over the expected one up to which the Helmholtz solve converges in full.
-THICKEST = 2.0
-
-
-@lru_cache
-def flow_constants_of(real: Any) -> Any:
-    """What the flow's equations need beside the particles.
-
-    ``radius`` is the kernel's [m], ``weight`` is rho g [N/m3], ``stiffness`` the rate at which
-    thickness diffuses at the kernel's stiffest wave number, over the diffusivity and over the
-    diffusion number [1/m2], ``share`` one over the diffusion number, ``reach`` the largest
-    displacement in a step [m], ``gravity`` g [m/s2] and ``thickest`` the thickness up to which
-    the lateral stress is solved for in full [m].
-    """
-
-    @wp.struct
-    class FlowConstants:
-        radius: real
-        weight: real
-        stiffness: real
-        share: real
-        reach: real
-        gravity: real
-        thickest: real
-
-    return FlowConstants
-
-
-def flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -> Any:
-    """Collect the constants from a scene, its accuracy and the kernel's radius [m]."""
-    kernel = smoothing_kernel(accuracy.kernel, real, accuracy.ratio)
-    constants = flow_constants_of(real)()
-    constants.radius = radius
-    constants.weight = scene.lava.density * scene.gravity
-    constants.reach = accuracy.courant_number * min(radius, scene.terrain.resolution)
-    constants.stiffness = kernel.stiffness / (accuracy.diffusion_number * radius**2)
-    constants.share = 1.0 / accuracy.diffusion_number
-    constants.gravity = scene.gravity
-    constants.thickest = math.inf
-    if accuracy.thickness is not None:
-        constants.thickest = THICKEST * accuracy.thickness
-    return constants
+from lava_ros.simulation.terrain import terrain_functions
 
 
 class FlowKernels(NamedTuple):
@@ -122,34 +77,23 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
     along = load_effect('steep').along(real) if 'steep' in effects else None
     speed = speed_function(wp, real, law_type(real), effects)
     raised = raise_to(real)
-    fallen = fall_function(real)
+    fallen, bend_at = fall_function(real), terrain_functions(real).bend_at
 
     @wp.func
     def balance(
         i: int,
-        place: vec2,
-        volume: real,
-        temperature: real,
+        p: vec4,
         height: real,
         surface: vec2,
         ground: vec2,
-        bend: real,
-        law: law_type(real),
-        constants: flow_constants_of(real),
-        top: wp.array(dtype=real),
-        elevation: wp.array2d(dtype=real),
-        terrain: terrain_frame(real),
-        flow: wp.array(dtype=vec3),
-        source: wp.array(dtype=vec4),
-        area_of: wp.array(dtype=real),
-        rates: wp.array(dtype=real),
-        slope_of: wp.array(dtype=vec2),
+        m: journey_type(real),
+        fills_flow: bool,
     ):
-        radius = real(constants.radius)
+        place = vec2(p[0], p[1])
+        bend = bend_at(m.ground, p[0], p[1])
+        weight = m.constants.weight
         if wp.static(speed is None):
-            mobility = real(constants.weight) * height * height / (
-                real(3.0) * viscosity(law, temperature)
-            )
+            mobility = weight * height * height / (real(3.0) * viscosity(m.law, p[3]))
             if wp.static('steep' in effects):
                 mobility *= steep(ground)
             largest = mobility
@@ -160,51 +104,48 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
                 layer = along(height, surface, ground)
                 depth = layer[0]
                 fall = layer[1]
-            response = speed(law, real(constants.weight), depth, fall, temperature)
+            response = speed(m.law, weight, depth, fall, p[3])
             mobility = response[0]
             largest = response[1]
         velocity = -mobility * surface
         bounded = velocity
         if wp.static('inertia' not in effects):
-            bounded = fallen(
-                velocity, height, place.x, place.y, real(constants.gravity), top, elevation,
-                terrain,
-            )
+            bounded = fallen(velocity, height, place, m)
         if wp.static(not (green or helmholtz)):
             # to lateral stress it stands for what drives lava, and the mean is bounded
             velocity = bounded
-        if flow:
-            flow[i] = vec3(height, velocity[0], velocity[1])
+        if fills_flow:
+            m.flow[i] = vec3(height, velocity[0], velocity[1])
         if wp.static('viscous_heating' in effects):
-            slope_of[i] = surface
-        rate = largest * height * real(constants.stiffness)
+            m.slope[i] = surface
+        rate = largest * height * m.constants.stiffness
         if wp.static(green or helmholtz):
             # lateral stress divides the response by 1 + q^2 h^2 / 3; with W^ <= 1 no wave then
             # decays faster than D / (l^2 / stiffness + h^2 / 3)
             stressed = height
             if wp.static(helmholtz):
                 # the sweeps leave what is thicker to the local balance, and to its rate
-                stressed = wp.min(height, real(constants.thickest))
+                stressed = wp.min(height, m.constants.thickest)
+            radius = m.constants.radius
             thick = real(wp.static(stiffness / 3.0)) * stressed * stressed / (radius * radius)
             reduced = rate / (real(1.0) + thick)
             if wp.static(green):
-                area = volume / height
                 # distances in the units of K0Within
                 near = place * (real(wp.static(math.sqrt(SQUARED_SUPPORT))) / radius)
-                store(source, i, vec4(near.x, near.y, volume * velocity.x, volume * velocity.y))
-                area_of[i] = area
+                store(m.source, i, vec4(near.x, near.y, p[2] * velocity.x, p[2] * velocity.y))
+                m.area[i] = p[2] / height
                 # as far as the Green's function is not cut off
                 whole = real(1.0) - x_k1(real(wp.static(math.sqrt(3.0))) * radius / height)
                 reduced = wp.min(rate, reduced / whole)
             rate = reduced
         # in a hollow lava is drawn to the bottom, and overshoots it as it does level ground
-        rate += largest * bend * real(constants.share)
+        rate += largest * bend * m.constants.share
         if wp.static('inertia' in effects):
             # the balance of momentum (effects/inertia.py) wants the slope, and has its own limits
-            flow[i] = vec3(height, surface.x, surface.y)
+            m.flow[i] = vec3(height, surface.x, surface.y)
         else:
-            raised(rates, DIFFUSION, rate)
-            raised(rates, ADVECTION, wp.length(bounded) / real(constants.reach))
+            raised(m.rates, DIFFUSION, rate)
+            raised(m.rates, ADVECTION, wp.length(bounded) / m.constants.reach)
 
     return balance
 
@@ -228,7 +169,6 @@ def flow_kernels(
     """
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
     mat22 = wp.types.matrix((2, 2), real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
@@ -236,39 +176,23 @@ def flow_kernels(
     sums_around = sums_function(real, kernel, lanes, is_short)
     if is_wide and kernel.wide_terms:
         sums_around = wide_sums_function(kernel.wide_terms)
-    gradient_at, bend_at, height_at, *_ = terrain_functions(real)
+    gradient_at, _, height_at, *_ = terrain_functions(real)
     _, _, cells_around, range_in = cell_functions(real)
     load, load_pair = load4(real), load2(real)
     balance = _balance_function(real, kernel.stiffness, effects)
     total = sum_over(real, lanes)
 
     @quick_kernel(bounds=FEW_THREADS if is_short else None)
-    def thickness_and_velocity(
-        thread: int,
-        ordered: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        elevation: wp.array2d(dtype=real),
-        terrain: terrain_frame(real),
-        law: law_type(real),
-        constants: flow_constants_of(real),
-        top: wp.array(dtype=real),
-        flow: wp.array(dtype=vec3),
-        source: wp.array(dtype=vec4),
-        area_of: wp.array(dtype=real),
-        rates: wp.array(dtype=real),
-        slope_of: wp.array(dtype=vec2),
-    ):
+    def thickness_and_velocity(thread: int, m: journey_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
-        if i >= counts[PARTICLES]:
+        if i >= m.counts[PARTICLES]:
             return
-        p = load(ordered, i)
-        radius = real(constants.radius)
+        p = load(m.ordered, i)
+        radius = m.constants.radius
         inverse = real(1.0) / radius
-        box = cells_around(cells, p[0], p[1], radius)
-        sums = sums_around(lane, ordered, starts, cells, box, p, inverse)
+        box = cells_around(m.cells, p[0], p[1], radius)
+        sums = sums_around(lane, m.ordered, m.cells, box, p, inverse)
         height = total(sums[0]) * real(shape_factor)
         rise_x = total(sums[1]) * inverse * real(slope_factor)
         rise_y = total(sums[2]) * inverse * real(slope_factor)
@@ -277,41 +201,26 @@ def flow_kernels(
         scale = real(wp.static(norm)) * inverse * inverse
         height *= scale
         height *= real(1.0) - excess(p[2] * inverse * inverse / height)
-        ground = gradient_at(elevation, terrain, p[0], p[1])
+        ground = gradient_at(m.ground, p[0], p[1])
         surface = vec2(rise_x, rise_y) * (scale * inverse) + ground
-        bend = bend_at(elevation, terrain, p[0], p[1])
-        balance(
-            i, vec2(p[0], p[1]), p[2], p[3], height, surface, ground, bend, law, constants,
-            top, elevation, terrain, flow, source, area_of, rates, slope_of,
-        )
+        balance(i, p, height, surface, ground, m, fills_flow)
 
     @quick_kernel
-    def elevate(
-        thread: int,
-        ordered: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        elevation: wp.array2d(dtype=real),
-        terrain: terrain_frame(real),
-        constants: flow_constants_of(real),
-        surface: wp.array(dtype=vec2),
-        flow: wp.array(dtype=vec3),
-    ):
+    def elevate(thread: int, m: journey_type(real)):
         """Thickness, the surface's elevation and the area V / h of each particle."""
         i = thread // lanes
         lane = thread % lanes
-        if i >= counts[PARTICLES]:
+        if i >= m.counts[PARTICLES]:
             return
-        p = load(ordered, i)
-        radius = real(constants.radius)
+        p = load(m.ordered, i)
+        radius = m.constants.radius
         inverse = real(1.0) / radius
         height = real(0.0)
-        box = cells_around(cells, p[0], p[1], radius)
+        box = cells_around(m.cells, p[0], p[1], radius)
         for r in range(box[0] + lane, box[1], lanes):
-            near = range_in(cells, starts, r, box)
+            near = range_in(m.cells, r, box)
             for j in range(near[0], near[1]):
-                other = load(ordered, j)
+                other = load(m.ordered, j)
                 dx = p[0] - other[0]
                 dy = p[1] - other[1]
                 height += other[2] * shape(wp.sqrt(dx * dx + dy * dy) * inverse)
@@ -319,47 +228,30 @@ def flow_kernels(
         if lane > 0:
             return
         height *= real(1.0) - excess(p[2] * inverse * inverse / height)
-        surface[i] = vec2(height + height_at(elevation, terrain, p[0], p[1]), p[2] / height)
-        flow[i] = vec3(height, real(0.0), real(0.0))
+        m.surface[i] = vec2(height + height_at(m.ground, p[0], p[1]), p[2] / height)
+        m.flow[i] = vec3(height, real(0.0), real(0.0))
 
     @quick_kernel
-    def velocity_of_differences(
-        thread: int,
-        ordered: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        elevation: wp.array2d(dtype=real),
-        terrain: terrain_frame(real),
-        law: law_type(real),
-        constants: flow_constants_of(real),
-        top: wp.array(dtype=real),
-        surface: wp.array(dtype=vec2),
-        flow: wp.array(dtype=vec3),
-        source: wp.array(dtype=vec4),
-        area_of: wp.array(dtype=real),
-        rates: wp.array(dtype=real),
-        slope_of: wp.array(dtype=vec2),
-    ):
+    def velocity_of_differences(thread: int, m: journey_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
-        if i >= counts[PARTICLES]:
+        if i >= m.counts[PARTICLES]:
             return
-        p = load(ordered, i)
-        radius = real(constants.radius)
+        p = load(m.ordered, i)
+        radius = m.constants.radius
         inverse = real(1.0) / radius
-        own = surface[i][0]
+        own = m.surface[i][0]
         # sums over the neighbours' areas: differences, their second moments, and V grad W
         rise = vec2()
         moment = mat22()
         push = vec2()
-        box = cells_around(cells, p[0], p[1], radius)
+        box = cells_around(m.cells, p[0], p[1], radius)
         for r in range(box[0] + lane, box[1], lanes):
-            near = range_in(cells, starts, r, box)
+            near = range_in(m.cells, r, box)
             for j in range(near[0], near[1]):
-                other = load(ordered, j)
+                other = load(m.ordered, j)
                 d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
-                there = load_pair(surface, j)
+                there = load_pair(m.surface, j)
                 pull = slope(wp.length(d)) * d
                 rise += there[1] * (there[0] - own) * pull
                 moment -= there[1] * wp.outer(d, pull)
@@ -378,7 +270,7 @@ def flow_kernels(
         # a lone row of particles says nothing about the slope across it
         if wp.determinant(moment) > real(0.05):
             rise = wp.inverse(moment) * rise
-        ground = gradient_at(elevation, terrain, p[0], p[1])
+        ground = gradient_at(m.ground, p[0], p[1])
         if wp.static(gradient == 'balanced'):
             rest = push * (scale * inverse) + ground - rise
             size = wp.length(rest)
@@ -386,58 +278,19 @@ def flow_kernels(
             if size > most:
                 rest *= most / size
             rise += rest
-        bend = bend_at(elevation, terrain, p[0], p[1])
-        balance(
-            i, vec2(p[0], p[1]), p[2], p[3], flow[i][0], rise, ground, bend, law, constants,
-            top, elevation, terrain, flow, source, area_of, rates, slope_of,
-        )
+        balance(i, p, m.flow[i][0], rise, ground, m, fills_flow)
 
     if gradient == 'energy':
         return FlowKernels(None, thickness_and_velocity)
     return FlowKernels(elevate, velocity_of_differences)
 
 
-def compute_flow(
-    state: State,
-    neighbors: NeighborGrid,
-    terrain: StaggeredTerrain,
-    law: Any,
-    constants: Any,
-    kernels: FlowKernels,
-    *,
-    fills_flow: bool = True,
-) -> None:
+def compute_flow(state: State, way: Any, kernels: FlowKernels, *, fills_flow: bool = True) -> None:
     """Compute thickness and local velocity of the ordered particles, and raise the rates.
 
     They are left in ``state.flow``, unless that is not asked for, and as lateral stress needs
     them in ``state.source`` and ``state.area``.
     """
-    ground = [
-        state.ordered,
-        state.counts,
-        neighbors.starts,
-        neighbors.frame,
-        terrain.height,
-        terrain.frame,
-    ]
     if state.has_surface:
-        launch_over(
-            state,
-            kernels.elevate,
-            inputs=[*ground, constants],
-            outputs=[state.surface, state.flow],
-            lanes=state.lanes,
-        )
-    surface = [state.surface] if state.has_surface else []
-    launch_over(
-        state,
-        kernels.flow,
-        inputs=[*ground, law, constants, state.top, *surface],
-        outputs=[
-            state.flow if fills_flow or state.has_surface else None,
-            *state.optional('source', 'area'),
-            state.rates,
-            *state.optional('slope'),
-        ],
-        lanes=state.lanes,
-    )
+        launch_over(state, kernels.elevate, inputs=[], outputs=[way], lanes=state.lanes)
+    launch_over(state, kernels.flow, inputs=[], outputs=[way, fills_flow], lanes=state.lanes)

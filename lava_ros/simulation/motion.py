@@ -53,7 +53,7 @@ from lava_ros.simulation.state import (
     TIME,
     VELOCITY,
 )
-from lava_ros.simulation.terrain import terrain_frame, terrain_functions
+from lava_ros.simulation.terrain import terrain_functions
 from lava_ros.simulation.timestep import pace_type
 from lava_ros.simulation.vents import Outlets
 
@@ -84,28 +84,20 @@ def _guard_function(real: Any, is_pushed: bool) -> Any:
 
     @wp.func
     def guarded(
-        elevation: wp.array2d(dtype=real),
-        terrain: terrain_frame(real),
-        reach: real,
-        x: real,
-        y: real,
-        way: vec2,
-        radius: real,
-        thickness: real,
-        head: real,
+        m: journey_type(real), x: real, y: real, way: vec2, thickness: real, head: real
     ) -> vec2:
-        most = real(_MOST_REACH) * reach
+        most = real(_MOST_REACH) * m.constants.reach
         size = wp.length(way)
         kept = way
         if size > most:
             kept = way * (most / size)
-        here = height_at(elevation, terrain, x, y) + head
+        here = height_at(m.ground, x, y) + head
         for _ in range(_HALVINGS):
             share = real(1.0)
             if wp.static(not is_pushed):
-                share = wp.min(share, real(_STEEPEST) * wp.length(kept) / radius)
+                share = wp.min(share, real(_STEEPEST) * wp.length(kept) / m.constants.radius)
             top = here + share * thickness
-            if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top:
+            if height_at(m.ground, x + kept.x, y + kept.y) <= top:
                 return kept
             kept *= real(0.5)
         return vec2()
@@ -123,25 +115,20 @@ def _note_function(real: Any) -> Any:
     vec4 = wp.types.vector(4, real)
 
     @wp.func
-    def note(
-        arrived: wp.array2d(dtype=wp.float32),
-        terrain: terrain_frame(real),
-        p: vec4,
-        thickness: real,
-        time: wp.float32,
-    ):
-        inverse = real(1.0) / terrain.resolution
-        x, y = (p[0] - terrain.x0) * inverse, (p[1] - terrain.y0) * inverse
+    def note(p: vec4, thickness: real, m: journey_type(real)):
+        inverse = real(1.0) / m.ground.resolution
+        x, y = (p[0] - m.ground.x0) * inverse, (p[1] - m.ground.y0) * inverse
         # a square that is a cell less reaches into the cells whose middle the whole one has
         half = wp.max(real(0.5) * (wp.sqrt(p[2] / thickness) * inverse - real(1.0)), real(0.0))
         south = wp.max(int(wp.floor(y - half)), 0)
-        north = wp.min(int(wp.floor(y + half)) + 1, terrain.rows)
+        north = wp.min(int(wp.floor(y + half)) + 1, m.ground.rows)
         west = wp.max(int(wp.floor(x - half)), 0)
-        east = wp.min(int(wp.floor(x + half)) + 1, terrain.columns)
+        east = wp.min(int(wp.floor(x + half)) + 1, m.ground.columns)
+        time = wp.float32(m.clock[TIME])
         for row in range(south, north):
             for column in range(west, east):
-                if arrived[row, column] < wp.float32(0.0):
-                    arrived[row, column] = time
+                if m.arrived[row, column] < wp.float32(0.0):
+                    m.arrived[row, column] = time
 
     return note
 
@@ -216,11 +203,8 @@ def motion_function(
         if wp.static(is_guarded):
             head = real(0.0)
             if wp.static('inertia' in effects):
-                head = (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * real(m.constants.gravity))
-            way = guarded(
-                m.elevation, m.terrain, real(m.constants.reach), x, y, vec2(dx, dy),
-                real(m.constants.radius), f[0], head,
-            )
+                head = (f[1] * f[1] + f[2] * f[2]) / (real(2.0) * m.constants.gravity)
+            way = guarded(m, x, y, vec2(dx, dy), f[0], head)
             dx = way[0]
             dy = way[1]
         if wp.static(is_staged):
@@ -239,10 +223,10 @@ def motion_function(
                     drop = -wp.dot(m.slope[i], vec2(dx, dy))
                     if wp.static('inertia' not in effects):
                         # what the ground falls by, however steep it is where the step begins
-                        ground = gradient_at(m.elevation, m.terrain, p[0], p[1])
+                        ground = gradient_at(m.ground, p[0], p[1])
                         drop += wp.dot(ground, vec2(dx, dy))
-                        drop += height_at(m.elevation, m.terrain, x, y)
-                        drop -= height_at(m.elevation, m.terrain, x + dx, y + dy)
+                        drop += height_at(m.ground, x, y)
+                        drop -= height_at(m.ground, x + dx, y + dy)
                 speed = real(0.0)
                 if wp.static(effects.any('needs_speed')):
                     speed = wp.sqrt(dx * dx + dy * dy) / step
@@ -267,10 +251,10 @@ def motion_function(
             p = vec4(x + dx, y + dy, p[2], temperature)
         if wp.static(notes_arrival):  # noqa: SIM102, the static test decides
             if m.counts[IS_LAST] == 1 and f[0] >= real(wp.static(COVERED)):
-                note(m.arrived, m.terrain, p, f[0], wp.float32(m.clock[TIME]))
+                note(p, f[0], m)
         store(m.particle, i, p)
         if wp.static(bins):
-            place(i, p, m.counts, m.known, m.terrain, m.cells, m.cell, m.rank, m.sizes, m.left)
+            place(i, p, m)
 
     return move_on
 

@@ -12,87 +12,111 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the motion of particles reads and writes (motion.py), and the emission of more of them."""
+"""What the kernels of a stage read and write, in one argument."""
 
 from functools import lru_cache
+import math
 from typing import Any
 
 import warp as wp
 
-from lava_ros.effects.laws import heat_type
+from lava_ros.effects import EFFECTS
+from lava_ros.effects.laws import heat_type, law_type
+from lava_ros.scene import Scene
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.cells import cell_frame
-from lava_ros.simulation.flow import flow_constants_of
-from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.state import State
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
+from lava_ros.simulation.terrain import ground_type
 
-#: Arrays of ``State`` that a motion reads and writes, those among them that there are.
-_ARRAYS = (
-    'counts', 'clock', 'top', 'stage', 'ordered', 'ordered_base', 'ordered_drift',
-    'ordered_remainder', 'ordered_age', 'particle', 'base', 'drift', 'remainder', 'velocity',
-    'age', 'slope', 'cold', 'arrived',
-)
+#: Thickness over the expected one up to which the Helmholtz solve converges in full.
+THICKEST = 2.0
+
+
+@lru_cache
+def flow_constants_of(real: Any) -> Any:
+    """What the flow's equations need beside the particles.
+
+    ``radius`` is the kernel's [m], ``weight`` is rho g [N/m3], ``stiffness`` the rate at which
+    thickness diffuses at the kernel's stiffest wave number, over the diffusivity and over the
+    diffusion number [1/m2], ``share`` one over the diffusion number, ``reach`` the largest
+    displacement in a step [m], ``gravity`` g [m/s2] and ``thickest`` the thickness up to which
+    the lateral stress is solved for in full [m].
+    """
+
+    @wp.struct
+    class FlowConstants:
+        radius: real
+        weight: real
+        stiffness: real
+        share: real
+        reach: real
+        gravity: real
+        thickest: real
+
+    return FlowConstants
+
+
+def flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -> Any:
+    """Collect the constants from a scene, its accuracy and the kernel's radius [m]."""
+    kernel = smoothing_kernel(accuracy.kernel, real, accuracy.ratio)
+    constants = flow_constants_of(real)()
+    constants.radius = radius
+    constants.weight = scene.lava.density * scene.gravity
+    constants.reach = accuracy.courant_number * min(radius, scene.terrain.resolution)
+    constants.stiffness = kernel.stiffness / (accuracy.diffusion_number * radius**2)
+    constants.share = 1.0 / accuracy.diffusion_number
+    constants.gravity = scene.gravity
+    constants.thickest = math.inf
+    if accuracy.thickness is not None:
+        constants.thickest = THICKEST * accuracy.thickness
+    return constants
+
+
+#: Arrays of ``State`` that kernels take, by what is in them; those of effects are with these.
+_ARRAYS = {
+    'real': ('stage', 'rates', 'top', 'share', 'age', 'ordered_age'),
+    'vec2': ('remainder', 'ordered_remainder', 'surface'),
+    'vec3': ('flow',),
+    'vec4': ('particle', 'ordered', 'base', 'ordered_base', 'drift', 'ordered_drift'),
+    'int32': ('counts', 'chosen', 'cell', 'rank', 'members', 'home'),
+    'float64': ('clock', 'left'),
+}
 
 
 @lru_cache
 def journey_type(real: Any) -> Any:
-    """What a motion reads and writes: arrays of ``State``, the ground, the cells, constants."""
-    vec2 = wp.types.vector(2, real)
-    vec4 = wp.types.vector(4, real)
-
-    @wp.struct
-    class Journey:
-        counts: wp.array(dtype=wp.int32)
-        clock: wp.array(dtype=wp.float64)
-        top: wp.array(dtype=real)
-        stage: wp.array(dtype=real)
-        elevation: wp.array2d(dtype=real)
-        terrain: terrain_frame(real)
-        constants: flow_constants_of(real)
-        heat: heat_type(real)
-        ordered: wp.array(dtype=vec4)
-        ordered_base: wp.array(dtype=vec4)
-        ordered_drift: wp.array(dtype=vec4)
-        ordered_remainder: wp.array(dtype=vec2)
-        ordered_age: wp.array(dtype=real)
-        particle: wp.array(dtype=vec4)
-        base: wp.array(dtype=vec4)
-        drift: wp.array(dtype=vec4)
-        remainder: wp.array(dtype=vec2)
-        velocity: wp.array(dtype=vec2)
-        age: wp.array(dtype=real)
-        slope: wp.array(dtype=vec2)
-        cold: wp.array(dtype=wp.int32)
-        arrived: wp.array2d(dtype=wp.float32)
-        known: wp.array2d(dtype=wp.uint8)
-        cells: cell_frame(real)
-        cell: wp.array(dtype=wp.int32)
-        rank: wp.array(dtype=wp.int32)
-        sizes: wp.array(dtype=wp.int32)
-        left: wp.array(dtype=wp.float64)
-
-    return Journey
+    """What kernels read and write: arrays of ``State``, the ground, the cells, constants."""
+    kinds = {'real': real, 'int32': wp.int32, 'float64': wp.float64}
+    kinds |= {f'vec{length}': wp.types.vector(length, real) for length in (2, 3, 4)}
+    arrays = {name: kind for kind, names in _ARRAYS.items() for name in names}
+    for effect in EFFECTS.values():
+        for name, array in effect.arrays.items():
+            arrays |= {name: array.dtype}
+            arrays |= {f'ordered_{name}': array.dtype} if array.is_carried else {}
+    types = {name: wp.array(dtype=kinds[kind]) for name, kind in arrays.items()} | {
+        'arrived': wp.array2d(dtype=wp.float32),
+        'ground': ground_type(real),
+        'cells': cell_frame(real),
+        'constants': flow_constants_of(real),
+        'law': law_type(real),
+        'heat': heat_type(real),
+    }
+    return wp.struct(type('Journey', (), {'__annotations__': types, '__module__': __name__}))
 
 
-def journey(
-    state: State, neighbors: NeighborGrid, terrain: StaggeredTerrain, constants: Any, heat: Any
-) -> Any:
-    """Collect what a motion reads and writes.
+def journey(state: State, ground: Any, cells: Any, **constants: Any) -> Any:
+    """Collect what kernels read and write, for as long as the arrays and the cells are these.
 
     Args:
-        state: The particles, ordered.
-        neighbors: Their neighbour grid.
-        terrain: The ground.
-        constants: The flow's.
-        heat: The heat balance's.
+        state: The particles.
+        ground: The ground under them (terrain.py).
+        cells: Their cells (cells.py).
+        constants: Those of flow, its law and the heat balance; none to sort particles.
     """
     made = journey_type(state.real)()
-    made.elevation, made.terrain = terrain.height, terrain.frame
-    made.constants, made.heat = constants, heat
-    made.known, _, made.cells, made.cell, made.rank, made.sizes, made.left = neighbors.place_in(
-        state
-    )
-    for name in _ARRAYS:
-        if hasattr(state, name):
-            setattr(made, name, getattr(state, name))
+    parts = {'ground': ground, 'cells': cells, **constants}
+    for name in journey_type(state.real).vars:
+        if name in parts or hasattr(state, name):
+            setattr(made, name, parts[name] if name in parts else getattr(state, name))
     return made

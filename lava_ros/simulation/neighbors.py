@@ -23,7 +23,6 @@ cells, as what is beyond the terrain is, and the window follows. It is made of w
 terrain's own grid, so the particles' order does not depend on it.
 """
 
-from copy import copy
 from functools import lru_cache
 import math
 from typing import Any
@@ -45,6 +44,7 @@ from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.cells import cell_frame, cell_functions, cells_to_radius
+from lava_ros.simulation.motion_arguments import journey, journey_type
 from lava_ros.simulation.state import (
     ADVECTION,
     BEYOND,
@@ -55,7 +55,7 @@ from lava_ros.simulation.state import (
     STAGE,
     State,
 )
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
+from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions
 
 #: Cells up to which the whole terrain is covered.
 WHOLE = 2**14
@@ -89,35 +89,24 @@ def bin_function(real: Any, has_empty: bool) -> Any:
         return column < 0 or row < 0 or column >= cells.columns or row >= cells.rows
 
     @wp.func
-    def place(
-        i: int,
-        p: vec4,
-        counts: wp.array(dtype=wp.int32),
-        known: wp.array2d(dtype=wp.uint8),
-        terrain: terrain_frame(real),
-        cells: cell_frame(real),
-        cell: wp.array(dtype=wp.int32),
-        rank: wp.array(dtype=wp.int32),
-        sizes: wp.array(dtype=wp.int32),
-        left: wp.array(dtype=wp.float64),
-    ):
+    def place(i: int, p: vec4, m: journey_type(real)):
         """Find a particle's cell and its rank there; what left the terrain goes last.
 
         On the CPU ranks are counted afterwards, by ``rank_particles``.
         """
-        c = cells.rows * cells.columns
+        c = m.cells.rows * m.cells.columns
         if not (wp.static(has_empty) and p[2] == real(0.0)):
             # between the stages of a step nothing leaves: a stage may overshoot the border
             number = p[0] + p[1] + p[3]
-            if counts[STAGE] > 0 or (wp.isfinite(number) and is_known(known, terrain, p[0], p[1])):
-                c = row_of(cells, p[1]) * cells.columns + column_of(cells, p[0])
-                if is_beyond(cells, p[0], p[1]):
-                    counts[BEYOND] = 1
+            if m.counts[STAGE] > 0 or (wp.isfinite(number) and is_known(m.ground, p[0], p[1])):
+                c = row_of(m.cells, p[1]) * m.cells.columns + column_of(m.cells, p[0])
+                if is_beyond(m.cells, p[0], p[1]):
+                    m.counts[BEYOND] = 1
             elif can_count():
-                wp.atomic_add(left, side_of(terrain, p[0], p[1]), volume_lost(p))
-        cell[i] = c
+                wp.atomic_add(m.left, side_of(m.ground, p[0], p[1]), volume_lost(p))
+        m.cell[i] = c
         if can_count():
-            rank[i] = wp.atomic_add(sizes, c, 1)
+            m.rank[i] = wp.atomic_add(m.cells.sizes, c, 1)
 
     return place
 
@@ -144,7 +133,6 @@ def _kernels(
     has_empty: bool,
     is_ranked_again: bool,
 ) -> tuple[Any, ...]:
-    vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
     load, store = load4(real), store4(real)
     load_pair, store_pair = load2(real), store2(real)
@@ -153,56 +141,28 @@ def _kernels(
     side_of = terrain_functions(real).side_of
 
     @quick_kernel
-    def bin_particles(
-        i: int,
-        particle: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
-        known: wp.array2d(dtype=wp.uint8),
-        terrain: terrain_frame(real),
-        cells: cell_frame(real),
-        cell: wp.array(dtype=wp.int32),
-        rank: wp.array(dtype=wp.int32),
-        sizes: wp.array(dtype=wp.int32),
-        left: wp.array(dtype=wp.float64),
-    ):
-        if i < counts[PARTICLES] + counts[NEWCOMERS]:
-            p = load(particle, i)
-            place(i, p, counts, known, terrain, cells, cell, rank, sizes, left)
+    def bin_particles(i: int, m: journey_type(real)):
+        if i < m.counts[PARTICLES] + m.counts[NEWCOMERS]:
+            place(i, load(m.particle, i), m)
 
     @quick_kernel
-    def rank_particles(
-        i: int,
-        particle: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
-        terrain: terrain_frame(real),
-        last: int,
-        cell: wp.array(dtype=wp.int32),
-        rank: wp.array(dtype=wp.int32),
-        sizes: wp.array(dtype=wp.int32),
-        left: wp.array(dtype=wp.float64),
-    ):
+    def rank_particles(i: int, m: journey_type(real)):
         """Rank particles in their cells in the order of all, one after the other."""
-        if i >= counts[PARTICLES] + counts[NEWCOMERS]:
+        if i >= m.counts[PARTICLES] + m.counts[NEWCOMERS]:
             return
-        c = cell[i]
-        if c == last:
-            p = particle[i]
+        c = load_int(m.cell, i)
+        if c == m.cells.rows * m.cells.columns:
+            p = m.particle[i]
             if not (wp.static(has_empty) and p[2] == real(0.0)):
-                left[side_of(terrain, p[0], p[1])] += volume_lost(p)
-        rank[i] = sizes[c]
-        sizes[c] += 1
+                m.left[side_of(m.ground, p[0], p[1])] += volume_lost(p)
+        before = m.cells.sizes[c]
+        m.rank[i] = before
+        m.cells.sizes[c] = before + 1
 
     @quick_kernel
-    def list_members(
-        i: int,
-        last: int,
-        cell: wp.array(dtype=wp.int32),
-        rank: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        members: wp.array(dtype=wp.int32),
-    ):
-        if i < starts[last + 1]:
-            members[load_int(starts, cell[i]) + rank[i]] = i
+    def list_members(i: int, m: journey_type(real)):
+        if i < m.cells.starts[m.cells.rows * m.cells.columns + 1]:
+            m.members[load_int(m.cells.starts, m.cell[i]) + m.rank[i]] = i
 
     @wp.func
     def rank_of(i: int, first: int, end: int, members: wp.array(dtype=wp.int32)) -> int:
@@ -214,65 +174,44 @@ def _kernels(
         return before
 
     @quick_kernel
-    def order_particles(
-        i: int,
-        particle: wp.array(dtype=vec4),
-        last: int,
-        cell: wp.array(dtype=wp.int32),
-        rank: wp.array(dtype=wp.int32),
-        members: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        sizes: wp.array(dtype=wp.int32),
-        counts: wp.array(dtype=wp.int32),
-        rates: wp.array(dtype=real),
-        chosen: wp.array(dtype=wp.int32),
-        ordered: wp.array(dtype=vec4),
-        remainder: wp.array(dtype=vec2),
-        ordered_remainder: wp.array(dtype=vec2),
-        base: wp.array(dtype=vec4),
-        drift: wp.array(dtype=vec4),
-        ordered_base: wp.array(dtype=vec4),
-        ordered_drift: wp.array(dtype=vec4),
-        velocity: wp.array(dtype=vec2),
-        ordered_velocity: wp.array(dtype=vec2),
-        age: wp.array(dtype=real),
-        ordered_age: wp.array(dtype=real),
-    ):
+    def order_particles(i: int, m: journey_type(real)):
         """Gather the particles of each cell, and make ready for the next sums over them."""
+        starts = m.cells.starts
+        last = m.cells.rows * m.cells.columns
         if i == 0:
-            counts[PARTICLES] = starts[last]
-            counts[NEWCOMERS] = 0
-            rates[DIFFUSION] = real(0.0)
-            rates[ADVECTION] = real(0.0)
-            chosen[0] = 0
+            m.counts[PARTICLES] = starts[last]
+            m.counts[NEWCOMERS] = 0
+            m.rates[DIFFUSION] = real(0.0)
+            m.rates[ADVECTION] = real(0.0)
+            m.chosen[0] = 0
         end = starts[last + 1]
         if i >= end:
             # sums go on over the end of the last row, with weights of 0: no nan may be there
             if i < end + SPARE:
-                store(ordered, i, vec4())
+                store(m.ordered, i, vec4())
             return
-        c = load_int(cell, i)
-        p = load(particle, i)
-        sizes[c] = 0
+        c = load_int(m.cell, i)
+        p = load(m.particle, i)
+        m.cells.sizes[c] = 0
         place = load_int(starts, c)
         if wp.static(is_ranked_again):
-            place += rank_of(i, place, load_int(starts, c + 1), members)
+            place += rank_of(i, place, load_int(starts, c + 1), m.members)
         else:
-            place += load_int(rank, i)
+            place += load_int(m.rank, i)
         if c == last:
             # it has left
             p = vec4()
-        store(ordered, place, p)
+        store(m.ordered, place, p)
         if wp.static(real is wp.float32):
-            store_pair(ordered_remainder, place, load_pair(remainder, i))
+            store_pair(m.ordered_remainder, place, load_pair(m.remainder, i))
         if wp.static(has_velocity):
-            store_pair(ordered_velocity, place, load_pair(velocity, i))
+            store_pair(m.ordered_velocity, place, load_pair(m.velocity, i))
         if wp.static(has_age):
-            ordered_age[place] = age[i]
+            m.ordered_age[place] = m.age[i]
         if wp.static(is_staged):  # noqa: SIM102, the static test decides what is compiled
-            if counts[STAGE] > 0:
-                store(ordered_base, place, load(base, i))
-                store(ordered_drift, place, load(drift, i))
+            if m.counts[STAGE] > 0:
+                store(m.ordered_base, place, load(m.base, i))
+                store(m.ordered_drift, place, load(m.drift, i))
 
     return bin_particles, order_particles, rank_particles, list_members
 
@@ -292,9 +231,7 @@ class NeighborGrid:
     """The cells of a terrain for one kernel radius.
 
     Attributes:
-        frame: Where the cells lie.
-        starts: Index of each cell's first ordered particle, shape [at least cells + 2]; that after
-            the last cell is the number of particles on the terrain, the one after it that of all.
+        cells: Where the cells lie, and what is in them (cells.py).
         is_binned: Whether the particles are in their cells already. Then those that have left are
             counted as such, though they are not dropped yet.
     """
@@ -314,13 +251,14 @@ class NeighborGrid:
         self._radius = radius
         rows, columns = cells_to_radius(ratio)
         self._device = device
-        self.frame = cell_frame(terrain.height.dtype)()
-        self.frame.x0, self.frame.y0 = terrain.frame.x0, terrain.frame.y0
-        self.frame.rows_per_metre = rows / radius
-        self.frame.columns_per_metre = columns / radius
-        side = terrain.exact_frame.resolution / radius
-        self.frame.all_rows = max(1, math.ceil(terrain.frame.rows * side * rows))
-        self.frame.all_columns = max(1, math.ceil(terrain.frame.columns * side * columns))
+        ground = terrain.exact_ground
+        self.cells = cell_frame(terrain.height.dtype)()
+        self.cells.x0, self.cells.y0 = ground.x0, ground.y0
+        self.cells.rows_per_metre = rows / radius
+        self.cells.columns_per_metre = columns / radius
+        side = ground.resolution / radius
+        self.cells.all_rows = max(1, math.ceil(ground.rows * side * rows))
+        self.cells.all_columns = max(1, math.ceil(ground.columns * side * columns))
         self.fit(np.zeros((0, 2)))
 
     def fit(self, places: np.ndarray) -> None:
@@ -332,44 +270,39 @@ class NeighborGrid:
             places: Places from the terrain's centre [m], shape [count, 2].
         """
         # another one: what was launched with the former may be launched again
-        frame = copy(self.frame)
-        first, last = np.zeros(2, dtype=int), np.array((frame.all_columns, frame.all_rows))
+        cells = cell_frame(self._terrain.height.dtype)()
+        cells.assign(self.cells)
+        first, last = np.zeros(2, dtype=int), np.array((cells.all_columns, cells.all_rows))
         if last.prod() > WHOLE:
             places = places[np.isfinite(places).all(axis=1)]
             low, high = (places.min(axis=0), places.max(axis=0)) if len(places) else (0.0, 0.0)
             margin = np.maximum(MARGIN * (high - low), LEAST_MARGIN * self._radius)
-            origin = np.array((frame.x0, frame.y0))
-            per_metre = np.array((frame.columns_per_metre, frame.rows_per_metre))
+            origin = np.array((cells.x0, cells.y0))
+            per_metre = np.array((cells.columns_per_metre, cells.rows_per_metre))
             low = np.floor((low - margin - origin) * per_metre).astype(int)
             high = np.ceil((high + margin - origin) * per_metre).astype(int)
             first, last = np.clip(low, 0, last - 1), np.clip(high, low + 1, last)
-        frame.first_column, frame.first_row = (int(value) for value in first)
-        frame.columns, frame.rows = (int(value) for value in np.maximum(last - first, 1))
-        self._cell_count = frame.rows * frame.columns
-        self.frame = frame
+        cells.first_column, cells.first_row = (int(value) for value in first)
+        cells.columns, cells.rows = (int(value) for value in np.maximum(last - first, 1))
         self.is_binned = False
         # 0 but while particles are binned
-        room = 4 * math.ceil((self._cell_count + 2) / 4)
-        self._sizes = wp.zeros(room, dtype=wp.int32, device=self._device)
-        self.starts = wp.zeros(room, dtype=wp.int32, device=self._device)
+        room = 4 * math.ceil((cells.rows * cells.columns + 2) / 4)
+        cells.sizes = wp.zeros(room, dtype=wp.int32, device=self._device)
+        cells.starts = wp.zeros(room, dtype=wp.int32, device=self._device)
+        self.cells, self._way = cells, None
         self._scan = Scan(room, self._device)
 
     def bin(self, state: State) -> None:
-        """Put each particle into its cell, as ``place_in`` lets the motion do."""
-        launch_over(
-            state,
-            _kernels_of(state)[0],
-            inputs=[state.particle, state.counts],
-            outputs=self.place_in(state),
-            least=LEAST_MOVES,
-        )
+        """Put each particle into its cell, as a motion does that sets ``is_binned``."""
+        way, (bins, *_) = self.journey(state), _kernels_of(state)
+        launch_over(state, bins, inputs=[], outputs=[way], least=LEAST_MOVES)
         self.is_binned = True
 
-    def place_in(self, state: State) -> list[Any]:
-        """What ``bin_function`` takes from ``known`` on; whoever uses it sets ``is_binned``."""
-        terrain = self._terrain
-        grid = [terrain.known, terrain.frame, self.frame]
-        return [*grid, state.cell, state.rank, self._sizes, state.left]
+    def journey(self, state: State) -> Any:
+        """What kernels read and write that need no constants (motion_arguments.py)."""
+        if self._way is None or self._way.particle is not state.particle:
+            self._way = journey(state, self._terrain.ground, self.cells)
+        return self._way
 
     def rebuild(self, state: State) -> None:
         """Sort ``state.particle`` into ``state.ordered`` and drop what left the terrain.
@@ -379,50 +312,13 @@ class NeighborGrid:
         if not self.is_binned:
             self.bin(state)
         self.is_binned = False
+        way, (_, order, rank, members) = self.journey(state), _kernels_of(state)
         if not state.device.is_cuda:
-            state.launches(
-                _kernels_of(state)[2],
-                dim=state.extent,
-                inputs=[
-                    state.particle,
-                    state.counts,
-                    self._terrain.frame,
-                    self._cell_count,
-                    state.cell,
-                ],
-                outputs=[state.rank, self._sizes, state.left],
-            )
-        self._scan(state.launches, self._sizes, self.starts)
+            state.launches(rank, dim=state.extent, inputs=[], outputs=[way])
+        self._scan(state.launches, self.cells.sizes, self.cells.starts)
         if state.is_ranked_again:
-            state.launches(
-                _kernels_of(state)[3],
-                dim=state.capacity,
-                inputs=[self._cell_count, state.cell, state.rank, self.starts],
-                outputs=[state.members],
-            )
-        launch_over(
-            state,
-            _kernels_of(state)[1],
-            inputs=[
-                state.particle,
-                self._cell_count,
-                state.cell,
-                state.rank,
-                *state.optional('members'),
-                self.starts,
-            ],
-            outputs=[
-                self._sizes,
-                state.counts,
-                state.rates,
-                state.chosen,
-                state.ordered,
-                *state.optional('remainder', 'ordered_remainder'),
-                *state.optional('base', 'drift', 'ordered_base', 'ordered_drift'),
-                *state.optional('velocity', 'ordered_velocity', 'age', 'ordered_age'),
-            ],
-            least=LEAST_MOVES,
-        )
+            state.launches(members, dim=state.capacity, inputs=[], outputs=[way])
+        launch_over(state, order, inputs=[], outputs=[way], least=LEAST_MOVES)
 
     def refuse_crowds(self) -> None:
         """Refuse what would take for ever: each particle looks at all of those around it.
@@ -430,9 +326,10 @@ class NeighborGrid:
         Raises:
             LavaError: There are more than ``MOST_IN_CELL`` particles in one cell.
         """
-        most = int(np.diff(read(self.starts)[: self._cell_count + 1]).max())
+        starts = read(self.cells.starts)[: self.cells.rows * self.cells.columns + 1]
+        most = int(np.diff(starts).max())
         if most > MOST_IN_CELL:
-            sides = 1.0 / self.frame.columns_per_metre, 1.0 / self.frame.rows_per_metre
+            sides = 1.0 / self.cells.columns_per_metre, 1.0 / self.cells.rows_per_metre
             size = f'{sides[0]:g} by {sides[1]:g} m'
             right = f'at most {MOST_IN_CELL} in {size}: give it room, or a larger spacing'
             raise LavaError('particles', f'{most} in {size}', right)

@@ -38,11 +38,12 @@ import warp as wp
 
 from lava_ros.simulation.backend.compiled import counted_from, load4, row_from
 from lava_ros.simulation.backend.threads import launch, LEAST_SUMS
-from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.cells import cell_functions
 from lava_ros.simulation.kernels import smoothing_kernel
+from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
+from lava_ros.simulation.terrain import ground_type, StaggeredTerrain
 
 #: Share of a cell from which it holds lava.
 LEAST_COVER = 0.5
@@ -57,8 +58,6 @@ _BESIDE = wp.constant(wp.float32(-1.0))
 
 @lru_cache
 def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
-    vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
     norm, shape, slope, *_ = smoothing_kernel(kernel_name, real, ratio)
     _, _, cells_around, range_in = cell_functions(real)
     load = load4(real)
@@ -88,12 +87,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
 
     @wp.kernel(module='unique', enable_backward=False)
     def weigh(
-        ordered: wp.array(dtype=vec4),
-        flow: wp.array(dtype=vec3),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        terrain: terrain_frame(wp.float64),
-        known: wp.array2d(dtype=wp.uint8),
+        m: journey_type(real),
+        terrain: ground_type(wp.float64),
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
@@ -103,7 +98,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         n, j = wp.tid()
         i = row_from(first, n)
         temperature[i, j] = wp.float32(wp.nan)
-        if known[i, j] == wp.uint8(0):
+        if terrain.known[i, j] == wp.uint8(0):
             thickness[i, j] = wp.float32(wp.nan)
             return
         x = middle(terrain.x0, j, terrain.resolution)
@@ -114,19 +109,19 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         cover = real(0.0)
         rise_x = real(0.0)
         rise_y = real(0.0)
-        box = cells_around(cells, x, y, reach)
+        box = cells_around(m.cells, x, y, reach)
         for r in range(box[0], box[1]):
-            near = range_in(cells, starts, r, box)
+            near = range_in(m.cells, r, box)
             for k in range(near[0], near[1]):
-                p = load(ordered, k)
+                p = load(m.ordered, k)
                 dx = (x - p[0]) * inverse
                 dy = (y - p[1]) * inverse
                 square = dx * dx + dy * dy
                 if square < real(1.0):
                     distance = wp.sqrt(square)
-                    area = p[2] / flow[k][0]
+                    area = p[2] / m.flow[k][0]
                     share = area * shape(distance)
-                    height += share * flow[k][0]
+                    height += share * m.flow[k][0]
                     cover += share
                     area *= slope(distance)
                     rise_x += area * dx
@@ -154,22 +149,17 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
 
     @wp.kernel(module='unique', enable_backward=False)
     def share_out(
-        ordered: wp.array(dtype=vec4),
-        flow: wp.array(dtype=vec3),
-        counts: wp.array(dtype=wp.int32),
-        terrain: terrain_frame(wp.float64),
-        known: wp.array2d(dtype=wp.uint8),
+        m: journey_type(real),
+        terrain: ground_type(wp.float64),
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
-        share: wp.array(dtype=real),
-        home: wp.array(dtype=wp.int32),
         first: int,
     ):
         """Find what a particle gives for a unit of weight, or to the cell that it lies in."""
         k = counted_from(first, wp.tid())
-        if k >= counts[PARTICLES]:
+        if k >= m.counts[PARTICLES]:
             return
-        p = load(ordered, k)
+        p = load(m.ordered, k)
         reach = real(radius)
         inverse = real(1.0) / reach
         south = wp.max(cell_at(p[1] - reach, terrain.y0, terrain.resolution), 0)
@@ -185,10 +175,10 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
                 if square < real(1.0) and thickness[i, j] > wp.float32(0.0):
                     total += real(thickness[i, j]) * shape(wp.sqrt(square))
         area = real(terrain.resolution * terrain.resolution)
-        share[k] = p[2] / (area * total)
-        home[k] = -1
+        m.share[k] = p[2] / (area * total)
+        m.home[k] = -1
         total *= area * real(wp.static(norm)) * inverse * inverse
-        if total > real(wp.static(_LEAST_NEAR)) * wp.sqrt(flow[k][0]):
+        if total > real(wp.static(_LEAST_NEAR)) * wp.sqrt(m.flow[k][0]):
             return
         # the cell that it lies in, or at a hole the next one, as rounding has it
         nearest = real(1.0)
@@ -198,24 +188,20 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
             for j in range(west, east):
                 dx = (middle(terrain.x0, j, terrain.resolution) - p[0]) * inverse
                 square = dx * dx + dy * dy
-                if square < nearest and known[i, j] != wp.uint8(0):
+                if square < nearest and terrain.known[i, j] != wp.uint8(0):
                     nearest = square
-                    home[k] = i * terrain.columns + j
+                    m.home[k] = i * terrain.columns + j
                     is_covered = thickness[i, j] > wp.float32(0.0)
         if is_covered:
-            home[k] = -1
-        elif home[k] >= 0:
-            share[k] = p[2] / area
+            m.home[k] = -1
+        elif m.home[k] >= 0:
+            m.share[k] = p[2] / area
 
     @wp.kernel(module='unique', enable_backward=False)
     def gather(
-        ordered: wp.array(dtype=vec4),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        terrain: terrain_frame(wp.float64),
+        m: journey_type(real),
+        terrain: ground_type(wp.float64),
         radius: wp.float64,
-        share: wp.array(dtype=real),
-        home: wp.array(dtype=wp.int32),
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
         first: int,
@@ -234,20 +220,20 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         inverse = real(1.0) / reach
         height = real(0.0)
         heat = real(0.0)
-        box = cells_around(cells, x, y, reach)
+        box = cells_around(m.cells, x, y, reach)
         for r in range(box[0], box[1]):
-            near = range_in(cells, starts, r, box)
+            near = range_in(m.cells, r, box)
             for k in range(near[0], near[1]):
                 part = real(0.0)
-                p = load(ordered, k)
+                p = load(m.ordered, k)
                 if is_covered:
                     dx = (x - p[0]) * inverse
                     dy = (y - p[1]) * inverse
                     square = dx * dx + dy * dy
-                    if square < real(1.0) and home[k] < 0:
-                        part = share[k] * shape(wp.sqrt(square))
-                elif home[k] == own:
-                    part = share[k]
+                    if square < real(1.0) and m.home[k] < 0:
+                        part = m.share[k] * shape(wp.sqrt(square))
+                elif m.home[k] == own:
+                    part = m.share[k]
                 height += part
                 heat += part * p[3]
         if is_covered:
@@ -294,7 +280,7 @@ class Raster:
         self._radius = radius
         self._choice = (kernel, ratio)
         self._device = device
-        shape = (2 + more, terrain.frame.rows, terrain.frame.columns)
+        shape = (2 + more, terrain.ground.rows, terrain.ground.columns)
         self.grids = wp.zeros(shape, dtype=wp.float32, device=device)
         self.thickness, self.temperature = self.grids[0], self.grids[1]
 
@@ -305,40 +291,19 @@ class Raster:
         """
         weigh, share_out, gather = _kernels(state.real, *self._choice)
         rows, columns = self.thickness.shape
-        frame, known = self._terrain.exact_frame, self._terrain.known
         grid = {
             'device': self._device,
             'least': math.ceil(LEAST_SUMS / columns),
             'columns': columns,
         }
         maps = [self.thickness, self.temperature]
-        around = [neighbors.starts, neighbors.frame, frame]
-        launch(
-            weigh,
-            rows,
-            inputs=[state.ordered, state.flow, *around, known, self._radius],
-            outputs=maps,
-            **grid,
-        )
+        inputs = [neighbors.journey(state), self._terrain.exact_ground, self._radius]
+        launch(weigh, rows, inputs=inputs, outputs=maps, **grid)
         launch(
             share_out,
             state.extent,
-            inputs=[
-                state.ordered,
-                state.flow,
-                state.counts,
-                frame,
-                known,
-                self._radius,
-                self.thickness,
-            ],
-            outputs=[state.share, state.home],
+            inputs=inputs,
+            outputs=[self.thickness],
             device=self._device,
         )
-        launch(
-            gather,
-            rows,
-            inputs=[state.ordered, *around, self._radius, state.share, state.home],
-            outputs=maps,
-            **grid,
-        )
+        launch(gather, rows, inputs=inputs, outputs=maps, **grid)

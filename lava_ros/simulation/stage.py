@@ -16,7 +16,6 @@
 
 from collections.abc import Mapping
 from functools import partial
-from operator import is_not
 from typing import Any
 
 from lava_ros.effects import load
@@ -26,9 +25,9 @@ from lava_ros.simulation import emission, motion, timestep
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.as_published import publish_velocity
 from lava_ros.simulation.backend.streams import Beside
-from lava_ros.simulation.flow import compute_flow, flow_constants, flow_kernels, THICKEST
+from lava_ros.simulation.flow import compute_flow, flow_kernels
 from lava_ros.simulation.fused_stage import Direction, direction_within, is_within_the_motion
-from lava_ros.simulation.motion_arguments import journey
+from lava_ros.simulation.motion_arguments import flow_constants, journey, THICKEST
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import State
 from lava_ros.simulation.terrain import StaggeredTerrain
@@ -68,7 +67,8 @@ class Stage:
         self._after_step = after_step
         self._radius = accuracy.ratio * accuracy.spacing
         self._beside = Beside(state.device)
-        self._way: tuple[Any, Any] | None = None
+        self._cells: Any = None
+        self._way: Any = None
         self._pace: tuple[Scene, VentSet, Any] | None = None
         self._law = law_of(scene.lava, state.real)
         self._heat = heat_of(scene, state.effects, state.real)
@@ -87,16 +87,7 @@ class Stage:
             'green' in state.effects and accuracy.formulation != 'as-published'
         )
         if 'inertia' in state.effects:
-            self._momentum = load('inertia').Momentum(
-                terrain,
-                self._law,
-                self.constants,
-                gravity=scene.gravity,
-                number=accuracy.diffusion_number,
-                kernel=accuracy.kernel,
-                ratio=accuracy.ratio,
-                effects=state.effects,
-            )
+            self._momentum = load('inertia').Momentum(accuracy, state)
 
     def take(self, scene: Scene, vents: VentSet) -> None:
         """Take one stage; at a step's end the vents emit what is due.
@@ -109,7 +100,7 @@ class Stage:
         neighbors.rebuild(state)
         self.compute_flow(fills_flow=not self._moves_at_once or bool(self._after_step))
         if 'inertia' in self._effects:
-            self._momentum.synchronize(state)
+            self._momentum.synchronize(self._journey())
         pace, way = self._pace_of(scene, vents), self._journey()
         emit = partial(emission.emit, state, vents, way)
         if is_within_the_motion(state, sums_up=self._moves_at_once):
@@ -140,10 +131,7 @@ class Stage:
         """Compute thickness and local velocity of the ordered particles."""
         compute_flow(
             self._state,
-            self._neighbors,
-            self._terrain,
-            self._law,
-            self.constants,
+            self._journey(),
             self._flow_kernels(self._state.lanes, self._state.is_short, self._state.is_wide),
             fills_flow=fills_flow,
         )
@@ -152,24 +140,20 @@ class Stage:
         """Compute thickness and velocity of the ordered particles."""
         self.compute_flow()
         if 'inertia' in self._effects:
-            self._momentum.synchronize(self._state)
+            self._momentum.synchronize(self._journey())
         self._spread_velocity()
 
     def _spread_velocity(self) -> None:
         """Lateral stress: from the local velocities to the velocities."""
         if self._accuracy.formulation == 'as-published':
-            publish_velocity(self._state, self._neighbors, self._radius, self._viscosity)
+            publish_velocity(self._state, self._journey(), self._viscosity)
         elif 'green' in self._effects:
-            load('green').spread_velocity(
-                self._state, self._neighbors, self._terrain, self.constants
-            )
+            load('green').spread_velocity(self._state, self._journey())
         elif 'helmholtz' in self._effects:
             assert self._accuracy.thickness is not None
             load('helmholtz').solve_velocity(
                 self._state,
-                self._neighbors,
-                self._terrain,
-                gravity=self.constants.gravity,
+                self._journey(),
                 radius=self._radius,
                 thickness=THICKEST * self._accuracy.thickness,
                 kernel=self._accuracy.kernel,
@@ -180,20 +164,19 @@ class Stage:
         """Add the lateral stress, and move, in one go where that is one sum; end the step."""
         state, neighbors = self._state, self._neighbors
         if self._moves_at_once:
-            load('green').move_particles(state, neighbors, self._radius, way, direction)
+            load('green').move_particles(state, neighbors, way, direction)
         else:
             self._spread_velocity()
             if 'inertia' in self._effects:
-                self._momentum.accelerate(state, neighbors)
+                self._momentum.accelerate(way)
             motion.move_particles(state, neighbors, way, direction)
         for effect in self._after_step.values():
-            effect.apply(state, neighbors)
+            effect.apply(state, way)
 
     def _journey(self) -> Any:
         """What a motion reads and writes; to collect it takes longer than to launch it."""
-        state, neighbors = self._state, self._neighbors
-        arrays = state.particle, neighbors.starts
-        if self._way is None or any(map(is_not, self._way[0], arrays)):
-            way = journey(state, neighbors, self._terrain, self.constants, self._heat)
-            self._way = arrays, way
-        return self._way[1]
+        state, cells = self._state, self._neighbors.cells
+        if self._cells is not cells or self._way.particle is not state.particle:
+            given = {'law': self._law, 'heat': self._heat, 'constants': self.constants}
+            self._cells, self._way = cells, journey(state, self._terrain.ground, cells, **given)
+        return self._way

@@ -50,20 +50,19 @@ def sums_function(real: Any, kernel: SmoothingKernel, lanes: int, is_short: bool
     def sums_around(
         lane: int,
         ordered: wp.array(dtype=vec4),
-        starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
         box: wp.vec4i,
         p: vec4,
         inverse: real,
     ) -> vec3:
         sums = vec3()
-        near = range_in(cells, starts, wp.min(box[0] + lane, box[1] - 1), box)
+        near = range_in(cells, wp.min(box[0] + lane, box[1] - 1), box)
         for r in range(box[0] + lane, box[1], lanes):
             following = near
             if wp.static(is_short):
-                following = range_in(cells, starts, wp.min(r + lanes, box[1] - 1), box)
+                following = range_in(cells, wp.min(r + lanes, box[1] - 1), box)
             else:
-                near = range_in(cells, starts, r, box)
+                near = range_in(cells, r, box)
             j = near[0]
             while j < near[1]:
                 for n in range(at_once):
@@ -98,7 +97,6 @@ def wide_sums_function(wide_terms: str) -> Any:
     def sums_around(
         lane: int,
         values: wp.array(dtype=wp.vec4),
-        starts: wp.array(dtype=wp.int32),
         cells: cell_frame(wp.float32),
         box: wp.vec4i,
         p: wp.vec4,

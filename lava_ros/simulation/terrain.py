@@ -34,22 +34,24 @@ from lava_ros.simulation.state import BORDER, centre_of, HOLES, REAL
 
 
 @lru_cache
-def terrain_frame(real: Any) -> Any:
-    """Where the grid's cells lie, relative to the terrain's centre.
+def ground_type(real: Any) -> Any:
+    """A terrain: where its cells lie, from its centre [m], which have data, and their elevation.
 
     In the precision of those who look: a number that each thread has to convert costs it more than
-    the look.
+    the look. ``elevation`` and ``known`` are as in ``StaggeredTerrain``.
     """
 
     @wp.struct
-    class TerrainFrame:
+    class Ground:
         x0: real
         y0: real
         resolution: real
         rows: wp.int32
         columns: wp.int32
+        elevation: wp.array2d(dtype=real)
+        known: wp.array2d(dtype=wp.uint8)
 
-    return TerrainFrame
+    return Ground
 
 
 class StaggeredTerrain:
@@ -59,8 +61,8 @@ class StaggeredTerrain:
         height: Elevation of the cells and of a ring around them, above the mean [m], shape
             [rows + 2, columns + 2].
         known: 1 for cells with data, 0 for others, shape [rows, columns].
-        frame: Where the cells lie.
-        exact_frame: The same in float64.
+        ground: All of it, as kernels take it.
+        exact_ground: The same in float64, without elevations.
     """
 
     def __init__(self, terrain: Terrain, precision: str, device: Any) -> None:
@@ -69,13 +71,15 @@ class StaggeredTerrain:
         self.height = wp.array(ringed_heights(terrain), dtype=REAL[precision], device=device)
         self.known = wp.array(terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=device)
         x0, y0 = np.asarray(terrain.origin) - centre_of(terrain)
-        self.frame, self.exact_frame = (
-            terrain_frame(real)() for real in (REAL[precision], wp.float64)
+        self.ground, self.exact_ground = (
+            ground_type(real)() for real in (REAL[precision], wp.float64)
         )
-        for frame in (self.frame, self.exact_frame):
-            frame.x0, frame.y0 = float(x0), float(y0)
-            frame.resolution = terrain.resolution
-            frame.rows, frame.columns = rows, columns
+        for ground in (self.ground, self.exact_ground):
+            ground.x0, ground.y0 = float(x0), float(y0)
+            ground.resolution = terrain.resolution
+            ground.rows, ground.columns = rows, columns
+            ground.known = self.known
+        self.ground.elevation = self.height
 
     def highest(self, places: np.ndarray) -> float:
         """Height of the highest of some places [m].
@@ -86,8 +90,7 @@ class StaggeredTerrain:
         real, device = self.height.dtype, self.height.device
         heights = wp.empty(len(places), dtype=real, device=device)
         where = wp.array(places, dtype=wp.types.vector(2, real), device=device)
-        inputs = [where, self.height, self.frame]
-        wp.launch(_heights(real), len(places), inputs, [heights], device=device)
+        wp.launch(_heights(real), len(places), [where, self.ground], [heights], device=device)
         return float(read(heights).max(initial=-math.inf))
 
 
@@ -98,12 +101,11 @@ def _heights(real: Any) -> Any:
     @wp.kernel(module='unique', enable_backward=False)
     def heights_at(
         places: wp.array(dtype=wp.types.vector(2, real)),
-        height: wp.array2d(dtype=real),
-        frame: terrain_frame(real),
+        ground: ground_type(real),
         heights: wp.array(dtype=real),
     ):
         i = wp.tid()
-        heights[i] = height_at(height, frame, places[i][0], places[i][1])
+        heights[i] = height_at(ground, places[i][0], places[i][1])
 
     return heights_at
 
@@ -162,29 +164,27 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         return real(0.5) * side * side
 
     @wp.func
-    def cell_at(frame: terrain_frame(real), x: real, y: real):
+    def cell_at(ground: ground_type(real), x: real, y: real):
         """Row and column of the cell at a place, and the place in it from its centre [cells]."""
-        inverse = real(1.0) / frame.resolution
-        column = (x - frame.x0) * inverse
-        row = (y - frame.y0) * inverse
-        i = wp.clamp(int(wp.floor(row)), 0, frame.rows - 1)
-        j = wp.clamp(int(wp.floor(column)), 0, frame.columns - 1)
+        inverse = real(1.0) / ground.resolution
+        column = (x - ground.x0) * inverse
+        row = (y - ground.y0) * inverse
+        i = wp.clamp(int(wp.floor(row)), 0, ground.rows - 1)
+        j = wp.clamp(int(wp.floor(column)), 0, ground.columns - 1)
         s = wp.clamp(column - real(j) - real(0.5), real(-0.5), real(0.5))
         t = wp.clamp(row - real(i) - real(0.5), real(-0.5), real(0.5))
         return i, j, s, t
 
     @wp.func
-    def gradient_at(
-        height: wp.array2d(dtype=real), frame: terrain_frame(real), x: real, y: real
-    ) -> vec2:
-        inverse = real(1.0) / frame.resolution
-        i, j, s, t = cell_at(frame, x, y)
+    def gradient_at(ground: ground_type(real), x: real, y: real) -> vec2:
+        inverse = real(1.0) / ground.resolution
+        i, j, s, t = cell_at(ground, x, y)
         before_s = real(0.5) - s
         after_s = real(0.5) + s
         before_t = real(0.5) - t
         after_t = real(0.5) + t
         rise = vec2()
-        around = patch(height, i, j)
+        around = patch(ground.elevation, i, j)
         for n in range(3):
             east = before_s * (around[n, 1] - around[n, 0])
             east += after_s * (around[n, 2] - around[n, 1])
@@ -194,16 +194,14 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         return rise * inverse
 
     @wp.func
-    def bend_at(
-        height: wp.array2d(dtype=real), frame: terrain_frame(real), x: real, y: real
-    ) -> real:
+    def bend_at(ground: ground_type(real), x: real, y: real) -> real:
         """Largest curvature of the surface whose gradient is ``gradient_at``, 0 on a dome."""
-        inverse = real(1.0) / frame.resolution
-        i, j, s, t = cell_at(frame, x, y)
+        inverse = real(1.0) / ground.resolution
+        i, j, s, t = cell_at(ground, x, y)
         along = real(0.0)
         across = real(0.0)
         twist = real(0.0)
-        around = patch(height, i, j)
+        around = patch(ground.elevation, i, j)
         for n in range(3):
             west = around[n, 1] - around[n, 0]
             east = around[n, 2] - around[n, 1]
@@ -222,32 +220,28 @@ def terrain_functions(real: Any) -> TerrainFunctions:
         return wp.max(bend, real(0.0)) * inverse * inverse
 
     @wp.func
-    def height_at(
-        height: wp.array2d(dtype=real), frame: terrain_frame(real), x: real, y: real
-    ) -> real:
+    def height_at(ground: ground_type(real), x: real, y: real) -> real:
         """Height of the surface whose gradient is ``gradient_at``."""
-        i, j, s, t = cell_at(frame, x, y)
+        i, j, s, t = cell_at(ground, x, y)
         total = real(0.0)
-        around = patch(height, i, j)
+        around = patch(ground.elevation, i, j)
         for m in range(3):
             for n in range(3):
                 total += spline(m, t) * spline(n, s) * around[m, n]
         return total
 
     @wp.func
-    def is_known(
-        known: wp.array2d(dtype=wp.uint8), frame: terrain_frame(real), x: real, y: real
-    ) -> bool:
-        j = int(wp.floor((x - frame.x0) / frame.resolution))
-        i = int(wp.floor((y - frame.y0) / frame.resolution))
-        if i < 0 or j < 0 or i >= frame.rows or j >= frame.columns:
+    def is_known(ground: ground_type(real), x: real, y: real) -> bool:
+        j = int(wp.floor((x - ground.x0) / ground.resolution))
+        i = int(wp.floor((y - ground.y0) / ground.resolution))
+        if i < 0 or j < 0 or i >= ground.rows or j >= ground.columns:
             return False
-        return known[i, j] != wp.uint8(0)
+        return ground.known[i, j] != wp.uint8(0)
 
     @wp.func
-    def side_of(frame: terrain_frame(real), x: real, y: real) -> int:
+    def side_of(ground: ground_type(real), x: real, y: real) -> int:
         # places are relative to the middle of the grid
-        if wp.abs(x) >= -frame.x0 or wp.abs(y) >= -frame.y0:
+        if wp.abs(x) >= -ground.x0 or wp.abs(y) >= -ground.y0:
             return BORDER
         return HOLES
 

@@ -63,15 +63,15 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
     Safeguard(
         'rise', 'thin lava thrown up a wall that it meets within a step',
         f'{SOLVER}/motion.py',
-        'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top:',
-        'if height_at(elevation, terrain, x + kept.x, y + kept.y) <= top + real(1e30):',
+        'if height_at(m.ground, x + kept.x, y + kept.y) <= top:',
+        'if height_at(m.ground, x + kept.x, y + kept.y) <= top + real(1e30):',
         'film_at_wall', 'standard', 'climb',
     ),
     Safeguard(
         'push', 'lava lifted by all of its thickness where its surface is all but level',
         f'{SOLVER}/motion.py',
-        'share = wp.min(share, real(_STEEPEST) * wp.length(kept) / radius)',
-        'share = wp.min(share, real(1e30) * wp.length(kept) / radius)',
+        'share = wp.min(share, real(_STEEPEST) * wp.length(kept) / m.constants.radius)',
+        'share = wp.min(share, real(1e30) * wp.length(kept) / m.constants.radius)',
         'film_at_low_wall', 'draft', 'energy',
     ),
     Safeguard(
@@ -104,7 +104,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
     ),
     Safeguard(
         'thickest', 'steps for lateral stress that the sweeps leave out in thick lava',
-        f'{SOLVER}/flow.py',
+        f'{SOLVER}/motion_arguments.py',
         'constants.thickest = THICKEST * accuracy.thickness',
         'constants.thickest = math.inf',
         'piled_higher_lateral', 'fine', 'cost',
@@ -119,7 +119,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
     Safeguard(
         'bend', 'lava that swings from side to side of a hollow in ever shorter steps',
         f'{SOLVER}/flow.py',
-        'rate += largest * bend * real(constants.share)',
+        'rate += largest * bend * m.constants.share',
         'rate += real(0.0) * bend',
         'canyon_level', 'standard', 'cost',
     ),

@@ -42,13 +42,13 @@ import warp as wp
 
 from lava_ros.effects import Effects
 from lava_ros.effects import load as load_effect
-from lava_ros.effects.laws import heat_of, heat_type
+from lava_ros.effects.laws import heat_type
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
-from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.cells import cell_functions
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
 
@@ -67,130 +67,83 @@ MOST_SWEEPS = 64
 def _kernels(
     real: Any, kernel_name: str, ratio: float, effects: Effects, threads: int
 ) -> tuple[Any, ...]:
-    vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
-    kernel = smoothing_kernel(kernel_name, real, ratio)
-    norm, slope = kernel.norm, kernel.slope
+    slope = smoothing_kernel(kernel_name, real, ratio).slope
     _, _, cells_around, range_in = cell_functions(real)
     load = load4(real)
     latent = 'latent_heat' in effects
     warmed = load_effect('latent_heat').warmed(wp, real, heat_type(real)) if latent else None
 
-    @wp.func
-    def scale(radius: wp.float64, diffusivity: wp.float64) -> real:
-        """Factor of V_j slope / (h_i + h_j) in the exchange rate with j."""
-        square = radius * radius
-        return -real(wp.float64(wp.static(4.0 * norm)) * diffusivity / (square * square))
-
     @quick_kernel
-    def wait(
-        thread: int,
-        counts: wp.array(dtype=wp.int32),
-        clock: wp.array(dtype=wp.float64),
-        rate: wp.float64,
-        waited: wp.array(dtype=wp.float64),
-    ):
+    def wait(thread: int, m: journey_type(real), rate: wp.float64):
         """Add a step to what has been waited; when that is enough it is the time to exchange."""
-        waited[1] = wp.float64(0.0)
-        if counts[IS_LAST] == 1:
-            waited[0] = waited[0] + clock[STEP]
-            if waited[0] * rate >= wp.float64(wp.static(LEAST_SHARE)):
-                waited[1] = waited[0]
-                waited[0] = wp.float64(0.0)
+        m.waited[1] = wp.float64(0.0)
+        if m.counts[IS_LAST] == 1:
+            m.waited[0] = m.waited[0] + m.clock[STEP]
+            if m.waited[0] * rate >= wp.float64(wp.static(LEAST_SHARE)):
+                m.waited[1] = m.waited[0]
+                m.waited[0] = wp.float64(0.0)
 
     @quick_kernel
-    def add_rates(
-        thread: int,
-        ordered: wp.array(dtype=vec4),
-        flow: wp.array(dtype=vec3),
-        particle: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        radius: wp.float64,
-        diffusivity: wp.float64,
-        waited: wp.array(dtype=wp.float64),
-        exchange: wp.array(dtype=real),
-        warmth: wp.array(dtype=real),
-    ):
+    def add_rates(thread: int, m: journey_type(real), factor: real):
         """Sum a particle's exchange rates with its neighbours [1/s]."""
-        if waited[1] == wp.float64(0.0):
+        if m.waited[1] == wp.float64(0.0):
             return
-        for i in range(thread, counts[PARTICLES], threads):
-            p = load(ordered, i)
-            height = flow[i][0]
-            inverse = real(1.0) / real(radius)
+        for i in range(thread, m.counts[PARTICLES], threads):
+            p = load(m.ordered, i)
+            height = m.flow[i][0]
+            inverse = real(1.0) / m.constants.radius
             total = real(0.0)
-            box = cells_around(cells, p[0], p[1], real(radius))
+            box = cells_around(m.cells, p[0], p[1], m.constants.radius)
             for r in range(box[0], box[1]):
-                near = range_in(cells, starts, r, box)
+                near = range_in(m.cells, r, box)
                 for j in range(near[0], near[1]):
-                    other = load(ordered, j)
+                    other = load(m.ordered, j)
                     dx = (p[0] - other[0]) * inverse
                     dy = (p[1] - other[1]) * inverse
                     square = dx * dx + dy * dy
                     if j != i and square < real(1.0):
-                        total += other[2] * slope(wp.sqrt(square)) / (height + flow[j][0])
-            exchange[i] = scale(radius, diffusivity) * total
-            warmth[i] = particle[i][3]
+                        total += other[2] * slope(wp.sqrt(square)) / (height + m.flow[j][0])
+            m.exchange[i] = factor * total
+            m.warmth[i] = m.particle[i][3]
 
     @quick_kernel
-    def exchange_heat(
-        thread: int,
-        ordered: wp.array(dtype=vec4),
-        flow: wp.array(dtype=vec3),
-        counts: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        radius: wp.float64,
-        diffusivity: wp.float64,
-        waited: wp.array(dtype=wp.float64),
-        share: wp.float64,
-        constants: heat_type(real),
-        exchange: wp.array(dtype=real),
-        warmth: wp.array(dtype=real),
-        particle: wp.array(dtype=vec4),
-    ):
+    def exchange_heat(thread: int, m: journey_type(real), factor: real, share: wp.float64):
         """Exchange heat over a share of the step."""
-        if waited[1] == wp.float64(0.0):
+        if m.waited[1] == wp.float64(0.0):
             return
-        for i in range(thread, counts[PARTICLES], threads):
-            p = load(ordered, i)
-            height = flow[i][0]
-            own = warmth[i]
-            inverse = real(1.0) / real(radius)
-            step = real(waited[1] * share)
-            most = wp.max(real(1.0), step * exchange[i])
+        for i in range(thread, m.counts[PARTICLES], threads):
+            p = load(m.ordered, i)
+            height = m.flow[i][0]
+            own = m.warmth[i]
+            inverse = real(1.0) / m.constants.radius
+            step = real(m.waited[1] * share)
+            most = wp.max(real(1.0), step * m.exchange[i])
             rise = real(0.0)
-            box = cells_around(cells, p[0], p[1], real(radius))
+            box = cells_around(m.cells, p[0], p[1], m.constants.radius)
             for r in range(box[0], box[1]):
-                near = range_in(cells, starts, r, box)
+                near = range_in(m.cells, r, box)
                 for j in range(near[0], near[1]):
-                    other = load(ordered, j)
+                    other = load(m.ordered, j)
                     dx = (p[0] - other[0]) * inverse
                     dy = (p[1] - other[1]) * inverse
                     square = dx * dx + dy * dy
                     if j != i and square < real(1.0):
-                        weight = other[2] * slope(wp.sqrt(square)) / (height + flow[j][0])
-                        rise += weight / wp.max(most, step * exchange[j]) * (warmth[j] - own)
-            rise *= step * scale(radius, diffusivity)
-            now = particle[i]
+                        weight = other[2] * slope(wp.sqrt(square)) / (height + m.flow[j][0])
+                        weight /= wp.max(most, step * m.exchange[j])
+                        rise += weight * (m.warmth[j] - own)
+            rise *= step * factor
+            now = m.particle[i]
             if wp.static(latent):
-                particle[i] = vec4(now[0], now[1], now[2], warmed(constants, own, rise))
+                m.particle[i] = vec4(now[0], now[1], now[2], warmed(m.heat, own, rise))
             else:
-                particle[i] = vec4(now[0], now[1], now[2], own + rise)
+                m.particle[i] = vec4(now[0], now[1], now[2], own + rise)
 
     @quick_kernel
-    def keep(
-        thread: int,
-        counts: wp.array(dtype=wp.int32),
-        particle: wp.array(dtype=vec4),
-        waited: wp.array(dtype=wp.float64),
-        warmth: wp.array(dtype=real),
-    ):
-        if waited[1] > wp.float64(0.0):
-            for i in range(thread, counts[PARTICLES], threads):
-                warmth[i] = particle[i][3]
+    def keep(thread: int, m: journey_type(real)):
+        if m.waited[1] > wp.float64(0.0):
+            for i in range(thread, m.counts[PARTICLES], threads):
+                m.warmth[i] = m.particle[i][3]
 
     return wait, add_rates, exchange_heat, keep
 
@@ -208,53 +161,27 @@ class AfterStep:
         """Prepare for the scene's conductivity and the longest step there can be."""
         assert accuracy.spacing is not None
         lava = scene.lava
-        self._radius = accuracy.ratio * accuracy.spacing
-        self._diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
-        self._constants = heat_of(scene, state.effects, state.real)
+        square = (accuracy.ratio * accuracy.spacing) ** 2
+        diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
         self._kernels = _kernels(
             state.real, accuracy.kernel, accuracy.ratio, state.effects, state.rare_threads
         )
+        norm = smoothing_kernel(accuracy.kernel, state.real, accuracy.ratio).norm
+        # of V_j slope / (h_i + h_j) in the exchange rate with j
+        self._factor = -4.0 * norm * diffusivity / (square * square)
         longest = accuracy.fixed_step or accuracy.longest_step
-        self._rate = LARGEST_RATE * self._diffusivity / self._radius**2
+        self._rate = LARGEST_RATE * diffusivity / square
         self.sweeps = min(MOST_SWEEPS, max(1, math.ceil(longest * self._rate)))
         self._share = 1.0 / self.sweeps
 
-    def apply(self, state: State, neighbors: NeighborGrid) -> None:
+    def apply(self, state: State, way: Any) -> None:
         """Let neighbours exchange heat at the end of a step, if enough time has passed."""
         wait, add_rates, exchange_heat, keep = self._kernels
-        state.launches(
-            wait,
-            dim=1,
-            inputs=[state.counts, state.clock, self._rate],
-            outputs=[state.waited],
-        )
-        grid = [neighbors.starts, neighbors.frame, self._radius, self._diffusivity, state.waited]
-        state.launches(
-            add_rates,
-            dim=state.rare_threads,
-            inputs=[state.ordered, state.flow, state.particle, state.counts, *grid],
-            outputs=[state.exchange, state.warmth],
-        )
+        threads = state.rare_threads
+        state.launches(wait, dim=1, inputs=[way, self._rate], outputs=[])
+        state.launches(add_rates, dim=threads, inputs=[way, self._factor], outputs=[])
         for sweep in range(self.sweeps):
             if sweep:
-                state.launches(
-                    keep,
-                    dim=state.rare_threads,
-                    inputs=[state.counts, state.particle, state.waited],
-                    outputs=[state.warmth],
-                )
-            state.launches(
-                exchange_heat,
-                dim=state.rare_threads,
-                inputs=[
-                    state.ordered,
-                    state.flow,
-                    state.counts,
-                    *grid,
-                    self._share,
-                    self._constants,
-                    state.exchange,
-                    state.warmth,
-                ],
-                outputs=[state.particle],
-            )
+                state.launches(keep, dim=threads, inputs=[way], outputs=[])
+            inputs = [way, self._factor, self._share]
+            state.launches(exchange_heat, dim=threads, inputs=inputs, outputs=[])

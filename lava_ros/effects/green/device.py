@@ -49,7 +49,6 @@ from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.backend.threads import launch_over, LEAST_SUMS
 from lava_ros.simulation.cells import cell_frame, cell_functions, NEIGHBORS_AT_ONCE
 from lava_ros.simulation.fall import fall_function
-from lava_ros.simulation.flow import flow_constants_of
 from lava_ros.simulation.fused_stage import Direction, DIRECTORS
 from lava_ros.simulation.kernels import (
     bessel,
@@ -62,7 +61,6 @@ from lava_ros.simulation.motion import motion_of
 from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
 from lava_ros.simulation.timestep import pace_type
 from lava_ros.simulation.vents import Outlets
 
@@ -112,7 +110,6 @@ def _sums_function(real: Any, lanes: int, is_short: bool) -> Any:
         lane: int,
         source: wp.array(dtype=vec4),
         area: wp.array(dtype=real),
-        starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
         box: wp.vec4i,
         p: vec4,
@@ -120,13 +117,13 @@ def _sums_function(real: Any, lanes: int, is_short: bool) -> Any:
         least: real,
     ) -> vec3:
         sums = vec3()
-        near = range_in(cells, starts, wp.min(box[0] + lane, box[1] - 1), box)
+        near = range_in(cells, wp.min(box[0] + lane, box[1] - 1), box)
         for r in range(box[0] + lane, box[1], lanes):
             following = near
             if wp.static(is_short):
-                following = range_in(cells, starts, wp.min(r + lanes, box[1] - 1), box)
+                following = range_in(cells, wp.min(r + lanes, box[1] - 1), box)
             else:
-                near = range_in(cells, starts, r, box)
+                near = range_in(cells, r, box)
             j = near[0]
             while j < near[1]:
                 for n in range(at_once):
@@ -165,7 +162,6 @@ def _wide_sums_function() -> Any:
         lane: int,
         values: wp.array(dtype=wp.vec4),
         area: wp.array(dtype=wp.float32),
-        starts: wp.array(dtype=wp.int32),
         cells: cell_frame(wp.float32),
         box: wp.vec4i,
         p: wp.vec4,
@@ -197,21 +193,18 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
         here: vec4,
         p: vec4,
         own: real,
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        support: real,
-        source: wp.array(dtype=vec4),
-        area: wp.array(dtype=real),
+        m: journey_type(real),
     ) -> vec3:
         """Thickness and velocity."""
+        support = m.constants.radius
         height = here[2] / own
         k = real(wp.static(math.sqrt(3.0))) / height
         powers = powers_of(k * support)
         # inside its own disc K0 takes the value at that disc's edge
         unit = real(wp.static(math.sqrt(SQUARED_SUPPORT))) / support
         least = wp.max(own * real(_NEAR) * unit * unit, real(LEAST_SQUARED))
-        box = cells_around(cells, here[0], here[1], support)
-        sums = sums_around(lane, source, area, starts, cells, box, p, powers, least)
+        box = cells_around(m.cells, here[0], here[1], support)
+        sums = sums_around(lane, m.source, m.area, m.cells, box, p, powers, least)
         total = sum_up(sums[0])
         x = sum_up(sums[1])
         y = sum_up(sums[2])
@@ -231,38 +224,20 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
 def _velocity_kernel(real: Any, lanes: int, is_short: bool, is_wide: bool) -> Any:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
     load, load_number = load4(real), load1(real)
     velocity_of = _velocity_function(real, lanes, is_short, is_wide)
     fallen = fall_function(real)
 
     @quick_kernel
-    def green_velocity(
-        thread: int,
-        ordered: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        support: real,
-        source: wp.array(dtype=vec4),
-        area: wp.array(dtype=real),
-        constants: flow_constants_of(real),
-        top: wp.array(dtype=real),
-        elevation: wp.array2d(dtype=real),
-        terrain: terrain_frame(real),
-        flow: wp.array(dtype=vec3),
-    ):
+    def green_velocity(thread: int, m: journey_type(real)):
         i = thread // lanes
         lane = thread % lanes
-        if i < counts[PARTICLES]:
-            here, p, own = load(ordered, i), load(source, i), load_number(area, i)
-            f = velocity_of(lane, here, p, own, starts, cells, support, source, area)
+        if i < m.counts[PARTICLES]:
+            here, p, own = load(m.ordered, i), load(m.source, i), load_number(m.area, i)
+            f = velocity_of(lane, here, p, own, m)
             if lane == 0:
-                u = fallen(
-                    vec2(f[1], f[2]), f[0], here[0], here[1], real(constants.gravity), top,
-                    elevation, terrain,
-                )
-                flow[i] = vec3(f[0], u[0], u[1])
+                u = fallen(vec2(f[1], f[2]), f[0], vec2(here[0], here[1]), m)
+                m.flow[i] = vec3(f[0], u[0], u[1])
 
     return green_velocity
 
@@ -279,57 +254,45 @@ def _motion_kernel(
 ) -> Any:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
     load, load_number = load4(real), load1(real)
     velocity_of = _velocity_function(real, lanes, is_short, is_wide)
     fallen = fall_function(real)
 
     @quick_kernel(bounds=bounds)
     def green_motion(
-        thread: int,
-        starts: wp.array(dtype=wp.int32),
-        support: real,
-        source: wp.array(dtype=vec4),
-        area: wp.array(dtype=real),
-        pace: pace_type(real),
-        outlets: Outlets,
-        way: journey_type(real),
+        thread: int, pace: pace_type(real), outlets: Outlets, m: journey_type(real)
     ):
         if wp.static(direct is not None):
             if thread < wp.static(DIRECTORS):
-                direct(thread, pace, outlets, way)
+                direct(thread, pace, outlets, m)
                 return
             thread -= wp.static(DIRECTORS)
         i = thread // lanes
         lane = thread % lanes
-        if i >= past_the_cache(way.counts, PARTICLES):
+        if i >= past_the_cache(m.counts, PARTICLES):
             return
-        here, driven, own = load(way.ordered, i), load(source, i), load_number(area, i)
-        f = velocity_of(lane, here, driven, own, starts, way.cells, support, source, area)
+        here, driven, own = load(m.ordered, i), load(m.source, i), load_number(m.area, i)
+        f = velocity_of(lane, here, driven, own, m)
         if lane > 0:
             return
         if wp.static(direct is not None):
             wait_for(pace.chosen)
         # read again: it would take registers from the sums
-        p = load(way.ordered, i)
-        u = fallen(
-            vec2(f[1], f[2]), f[0], p[0], p[1], real(way.constants.gravity), way.top,
-            way.elevation, way.terrain,
-        )
-        motion(i, p, vec3(f[0], u[0], u[1]), way)
+        p = load(m.ordered, i)
+        u = fallen(vec2(f[1], f[2]), f[0], vec2(p[0], p[1]), m)
+        motion(i, p, vec3(f[0], u[0], u[1]), m)
 
     return green_motion
 
 
 def move_particles(
-    state: State, neighbors: NeighborGrid, support: float, way: Any, direction: Direction
+    state: State, neighbors: NeighborGrid, way: Any, direction: Direction
 ) -> None:
     """Move the ordered particles over the stage by the Green's function's velocity.
 
     Args:
         state: The particles; ``source`` and ``area`` of it are filled.
         neighbors: Their neighbour grid, built.
-        support: Radius at which the Green's function is cut off [m], at most the cells' size.
         way: Their journey (motion_arguments.py).
         direction: What is chosen and emitted meanwhile.
     """
@@ -344,14 +307,7 @@ def move_particles(
             direction.function,
             direction.bounds,
         ),
-        inputs=[
-            neighbors.starts,
-            support,
-            state.source,
-            state.area,
-            direction.pace,
-            direction.outlets,
-        ],
+        inputs=[direction.pace, direction.outlets],
         outputs=[way],
         least=_LEAST_PART,
         lanes=state.lanes,
@@ -360,34 +316,14 @@ def move_particles(
     neighbors.is_binned = state.bins_in_motion
 
 
-def spread_velocity(
-    state: State, neighbors: NeighborGrid, terrain: StaggeredTerrain, constants: Any
-) -> None:
+def spread_velocity(state: State, way: Any) -> None:
     """Replace the local velocity in ``state.flow`` by the Green's function's.
 
     Args:
         state: The particles; ``source`` and ``area`` of it are filled.
-        neighbors: Their neighbour grid, built.
-        terrain: The ground.
-        constants: The flow's; at the kernel's radius the Green's function is cut off.
+        way: Their journey; at the kernel's radius the Green's function is cut off.
     """
+    kernel = _velocity_kernel(state.real, state.lanes, state.is_short, state.is_wide)
     launch_over(
-        state,
-        _velocity_kernel(state.real, state.lanes, state.is_short, state.is_wide),
-        inputs=[
-            state.ordered,
-            state.counts,
-            neighbors.starts,
-            neighbors.frame,
-            constants.radius,
-            state.source,
-            state.area,
-            constants,
-            state.top,
-            terrain.height,
-            terrain.frame,
-        ],
-        outputs=[state.flow],
-        least=_LEAST_PART,
-        lanes=state.lanes,
+        state, kernel, inputs=[], outputs=[way], least=_LEAST_PART, lanes=state.lanes
     )

@@ -43,12 +43,15 @@ from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import smoothing_kernel, SmoothingKernel
-from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import PARTICLES, State
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
 
 #: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
 REDUCTION = 1e-4
+
+#: Threads of a block, and blocks that a processor of a GPU must have registers for: a sweep waits
+#: for memory, and the more threads the less.
+_MANY_THREADS = 256, 6
 
 #: The diagonal's share of a row, times this, bounds the eigenvalues from above (Gershgorin).
 LARGEST_EIGENVALUE = 2.0
@@ -73,7 +76,6 @@ def _sums_function(real: Any, kernel: SmoothingKernel, lanes: int) -> Any:
         lane: int,
         layer: wp.array(dtype=vec4),
         solution: wp.array(dtype=vec2),
-        starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
         box: wp.vec4i,
         p: vec4,
@@ -83,7 +85,7 @@ def _sums_function(real: Any, kernel: SmoothingKernel, lanes: int) -> Any:
         diagonal = real(0.0)
         pull = vec2()
         for r in range(box[0] + lane, box[1], lanes):
-            near = range_in(cells, starts, r, box)
+            near = range_in(cells, r, box)
             for j in range(near[0], near[1]):
                 other = load(layer, j)
                 dx = p[0] - other[0]
@@ -123,7 +125,6 @@ def _wide_sums_function(wide_terms: str) -> Any:
         lane: int,
         values: wp.array(dtype=wp.vec4),
         solution: wp.array(dtype=wp.vec2),
-        starts: wp.array(dtype=wp.int32),
         cells: cell_frame(wp.float32),
         box: wp.vec4i,
         p: wp.vec4,
@@ -152,79 +153,55 @@ def _kernels(
         sums_around = _wide_sums_function(kernel.wide_terms)
 
     @quick_kernel
-    def start(
-        i: int,
-        ordered: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
-        flow: wp.array(dtype=vec3),
-        layer: wp.array(dtype=vec4),
-        solution: wp.array(dtype=vec2),
-        correction: wp.array(dtype=vec2),
-    ):
+    def start(i: int, m: journey_type(real)):
         """Begin with the local velocity; what a sweep needs of a neighbour lies together."""
-        if i < counts[PARTICLES]:
-            p = load(ordered, i)
-            f = flow[i]
-            store(layer, i, vec4(p[0], p[1], p[2] / f[0], f[0]))
-            solution[i] = vec2(f[1], f[2])
-            correction[i] = vec2()
+        if i < m.counts[PARTICLES]:
+            p = load(m.ordered, i)
+            f = m.flow[i]
+            store(m.layer, i, vec4(p[0], p[1], p[2] / f[0], f[0]))
+            m.solution[i] = vec2(f[1], f[2])
+            m.correction[i] = vec2()
 
-    @quick_kernel
+    @quick_kernel(bounds=_MANY_THREADS)
     def sweep(
         thread: int,
-        counts: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        radius: wp.float64,
-        momentum: wp.float64,
-        relaxation: wp.float64,
-        layer: wp.array(dtype=vec4),
-        flow: wp.array(dtype=vec3),
+        m: journey_type(real),
+        momentum: real,
+        relaxation: real,
         solution: wp.array(dtype=vec2),
-        correction: wp.array(dtype=vec2),
         next_solution: wp.array(dtype=vec2),
     ):
         """One Chebyshev sweep: the residual over the diagonal, and the momentum of the last."""
         i = thread // lanes
         lane = thread % lanes
-        if i >= counts[PARTICLES]:
+        if i >= m.counts[PARTICLES]:
             return
-        p = load(layer, i)
+        p = load(m.layer, i)
         u = solution[i]
-        inverse = real(1.0) / real(radius)
-        box = cells_around(cells, p[0], p[1], real(radius))
-        sums = sums_around(lane, layer, solution, starts, cells, box, p, u, inverse)
+        inverse = real(1.0) / m.constants.radius
+        box = cells_around(m.cells, p[0], p[1], m.constants.radius)
+        sums = sums_around(lane, m.layer, solution, m.cells, box, p, u, inverse)
         diagonal = total(sums[0])
         pull = vec2(total(sums[1]), total(sums[2]))
         if lane > 0:
             return
-        f = flow[i]
+        f = m.flow[i]
         scale = real(wp.static(factor)) * inverse * inverse * inverse * inverse
         drag = real(3.0) / f[0]
         # it counted as a neighbour of its own
         own = terms(p[2] * (p[3] + p[3]), real(0.0), inverse)[1]
         diagonal = drag + scale * (diagonal - own)
         pull = drag * (vec2(f[1], f[2]) - u) + scale * pull
-        change = real(momentum) * correction[i] + real(relaxation) / diagonal * pull
-        correction[i] = change
+        change = momentum * m.correction[i] + relaxation / diagonal * pull
+        m.correction[i] = change
         next_solution[i] = u + change
 
     @quick_kernel
-    def finish(
-        i: int,
-        counts: wp.array(dtype=wp.int32),
-        layer: wp.array(dtype=vec4),
-        solution: wp.array(dtype=vec2),
-        gravity: wp.float64,
-        top: wp.array(dtype=real),
-        elevation: wp.array2d(dtype=real),
-        terrain: terrain_frame(real),
-        flow: wp.array(dtype=vec3),
-    ):
-        if i < counts[PARTICLES]:
-            p = load(layer, i)
-            u = fallen(solution[i], p[3], p[0], p[1], real(gravity), top, elevation, terrain)
-            flow[i] = vec3(p[3], u[0], u[1])
+    def finish(i: int, m: journey_type(real), solution: wp.array(dtype=vec2)):
+        if i < m.counts[PARTICLES]:
+            p = load(m.layer, i)
+            u = fallen(solution[i], p[3], vec2(p[0], p[1]), m)
+            m.flow[i] = vec3(p[3], u[0], u[1])
 
     return start, sweep, finish
 
@@ -261,10 +238,8 @@ def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
 
 def solve_velocity(
     state: State,
-    neighbors: NeighborGrid,
-    terrain: StaggeredTerrain,
+    way: Any,
     *,
-    gravity: float,
     radius: float,
     thickness: float,
     kernel: str,
@@ -274,47 +249,17 @@ def solve_velocity(
 
     Args:
         state: The particles.
-        neighbors: Their neighbour grid, built.
-        terrain: The ground.
-        gravity: Acceleration of gravity [m/s2].
+        way: Their journey (motion_arguments.py).
         radius: Kernel radius [m].
         thickness: Thickness up to which the sweeps converge as far as ``REDUCTION`` says [m].
         kernel: Name of the smoothing kernel.
         ratio: Kernel radius over particle spacing.
     """
     start, sweep, finish = _kernels(state.real, kernel, ratio, state.lanes, state.is_wide)
-    launch_over(
-        state,
-        start,
-        inputs=[state.ordered, state.counts, state.flow],
-        outputs=[state.layer, state.solution, state.correction],
-        least=LEAST_MOVES,
-    )
+    launch_over(state, start, inputs=[], outputs=[way], least=LEAST_MOVES)
     current, following = state.solution, state.next_solution
-    for momentum, relaxation in _schedule(thickness, radius):
-        launch_over(
-            state,
-            sweep,
-            inputs=[
-                state.counts,
-                neighbors.starts,
-                neighbors.frame,
-                radius,
-                momentum,
-                relaxation,
-                state.layer,
-                state.flow,
-                current,
-            ],
-            outputs=[state.correction, following],
-            lanes=state.lanes,
-        )
+    for weights in _schedule(thickness, radius):
+        inputs = [way, *weights, current]
+        launch_over(state, sweep, inputs=inputs, outputs=[following], lanes=state.lanes)
         current, following = following, current
-    state.launches(
-        finish,
-        dim=state.capacity,
-        inputs=[
-            state.counts, state.layer, current, gravity, state.top, terrain.height, terrain.frame
-        ],
-        outputs=[state.flow],
-    )
+    state.launches(finish, dim=state.capacity, inputs=[way, current], outputs=[])

@@ -51,18 +51,18 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import law_type, speed_function, viscosity_function
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import (
     load4,
     quick_kernel,
     raise_to,
 )
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
-from lava_ros.simulation.cells import cell_frame, cell_functions
-from lava_ros.simulation.flow import flow_constants_of
+from lava_ros.simulation.cells import cell_functions
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, FORMER_STEP, PARTICLES, State, STEP
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
+from lava_ros.simulation.terrain import terrain_functions
 
 #: Wave speed of the dissipation over the speed of approach, until it reaches c.
 STRENGTH = 3.0
@@ -96,11 +96,11 @@ def _drag_function(real: Any, effects: Effects) -> Any:
         height: real,
         temperature: real,
         ground: vec2,
-        law: law_type(real),
-        weight: real,
+        m: journey_type(real),
     ) -> vec2:
         """The velocity after the time in which a slope of 1 changes it by ``fall`` [m/s]."""
         pace = wp.length(velocity)
+        weight = m.constants.weight
         if pace == real(0.0) or fall == real(0.0):
             return velocity
         layer = vec2(height, real(1.0))
@@ -109,15 +109,15 @@ def _drag_function(real: Any, effects: Effects) -> Any:
             if wp.dot(velocity, ground) > real(0.0):
                 layer = up(height, velocity / pace, ground)
         if wp.static(speed is None):
-            mobility = weight * layer[0] * layer[0] / (real(3.0) * viscosity(law, temperature))
+            mobility = weight * layer[0] * layer[0] / (real(3.0) * viscosity(m.law, temperature))
         else:
             # Newton's method from above: the bound of du/ds keeps it there
             slope = pace / fall
-            response = speed(law, weight, layer[0], layer[1] * slope, temperature)
+            response = speed(m.law, weight, layer[0], layer[1] * slope, temperature)
             for _ in range(_ITERATIONS):
                 change = (slope * (response[0] + fall) - pace) / (response[1] + fall)
                 slope -= change
-                response = speed(law, weight, layer[0], layer[1] * slope, temperature)
+                response = speed(m.law, weight, layer[0], layer[1] * slope, temperature)
                 if change <= real(_CHANGE) * slope:
                     break
             mobility = response[0]
@@ -130,7 +130,6 @@ def _drag_function(real: Any, effects: Effects) -> Any:
 def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Kernels:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
-    vec4 = wp.types.vector(4, real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, derivative, excess = kernel.norm, kernel.slope, kernel.excess
     power = _EXCESS_POWERS.get(kernel_name, 1.0)
@@ -161,89 +160,52 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         return real(1.0)
 
     @quick_kernel
-    def synchronize(
-        i: int,
-        ordered: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
-        clock: wp.array(dtype=wp.float64),
-        elevation: wp.array2d(dtype=real),
-        terrain: terrain_frame(real),
-        law: law_type(real),
-        constants: flow_constants_of(real),
-        gravity: wp.float64,
-        number: wp.float64,
-        velocity: wp.array(dtype=vec2),
-        flow: wp.array(dtype=vec3),
-        kick: wp.array(dtype=vec2),
-        rates: wp.array(dtype=real),
-    ):
+    def synchronize(i: int, m: journey_type(real), number: real):
         """Acceleration from the slope, the velocity half a step after the stored one, limits."""
-        if i >= counts[PARTICLES]:
+        if i >= m.counts[PARTICLES]:
             return
-        p = load(ordered, i)
-        height = flow[i][0]
-        ground = gradient_at(elevation, terrain, p[0], p[1])
-        weight = real(constants.weight)
-        g = real(gravity) * share_of(ground)
-        fall = -g * vec2(flow[i][1], flow[i][2])
-        kick[i] = fall
-        half = real(wp.float64(0.5) * clock[STEP])
-        u = slowed(
-            velocity[i] + half * fall, half * g, height, p[3], ground, law, weight
-        )
-        flow[i] = vec3(height, u[0], u[1])
+        p = load(m.ordered, i)
+        height = m.flow[i][0]
+        ground = gradient_at(m.ground, p[0], p[1])
+        g = m.constants.gravity * share_of(ground)
+        fall = -g * vec2(m.flow[i][1], m.flow[i][2])
+        m.kick[i] = fall
+        half = real(wp.float64(0.5) * m.clock[STEP])
+        u = slowed(m.ordered_velocity[i] + half * fall, half * g, height, p[3], ground, m)
+        m.flow[i] = vec3(height, u[0], u[1])
         # dt^2 w^2 <= d^2 + d gamma dt: d is 2 at the limit of stability
-        square = g * height * real(constants.stiffness)
-        square += g * bend_at(elevation, terrain, p[0], p[1]) * real(constants.share)
+        square = g * height * m.constants.stiffness
+        square += g * bend_at(m.ground, p[0], p[1]) * m.constants.share
         mobility = real(1.0)
         drag = real(0.0)
         if wp.static(is_newtonian):
-            mobility = weight * height * height / (real(3.0) * viscosity(law, p[3]))
+            mobility = m.constants.weight * height * height / (real(3.0) * viscosity(m.law, p[3]))
             drag = g
-        root = wp.sqrt(
-            drag * drag + real(4.0) * real(number) * square * mobility * mobility
-        )
-        advection = wp.length(u) / real(constants.reach)
-        raised(rates, DIFFUSION, real(2.0) * square * mobility / (drag + root) + advection)
-        raised(rates, ADVECTION, advection)
+        root = wp.sqrt(drag * drag + real(4.0) * number * square * mobility * mobility)
+        advection = wp.length(u) / m.constants.reach
+        raised(m.rates, DIFFUSION, real(2.0) * square * mobility / (drag + root) + advection)
+        raised(m.rates, ADVECTION, advection)
 
     @quick_kernel
-    def accelerate(
-        i: int,
-        ordered: wp.array(dtype=vec4),
-        counts: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        clock: wp.array(dtype=wp.float64),
-        elevation: wp.array2d(dtype=real),
-        terrain: terrain_frame(real),
-        law: law_type(real),
-        constants: flow_constants_of(real),
-        gravity: wp.float64,
-        flow: wp.array(dtype=vec3),
-        kick: wp.array(dtype=vec2),
-        old: wp.array(dtype=vec2),
-        velocity: wp.array(dtype=vec2),
-        slope: wp.array(dtype=vec2),
-    ):
-        if i >= counts[PARTICLES]:
+    def accelerate(i: int, m: journey_type(real)):
+        if i >= m.counts[PARTICLES]:
             return
-        p = load(ordered, i)
-        f = flow[i]
-        inverse = real(1.0) / real(constants.radius)
-        g = real(gravity)
+        p = load(m.ordered, i)
+        f = m.flow[i]
+        inverse = real(1.0) / m.constants.radius
+        g = m.constants.gravity
         push = vec2()
         lift = vec2()
         own = of_sum(excess(p[2] * inverse * inverse / f[0]))
-        box = cells_around(cells, p[0], p[1], real(constants.radius))
+        box = cells_around(m.cells, p[0], p[1], m.constants.radius)
         for r in range(box[0], box[1]):
-            near = range_in(cells, starts, r, box)
+            near = range_in(m.cells, r, box)
             for j in range(near[0], near[1]):
-                other = load(ordered, j)
+                other = load(m.ordered, j)
                 d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
                 square = wp.dot(d, d)
                 if square < real(1.0) and square > real(0.0):
-                    there = flow[j]
+                    there = m.flow[j]
                     q = wp.sqrt(square)
                     pull = other[2] * derivative(q)
                     both = own + of_sum(excess(other[2] * inverse * inverse / there[0]))
@@ -256,128 +218,60 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         scale = real(wp.static(norm)) * inverse * inverse * inverse
         # 1/2 (power - 1) (e_i + e_j) of g V_j grad W_ij
         lift *= -g * scale * real(wp.static(0.5 * (power - 1.0)))
-        ground = gradient_at(elevation, terrain, p[0], p[1])
-        step = real(clock[STEP])
-        time = real(0.5) * (real(clock[FORMER_STEP]) + step)
-        free = old[i] + time * (kick[i] + lift) + step * scale * push
+        ground = gradient_at(m.ground, p[0], p[1])
+        step = real(m.clock[STEP])
+        time = real(0.5) * (real(m.clock[FORMER_STEP]) + step)
+        old = m.ordered_velocity[i]
+        free = old + time * (m.kick[i] + lift) + step * scale * push
         fall = time * g * share_of(ground)
-        new = slowed(free, fall, f[0], p[3], ground, law, real(constants.weight))
-        velocity[i] = new
+        new = slowed(free, fall, f[0], p[3], ground, m)
+        m.velocity[i] = new
         if wp.static(heats):
             # the slope that the drag takes up: what heats is its work, not the weight's
-            slope[i] = vec2()
+            m.slope[i] = vec2()
             if fall > real(0.0):
-                slope[i] = (new - free) / fall
+                m.slope[i] = (new - free) / fall
                 # and no more than weight and motion give: speeds on the map do not know that
                 # lava which runs from level ground into a wall has to turn
                 way = step * new
-                surface = -kick[i] / (g * share_of(ground))
-                given = height_at(elevation, terrain, p[0], p[1])
-                given -= height_at(elevation, terrain, p[0] + way.x, p[1] + way.y)
+                surface = -m.kick[i] / (g * share_of(ground))
+                given = height_at(m.ground, p[0], p[1])
+                given -= height_at(m.ground, p[0] + way.x, p[1] + way.y)
                 given += wp.dot(ground - surface, way)
-                given += real(0.5) * (wp.dot(old[i], old[i]) - wp.dot(new, new)) / g
+                given += real(0.5) * (wp.dot(old, old) - wp.dot(new, new)) / g
                 given = wp.max(given, real(0.0))
-                work = -wp.dot(slope[i], way)
+                work = -wp.dot(m.slope[i], way)
                 if work > given:
-                    slope[i] *= given / work
+                    m.slope[i] = m.slope[i] * (given / work)
 
     @quick_kernel
-    def adopt(
-        i: int,
-        counts: wp.array(dtype=wp.int32),
-        velocity: wp.array(dtype=vec2),
-        flow: wp.array(dtype=vec3),
-    ):
-        if i < counts[PARTICLES]:
-            flow[i] = vec3(flow[i][0], velocity[i][0], velocity[i][1])
+    def adopt(i: int, m: journey_type(real)):
+        if i < m.counts[PARTICLES]:
+            m.flow[i] = vec3(m.flow[i][0], m.velocity[i][0], m.velocity[i][1])
 
     return _Kernels(synchronize, accelerate, adopt)
 
 
 class Momentum:
-    """The momentum balance of a simulation on its terrain."""
+    """The momentum balance of a simulation."""
 
-    def __init__(
-        self,
-        terrain: StaggeredTerrain,
-        law: Any,
-        constants: Any,
-        *,
-        gravity: float,
-        number: float,
-        kernel: str,
-        ratio: float,
-        effects: Effects,
-    ) -> None:
-        """Prepare the balance.
+    def __init__(self, accuracy: Accuracy, state: State) -> None:
+        """Prepare the balance of some particles."""
+        self._state = state
+        # 2 at the limit of stability
+        self._number = accuracy.diffusion_number
+        self._kernels = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)
 
-        Args:
-            terrain: The ground.
-            law: Constants of the laws of flow.
-            constants: Constants of the flow's equations.
-            gravity: Acceleration of gravity [m/s2].
-            number: ``Accuracy.diffusion_number``: 2 at the limit of stability.
-            kernel: Name of the smoothing kernel.
-            ratio: Kernel radius over particle spacing.
-            effects: The physics.
-        """
-        self._terrain = terrain
-        self._law = law
-        self._constants = constants
-        self._gravity = gravity
-        self._number = number
-        self._of = (kernel, ratio, effects)
-
-    def synchronize(self, state: State) -> None:
+    def synchronize(self, way: Any) -> None:
         """Turn the slopes in ``state.flow`` into velocities at the particles' time.
 
         ``state.kick`` gets the accelerations, ``state.rates`` is raised.
         """
-        launch_over(
-            state,
-            _kernels(state.real, *self._of).synchronize,
-            inputs=[
-                state.ordered,
-                state.counts,
-                state.clock,
-                self._terrain.height,
-                self._terrain.frame,
-                self._law,
-                self._constants,
-                self._gravity,
-                self._number,
-                state.ordered_velocity,
-            ],
-            outputs=[state.flow, state.kick, state.rates],
-            least=LEAST_MOVES,
-        )
+        kernel, inputs = self._kernels.synchronize, [way, self._number]
+        launch_over(self._state, kernel, inputs=inputs, outputs=[], least=LEAST_MOVES)
 
-    def accelerate(self, state: State, neighbors: NeighborGrid) -> None:
+    def accelerate(self, way: Any) -> None:
         """Bring the velocities to the middle of the step that was chosen."""
-        kernels = _kernels(state.real, *self._of)
-        launch_over(
-            state,
-            kernels.accelerate,
-            inputs=[
-                state.ordered,
-                state.counts,
-                neighbors.starts,
-                neighbors.frame,
-                state.clock,
-                self._terrain.height,
-                self._terrain.frame,
-                self._law,
-                self._constants,
-                self._gravity,
-                state.flow,
-                state.kick,
-                state.ordered_velocity,
-            ],
-            outputs=[state.velocity, *state.optional('slope')],
-        )
-        state.launches(
-            kernels.adopt,
-            dim=state.capacity,
-            inputs=[state.counts, state.velocity],
-            outputs=[state.flow],
-        )
+        state = self._state
+        launch_over(state, self._kernels.accelerate, inputs=[], outputs=[way])
+        state.launches(self._kernels.adopt, dim=state.capacity, inputs=[], outputs=[way])

@@ -35,8 +35,8 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
 from lava_ros.simulation.backend.scan import Scan
-from lava_ros.simulation.cells import cell_frame, cell_functions
-from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.cells import cell_functions
+from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import ADVECTION, FULL, IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
 
@@ -58,66 +58,44 @@ def _kernels(
     real: Any, has_velocity: bool, has_age: bool, is_ordered: bool, threads: int
 ) -> tuple[Any, ...]:
     vec2 = wp.types.vector(2, real)
-    vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     vec2d = wp.types.vector(2, wp.float64)
     _, _, cells_around, range_in = cell_functions(real)
     load = load4(real)
 
     @quick_kernel
-    def wait(
-        thread: int,
-        counts: wp.array(dtype=wp.int32),
-        clock: wp.array(dtype=wp.float64),
-        rates: wp.array(dtype=real),
-        every: wp.float64,
-        moved: wp.array(dtype=wp.float64),
-        slots: wp.array(dtype=wp.int32),
-    ):
+    def wait(thread: int, m: journey_type(real), every: wp.float64):
         """Add up how far the fastest particle goes; ``moved[1]`` is 1 when it is far enough."""
-        moved[1] = wp.float64(0.0)
-        slots[0] = 0
-        if counts[IS_LAST] == 1 and clock[STEP] > wp.float64(0.0):
-            moved[0] = moved[0] + wp.float64(rates[ADVECTION]) * clock[STEP]
-            if moved[0] >= every:
-                moved[0] = wp.float64(0.0)
-                moved[1] = wp.float64(1.0)
+        m.moved[1] = wp.float64(0.0)
+        m.slots[0] = 0
+        if m.counts[IS_LAST] == 1 and m.clock[STEP] > wp.float64(0.0):
+            m.moved[0] = m.moved[0] + wp.float64(m.rates[ADVECTION]) * m.clock[STEP]
+            if m.moved[0] >= every:
+                m.moved[0] = wp.float64(0.0)
+                m.moved[1] = wp.float64(1.0)
 
     @wp.func
-    def seek(
-        i: int,
-        ordered: wp.array(dtype=vec4),
-        particle: wp.array(dtype=vec4),
-        flow: wp.array(dtype=vec3),
-        counts: wp.array(dtype=wp.int32),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        radius: wp.float64,
-        area: wp.float64,
-        least: wp.float64,
-        partner: wp.array(dtype=wp.int32),
-        births: wp.array(dtype=wp.int32),
-    ):
+    def seek(i: int, m: journey_type(real), area: real, least: real):
         """Find who a particle would merge with, or, to split, its nearest neighbour."""
-        births[i] = 0
-        partner[i] = -1
-        if i >= counts[PARTICLES]:
+        m.births[i] = 0
+        m.partner[i] = -1
+        if i >= m.counts[PARTICLES]:
             return
-        p = particle[i]
+        p = m.particle[i]
         if p[2] == real(0.0):
             return
-        own = p[2] / flow[i][0]
-        splits = own > real(wp.static(STRETCHED)) * real(area) and p[2] >= real(least + least)
-        if not splits and own > real(wp.static(WIDEST)) * real(area):
+        own = p[2] / m.flow[i][0]
+        splits = own > real(wp.static(STRETCHED)) * area and p[2] >= least + least
+        if not splits and own > real(wp.static(WIDEST)) * area:
             return
-        here = load(ordered, i)
-        nearest = partner[i]
+        here = load(m.ordered, i)
+        nearest = m.partner[i]
         shortest = real(0.0)
-        box = cells_around(cells, here[0], here[1], real(radius))
+        box = cells_around(m.cells, here[0], here[1], m.constants.radius)
         for r in range(box[0], box[1]):
-            near = range_in(cells, starts, r, box)
+            near = range_in(m.cells, r, box)
             for j in range(near[0], near[1]):
-                other = particle[j]
+                other = m.particle[j]
                 if j != i and other[2] > real(0.0):
                     dx = other[0] - p[0]
                     dy = other[1] - p[1]
@@ -125,10 +103,10 @@ def _kernels(
                     fits = bool(splits)
                     if not splits:
                         both = p[2] + other[2]
-                        around = both / (flow[i][0] + flow[j][0])
+                        around = both / (m.flow[i][0] + m.flow[j][0])
                         fits = (
                             square < real(wp.static(CLOSE * CLOSE)) * around
-                            and real(2.0) * around < real(wp.static(WIDEST)) * real(area)
+                            and real(2.0) * around < real(wp.static(WIDEST)) * area
                             and both - p[2] == other[2]
                             and both - other[2] == p[2]
                         )
@@ -136,47 +114,23 @@ def _kernels(
                         nearest = j
                         shortest = square
         if splits:
-            births[i] = 1
+            m.births[i] = 1
             # below -1: not to merge with
-            partner[i] = -2 - wp.where(nearest < 0, i, nearest)
+            m.partner[i] = -2 - wp.where(nearest < 0, i, nearest)
         else:
-            partner[i] = nearest
+            m.partner[i] = nearest
 
     @quick_kernel
-    def choose(
-        thread: int,
-        ordered: wp.array(dtype=vec4),
-        particle: wp.array(dtype=vec4),
-        flow: wp.array(dtype=vec3),
-        counts: wp.array(dtype=wp.int32),
-        moved: wp.array(dtype=wp.float64),
-        starts: wp.array(dtype=wp.int32),
-        cells: cell_frame(real),
-        radius: wp.float64,
-        area: wp.float64,
-        least: wp.float64,
-        partner: wp.array(dtype=wp.int32),
-        births: wp.array(dtype=wp.int32),
-    ):
-        if moved[1] > wp.float64(0.0):
-            for i in range(thread, births.shape[0], threads):
-                seek(
-                    i, ordered, particle, flow, counts, starts, cells, radius, area, least,
-                    partner, births
-                )
+    def choose(thread: int, m: journey_type(real), area: real, least: real):
+        if m.moved[1] > wp.float64(0.0):
+            for i in range(thread, m.births.shape[0], threads):
+                seek(i, m, area, least)
 
     @wp.func
-    def unite(
-        i: int,
-        j: int,
-        particle: wp.array(dtype=vec4),
-        remainder: wp.array(dtype=vec2),
-        velocity: wp.array(dtype=vec2),
-        age: wp.array(dtype=real),
-    ):
+    def unite(i: int, j: int, m: journey_type(real)):
         """Make one of two; the other is left without volume."""
-        p = particle[i]
-        o = particle[j]
+        p = m.particle[i]
+        o = m.particle[j]
         both = p[2] + o[2]
         a = wp.float64(p[2]) / wp.float64(both)
         b = wp.float64(o[2]) / wp.float64(both)
@@ -185,116 +139,77 @@ def _kernels(
             a * wp.float64(p[1]) + b * wp.float64(o[1]),
         )
         if wp.static(real is wp.float32):
-            rest = a * vec2d(remainder[i]) + b * vec2d(remainder[j])
+            rest = a * vec2d(m.remainder[i]) + b * vec2d(m.remainder[j])
             place += rest
-            remainder[i] = vec2(
+            m.remainder[i] = vec2(
                 real(place[0] - wp.float64(real(place[0]))),
                 real(place[1] - wp.float64(real(place[1]))),
             )
         if wp.static(has_velocity):
-            velocity[i] = real(a) * velocity[i] + real(b) * velocity[j]
+            m.velocity[i] = real(a) * m.velocity[i] + real(b) * m.velocity[j]
         if wp.static(has_age):
-            age[i] = real(a) * age[i] + real(b) * age[j]
+            m.age[i] = real(a) * m.age[i] + real(b) * m.age[j]
         temperature = a * wp.float64(p[3]) + b * wp.float64(o[3])
-        particle[i] = vec4(real(place[0]), real(place[1]), both, real(temperature))
-        particle[j] = vec4(o[0], o[1], real(0.0), o[3])
+        m.particle[i] = vec4(real(place[0]), real(place[1]), both, real(temperature))
+        m.particle[j] = vec4(o[0], o[1], real(0.0), o[3])
 
     @quick_kernel
-    def merge(
-        thread: int,
-        counts: wp.array(dtype=wp.int32),
-        moved: wp.array(dtype=wp.float64),
-        partner: wp.array(dtype=wp.int32),
-        particle: wp.array(dtype=vec4),
-        remainder: wp.array(dtype=vec2),
-        velocity: wp.array(dtype=vec2),
-        age: wp.array(dtype=real),
-    ):
+    def merge(thread: int, m: journey_type(real)):
         """Unite those that chose each other."""
-        if moved[1] > wp.float64(0.0):
-            for i in range(thread, counts[PARTICLES], threads):
-                j = partner[i]
+        if m.moved[1] > wp.float64(0.0):
+            for i in range(thread, m.counts[PARTICLES], threads):
+                j = m.partner[i]
                 # no index below 0 is read
-                if j > i and partner[wp.max(j, 0)] == i:
-                    unite(i, j, particle, remainder, velocity, age)
+                if j > i and m.partner[wp.max(j, 0)] == i:
+                    unite(i, j, m)
 
     @wp.func
-    def halve(
-        i: int,
-        counts: wp.array(dtype=wp.int32),
-        flow: wp.array(dtype=vec3),
-        slots: wp.array(dtype=wp.int32),
-        partner: wp.array(dtype=wp.int32),
-        particle: wp.array(dtype=vec4),
-        remainder: wp.array(dtype=vec2),
-        velocity: wp.array(dtype=vec2),
-        age: wp.array(dtype=real),
-    ):
+    def halve(i: int, m: journey_type(real)):
         """Halve a particle; the second half goes behind the particles there are."""
-        slot = counts[PARTICLES]
+        slot = m.counts[PARTICLES]
         if wp.static(is_ordered):
-            slot += slots[i]
+            slot += m.slots[i]
         else:
-            slot += wp.atomic_add(slots, 0, 1)
-        if slot >= particle.shape[0]:
+            slot += wp.atomic_add(m.slots, 0, 1)
+        if slot >= m.particle.shape[0]:
             # it splits when the host has made room
-            counts[FULL] = 1
+            m.counts[FULL] = 1
             return
-        p = particle[i]
-        other = particle[-2 - partner[i]]
+        p = m.particle[i]
+        other = m.particle[-2 - m.partner[i]]
         d = vec2(p[1] - other[1], other[0] - p[0])
         length = wp.length(d)
         if length > real(0.0):
             d /= length
         else:
             d = vec2(real(1.0), real(0.0))
-        d *= real(0.35) * wp.sqrt(p[2] / flow[i][0])
+        d *= real(0.35) * wp.sqrt(p[2] / m.flow[i][0])
         half = real(0.5) * p[2]
-        particle[i] = vec4(p[0] + d[0], p[1] + d[1], half, p[3])
-        particle[slot] = vec4(p[0] - d[0], p[1] - d[1], half, p[3])
+        m.particle[i] = vec4(p[0] + d[0], p[1] + d[1], half, p[3])
+        m.particle[slot] = vec4(p[0] - d[0], p[1] - d[1], half, p[3])
         if wp.static(real is wp.float32):
-            remainder[slot] = remainder[i]
+            m.remainder[slot] = m.remainder[i]
         if wp.static(has_velocity):
-            velocity[slot] = velocity[i]
+            m.velocity[slot] = m.velocity[i]
         if wp.static(has_age):
-            age[slot] = age[i]
+            m.age[slot] = m.age[i]
 
     @quick_kernel
-    def split(
-        thread: int,
-        counts: wp.array(dtype=wp.int32),
-        moved: wp.array(dtype=wp.float64),
-        flow: wp.array(dtype=vec3),
-        births: wp.array(dtype=wp.int32),
-        slots: wp.array(dtype=wp.int32),
-        partner: wp.array(dtype=wp.int32),
-        particle: wp.array(dtype=vec4),
-        remainder: wp.array(dtype=vec2),
-        velocity: wp.array(dtype=vec2),
-        age: wp.array(dtype=real),
-    ):
-        if moved[1] > wp.float64(0.0):
-            for i in range(thread, births.shape[0], threads):
-                if births[i] > 0:
-                    halve(
-                        i, counts, flow, slots, partner, particle, remainder, velocity, age
-                    )
+    def split(thread: int, m: journey_type(real)):
+        if m.moved[1] > wp.float64(0.0):
+            for i in range(thread, m.births.shape[0], threads):
+                if m.births[i] > 0:
+                    halve(i, m)
 
     @quick_kernel
-    def count(
-        thread: int,
-        moved: wp.array(dtype=wp.float64),
-        births: wp.array(dtype=wp.int32),
-        slots: wp.array(dtype=wp.int32),
-        counts: wp.array(dtype=wp.int32),
-    ):
-        if moved[1] == wp.float64(0.0):
+    def count(thread: int, m: journey_type(real)):
+        if m.moved[1] == wp.float64(0.0):
             return
-        last = births.shape[0] - 1
-        new = slots[0]
+        last = m.births.shape[0] - 1
+        new = m.slots[0]
         if wp.static(is_ordered):
-            new = slots[last] + births[last]
-        counts[PARTICLES] = wp.min(counts[PARTICLES] + new, last + 1)
+            new = m.slots[last] + m.births[last]
+        m.counts[PARTICLES] = wp.min(m.counts[PARTICLES] + new, last + 1)
 
     return wait, choose, merge, split, count
 
@@ -307,71 +222,23 @@ class AfterStep:
     ) -> None:
         """Take the spacing and the volume that particles are meant to have."""
         assert accuracy.spacing is not None and accuracy.thickness is not None
-        self._radius = accuracy.ratio * accuracy.spacing
         self._area = accuracy.spacing**2
         self._least = float(np.float32(self._area * accuracy.thickness))
         self._scan: Scan | None = None
 
-    def apply(self, state: State, neighbors: NeighborGrid) -> None:
+    def apply(self, state: State, way: Any) -> None:
         """Merge what has come together and split what has been stretched."""
+        threads = state.rare_threads
         wait, choose, merge, split, count = _kernels(
-            state.real,
-            state.has_velocity,
-            state.has_age,
-            state.is_deterministic,
-            state.rare_threads,
+            state.real, state.has_velocity, state.has_age, state.is_deterministic, threads
         )
-        carried = state.optional('remainder', 'velocity', 'age')
-        state.launches(
-            wait,
-            dim=1,
-            inputs=[state.counts, state.clock, state.rates, EVERY],
-            outputs=[state.moved, state.slots],
-        )
-        state.launches(
-            choose,
-            dim=state.rare_threads,
-            inputs=[
-                state.ordered,
-                state.particle,
-                state.flow,
-                state.counts,
-                state.moved,
-                neighbors.starts,
-                neighbors.frame,
-                self._radius,
-                self._area,
-                self._least,
-            ],
-            outputs=[state.partner, state.births],
-        )
-        state.launches(
-            merge,
-            dim=state.rare_threads,
-            inputs=[state.counts, state.moved, state.partner],
-            outputs=[state.particle, *carried],
-        )
+        state.launches(wait, dim=1, inputs=[way, EVERY], outputs=[])
+        state.launches(choose, dim=threads, inputs=[way, self._area, self._least], outputs=[])
+        state.launches(merge, dim=threads, inputs=[way], outputs=[])
         if state.is_deterministic:
             # in the order of the particles, not of the threads
             if self._scan is None or self._scan.length != state.capacity:
                 self._scan = Scan(state.capacity, state.device)
             self._scan(state.launches, state.births, state.slots)
-        state.launches(
-            split,
-            dim=state.rare_threads,
-            inputs=[
-                state.counts,
-                state.moved,
-                state.flow,
-                state.births,
-                state.slots,
-                state.partner,
-            ],
-            outputs=[state.particle, *carried],
-        )
-        state.launches(
-            count,
-            dim=1,
-            inputs=[state.moved, state.births, state.slots],
-            outputs=[state.counts],
-        )
+        state.launches(split, dim=threads, inputs=[way], outputs=[])
+        state.launches(count, dim=1, inputs=[way], outputs=[])

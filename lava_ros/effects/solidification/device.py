@@ -44,9 +44,9 @@ from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.streams import read
-from lava_ros.simulation.neighbors import NeighborGrid
+from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import BORDER, HOLES, PARTICLES, State
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
+from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_functions
 
 #: Least width over the largest: wider smooths what freezes by more than the bounds of its case
 #: allow, narrower runs that differ in their last digits part sooner.
@@ -58,13 +58,12 @@ _PART = 2.0**-44
 
 @lru_cache
 def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
-    vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     is_known = terrain_functions(real).is_known
 
     @wp.func
     def width_of(
-        volume: real, thickness: real, frame: terrain_frame(wp.float64), widest: wp.float64
+        volume: real, thickness: real, frame: ground_type(wp.float64), widest: wp.float64
     ):
         side = wp.sqrt(wp.float64(volume) / wp.float64(thickness))
         least = wp.max(wp.float64(_LEAST) * widest, frame.resolution)
@@ -80,7 +79,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 
     @wp.func
     def weight_of(
-        frame: terrain_frame(wp.float64), x: real, y: real, width: wp.float64, i: int, j: int
+        frame: ground_type(wp.float64), x: real, y: real, width: wp.float64, i: int, j: int
     ):
         """Weight of cell [i, j]; the ring around the grid is at -1 and past the last."""
         half = wp.float64(0.5)
@@ -90,7 +89,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
 
     @wp.func
     def patch_of(
-        frame: terrain_frame(wp.float64), x: real, y: real, width: wp.float64
+        frame: ground_type(wp.float64), x: real, y: real, width: wp.float64
     ) -> wp.vec4i:
         """First column and the one after the last, first row and the one after the last."""
         reach = wp.float64(1.5) * width
@@ -110,20 +109,17 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     def lay_down(
         i: int,
         p: vec4,
-        height: real,
+        m: journey_type(real),
         widest: wp.float64,
-        known: wp.array2d(dtype=wp.uint8),
-        frame: terrain_frame(wp.float64),
-        particle: wp.array(dtype=vec4),
+        frame: ground_type(wp.float64),
         deposit: wp.array2d(dtype=wp.int64),
-        frozen: wp.array(dtype=wp.float64),
     ):
-        width = width_of(p[2], height, frame, widest)
+        width = width_of(p[2], m.flow[i][0], frame, widest)
         patch = patch_of(frame, p[0], p[1], width)
         total = wp.float64(0.0)
         for row in range(wp.max(patch[2], 0), wp.min(patch[3], frame.rows)):
             for column in range(wp.max(patch[0], 0), wp.min(patch[1], frame.columns)):
-                if known[row, column] != wp.uint8(0):
+                if m.ground.known[row, column] != wp.uint8(0):
                     total += weight_of(frame, p[0], p[1], width, row, column)
         parts = wp.float64(p[2]) / (frame.resolution * frame.resolution * total)
         parts /= wp.float64(wp.static(_PART))
@@ -132,60 +128,50 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
             for column in range(patch[0], patch[1]):
                 share = parts * weight_of(frame, p[0], p[1], width, row, column)
                 wp.atomic_add(deposit, row + 1, column + 1, wp.int64(wp.round(share)))
-        wp.atomic_add(frozen, 0, wp.float64(p[2]))
-        particle[i] = vec4(p[0], p[1], -p[2], p[3])
+        wp.atomic_add(m.frozen, 0, wp.float64(p[2]))
+        m.particle[i] = vec4(p[0], p[1], -p[2], p[3])
 
     @quick_kernel
     def freeze(
         thread: int,
-        flow: wp.array(dtype=vec3),
-        counts: wp.array(dtype=wp.int32),
-        cold: wp.array(dtype=wp.int32),
+        m: journey_type(real),
         solidus: wp.float64,
         widest: wp.float64,
-        known: wp.array2d(dtype=wp.uint8),
-        terrain: terrain_frame(real),
-        frame: terrain_frame(wp.float64),
-        particle: wp.array(dtype=vec4),
+        frame: ground_type(wp.float64),
         deposit: wp.array2d(dtype=wp.int64),
-        frozen: wp.array(dtype=wp.float64),
     ):
         """Lay down what is colder than the solidus; its volume turns negative until it is seen."""
-        if cold[0] == 0:
+        if m.cold[0] == 0:
             return
-        for i in range(thread, counts[PARTICLES], threads):
-            p = particle[i]
+        for i in range(thread, m.counts[PARTICLES], threads):
+            p = m.particle[i]
             # what is off the terrain has left
-            if wp.float64(p[3]) < solidus and is_known(known, terrain, p[0], p[1]):
-                lay_down(i, p, flow[i][0], widest, known, frame, particle, deposit, frozen)
+            if wp.float64(p[3]) < solidus and is_known(m.ground, p[0], p[1]):
+                lay_down(i, p, m, widest, frame, deposit)
 
     @quick_kernel
     def raise_ground(
         thread: int,
-        flow: wp.array(dtype=vec3),
-        counts: wp.array(dtype=wp.int32),
-        cold: wp.array(dtype=wp.int32),
+        m: journey_type(real),
         widest: wp.float64,
-        frame: terrain_frame(wp.float64),
-        ground: wp.array2d(dtype=real),
+        frame: ground_type(wp.float64),
         deposit: wp.array2d(dtype=wp.int64),
-        particle: wp.array(dtype=vec4),
-        height: wp.array2d(dtype=real),
+        bare: wp.array2d(dtype=real),
     ):
         """Renew the heights under what has just frozen, and empty it."""
-        if cold[0] == 0:
+        if m.cold[0] == 0:
             return
-        for i in range(thread, counts[PARTICLES], threads):
-            p = particle[i]
+        for i in range(thread, m.counts[PARTICLES], threads):
+            p = m.particle[i]
             if p[2] < real(0.0):
-                width = width_of(-p[2], flow[i][0], frame, widest)
+                width = width_of(-p[2], m.flow[i][0], frame, widest)
                 patch = patch_of(frame, p[0], p[1], width)
                 for row in range(patch[2] + 1, patch[3] + 1):
                     for column in range(patch[0] + 1, patch[1] + 1):
                         parts = wp.float64(deposit[row, column])
-                        top = wp.float64(ground[row, column]) + parts * wp.float64(_PART)
-                        height[row, column] = real(top)
-                particle[i] = vec4(p[0], p[1], real(0.0), p[3])
+                        top = wp.float64(bare[row, column]) + parts * wp.float64(_PART)
+                        m.ground.elevation[row, column] = real(top)
+                m.particle[i] = vec4(p[0], p[1], real(0.0), p[3])
 
     return freeze, raise_ground
 
@@ -227,38 +213,14 @@ class AfterStep:
         self._ground = wp.clone(terrain.height)
         self._deposit = wp.zeros(terrain.height.shape, dtype=wp.int64, device=state.device)
 
-    def apply(self, state: State, neighbors: NeighborGrid) -> None:
+    def apply(self, state: State, way: Any) -> None:
         """Turn the columns that are colder than the solidus into terrain."""
         freeze, raise_ground = _kernels(state.real, state.rare_threads)
-        state.launches(
-            freeze,
-            dim=state.rare_threads,
-            inputs=[
-                state.flow,
-                state.counts,
-                state.cold,
-                self._solidus,
-                self._widest,
-                self._terrain.known,
-                self._terrain.frame,
-                self._terrain.exact_frame,
-            ],
-            outputs=[state.particle, self._deposit, state.frozen],
-        )
-        state.launches(
-            raise_ground,
-            dim=state.rare_threads,
-            inputs=[
-                state.flow,
-                state.counts,
-                state.cold,
-                self._widest,
-                self._terrain.exact_frame,
-                self._ground,
-                self._deposit,
-            ],
-            outputs=[state.particle, self._terrain.height],
-        )
+        laid = [self._widest, self._terrain.exact_ground, self._deposit]
+        inputs = [way, self._solidus, *laid]
+        state.launches(freeze, dim=state.rare_threads, inputs=inputs, outputs=[])
+        inputs = [way, *laid, self._ground]
+        state.launches(raise_ground, dim=state.rare_threads, inputs=inputs, outputs=[])
 
     def show(self, grids: Any) -> None:
         """Add the frozen lava to a map.

@@ -33,8 +33,8 @@ _AROUND = """{
     const int last_place = values.shape[0] - 8;
     wide sum_0 = {}, sum_1 = {}, sum_2 = {};
     for (int row = box[0]; row < box[1]; ++row) {
-        const int end = starts.data[row * cells.columns + box[3]];
-        for (int j = starts.data[row * cells.columns + box[2]]; j < end; j += 8) {
+        const int end = cells.starts.data[row * cells.columns + box[3]];
+        for (int j = cells.starts.data[row * cells.columns + box[2]]; j < end; j += 8) {
             // near the end of the array some are read that are not meant
             const int place = j < last_place ? j : last_place;
             const whole is_in = (lane >= j - place) & (lane < end - place);
@@ -64,8 +64,8 @@ _AROUND = """{
 def over_neighbors(each: str) -> str:
     """Return the C++ of a device function of float32 that makes three sums over neighbours.
 
-    It has among its arguments ``values``, an array of vec4, and ``starts``, ``cells`` and ``box``
-    as of ``neighbors.cell_functions``, and returns a vec3.
+    It has among its arguments ``values``, an array of vec4, and ``cells`` and ``box`` as of
+    ``cells.cell_functions``, and returns a vec3.
 
     Args:
         each: C++ that adds to ``sum_0``, ``sum_1`` and ``sum_2`` what eight neighbours have.

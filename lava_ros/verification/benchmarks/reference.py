@@ -31,7 +31,7 @@ import warp as wp
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.state import centre_of
-from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame, terrain_functions
+from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_functions
 
 
 class Reference:
@@ -70,12 +70,11 @@ class Reference:
     def advance(self, steps: int) -> None:
         """Take some steps."""
         sums, slopes, move = self._kernels
-        ground = [self._terrain.height, self._terrain.frame]
         for _ in range(steps):
             self._grid.build(self._position, self._radius)
             near = [self._grid.id, self._position, self._volume, self._radius]
             self._launch(sums, near, [self._thickness])
-            self._launch(slopes, [*near, *ground], [self._slope])
+            self._launch(slopes, [*near, self._terrain.ground], [self._slope])
             flow = [self._thickness, self._slope, self._mobility, self._step]
             self._launch(move, flow, [self._position])
 
@@ -110,8 +109,7 @@ def _kernels(name: str, ratio: float) -> tuple[Any, Any, Any]:
         position: wp.array(dtype=wp.vec3),
         volume: wp.array(dtype=float),
         radius: float,
-        elevation: wp.array2d(dtype=float),
-        terrain: terrain_frame(wp.float32),
+        ground: ground_type(wp.float32),
         surface: wp.array(dtype=wp.vec2),
     ):
         i = wp.tid()
@@ -123,7 +121,7 @@ def _kernels(name: str, ratio: float) -> tuple[Any, Any, Any]:
             if q < 1.0:
                 rise += volume[j] * slope(q) * wp.vec2(way[0], way[1])
         rise *= norm / (radius * radius * radius * radius)
-        surface[i] = rise + gradient_at(elevation, terrain, here[0], here[1])
+        surface[i] = rise + gradient_at(ground, here[0], here[1])
 
     def move(
         thickness: wp.array(dtype=float),
