@@ -30,8 +30,10 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.streams import read, Reader
 from lava_ros.simulation.backend.threads import is_alone
+from lava_ros.simulation.batch import at_work
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.defaults import device_of, formulated
@@ -192,6 +194,7 @@ class Simulation:
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
         self._state.write_clock(TARGET, until)
         clock, counts = self._state.look()
+        together = at_work()
         # a GPU has the next stages to do while the host looks at what came of the last ones
         under_way: deque[Any] = deque()
         gain = math.inf
@@ -199,14 +202,20 @@ class Simulation:
             is_free = len(under_way) < _UNDER_WAY[self._device.is_cuda]
             # what is under way may get there but for rounding: more of it would idle
             reached = clock[TIME] + (len(under_way) + _ROUNDING) * gain
-            if not under_way or (is_free and reached < until):
+            if together is not None:
+                self._bin()
+                together.bring(self._state, self._launches_of_stage, until)
+                yield
+                clock, counts = self._state.look()
+            elif not under_way or (is_free and reached < until):
                 self._run_stages()
                 under_way.append(self._state.begin_look())
                 yield
                 continue
-            former = clock[TIME]
-            clock, counts = under_way.popleft()()
-            gain = clock[TIME] - former
+            else:
+                former = clock[TIME]
+                clock, counts = under_way.popleft()()
+                gain = clock[TIME] - former
             count = int(counts[PARTICLES] + counts[NEWCOMERS])
             self._most_particles = max(self._most_particles, count)
             if self._state.needs_room(counts) or counts[BEYOND]:
@@ -511,8 +520,7 @@ class Simulation:
         if not is_alone(state):
             self._stage.take(self.scene, self._vents)
             return
-        if state.bins_in_motion and not self._neighbors.is_binned:
-            self._neighbors.bin(state)
+        self._bin()
         if not state.launches.can_replay(state.extent):
             if is_cuda:
                 self._stage.take(self.scene, self._vents)
@@ -520,6 +528,17 @@ class Simulation:
             extent = min(room_for(state.extent), state.capacity)
             state.launches.capture(partial(self._take_stages, _GRAPH_STAGES[is_cuda]), extent)
         state.launches.replay()
+
+    def _bin(self) -> None:
+        """Put the particles into their cells, which a motion has done where one came before."""
+        if self._state.bins_in_motion and not self._neighbors.is_binned:
+            self._neighbors.bin(self._state)
+
+    def _launches_of_stage(self) -> list[Launch]:
+        """What a stage launches, for who makes it together with others'."""
+        state = self._state
+        take = partial(self._stage.take, self.scene, self._vents)
+        return state.launches.taken_down(take, state.capacity)
 
     def _take_stages(self, count: int) -> None:
         for _ in range(count):

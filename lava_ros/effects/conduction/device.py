@@ -34,7 +34,7 @@ In most scenes nothing is exchanged in a step that a float would keep: steps are
 a particle would exchange ``LEAST_SHARE`` of its heat, and only then are the neighbours visited.
 """
 
-from functools import lru_cache
+from functools import lru_cache, partial
 import math
 from typing import Any
 
@@ -211,8 +211,8 @@ class AfterStep:
         self._radius = accuracy.ratio * accuracy.spacing
         self._diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
         self._constants = heat_of(scene, state.effects, state.real)
-        self._kernels = _kernels(
-            state.real, accuracy.kernel, accuracy.ratio, state.effects, state.rare_threads
+        self._kernels = partial(
+            _kernels, state.real, accuracy.kernel, accuracy.ratio, state.effects
         )
         longest = accuracy.fixed_step or accuracy.longest_step
         self._rate = LARGEST_RATE * self._diffusivity / self._radius**2
@@ -221,7 +221,7 @@ class AfterStep:
 
     def apply(self, state: State, neighbors: NeighborGrid) -> None:
         """Let neighbours exchange heat at the end of a step, if enough time has passed."""
-        wait, add_rates, exchange_heat, keep = self._kernels
+        wait, add_rates, exchange_heat, keep = self._kernels(state.rare_threads)
         state.launches(
             wait,
             dim=1,
