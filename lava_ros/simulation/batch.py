@@ -109,13 +109,25 @@ class _Group:
         self._asked[row] += 1
         self.under_way[row] = route
 
-    def begin(self) -> Callable[[], list[Iterator[None]]]:
-        """Begin a round of stages; return what waits for it and gives the routes to go on with."""
+    def _select(self) -> None:
+        """Let those that are under way take part."""
         if self._selected != self.under_way.keys():
             self._selected = set(self.under_way)
             rows = np.array(sorted(self._selected), dtype=np.int64)
             self._stages.select(rows)
             self._looks.select(rows)
+
+    def launch_once(self) -> list[Iterator[None]]:
+        """Make the launches of those that are under way, and give their routes."""
+        self._select()
+        self._stages.launch()
+        routes = list(self.under_way.values())
+        self.under_way.clear()
+        return routes
+
+    def begin(self) -> Callable[[], list[Iterator[None]]]:
+        """Begin a round of stages; return what waits for it and gives the routes to go on with."""
+        self._select()
         self._stages.launch_again(_STAGES[self._device.is_cuda])
         self._looks.launch()
         asked = self._asked.copy()
@@ -140,13 +152,14 @@ class Batch:
         """Begin with none; ``at_once`` of them are at work at once."""
         self._at_once = at_once
         self._groups: dict[Any, _Group] = {}
-        #: Of each route that has begun: group and row, and of what they were asked for.
-        self._places: dict[Iterator[None], tuple[_Group, int, State, int]] = {}
+        #: Of each route that has begun, and whether it is of stages: group, row, and what they
+        #: were taken down of.
+        self._places: dict[tuple[Iterator[None], bool], tuple[_Group, int, State, int]] = {}
         self._route: Iterator[None] | None = None
         self._has_asked = False
 
     def bring(
-        self, state: State, launches_of_stage: Callable[[], list[Launch]], until: float
+        self, state: State, taken_down: Callable[[], list[Launch]], until: float
     ) -> None:
         """Bring the simulation of the route that goes on to a time [s], once that yields.
 
@@ -155,27 +168,51 @@ class Batch:
 
         Args:
             state: Its particles.
-            launches_of_stage: Takes down what a stage of it launches.
+            taken_down: Takes down what a stage of it launches.
             until: The time [s].
         """
+        group, row = self._place(state, taken_down, True)
         assert self._route is not None
-        self._has_asked = True
-        place = self._places.get(self._route)
-        if place is None or place[2] is not state or place[3] != state.launches.forgotten:
-            self._leave(self._route)
-            launches = launches_of_stage()
-            kind = kind_of(launches)
-            if kind not in self._groups:
-                self._groups[kind] = _Group(launches, self._at_once, state)
-            group = self._groups[kind]
-            row = group.free.pop()
-            group.put(row, launches, state)
-            place = self._places[self._route] = group, row, state, state.launches.forgotten
-        group, row, *_ = place
         group.bring(row, until, self._route)
 
+    def launch(self, state: State, taken_down: Callable[[], list[Launch]]) -> None:
+        """Make launches once for the route that goes on, once that yields.
+
+        Args:
+            state: Its particles.
+            taken_down: Takes down what is launched.
+        """
+        group, row = self._place(state, taken_down, False)
+        assert self._route is not None
+        group.under_way[row] = self._route
+
+    def _place(
+        self, state: State, taken_down: Callable[[], list[Launch]], is_stage: bool
+    ) -> tuple[_Group, int]:
+        """Group and row of what the route that goes on launches."""
+        assert self._route is not None
+        self._has_asked = True
+        key = self._route, is_stage
+        group, row, of, forgotten = self._places.get(key, (None, 0, None, 0))
+        if group is None or of is not state or forgotten != state.launches.forgotten:
+            self._leave(*key)
+            launches = taken_down()
+            kind = is_stage, kind_of(launches)
+            group = self._groups.get(kind)
+            if group is None:
+                group = self._groups[kind] = _Group(launches, self._at_once, state)
+            row = group.free.pop()
+            group.put(row, launches, state)
+            self._places[key] = group, row, state, state.launches.forgotten
+        return group, row
+
     def run(self, routes: Iterable[Iterator[None]]) -> None:
-        """Take all routes to their ends.
+        """Take all routes to their ends, as ``running`` does in parts."""
+        for _ in self.running(routes):
+            pass
+
+    def running(self, routes: Iterable[Iterator[None]]) -> Iterator[None]:
+        """Take all routes to their ends, with time for something else after each part.
 
         A route leaves off whenever it has asked for something (``Simulation.advancing``). It
         begins only when it is its turn.
@@ -189,40 +226,47 @@ class Batch:
         waiting, begun = iter(routes), 0
         ready = deque[Iterator[None]]()
         rounds = deque[tuple[_Group, Callable[[], list[Iterator[None]]]]]()
-        former, _here.batch = at_work(), self
-        try:
-            while True:
-                while begun < self._at_once and (route := next(waiting, None)) is not None:
-                    ready.append(route)
-                    begun += 1
-                if ready:
-                    begun -= self._has_ended(ready.popleft(), ready)
-                    continue
-                for group in self._groups.values():
-                    here = sum(one is group for one, _ in rounds)
-                    if group.under_way and here < group.rounds_at_once:
-                        rounds.append((group, group.begin()))
-                        break
-                else:
-                    if not rounds:
-                        return
-                    ready.extend(rounds.popleft()[1]())
-        finally:
-            _here.batch = former
+        while True:
+            while begun < self._at_once and (route := next(waiting, None)) is not None:
+                ready.append(route)
+                begun += 1
+            if ready:
+                begun -= self._has_ended(ready.popleft(), ready)
+                continue
+            for (is_stage, _), group in self._groups.items():
+                if group.under_way and not is_stage:
+                    ready.extend(group.launch_once())
+            if ready:
+                continue
+            for group in self._groups.values():
+                here = sum(one is group for one, _ in rounds)
+                if group.under_way and here < group.rounds_at_once:
+                    rounds.append((group, group.begin()))
+                    break
+            else:
+                if not rounds:
+                    return
+                yield
+                ready.extend(rounds.popleft()[1]())
 
     def _has_ended(self, route: Iterator[None], ready: deque[Iterator[None]]) -> bool:
         """Go on with a route, and say whether it has come to its end."""
         self._route, self._has_asked = route, False
-        if next(route, _END) is _END:
-            self._leave(route)
-            return True
-        if not self._has_asked:
+        former, _here.batch = at_work(), self
+        try:
+            is_at_end = next(route, _END) is _END
+        finally:
+            _here.batch = former
+        if is_at_end:
+            self._leave(route, True)
+            self._leave(route, False)
+        elif not self._has_asked:
             ready.append(route)
-        return False
+        return is_at_end
 
-    def _leave(self, route: Iterator[None]) -> None:
+    def _leave(self, route: Iterator[None], is_stage: bool) -> None:
         """Free the row of a route, if it has one."""
-        group, row, *_ = self._places.pop(route, (None, 0))
+        group, row, *_ = self._places.pop((route, is_stage), (None, 0))
         if group is not None:
             group.under_way.pop(row, None)
             group.free.append(row)

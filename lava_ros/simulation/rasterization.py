@@ -31,13 +31,12 @@ in.
 """
 
 from functools import lru_cache
-import math
 from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import counted_from, load4, row_from
-from lava_ros.simulation.backend.threads import launch, LEAST_SUMS
+from lava_ros.simulation.backend.compiled import load4, quick_kernel
+from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.neighbors import NeighborGrid
@@ -86,8 +85,9 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
             small = rest * rest / (real(8.0) * wide * narrow)
         return wp.where(middle > real(0.0), real(1.0) - small, small)
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel(fast_math=False)
     def weigh(
+        thread: int,
         ordered: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
         starts: wp.array(dtype=wp.int32),
@@ -97,11 +97,10 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
-        first: int,
     ):
         """Weigh the cells that are covered, and mark those that are not but have lava in reach."""
-        n, j = wp.tid()
-        i = row_from(first, n)
+        i = thread // thickness.shape[1]
+        j = thread % thickness.shape[1]
         temperature[i, j] = wp.float32(wp.nan)
         if known[i, j] == wp.uint8(0):
             thickness[i, j] = wp.float32(wp.nan)
@@ -152,8 +151,9 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         if part == real(0.0) and cover > real(0.0):
             thickness[i, j] = _BESIDE
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel(fast_math=False)
     def share_out(
+        k: int,
         ordered: wp.array(dtype=vec4),
         flow: wp.array(dtype=vec3),
         counts: wp.array(dtype=wp.int32),
@@ -163,10 +163,8 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         thickness: wp.array2d(dtype=wp.float32),
         share: wp.array(dtype=real),
         home: wp.array(dtype=wp.int32),
-        first: int,
     ):
         """Find what a particle gives for a unit of weight, or to the cell that it lies in."""
-        k = counted_from(first, wp.tid())
         if k >= counts[PARTICLES]:
             return
         p = load(ordered, k)
@@ -207,8 +205,9 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         elif home[k] >= 0:
             share[k] = p[2] / area
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel(fast_math=False)
     def gather(
+        thread: int,
         ordered: wp.array(dtype=vec4),
         starts: wp.array(dtype=wp.int32),
         cells: cell_frame(real),
@@ -218,11 +217,10 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         home: wp.array(dtype=wp.int32),
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
-        first: int,
     ):
         """Sum the particles' shares in a cell, and their mean temperature."""
-        n, j = wp.tid()
-        i = row_from(first, n)
+        i = thread // thickness.shape[1]
+        j = thread % thickness.shape[1]
         own_weight = thickness[i, j]
         if own_weight == wp.float32(0.0) or wp.isnan(own_weight):
             return
@@ -304,25 +302,20 @@ class Raster:
         Between the passes ``thickness`` holds the cells' weights.
         """
         weigh, share_out, gather = _kernels(state.real, *self._choice)
-        rows, columns = self.thickness.shape
         frame, known = self._terrain.exact_frame, self._terrain.known
-        grid = {
-            'device': self._device,
-            'least': math.ceil(LEAST_SUMS / columns),
-            'columns': columns,
-        }
+        cells = self.thickness.size
         maps = [self.thickness, self.temperature]
         around = [neighbors.starts, neighbors.frame, frame]
-        launch(
+        launch_over(
+            state,
             weigh,
-            rows,
             inputs=[state.ordered, state.flow, *around, known, self._radius],
             outputs=maps,
-            **grid,
+            count=cells,
         )
-        launch(
+        launch_over(
+            state,
             share_out,
-            state.extent,
             inputs=[
                 state.ordered,
                 state.flow,
@@ -333,12 +326,11 @@ class Raster:
                 self.thickness,
             ],
             outputs=[state.share, state.home],
-            device=self._device,
         )
-        launch(
+        launch_over(
+            state,
             gather,
-            rows,
             inputs=[state.ordered, *around, self._radius, state.share, state.home],
             outputs=maps,
-            **grid,
+            count=cells,
         )

@@ -15,7 +15,7 @@
 """The simulation of a scene: algorithm 1 of the paper with a step that follows the limits."""
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
 from functools import partial
 import math
@@ -38,6 +38,7 @@ from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.defaults import device_of, formulated
 from lava_ros.simulation.diagnostics import budget_of, Census, moment_of, snapshot_of
+from lava_ros.simulation.looks import Looks, Seen
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.particles import Particles, ParticleSample, rows_of
 from lava_ros.simulation.rasterization import Raster
@@ -204,7 +205,8 @@ class Simulation:
             reached = clock[TIME] + (len(under_way) + _ROUNDING) * gain
             if together is not None:
                 self._bin()
-                together.bring(self._state, self._launches_of_stage, until)
+                take = partial(self._stage.take, self.scene, self._vents)
+                together.bring(self._state, partial(self._taken_down, take), until)
                 yield
                 clock, counts = self._state.look()
             elif not under_way or (is_free and reached < until):
@@ -251,6 +253,43 @@ class Simulation:
         """
         self._order()
         return self._show(beside=True)
+
+    def looks(self, threshold: float, most: int) -> Looks:
+        """Make ready for ``most`` looks at lava from ``threshold`` [m] on (``looking``)."""
+        return Looks(self.scene.terrain.shape, threshold, most, self._device)
+
+    def looking(self, looks: Looks) -> Iterator[None]:
+        """Take a look as ``look`` does, in parts as ``advancing``."""
+        together = at_work()
+        if together is None:
+            self.look(looks)
+            return
+        self._bin()
+        together.launch(self._state, partial(self._taken_down, self._looker(looks)))
+        yield
+
+    def look(self, looks: Looks) -> None:
+        """Take a look at the flow of now, without a copy to the host.
+
+        Raises:
+            LavaError: Too many particles are in one place.
+        """
+        self._bin()
+        self._looker(looks)()
+        self._neighbors.refuse_crowds()
+
+    def _looker(self, looks: Looks) -> Callable[[], None]:
+        """A stage, which idles at the end of a step, with a look before the motion."""
+        return partial(self._stage.take, self.scene, self._vents, look=partial(self._map, looks))
+
+    def _map(self, looks: Looks) -> None:
+        self._fill_raster()
+        raster = self._raster
+        looks.take(self._state, self._terrain.known, raster.thickness, raster.temperature)
+
+    def seen(self, looks: Looks) -> Seen:
+        """What looks have seen so far."""
+        return looks.seen(self._state)
 
     def budget(self) -> VolumeBudget:
         """Account for the volume: emitted by the integral of Q(t), held by summing particles."""
@@ -534,11 +573,9 @@ class Simulation:
         if self._state.bins_in_motion and not self._neighbors.is_binned:
             self._neighbors.bin(self._state)
 
-    def _launches_of_stage(self) -> list[Launch]:
+    def _taken_down(self, take: Callable[[], None]) -> list[Launch]:
         """What a stage launches, for who makes it together with others'."""
-        state = self._state
-        take = partial(self._stage.take, self.scene, self._vents)
-        return state.launches.taken_down(take, state.capacity)
+        return self._state.launches.taken_down(take, self._state.capacity)
 
     def _take_stages(self, count: int) -> None:
         for _ in range(count):
@@ -573,14 +610,17 @@ class Simulation:
         self._neighbors.rebuild(self._state)
         self._state.take_order()
 
+    def _fill_raster(self) -> None:
+        self._raster.fill(self._state, self._neighbors)
+        if 'solidification' in self.effects:
+            self._after_step['solidification'].show(self._state, self._raster.grids)
+
     def _show(self, *, beside: bool) -> PendingSnapshot:
         """Put the ordered particles on the terrain's cells, copied while others go on or now."""
         state, raster = self._state, self._raster
         self._stage.compute_flow()
         self._reader.before_writing()
-        raster.fill(state, self._neighbors)
-        if 'solidification' in self.effects:
-            self._after_step['solidification'].show(raster.grids)
+        self._fill_raster()
         if self._notes_arrival:
             wp.copy(raster.grids[-1], state.arrived)
         numbers = self._census.take(state, self._vents)

@@ -14,7 +14,7 @@
 
 """One stage of a time step, algorithm 1 of the paper: what is computed, and in which order."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from operator import is_not
 from typing import Any
@@ -98,16 +98,22 @@ class Stage:
                 effects=state.effects,
             )
 
-    def take(self, scene: Scene, vents: VentSet) -> None:
+    def take(
+        self, scene: Scene, vents: VentSet, *, look: Callable[[], None] | None = None
+    ) -> None:
         """Take one stage; at a step's end the vents emit what is due.
 
         Args:
             scene: The scene as it is now: steps are as short as its vents call for.
             vents: Its vents as they emit.
+            look: Launches what looks at the flow, before it moves.
         """
         state, neighbors = self._state, self._neighbors
         neighbors.rebuild(state)
-        self.compute_flow(fills_flow=not self._moves_at_once or bool(self._after_step))
+        is_needed = not self._moves_at_once or bool(self._after_step) or look is not None
+        self.compute_flow(fills_flow=is_needed)
+        if look is not None:
+            look()
         if 'inertia' in self._effects:
             self._momentum.synchronize(state)
         pace, way = self._pace_of(scene, vents), self._journey()

@@ -353,12 +353,6 @@ def unseen_one() -> int:
     ...
 
 
-@wp.func_native(_on_cuda('return row;', 'return first + row;'))
-def row_from(first: int, row: int) -> int:
-    """Return the row of a launch over a grid, on the CPU of one from ``first`` on (threads.py)."""
-    ...
-
-
 @wp.func_native(_on_cuda('return true;', 'return false;'))
 def can_count() -> bool:
     """Whether many threads may count together: on the CPU Warp's atomics are none."""
