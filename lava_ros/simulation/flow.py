@@ -204,7 +204,9 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             flow[i] = vec3(height, surface.x, surface.y)
         else:
             raised(rates, DIFFUSION, rate)
-            raised(rates, ADVECTION, wp.length(bounded) / real(constants.reach))
+            if wp.static(not helmholtz):
+                # how fast lateral stress lets it be is known when that is solved
+                raised(rates, ADVECTION, wp.length(bounded) / real(constants.reach))
 
     return balance
 

@@ -116,6 +116,9 @@ class Stage:
             look()
         if 'inertia' in self._effects:
             self._momentum.synchronize(state)
+        if not self._moves_at_once:
+            # before the step is chosen: it follows the speed that lateral stress leaves
+            self._spread_velocity()
         pace, way = self._pace_of(scene, vents), self._journey()
         emit = partial(emission.emit, state, vents, way)
         if is_within_the_motion(state, sums_up=self._moves_at_once):
@@ -176,6 +179,7 @@ class Stage:
                 self._neighbors,
                 self._terrain,
                 gravity=self.constants.gravity,
+                reach=self.constants.reach,
                 radius=self._radius,
                 thickness=THICKEST * self._accuracy.thickness,
                 kernel=self._accuracy.kernel,
@@ -183,12 +187,11 @@ class Stage:
             )
 
     def _move(self, way: Any, direction: Direction) -> None:
-        """Add the lateral stress, and move, in one go where that is one sum; end the step."""
+        """Move, after the lateral stress where that is one sum; end the step."""
         state, neighbors = self._state, self._neighbors
         if self._moves_at_once:
             load('green').move_particles(state, neighbors, self._radius, way, direction)
         else:
-            self._spread_velocity()
             if 'inertia' in self._effects:
                 self._momentum.accelerate(state, neighbors)
             motion.move_particles(state, neighbors, way, direction)

@@ -35,6 +35,7 @@ from lava_ros.simulation.backend.compiled import (
     load2,
     load4,
     quick_kernel,
+    raise_to,
     store4,
     sum_over,
 )
@@ -44,7 +45,7 @@ from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import smoothing_kernel, SmoothingKernel
 from lava_ros.simulation.neighbors import NeighborGrid
-from lava_ros.simulation.state import PARTICLES, State
+from lava_ros.simulation.state import ADVECTION, PARTICLES, State
 from lava_ros.simulation.terrain import StaggeredTerrain, terrain_frame
 
 #: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
@@ -147,6 +148,7 @@ def _kernels(
     cells_around = cell_functions(real).cells_around
     load, store, total = load4(real), store4(real), sum_over(real, lanes)
     fallen = fall_function(real)
+    raised = raise_to(real)
     sums_around = _sums_function(real, kernel, lanes)
     if is_wide and kernel.wide_terms:
         sums_around = _wide_sums_function(kernel.wide_terms)
@@ -216,15 +218,18 @@ def _kernels(
         layer: wp.array(dtype=vec4),
         solution: wp.array(dtype=vec2),
         gravity: wp.float64,
+        reach: wp.float64,
         top: wp.array(dtype=real),
         elevation: wp.array2d(dtype=real),
         terrain: terrain_frame(real),
         flow: wp.array(dtype=vec3),
+        rates: wp.array(dtype=real),
     ):
         if i < counts[PARTICLES]:
             p = load(layer, i)
             u = fallen(solution[i], p[3], p[0], p[1], real(gravity), top, elevation, terrain)
             flow[i] = vec3(p[3], u[0], u[1])
+            raised(rates, ADVECTION, wp.length(u) / real(reach))
 
     return start, sweep, finish
 
@@ -265,6 +270,7 @@ def solve_velocity(
     terrain: StaggeredTerrain,
     *,
     gravity: float,
+    reach: float,
     radius: float,
     thickness: float,
     kernel: str,
@@ -272,11 +278,14 @@ def solve_velocity(
 ) -> None:
     """Replace the local velocity in ``state.flow`` by the solution of the balance.
 
+    ``state.rates`` is raised to what that velocity allows.
+
     Args:
         state: The particles.
         neighbors: Their neighbour grid, built.
         terrain: The ground.
         gravity: Acceleration of gravity [m/s2].
+        reach: Largest displacement in a step [m].
         radius: Kernel radius [m].
         thickness: Thickness up to which the sweeps converge as far as ``REDUCTION`` says [m].
         kernel: Name of the smoothing kernel.
@@ -314,7 +323,14 @@ def solve_velocity(
         finish,
         dim=state.capacity,
         inputs=[
-            state.counts, state.layer, current, gravity, state.top, terrain.height, terrain.frame
+            state.counts,
+            state.layer,
+            current,
+            gravity,
+            reach,
+            state.top,
+            terrain.height,
+            terrain.frame,
         ],
-        outputs=[state.flow],
+        outputs=[state.flow, state.rates],
     )
