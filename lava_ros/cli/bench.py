@@ -18,7 +18,8 @@ effects: the time of a step with each effect, and with all, over that of the bar
 steps, memory and snapshots from few particles to many, beside a plain step. publishing: steps
 while grids are taken ten times a second, and memory on a large map. choice: twelve scenes with
 the effects they call for, and with all there are. convergence: footprints at presets from coarse
-to fine, of scenes or of mapped eruptions.
+to fine, of scenes or of mapped eruptions. members: simulations of an ensemble, from one to many at
+once.
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ SHOWN: dict[str, tuple[tuple[str, str, str], ...]] = {
     ),
     'steps': _SPREAD,
     'publishing': _SPREAD,
+    'members': _SPREAD,
     'choice': (
         ('scene', 'scene', ''), ('Jaccard', 'jaccard', '.3f'),
         ('halves: chosen', 'noise_auto', '.3f'), ('all', 'noise_all', '.3f'),
@@ -70,7 +72,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_options(parser, '--device', '--preset', '--json')
     parser.add_argument(
         '--particles', type=int, nargs='+', metavar='N',
-        help='effects, steps, publishing: particles, of steps several (default: by the device)',
+        help='effects, steps, publishing, members: particles, of steps and members several '
+        '(default: by the device)',
     )
     parser.add_argument(
         '--repetitions', type=int, default=5, metavar='N', help='not choice (default: 5)'
@@ -128,7 +131,7 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
     particles = args.particles
     for number in particles or ():
         validation.number('--particles', number, at_least=100, at_most=1e8)
-    if args.benchmark != 'steps' and particles is not None:
+    if args.benchmark not in ('steps', 'members') and particles is not None:
         if len(particles) > 1:
             raise LavaError('--particles', particles, f'one number for {args.benchmark}')
         (particles,) = particles

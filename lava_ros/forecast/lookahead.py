@@ -97,15 +97,15 @@ class LookAhead(Looking):
 
     def forecast(self) -> Forecast:
         """What has been seen, once ``is_done``."""
-        gathered = self.gathered
+        seen = self.seen()
         return Forecast(
             time=self._start,
             horizon=self._horizon,
             threshold=self._threshold,
             terrain=self.simulation.scene.terrain,
-            arrival=(gathered.arrival - self._start).astype('float32'),
-            thickness=gathered.thickness,
-            temperature=gathered.temperature,
+            arrival=(seen.arrival - self._start).astype('float32'),
+            thickness=seen.thickness,
+            temperature=seen.temperature,
             duration=self._duration,
             particle_count=self.simulation.particle_count,
         )

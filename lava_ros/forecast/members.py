@@ -267,21 +267,21 @@ class MemberRun(Looking):
         """
         simulation = _started(plan, member, device)
         start = simulation.time
-        self._index = member.index
+        self._index, self._start = member.index, start
         super().__init__(
             simulation,
             [start + look * plan.interval for look in range(1, plan.looks + 1)],
             threshold=plan.threshold,
             max_particles=max_particles,
-            origin=start,
             of=f' of member {member.index}',
         )
 
     def fields(self) -> MemberFields:
         """What it has done to the cells so far."""
-        arrival, peak = self.gathered.arrival, np.nan_to_num(self.gathered.thickness)
+        seen = self.seen()
+        arrival = (seen.arrival - self._start).astype(np.float32)
         left = self.budget.left / max(self.budget.emitted, 1e-9)
-        return MemberFields(self._index, arrival.astype(np.float32), peak, left)
+        return MemberFields(self._index, arrival, np.nan_to_num(seen.thickness), left)
 
 
 def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':

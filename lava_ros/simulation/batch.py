@@ -14,22 +14,265 @@
 
 """Several simulations on one GPU at once.
 
-Few particles do not fill a GPU: while one simulation waits for memory, and for its next launch,
-others can go on. Each has a stream of its own, and the host launches them in turn.
+Few particles do not fill a GPU. So the simulations of a batch go through their stages together:
+each launch serves all of them (``backend/together.py``), each with its own step, vents and
+constants. The host looks at all clocks in one copy after some stages. Whoever has arrived, or
+needs room for more particles, goes on by itself for a moment; whoever is done makes room for one
+that waits.
 """
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from threading import local
+from typing import Any
 
+import numpy as np
 import warp as wp
 
-#: Simulations at work at once: more do not make a GPU faster.
-AT_ONCE = 32
+from lava_ros.simulation.backend.compiled import quick_kernel
+from lava_ros.simulation.backend.graph import Launch
+from lava_ros.simulation.backend.streams import Look
+from lava_ros.simulation.backend.together import kind_of, Together
+from lava_ros.simulation.state import BEYOND, FULL, FULLEST, NEWCOMERS, PARTICLES, State, TIME
+
+#: Simulations at work at once.
+AT_ONCE = 256
+
+#: Stages between two looks at the clocks, by whether it is a GPU.
+_STAGES = {True: 16, False: 1}
+
+#: Rounds of stages under way: while the host looks at what came of one a GPU has the next to do.
+_UNDER_WAY = {True: 2, False: 1}
+
+#: Simulations on streams of their own at once: more do not make a GPU faster.
+_STREAMS = 32
 
 _END = object()
 
+_here = local()
 
-def interleave(routes: Iterable[Iterator[None]], device: str, *, at_once: int = AT_ONCE) -> None:
+
+def at_work() -> 'Batch | None':
+    """The batch whose member goes on at the moment, in this thread."""
+    return getattr(_here, 'batch', None)
+
+
+@quick_kernel
+def _look(
+    thread: int,
+    row: int,
+    clock: wp.array(dtype=wp.float64),
+    counts: wp.array(dtype=wp.int32),
+    clocks: wp.array2d(dtype=wp.float64),
+    all_counts: wp.array2d(dtype=wp.int32),
+):
+    if thread < clock.shape[0]:
+        clocks[row, thread] = clock[thread]
+    if thread < counts.shape[0]:
+        all_counts[row, thread] = counts[thread]
+
+
+class _Group:
+    """Members whose stages go through the same kernels, a row each."""
+
+    def __init__(self, launches: Sequence[Launch], rows: int, state: State) -> None:
+        device = self._device = state.device
+        self.rounds_at_once = _UNDER_WAY[device.is_cuda]
+        self._stages = Together(launches, rows, device)
+        self._clocks = wp.zeros((rows, *state.clock.shape), dtype=wp.float64, device=device)
+        self._counts = wp.zeros((rows, *state.counts.shape), dtype=wp.int32, device=device)
+        self._looks = Together(self._look_of(0, state), rows, device)
+        self._copies = deque(Look((self._clocks, self._counts)) for _ in range(3))
+        self._until = np.full(rows, np.inf)
+        self._room = np.zeros(rows)
+        #: How often a row was asked for: what a round has found before is of no use.
+        self._asked = np.zeros(rows, dtype=np.int64)
+        self._selected: set[int] = set()
+        self.under_way: dict[int, Iterator[None]] = {}
+        self.free = list(reversed(range(rows)))
+
+    def _look_of(self, row: int, state: State) -> list[Launch]:
+        arguments = [row, state.clock, state.counts, self._clocks, self._counts]
+        return [Launch(_look, state.counts.size, 32, arguments)]
+
+    def put(self, row: int, launches: Sequence[Launch], state: State) -> None:
+        """Let a row be a member."""
+        self._stages.put(row, launches)
+        self._looks.put(row, self._look_of(row, state))
+        self._room[row] = FULLEST * state.capacity
+        # it may have more threads than the one before
+        self._selected.clear()
+
+    def bring(self, row: int, until: float, route: Iterator[None]) -> None:
+        """Let the member of a row go on to a time [s]; its route goes on when it is there."""
+        self._until[row] = until
+        self._asked[row] += 1
+        self.under_way[row] = route
+
+    def _select(self) -> None:
+        """Let those that are under way take part."""
+        if self._selected != self.under_way.keys():
+            self._selected = set(self.under_way)
+            rows = np.array(sorted(self._selected), dtype=np.int64)
+            self._stages.select(rows)
+            self._looks.select(rows)
+
+    def launch_once(self) -> list[Iterator[None]]:
+        """Make the launches of those that are under way, and give their routes."""
+        self._select()
+        self._stages.launch()
+        routes = list(self.under_way.values())
+        self.under_way.clear()
+        return routes
+
+    def begin(self) -> Callable[[], list[Iterator[None]]]:
+        """Begin a round of stages; return what waits for it and gives the routes to go on with."""
+        self._select()
+        self._stages.launch_again(_STAGES[self._device.is_cuda])
+        self._looks.launch()
+        asked = self._asked.copy()
+        self._copies.rotate()
+        copied = self._copies[0].begin()
+
+        def end() -> list[Iterator[None]]:
+            clocks, counts = copied()
+            particles = counts[:, PARTICLES] + counts[:, NEWCOMERS]
+            is_due = ~(clocks[:, TIME] < self._until) | (particles > self._room)
+            is_due |= (counts[:, FULL] != 0) | (counts[:, BEYOND] != 0)
+            rows = np.flatnonzero(is_due & (asked == self._asked))
+            return [self.under_way.pop(row) for row in rows.tolist() if row in self.under_way]
+
+        return end
+
+
+class Batch:
+    """Simulations that go through their stages together on one device."""
+
+    def __init__(self, *, at_once: int = AT_ONCE) -> None:
+        """Begin with none; ``at_once`` of them are at work at once."""
+        self._at_once = at_once
+        self._groups: dict[Any, _Group] = {}
+        #: Of each route that has begun, and whether it is of stages: group, row, and what they
+        #: were taken down of.
+        self._places: dict[tuple[Iterator[None], bool], tuple[_Group, int, State, int]] = {}
+        self._route: Iterator[None] | None = None
+        self._has_asked = False
+
+    def bring(
+        self, state: State, taken_down: Callable[[], list[Launch]], until: float
+    ) -> None:
+        """Bring the simulation of the route that goes on to a time [s], once that yields.
+
+        The route goes on when it is there, or when there is something to be done for its
+        particles: room for more of them, or a wider neighbour grid.
+
+        Args:
+            state: Its particles.
+            taken_down: Takes down what a stage of it launches.
+            until: The time [s].
+        """
+        group, row = self._place(state, taken_down, True)
+        assert self._route is not None
+        group.bring(row, until, self._route)
+
+    def launch(self, state: State, taken_down: Callable[[], list[Launch]]) -> None:
+        """Make launches once for the route that goes on, once that yields.
+
+        Args:
+            state: Its particles.
+            taken_down: Takes down what is launched.
+        """
+        group, row = self._place(state, taken_down, False)
+        assert self._route is not None
+        group.under_way[row] = self._route
+
+    def _place(
+        self, state: State, taken_down: Callable[[], list[Launch]], is_stage: bool
+    ) -> tuple[_Group, int]:
+        """Group and row of what the route that goes on launches."""
+        assert self._route is not None
+        self._has_asked = True
+        key = self._route, is_stage
+        group, row, of, forgotten = self._places.get(key, (None, 0, None, 0))
+        if group is None or of is not state or forgotten != state.launches.forgotten:
+            self._leave(*key)
+            launches = taken_down()
+            kind = is_stage, kind_of(launches)
+            group = self._groups.get(kind)
+            if group is None:
+                group = self._groups[kind] = _Group(launches, self._at_once, state)
+            row = group.free.pop()
+            group.put(row, launches, state)
+            self._places[key] = group, row, state, state.launches.forgotten
+        return group, row
+
+    def run(self, routes: Iterable[Iterator[None]]) -> None:
+        """Take all routes to their ends, as ``running`` does in parts."""
+        for _ in self.running(routes):
+            pass
+
+    def running(self, routes: Iterable[Iterator[None]]) -> Iterator[None]:
+        """Take all routes to their ends, with time for something else after each part.
+
+        A route leaves off whenever it has asked for something (``Simulation.advancing``). It
+        begins only when it is its turn.
+
+        Args:
+            routes: The routes.
+
+        Raises:
+            Exception: Whatever a route raises; the others are given up.
+        """
+        waiting, begun = iter(routes), 0
+        ready = deque[Iterator[None]]()
+        rounds = deque[tuple[_Group, Callable[[], list[Iterator[None]]]]]()
+        while True:
+            while begun < self._at_once and (route := next(waiting, None)) is not None:
+                ready.append(route)
+                begun += 1
+            if ready:
+                begun -= self._has_ended(ready.popleft(), ready)
+                continue
+            for (is_stage, _), group in self._groups.items():
+                if group.under_way and not is_stage:
+                    ready.extend(group.launch_once())
+            if ready:
+                continue
+            for group in self._groups.values():
+                here = sum(one is group for one, _ in rounds)
+                if group.under_way and here < group.rounds_at_once:
+                    rounds.append((group, group.begin()))
+                    break
+            else:
+                if not rounds:
+                    return
+                yield
+                ready.extend(rounds.popleft()[1]())
+
+    def _has_ended(self, route: Iterator[None], ready: deque[Iterator[None]]) -> bool:
+        """Go on with a route, and say whether it has come to its end."""
+        self._route, self._has_asked = route, False
+        former, _here.batch = at_work(), self
+        try:
+            is_at_end = next(route, _END) is _END
+        finally:
+            _here.batch = former
+        if is_at_end:
+            self._leave(route, True)
+            self._leave(route, False)
+        elif not self._has_asked:
+            ready.append(route)
+        return is_at_end
+
+    def _leave(self, route: Iterator[None], is_stage: bool) -> None:
+        """Free the row of a route, if it has one."""
+        group, row, *_ = self._places.pop((route, is_stage), (None, 0))
+        if group is not None:
+            group.under_way.pop(row, None)
+            group.free.append(row)
+
+
+def interleave(routes: Iterable[Iterator[None]], device: str, *, at_once: int = _STREAMS) -> None:
     """Take all routes to their ends, some of them at a time.
 
     A route leaves off whenever it has launched something (``Simulation.advancing``); on the CPU,

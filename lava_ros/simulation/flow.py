@@ -145,7 +145,9 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
             m.flow[i] = vec3(height, surface.x, surface.y)
         else:
             raised(m.rates, DIFFUSION, rate)
-            raised(m.rates, ADVECTION, wp.length(bounded) / m.constants.reach)
+            if wp.static(not helmholtz):
+                # how fast lateral stress lets it be is known when that is solved
+                raised(m.rates, ADVECTION, wp.length(bounded) / m.constants.reach)
 
     return balance
 

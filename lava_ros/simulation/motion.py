@@ -240,11 +240,14 @@ def motion_function(
                 m.cold[0] = 1
         if wp.static(real is wp.float32):
             rest = load_pair(m.ordered_remainder, i)
-            dx += rest[0]
-            dy += rest[1]
-            new = vec2(x + dx, y + dy)
-            if m.counts[IS_LAST] == 1:
-                rest = vec2(dx - (new[0] - x), dy - (new[1] - y))
+            new = vec2(x, y)
+            # past the target nothing moves, not by rounding either
+            if m.counts[CURRENT] > 0:
+                dx += rest[0]
+                dy += rest[1]
+                new = vec2(x + dx, y + dy)
+                if m.counts[IS_LAST] == 1:
+                    rest = vec2(dx - (new[0] - x), dy - (new[1] - y))
             store_pair(m.remainder, i, rest)
             p = vec4(new[0], new[1], p[2], temperature)
         else:

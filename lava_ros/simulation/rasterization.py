@@ -31,13 +31,12 @@ in.
 """
 
 from functools import lru_cache
-import math
 from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import counted_from, load4, row_from
-from lava_ros.simulation.backend.threads import launch, LEAST_SUMS
+from lava_ros.simulation.backend.compiled import load4, quick_kernel
+from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.cells import cell_functions
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.motion_arguments import journey_type
@@ -85,18 +84,18 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
             small = rest * rest / (real(8.0) * wide * narrow)
         return wp.where(middle > real(0.0), real(1.0) - small, small)
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel(fast_math=False)
     def weigh(
+        thread: int,
         m: journey_type(real),
         terrain: ground_type(wp.float64),
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
-        first: int,
     ):
         """Weigh the cells that are covered, and mark those that are not but have lava in reach."""
-        n, j = wp.tid()
-        i = row_from(first, n)
+        i = thread // thickness.shape[1]
+        j = thread % thickness.shape[1]
         temperature[i, j] = wp.float32(wp.nan)
         if terrain.known[i, j] == wp.uint8(0):
             thickness[i, j] = wp.float32(wp.nan)
@@ -147,16 +146,15 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         if part == real(0.0) and cover > real(0.0):
             thickness[i, j] = _BESIDE
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel(fast_math=False)
     def share_out(
+        k: int,
         m: journey_type(real),
         terrain: ground_type(wp.float64),
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
-        first: int,
     ):
         """Find what a particle gives for a unit of weight, or to the cell that it lies in."""
-        k = counted_from(first, wp.tid())
         if k >= m.counts[PARTICLES]:
             return
         p = load(m.ordered, k)
@@ -197,18 +195,18 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
         elif m.home[k] >= 0:
             m.share[k] = p[2] / area
 
-    @wp.kernel(module='unique', enable_backward=False)
+    @quick_kernel(fast_math=False)
     def gather(
+        thread: int,
         m: journey_type(real),
         terrain: ground_type(wp.float64),
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
         temperature: wp.array2d(dtype=wp.float32),
-        first: int,
     ):
         """Sum the particles' shares in a cell, and their mean temperature."""
-        n, j = wp.tid()
-        i = row_from(first, n)
+        i = thread // thickness.shape[1]
+        j = thread % thickness.shape[1]
         own_weight = thickness[i, j]
         if own_weight == wp.float32(0.0) or wp.isnan(own_weight):
             return
@@ -290,20 +288,9 @@ class Raster:
         Between the passes ``thickness`` holds the cells' weights.
         """
         weigh, share_out, gather = _kernels(state.real, *self._choice)
-        rows, columns = self.thickness.shape
-        grid = {
-            'device': self._device,
-            'least': math.ceil(LEAST_SUMS / columns),
-            'columns': columns,
-        }
+        cells = self.thickness.size
         maps = [self.thickness, self.temperature]
         inputs = [neighbors.journey(state), self._terrain.exact_ground, self._radius]
-        launch(weigh, rows, inputs=inputs, outputs=maps, **grid)
-        launch(
-            share_out,
-            state.extent,
-            inputs=inputs,
-            outputs=[self.thickness],
-            device=self._device,
-        )
-        launch(gather, rows, inputs=inputs, outputs=maps, **grid)
+        launch_over(state, weigh, inputs=inputs, outputs=maps, count=cells)
+        launch_over(state, share_out, inputs=inputs, outputs=[self.thickness])
+        launch_over(state, gather, inputs=inputs, outputs=maps, count=cells)

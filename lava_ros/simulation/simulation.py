@@ -15,7 +15,7 @@
 """The simulation of a scene: algorithm 1 of the paper with a step that follows the limits."""
 
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
 from functools import partial
 import math
@@ -30,12 +30,15 @@ from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.streams import read, Reader
 from lava_ros.simulation.backend.threads import is_alone
+from lava_ros.simulation.batch import at_work
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.defaults import device_of, formulated
 from lava_ros.simulation.diagnostics import budget_of, Census, moment_of, snapshot_of
+from lava_ros.simulation.looks import Looks, Seen
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.particles import Particles, ParticleSample, rows_of
 from lava_ros.simulation.rasterization import Raster
@@ -192,6 +195,7 @@ class Simulation:
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
         self._state.write_clock(TARGET, until)
         clock, counts = self._state.look()
+        together = at_work()
         # a GPU has the next stages to do while the host looks at what came of the last ones
         under_way: deque[Any] = deque()
         gain = math.inf
@@ -199,14 +203,21 @@ class Simulation:
             is_free = len(under_way) < _UNDER_WAY[self._device.is_cuda]
             # what is under way may get there but for rounding: more of it would idle
             reached = clock[TIME] + (len(under_way) + _ROUNDING) * gain
-            if not under_way or (is_free and reached < until):
+            if together is not None:
+                self._bin()
+                take = partial(self._stage.take, self.scene, self._vents)
+                together.bring(self._state, partial(self._taken_down, take), until)
+                yield
+                clock, counts = self._state.look()
+            elif not under_way or (is_free and reached < until):
                 self._run_stages()
                 under_way.append(self._state.begin_look())
                 yield
                 continue
-            former = clock[TIME]
-            clock, counts = under_way.popleft()()
-            gain = clock[TIME] - former
+            else:
+                former = clock[TIME]
+                clock, counts = under_way.popleft()()
+                gain = clock[TIME] - former
             count = int(counts[PARTICLES] + counts[NEWCOMERS])
             self._most_particles = max(self._most_particles, count)
             if self._state.needs_room(counts) or counts[BEYOND]:
@@ -242,6 +253,43 @@ class Simulation:
         """
         self._order()
         return self._show(beside=True)
+
+    def looks(self, threshold: float, most: int) -> Looks:
+        """Make ready for ``most`` looks at lava from ``threshold`` [m] on (``looking``)."""
+        return Looks(self.scene.terrain.shape, threshold, most, self._device)
+
+    def looking(self, looks: Looks) -> Iterator[None]:
+        """Take a look as ``look`` does, in parts as ``advancing``."""
+        together = at_work()
+        if together is None:
+            self.look(looks)
+            return
+        self._bin()
+        together.launch(self._state, partial(self._taken_down, self._looker(looks)))
+        yield
+
+    def look(self, looks: Looks) -> None:
+        """Take a look at the flow of now, without a copy to the host.
+
+        Raises:
+            LavaError: Too many particles are in one place.
+        """
+        self._bin()
+        self._looker(looks)()
+        self._neighbors.refuse_crowds()
+
+    def _looker(self, looks: Looks) -> Callable[[], None]:
+        """A stage, which idles at the end of a step, with a look before the motion."""
+        return partial(self._stage.take, self.scene, self._vents, look=partial(self._map, looks))
+
+    def _map(self, looks: Looks) -> None:
+        self._fill_raster()
+        raster = self._raster
+        looks.take(self._state, self._terrain.known, raster.thickness, raster.temperature)
+
+    def seen(self, looks: Looks) -> Seen:
+        """What looks have seen so far."""
+        return looks.seen(self._state)
 
     def budget(self) -> VolumeBudget:
         """Account for the volume: emitted by the integral of Q(t), held by summing particles."""
@@ -511,8 +559,7 @@ class Simulation:
         if not is_alone(state):
             self._stage.take(self.scene, self._vents)
             return
-        if state.bins_in_motion and not self._neighbors.is_binned:
-            self._neighbors.bin(state)
+        self._bin()
         if not state.launches.can_replay(state.extent):
             if is_cuda:
                 self._stage.take(self.scene, self._vents)
@@ -520,6 +567,15 @@ class Simulation:
             extent = min(room_for(state.extent), state.capacity)
             state.launches.capture(partial(self._take_stages, _GRAPH_STAGES[is_cuda]), extent)
         state.launches.replay()
+
+    def _bin(self) -> None:
+        """Put the particles into their cells, which a motion has done where one came before."""
+        if self._state.bins_in_motion and not self._neighbors.is_binned:
+            self._neighbors.bin(self._state)
+
+    def _taken_down(self, take: Callable[[], None]) -> list[Launch]:
+        """What a stage launches, for who makes it together with others'."""
+        return self._state.launches.taken_down(take, self._state.capacity)
 
     def _take_stages(self, count: int) -> None:
         for _ in range(count):
@@ -554,14 +610,17 @@ class Simulation:
         self._neighbors.rebuild(self._state)
         self._state.take_order()
 
+    def _fill_raster(self) -> None:
+        self._raster.fill(self._state, self._neighbors)
+        if 'solidification' in self.effects:
+            self._after_step['solidification'].show(self._state, self._raster.grids)
+
     def _show(self, *, beside: bool) -> PendingSnapshot:
         """Put the ordered particles on the terrain's cells, copied while others go on or now."""
         state, raster = self._state, self._raster
         self._stage.compute_flow()
         self._reader.before_writing()
-        raster.fill(state, self._neighbors)
-        if 'solidification' in self.effects:
-            self._after_step['solidification'].show(raster.grids)
+        self._fill_raster()
         if self._notes_arrival:
             wp.copy(raster.grids[-1], state.arrived)
         numbers = self._census.take(state, self._vents)

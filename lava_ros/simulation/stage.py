@@ -14,7 +14,7 @@
 
 """One stage of a time step, algorithm 1 of the paper: what is computed, and in which order."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -89,18 +89,27 @@ class Stage:
         if 'inertia' in state.effects:
             self._momentum = load('inertia').Momentum(accuracy, state)
 
-    def take(self, scene: Scene, vents: VentSet) -> None:
+    def take(
+        self, scene: Scene, vents: VentSet, *, look: Callable[[], None] | None = None
+    ) -> None:
         """Take one stage; at a step's end the vents emit what is due.
 
         Args:
             scene: The scene as it is now: steps are as short as its vents call for.
             vents: Its vents as they emit.
+            look: Launches what looks at the flow, before it moves.
         """
         state, neighbors = self._state, self._neighbors
         neighbors.rebuild(state)
-        self.compute_flow(fills_flow=not self._moves_at_once or bool(self._after_step))
+        is_needed = not self._moves_at_once or bool(self._after_step) or look is not None
+        self.compute_flow(fills_flow=is_needed)
+        if look is not None:
+            look()
         if 'inertia' in self._effects:
             self._momentum.synchronize(self._journey())
+        if not self._moves_at_once:
+            # before the step is chosen: it follows the speed that lateral stress leaves
+            self._spread_velocity()
         pace, way = self._pace_of(scene, vents), self._journey()
         emit = partial(emission.emit, state, vents, way)
         if is_within_the_motion(state, sums_up=self._moves_at_once):
@@ -161,12 +170,11 @@ class Stage:
             )
 
     def _move(self, way: Any, direction: Direction) -> None:
-        """Add the lateral stress, and move, in one go where that is one sum; end the step."""
+        """Move, after the lateral stress where that is one sum; end the step."""
         state, neighbors = self._state, self._neighbors
         if self._moves_at_once:
             load('green').move_particles(state, neighbors, way, direction)
         else:
-            self._spread_velocity()
             if 'inertia' in self._effects:
                 self._momentum.accelerate(way)
             motion.move_particles(state, neighbors, way, direction)

@@ -66,6 +66,9 @@ HOLES = wp.constant(1)
 #: Threads on a GPU of a kernel that rarely has anything to do: it costs little when it has not.
 RARE_THREADS = 65536
 
+#: As many are enough for few particles, of which there may be many simulations at once.
+_FEW_RARE = 4096, 16384
+
 #: Share of the room for particles from which more is made. Threads without a particle cost time,
 #: so there is not much to spare; a vent that finds none waits until there is.
 FULLEST = 0.875
@@ -259,7 +262,10 @@ class State:
     @property
     def rare_threads(self) -> int:
         """Threads of a kernel that rarely has anything to do; each takes every so many-th."""
-        return RARE_THREADS if self.device.is_cuda else 1
+        if not self.device.is_cuda:
+            return 1
+        # each number of them is another kernel
+        return next((few for few in _FEW_RARE if self.capacity <= few), RARE_THREADS)
 
     def look(self) -> tuple[np.ndarray, np.ndarray]:
         """Copies of ``clock`` and ``counts``, when all that is launched on this stream is done."""
@@ -328,10 +334,8 @@ class State:
         return [getattr(self, name, None) for name in names]
 
     def write_clock(self, place: int, value: float) -> None:
-        """Replace one of the times in ``clock``."""
-        clock, _ = self.look()
-        clock[place] = value
-        self.clock.assign(clock)
+        """Replace one of the times in ``clock``, when all that is launched so far is done."""
+        self.clock[place : place + 1].fill_(value)
 
     def write_count(self, place: int, value: int) -> None:
         """Replace one of the ``counts``."""

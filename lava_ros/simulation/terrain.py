@@ -110,11 +110,13 @@ def _heights(real: Any) -> Any:
     return heights_at
 
 
+@lru_cache(maxsize=1)
 def ringed_heights(terrain: Terrain) -> np.ndarray:
     """Elevation above the mean [m] with one more cell around, shape [rows + 2, columns + 2].
 
     Outside the grid the terrain goes on with the slope of its border; on cells without data it
     goes on with the slope of those next to them. Without its mean it keeps more digits in float32.
+    Members of an ensemble on the same terrain share it.
     """
     height = terrain.elevation.astype(np.float64)
     if not terrain.has_data.all():

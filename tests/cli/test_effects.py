@@ -93,3 +93,19 @@ def test_bench_effects_writes_its_table(tmp_path, capsys, monkeypatch):
     )
     assert len(json.loads(text.read_text())) == 2
     assert 'green' in capsys.readouterr().out
+
+
+def test_bench_members_compares_turns_with_one_launch(tmp_path, monkeypatch):
+    """By the rate of all members, and their memory."""
+    from lava_ros.verification.benchmarks import members
+
+    monkeypatch.setattr(members, 'MEMBERS', {'cpu': (2,)})
+    monkeypatch.setattr(members, 'SETS', ('bare',))
+    text = tmp_path / 'members.json'
+    words = ['bench', 'members', '--device', 'cpu', '--particles', '300', '--repetitions', '2']
+    assert cli.main([*words, '--json', str(text)]) == 0
+    rows = json.loads(text.read_text())
+    assert [row['benchmark'].rpartition(' members')[2] for row in rows] == [
+        ', in turns', ', in one launch', ': memory'
+    ]
+    assert all(row['low'] > 0.0 for row in rows)

@@ -77,7 +77,7 @@ def test_the_examples_of_the_page_parse(capsys):
         (('replay', 'bag', '--rte', '2'), "lava replay: '--rte' is not known here, '--rate' is"),
         (('info', 'a', 'b'), "lava info: 'b' is not known here"),
         (('plot', 'bag'), 'lava plot: -o/--output is missing'),
-        (('bench', 'speed'), "'speed' is not known; there are effects, steps, publishing, choice"),
+        (('bench', 'speed'), "'speed' is not known; there are effects, steps, publishing"),
         (('bench', 'effects', '--runs', '1.5'), "--runs: '1.5' is not a whole number"),
         (('demo', '--preset', 'none'), "--preset: 'none' is not known; there are draft, standard"),
         (('completion', 'fish'), "'fish' is not known; there are bash, zsh"),

@@ -20,7 +20,6 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.forecast.arrival_time import Gathering
 from lava_ros.forecast.members import (
     check_members,
     make_plan,
@@ -155,14 +154,14 @@ def test_a_run_is_that_of_the_scene(device: str) -> None:
         member_scene(SCENE, members[1]), effects=plan.effects, accuracy=plan.accuracy,
         device=device,
     )
-    gathering = Gathering(plan.threshold)
+    looks = simulation.looks(plan.threshold, 11)
     for look in range(11):
         simulation.advance(60.0 * look)
-        snapshot = simulation.snapshot()
-        gathering.look(60.0 * look, snapshot.thickness, snapshot.temperature)
+        simulation.look(looks)
+    seen = simulation.seen(looks)
     if device == 'cpu':
-        np.testing.assert_array_equal(results[1].arrival, gathering.arrival.astype(np.float32))
-        np.testing.assert_array_equal(results[1].peak, gathering.thickness)
+        np.testing.assert_array_equal(results[1].arrival, seen.arrival.astype(np.float32))
+        np.testing.assert_array_equal(results[1].peak, seen.thickness)
     assert np.isfinite(results[1].arrival).sum() > 20
     assert not np.array_equal(results[0].arrival, results[1].arrival, equal_nan=True)
 
@@ -188,13 +187,13 @@ def test_a_member_can_go_on_from_a_running_simulation(device: str) -> None:
     running.advance(300.0)
     plan = plan_from(running.checkpoint(), horizon=300.0, looks=5)
     same, more = run_members(plan, [Member(0), Member(1, discharge=3.0)], device=device)
-    gathering = Gathering(plan.threshold)
+    looks = running.looks(plan.threshold, 6)
     for look in range(6):
         running.advance(300.0 + 60.0 * look)
-        snapshot = running.snapshot()
-        gathering.look(60.0 * look, snapshot.thickness, snapshot.temperature)
-    np.testing.assert_array_equal(same.peak, gathering.thickness)
-    np.testing.assert_array_equal(same.arrival, gathering.arrival.astype(np.float32))
+        running.look(looks)
+    seen = running.seen(looks)
+    np.testing.assert_array_equal(same.peak, seen.thickness)
+    np.testing.assert_array_equal(same.arrival, (seen.arrival - 300.0).astype(np.float32))
     assert (same.arrival == 0.0).any() and (same.arrival > 0.0).any()
     assert np.isfinite(more.arrival).sum() > np.isfinite(same.arrival).sum()
     # a discharge that holds from now on does not reach back

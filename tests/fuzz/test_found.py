@@ -34,7 +34,7 @@ from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Scene, scene_from_yaml, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.terrain_files import load_terrain
-from lava_ros.simulation import Simulation
+from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.selection import decide
 from ros import graph_publisher
@@ -280,3 +280,58 @@ def test_lava_does_not_fall_from_a_vent_that_has_given_none() -> None:
     simulation.advance(101.0)
     watch.check()
     assert simulation._counted[1] == {0, 1}
+
+
+def test_lava_that_comes_out_and_is_gone_within_a_frame() -> None:
+    """Its steps were taken for too many: the frame, played again, was looked at too rarely."""
+    simulation = Simulation(
+        Scene(
+            Terrain(np.array([[0.0, 0.0], [0.1, 0.1]]), 1.0),
+            (Vent((1.0, 1.0), 1.0, radius=0.1),),
+            Lava(viscosity=10.0),
+        ),
+        effects=Effects(arrhenius=False, cooling=False),
+        accuracy=Accuracy(spacing=1.0, thickness=20.0),
+        device='cpu',
+    )
+    watch = Watch(simulation)
+    simulation.advance(50.0)
+    assert not len(simulation.sample().volume)
+    watch.check()
+    assert 0.1 < watch.largest['cost'] < 0.5
+
+
+@pytest.mark.parametrize('steep', [False, True])
+def test_a_jet_climbs_with_its_head(steep: bool) -> None:
+    """It was taken for too high: frames had not seen how fast it was, nor what is left of g."""
+    heights = [*[0.0] * 6, 60.0, 120.0, 180.0, 240.0]
+    jet = Vent((60.0, 30.0), ((0.0, 2000.0), (1.0, 0.0)), radius=5.0, velocity=(0.0, 40.0))
+    simulation = Simulation(
+        Scene(Terrain(np.repeat(np.array(heights)[:, None], 6, 1), 20.0), (jet,),
+              Lava(viscosity=100.0)),
+        effects=Effects(arrhenius=False, cooling=False, inertia=True, steep=steep),
+        accuracy=Accuracy(spacing=10.0, ratio=3.5),
+        device='cpu',
+    )
+    watch = Watch(simulation)
+    for time in (2.0, 4.0, 6.0):
+        simulation.advance(time)
+        watch.check()
+    climbed = float(simulation.sample().position[:, 1].max()) > 140.0
+    assert climbed == steep
+
+
+def test_columns_that_the_mean_of_the_greens_function_pushes_up() -> None:
+    """Runny lava beside stiff lava was taken for an error: the mean drives one by the other."""
+    simulation = Simulation(
+        Scene(Terrain(np.zeros((8, 8)), 1.0), lava=Lava(viscosity=1e6, arrhenius=0.04)),
+        effects=Effects(arrhenius=True, cooling=False, green=True),
+        accuracy=Accuracy(spacing=1.0, ratio=3.5),
+        particles=Particles([[3.5, 4.0], [4.5, 4.0]], [100.0, 20.0], [1300.0, 1100.0]),
+        device='cpu',
+    )
+    watch, before = Watch(simulation), simulation.sample().thickness.sum()
+    simulation.advance(2.0)
+    watch.check()
+    assert simulation.sample().thickness.sum() != before
+    assert 0.0 < watch.largest['energy'] < 1.0

@@ -53,6 +53,19 @@ class Ground:
                 total += along[m] * across[n] * self._heights[i + m, j + n]
         return total
 
+    def slope(self, position: np.ndarray) -> np.ndarray:
+        """Gradient of that surface at map positions, shape [count, 2]."""
+        step = 1e-3 * self._terrain.resolution
+        ways = step * np.eye(2)
+        rises = [self.height(position + way) - self.height(position - way) for way in ways]
+        return np.stack(rises, axis=1) / (2.0 * step)
+
+    @property
+    def steepest(self) -> float:
+        """Largest slope of that surface, or more."""
+        largest = [float(np.abs(np.diff(self._heights, axis=axis)).max()) for axis in (0, 1)]
+        return math.hypot(*largest) / self._terrain.resolution
+
     def bend(self, position: np.ndarray) -> np.ndarray:
         """Largest curvature of that surface at map positions [1/m], at least 0, shape [count]."""
         step = 1e-3 * self._terrain.resolution

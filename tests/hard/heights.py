@@ -15,7 +15,10 @@
 """Invariants of where lava is.
 
 climb  The surface H + h at a particle is no higher than the highest that there was: at the start,
-       and at the vents at any frame since. With inertia, plus the largest u^2 / 2g so far.
+       and at the vents at any frame since. With inertia, plus the largest u^2 / 2g so far, that of
+       vents included: a jet may have climbed within the frame. Lava on a map has no vertical
+       speed, and on ``steep`` ground of slope s climbs against 1 / (1 + s^2) of g: there the head
+       is 1 + s^2 times that, s the steepest slope.
        Tolerance: the smaller of its own thickness and what the ground around it rises in one
        kernel radius. A sum over the neighbours cannot tell heights within its radius apart, and
        never makes lava where there is none; ponds at rest are level to a share of their thickness
@@ -70,6 +73,9 @@ class Heights:
             if vent.volume_between(self._since, moment.time) > 0.0:
                 above = ground.lowest + expected_thickness(scene)
                 self._top = max(self._top, ground.highest(vent, 0.0) + above)
+                if moment.simulation.effects.inertia:
+                    head = float(np.hypot(*vent.velocity)) ** 2 / (2.0 * scene.gravity)
+                    self._head = max(self._head, head)
             reach = vent.radius + moment.simulation.radius
             near = distance(places, vent.position, vent.end) < reach
             if near.any():
@@ -118,7 +124,10 @@ class Heights:
         tolerance = np.minimum(lava.thickness, rise) + LEVEL * lava.thickness
         # 64 roundings of 2^-24, as of a sum over so many neighbours
         tolerance += 2.0**-18 * max(abs(self._top), moment.thickest)
-        above = surface - self._top - self._head
+        climb = self._head
+        if simulation.effects.steep:
+            climb *= 1.0 + moment.ground.steepest**2
+        above = surface - self._top - climb
         worst = int(np.argmax(above - tolerance))
         what = f'surface over the highest, {at(worst)}'
         yield 'climb', float(above[worst]), float(tolerance[worst]), what

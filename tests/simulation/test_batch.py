@@ -21,7 +21,12 @@ import pytest
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.batch import interleave
+from lava_ros.simulation.batch import Batch, interleave
+from lava_ros.verification.benchmarks.effects import effect_sets
+
+#: Sets of effects of ``lava bench effects`` that go through other kernels, and times of maps [s].
+SETS = ('everything with green', 'helmholtz', 'inertia', 'merging', 'conduction', 'solidification')
+ENDS = (0.25, 0.5)
 
 
 def scene_of(flux):
@@ -45,10 +50,24 @@ def route_of(flux, device, ends):
     ends[flux] = simulation.sample().position
 
 
-def test_together_is_as_one_by_one(device):
+def in_turns(routes, device):
+    """Each on a stream of its own, three at a time."""
+    interleave(routes, device, at_once=3)
+
+
+def in_one_launch(routes, device):
+    """All of them in the same launches, three at a time."""
+    Batch(at_once=3).run(routes)
+
+
+WAYS = pytest.mark.parametrize('run', [in_turns, in_one_launch])
+
+
+@WAYS
+def test_together_is_as_one_by_one(device, run):
     """Simulations that take turns, some after others, end where each of them ends alone."""
     fluxes, ends = (1.0, 2.0, 3.0, 5.0, 8.0), {}
-    interleave((route_of(flux, device, ends) for flux in fluxes), device, at_once=3)
+    run((route_of(flux, device, ends) for flux in fluxes), device)
     assert sorted(ends) == sorted(fluxes)
     for flux in fluxes:
         alone = simulation_of(flux, device)
@@ -57,7 +76,47 @@ def test_together_is_as_one_by_one(device):
         assert np.array_equal(alone.sample().position, ends[flux]), flux
 
 
-def test_what_a_route_raises_is_raised(device):
+@pytest.mark.parametrize(
+    'name',
+    ['bare', *(pytest.param(name, marks=pytest.mark.nightly) for name in SETS)],
+)
+def test_members_of_several_kinds_and_sizes(device, name):
+    """A batch keeps a member's bits through maps, growth, a wider grid and other members' ends."""
+    chosen = (effect_sets()[name], effect_sets()['bare'])
+
+    def begun(number):
+        slope = Terrain(-0.2 * np.tile(np.arange(400.0), (400, 1)) * 2.0, 2.0)
+        # the third one needs room for more particles
+        vent = Vent((400.0, 400.0), discharge=(20.0, 60.0, 4000.0)[number], temperature=1400.0)
+        return Simulation(
+            Scene(slope, vents=(vent,), lava=Lava()),
+            effects=chosen[number == 1],
+            accuracy=Accuracy(spacing=1.0, thickness=0.4, deterministic=True),
+            device=device,
+        )
+
+    def route(number):
+        simulation = begun(number)
+        for end in ENDS:
+            yield from simulation.advancing(end)
+            maps.setdefault(number, []).append(simulation.snapshot())
+        ends[number] = simulation
+
+    ends, maps = {}, {}
+    Batch().run(route(number) for number in range(3))
+    for number in range(3):
+        alone = begun(number)
+        for end, map_of in zip(ENDS, maps[number], strict=True):
+            alone.advance(end)
+            expected = alone.snapshot()
+            assert map_of.steps == expected.steps
+            np.testing.assert_array_equal(map_of.thickness, expected.thickness)
+        np.testing.assert_array_equal(alone.sample().position, ends[number].sample().position)
+    assert ends[2].particle_count > 4096 or 'merging' in ends[2].effects
+
+
+@WAYS
+def test_what_a_route_raises_is_raised(device, run):
     """An error is not lost among the others."""
 
     def route(error):
@@ -66,4 +125,4 @@ def test_what_a_route_raises_is_raised(device):
             raise ValueError('here')
 
     with pytest.raises(ValueError, match='here'):
-        interleave((route(error) for error in (False, True, False)), device)
+        run((route(error) for error in (False, True, False)), device)

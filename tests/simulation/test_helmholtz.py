@@ -25,6 +25,7 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.state import ADVECTION
 from lava_ros.verification.cases.sheets import response
 
 LAVA = Lava(viscosity=1e4, arrhenius=0.0)
@@ -98,3 +99,18 @@ def test_green_and_helmholtz_exclude_each_other():
     """They are two ways to the same stress."""
     with pytest.raises(LavaError, match='effects.helmholtz'):
         Effects(green=True, helmholtz=True)
+
+
+def test_steps_follow_the_speed_that_lateral_stress_leaves():
+    """Where lava is thick that is a fraction of the local one, which steps were as short as."""
+    simulation = Simulation(
+        Scene(Terrain(np.zeros((20, 20)), 1.0, (-10.0, -10.0)), lava=replace(LAVA, viscosity=1e8)),
+        effects=effects(helmholtz=True),
+        accuracy=Accuracy(spacing=1.0, thickness=50.0),
+        particles=Particles(lattice(6.0, 1.0), 50.0, 1400.0),
+        device='cpu',
+    )
+    speed = np.linalg.norm(simulation.sample().velocity, axis=1).max()
+    reach = simulation._stage.constants.reach
+    simulation.advance(1e-3)
+    assert simulation._state.rates.numpy()[ADVECTION] == pytest.approx(speed / reach, rel=0.01)

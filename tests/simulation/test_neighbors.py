@@ -18,6 +18,8 @@ import numpy as np
 import pytest
 import warp as wp
 
+from lava_ros.simulation.cells import cell_frame
+from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.neighbors import _kernels
 from lava_ros.simulation.state import PARTICLES, REAL, SPARE
 
@@ -30,44 +32,36 @@ def ordered(device, real, cell, rank, *, again):
     *_, order_particles, _, list_members = _kernels(
         real, False, False, False, False, again
     )
-    vec2, vec4 = wp.types.vector(2, real), wp.types.vector(4, real)
     count = len(cell)
     sizes = np.bincount(cell, minlength=CELLS + 1)
-    starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32)
-    rows = np.ones((count, 4))
-    rows[:, 2] = 1 + np.arange(count)
+    starts = np.concatenate([[0], np.cumsum(sizes)])
+    rows = np.ones((count + SPARE, 4))
+    rows[:count, 2] = 1 + np.arange(count)
     # what has left may be no number any more
-    rows[cell == CELLS] = np.nan
-    counts = wp.array(np.array([count, *[0] * 10], np.int32), device=device)
-    found = wp.array(np.full((count + SPARE, 4), np.nan), dtype=vec4, device=device)
-    lists = [wp.array(values.astype(np.int32), device=device) for values in (cell, rank, starts)]
-    members = wp.zeros(count, dtype=wp.int32, device=device)
-    if again:
-        wp.launch(
-            list_members, count, inputs=[CELLS, *lists], outputs=[members, 0], device=device
-        )
-    pairs = [wp.zeros(count, dtype=vec2, device=device) for _ in range(2)]
-    wp.launch(
-        order_particles,
-        count + SPARE,
-        inputs=[
-            wp.array(np.concatenate([rows, np.zeros((SPARE, 4))]), dtype=vec4, device=device),
-            CELLS,
-            wp.array(np.append(cell, np.zeros(SPARE)).astype(np.int32), device=device),
-            lists[1],
-            members,
-            lists[2],
-            wp.array(np.append(sizes, 0).astype(np.int32), device=device),
-            counts,
-            wp.zeros(2, dtype=real, device=device),
-            wp.ones(1, dtype=wp.int32, device=device),
-            found,
-            *pairs,
-            *[None] * 8,
-            0,
-        ],
-        device=device,
-    )
+    rows[:count][cell == CELLS] = np.nan
+    way, cells = journey_type(real)(), cell_frame(real)()
+    cells.rows, cells.columns = 1, CELLS
+    for name, values in (('starts', starts), ('sizes', np.append(sizes, 0))):
+        setattr(cells, name, wp.array(values, dtype=wp.int32, device=device))
+    way.cells = cells
+    for name, values in (
+        ('particle', rows),
+        ('ordered', np.full((count + SPARE, 4), np.nan)),
+        ('cell', np.append(cell, np.zeros(SPARE))),
+        ('rank', rank),
+        ('members', np.zeros(count)),
+        ('counts', [count, *[0] * 10]),
+        ('rates', np.zeros(2)),
+        ('chosen', np.ones(1)),
+        ('remainder', np.zeros((count, 2))),
+        ('ordered_remainder', np.zeros((count, 2))),
+    ):
+        dtype = journey_type(real).vars[name].type.dtype
+        setattr(way, name, wp.array(np.asarray(values), dtype=dtype, device=device))
+    launches = [(list_members, count)] if again else []
+    for kernel, threads in (*launches, (order_particles, count + SPARE)):
+        wp.launch(kernel, threads, inputs=[way, 0], device=device)
+    counts, found = way.counts, way.ordered
     return found.numpy()[:, 2], int(counts.numpy()[PARTICLES])
 
 

@@ -21,11 +21,7 @@ import pytest
 import warp as wp
 
 from lava_ros.scene import Terrain
-from lava_ros.simulation.terrain import (
-    StaggeredTerrain,
-    terrain_frame,
-    terrain_functions,
-)
+from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_functions
 
 
 def sampled(terrain, points, device='cpu', *, of='gradient_at', kind=wp.vec2d):
@@ -35,18 +31,17 @@ def sampled(terrain, points, device='cpu', *, of='gradient_at', kind=wp.vec2d):
 
     @wp.kernel(module='unique')
     def sample(
-        height: wp.array2d(dtype=wp.float64),
-        frame: terrain_frame(wp.float64),
+        ground: ground_type(wp.float64),
         at: wp.array(dtype=wp.vec2d),
         out: wp.array(dtype=kind),
     ):
         i = wp.tid()
-        out[i] = function(height, frame, at[i][0], at[i][1])
+        out[i] = function(ground, at[i][0], at[i][1])
 
     at = wp.array(points, dtype=wp.vec2d, device=device)
     out = wp.zeros(len(points), dtype=kind, device=device)
     wp.launch(
-        sample, dim=len(points), inputs=[staggered.height, staggered.frame, at], outputs=[out],
+        sample, dim=len(points), inputs=[staggered.ground, at], outputs=[out],
         device=device,
     )  # fmt: skip
     return out.numpy()

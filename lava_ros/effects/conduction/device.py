@@ -34,7 +34,7 @@ In most scenes nothing is exchanged in a step that a float would keep: steps are
 a particle would exchange ``LEAST_SHARE`` of its heat, and only then are the neighbours visited.
 """
 
-from functools import lru_cache
+from functools import lru_cache, partial
 import math
 from typing import Any
 
@@ -163,8 +163,8 @@ class AfterStep:
         lava = scene.lava
         square = (accuracy.ratio * accuracy.spacing) ** 2
         diffusivity = lava.conductivity / (lava.density * lava.specific_heat)
-        self._kernels = _kernels(
-            state.real, accuracy.kernel, accuracy.ratio, state.effects, state.rare_threads
+        self._kernels = partial(
+            _kernels, state.real, accuracy.kernel, accuracy.ratio, state.effects
         )
         norm = smoothing_kernel(accuracy.kernel, state.real, accuracy.ratio).norm
         # of V_j slope / (h_i + h_j) in the exchange rate with j
@@ -176,8 +176,8 @@ class AfterStep:
 
     def apply(self, state: State, way: Any) -> None:
         """Let neighbours exchange heat at the end of a step, if enough time has passed."""
-        wait, add_rates, exchange_heat, keep = self._kernels
         threads = state.rare_threads
+        wait, add_rates, exchange_heat, keep = self._kernels(threads)
         state.launches(wait, dim=1, inputs=[way, self._rate], outputs=[])
         state.launches(add_rates, dim=threads, inputs=[way, self._factor], outputs=[])
         for sweep in range(self.sweeps):

@@ -64,9 +64,10 @@ from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.timestep import pace_type
 from lava_ros.simulation.vents import Outlets
 
-#: The squared distance within which K0 is that at it, half of the radius of a particle's own disc,
-#: over the disc's area.
-_NEAR = 0.25 / math.pi
+#: The squared distance within which K0 is that at it, over the area of a particle's own disc: the
+#: mean of ln r over the disc is there. As K0 is convex in ln r, its own mean is no less, and a
+#: neighbour, however near, counts no more than the particle itself: two push each other apart.
+_NEAR = math.exp(-1.0) / math.pi
 
 #: Fewest particles that are worth a part on the CPU: K0 takes as long as three other kernels.
 _LEAST_PART = LEAST_SUMS // 2
@@ -200,7 +201,7 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
         height = here[2] / own
         k = real(wp.static(math.sqrt(3.0))) / height
         powers = powers_of(k * support)
-        # inside its own disc K0 takes the value at that disc's edge
+        # inside its own disc K0 is level
         unit = real(wp.static(math.sqrt(SQUARED_SUPPORT))) / support
         least = wp.max(own * real(_NEAR) * unit * unit, real(LEAST_SQUARED))
         box = cells_around(m.cells, here[0], here[1], support)
@@ -212,6 +213,7 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
         ka = k * wp.sqrt(own / real(wp.pi))
         # in place of what it counted as its own neighbour
         weight = real(2.0) / (ka * ka) * (real(1.0) - x_k1(ka)) - k0(powers, least)
+        weight = wp.max(weight, real(0.0))
         total += weight * own
         x += weight * p[2]
         y += weight * p[3]

@@ -35,6 +35,7 @@ from lava_ros.simulation.backend.compiled import (
     load2,
     load4,
     quick_kernel,
+    raise_to,
     store4,
     sum_over,
 )
@@ -44,7 +45,7 @@ from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import smoothing_kernel, SmoothingKernel
 from lava_ros.simulation.motion_arguments import journey_type
-from lava_ros.simulation.state import PARTICLES, State
+from lava_ros.simulation.state import ADVECTION, PARTICLES, State
 
 #: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
 REDUCTION = 1e-4
@@ -148,6 +149,7 @@ def _kernels(
     cells_around = cell_functions(real).cells_around
     load, store, total = load4(real), store4(real), sum_over(real, lanes)
     fallen = fall_function(real)
+    raised = raise_to(real)
     sums_around = _sums_function(real, kernel, lanes)
     if is_wide and kernel.wide_terms:
         sums_around = _wide_sums_function(kernel.wide_terms)
@@ -202,6 +204,7 @@ def _kernels(
             p = load(m.layer, i)
             u = fallen(solution[i], p[3], vec2(p[0], p[1]), m)
             m.flow[i] = vec3(p[3], u[0], u[1])
+            raised(m.rates, ADVECTION, wp.length(u) / m.constants.reach)
 
     return start, sweep, finish
 
@@ -246,6 +249,8 @@ def solve_velocity(
     ratio: float,
 ) -> None:
     """Replace the local velocity in ``state.flow`` by the solution of the balance.
+
+    ``state.rates`` is raised to what that velocity allows.
 
     Args:
         state: The particles.

@@ -44,6 +44,7 @@ from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.streams import read
+from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import BORDER, HOLES, PARTICLES, State
 from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_functions
@@ -176,8 +177,9 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     return freeze, raise_ground
 
 
-@wp.kernel(module='unique', enable_backward=False)
+@quick_kernel(fast_math=False)
 def _show(
+    thread: int,
     deposit: wp.array2d(dtype=wp.int64),
     known: wp.array2d(dtype=wp.uint8),
     solidus: wp.float32,
@@ -186,7 +188,8 @@ def _show(
     frozen: wp.array2d(dtype=wp.float32),
 ):
     """Add what has frozen to a map; where all has, it has the solidus."""
-    i, j = wp.tid()
+    i = thread // known.shape[1]
+    j = thread % known.shape[1]
     if known[i, j] == wp.uint8(0):
         frozen[i, j] = wp.float32(wp.nan)
         return
@@ -222,19 +225,20 @@ class AfterStep:
         inputs = [way, *laid, self._ground]
         state.launches(raise_ground, dim=state.rare_threads, inputs=inputs, outputs=[])
 
-    def show(self, grids: Any) -> None:
+    def show(self, state: State, grids: Any) -> None:
         """Add the frozen lava to a map.
 
         Args:
+            state: The particles.
             grids: Thickness [m] and temperature [K] of the fluid lava, to be made those of all,
                 and the thickness of what has frozen [m], to be filled; float32, on the device.
         """
-        wp.launch(
+        launch_over(
+            state,
             _show,
-            dim=grids.shape[1:],
             inputs=[self._deposit, self._terrain.known, self._solidus],
             outputs=[grids[0], grids[1], grids[2]],
-            device=grids.device,
+            count=grids[0].size,
         )
 
     def thickness(self) -> np.ndarray:

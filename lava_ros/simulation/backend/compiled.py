@@ -189,35 +189,70 @@ def quick_kernel(
     if function is None:
         return partial(quick_kernel, bounds=bounds, fast_math=fast_math)
     _, *names = signature(function).parameters
-    kernel: Any = wp.kernel(
-        _entry(
-            function,
-            {name: function.__annotations__[name] for name in names} | {'first': int},
-            f'body(thread, {", ".join(names)})',
-        ),
+    types = {name: function.__annotations__[name] for name in names}
+    write = partial(_kernel_of, wp.func(function), function, bounds, fast_math)
+    kernel = write(
+        types | {'first': int},
+        'thread = counted_from(first, wp.tid())',
+        'after_the_former()',
+        f'body(thread, {", ".join(names)})',
+    )
+    kernel.for_many = lru_cache(partial(_for_many, write, function, types))
+    return kernel
+
+
+def _for_many(
+    write: Callable[..., Any], function: Callable[..., None], types: Mapping[str, Any], size: int
+) -> tuple[Any, Any]:
+    """Make what launches a function for many members at once, in blocks of ``size`` threads.
+
+    Returns:
+        The Warp struct of the arguments of a member; and the kernel. It takes an array of them,
+        and for each block the number of its member, -1 for none, its first thread and the end of
+        the member's threads.
+    """
+    kind = type(function.__name__, (), {
+        '__annotations__': dict(types), '__module__': function.__module__,
+        '__qualname__': f'{function.__qualname__}_arguments',
+    })
+    arguments = wp.struct(kind)
+    kernel = write(
+        {'members': wp.array(dtype=arguments), 'blocks': wp.array(dtype=wp.vec3i)},
+        f'block = blocks[block_number({size}, wp.tid())]',
+        f'thread = block[1] + number_in_block({size}, wp.tid())',
+        'after_the_former()',
+        'if block[0] >= 0 and thread < block[2]:',
+        '    member = members[block[0]]',
+        f'    body(thread, {", ".join(f"member.{name}" for name in types)})',
+    )
+    # one that was compiled before with the same code has a struct of its own
+    return kernel.adj.args[0].type.dtype, kernel
+
+
+def _kernel_of(
+    body: Any,
+    function: Callable[..., None],
+    bounds: tuple[int, int] | None,
+    fast_math: bool,
+    types: Mapping[str, Any],
+    *lines: str,
+) -> Any:
+    """Write a kernel of a function: what it takes, by name, and the lines that call it."""
+    heading = ', '.join(f'{name}: types["{name}"]' for name in types)
+    source = '\n    '.join((f'def {function.__name__}({heading}):', *lines)) + '\n'
+    file = f'<{function.__qualname__}: {source}>'
+    # Warp reads the source of what it compiles
+    linecache.cache[file] = len(source), None, source.splitlines(True), file
+    found = globals() | {'types': types, 'body': body, '__name__': function.__module__}
+    exec(compile(source, file, 'exec'), found)
+    return wp.kernel(
+        found[function.__name__],
         module='unique',
         enable_backward=False,
         grid_stride=False,
         launch_bounds=bounds,
         module_options={'fast_math': fast_math, 'enable_backward': False},
     )
-    return kernel
-
-
-def _entry(function: Callable[..., None], types: Mapping[str, Any], call: str) -> Any:
-    """Write the kernel of a function: what it takes, by name, and how it calls it."""
-    heading = ', '.join(f'{name}: types["{name}"]' for name in types)
-    lines = 'thread = counted_from(first, wp.tid())', 'after_the_former()', call
-    source = '\n    '.join((f'def {function.__name__}({heading}):', *lines)) + '\n'
-    file = f'<kernel of {function.__qualname__}>'
-    # Warp reads the source of what it compiles
-    linecache.cache[file] = len(source), None, source.splitlines(True), file
-    found = {
-        'wp': wp, 'types': types, 'body': wp.func(function), 'counted_from': counted_from,
-        'after_the_former': after_the_former, '__name__': function.__module__,
-    }
-    exec(compile(source, file, 'exec'), found)
-    return found[function.__name__]
 
 
 def _on_cuda(snippet: str, otherwise: str) -> str:
@@ -300,15 +335,21 @@ def counted_from(first: int, i: int) -> int:
     ...
 
 
-@wp.func_native(_on_cuda('return blockDim.y;', 'return 1;'))
-def unseen_one() -> int:
-    """Return 1, which the compiler cannot know: it would unroll what is unrolled already."""
+@wp.func_native(_on_cuda('return blockIdx.x;', 'return i / size;'))
+def block_number(size: int, i: int) -> int:
+    """Return the number of the block of the thread i, of blocks of a size."""
     ...
 
 
-@wp.func_native(_on_cuda('return row;', 'return first + row;'))
-def row_from(first: int, row: int) -> int:
-    """Return the row of a launch over a grid, on the CPU of one from ``first`` on (threads.py)."""
+@wp.func_native(_on_cuda('return threadIdx.x;', 'return i % size;'))
+def number_in_block(size: int, i: int) -> int:
+    """Return the number of the thread i in its block."""
+    ...
+
+
+@wp.func_native(_on_cuda('return blockDim.y;', 'return 1;'))
+def unseen_one() -> int:
+    """Return 1, which the compiler cannot know: it would unroll what is unrolled already."""
     ...
 
 

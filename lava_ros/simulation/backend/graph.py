@@ -51,6 +51,7 @@ class Launches:
 
     Attributes:
         extent: Particles that what was captured takes.
+        forgotten: How often ``forget`` was called: what was taken down before is of no use.
     """
 
     def __init__(self, device: Any) -> None:
@@ -60,7 +61,7 @@ class Launches:
         self._again: Callable[[], None] | None = None
         self._taken_down: list[Launch] | None = None
         self._captured: set[Any] = set()
-        self.extent = 0
+        self.extent = self.forgotten = 0
 
     @property
     def is_capturing(self) -> bool:
@@ -90,14 +91,15 @@ class Launches:
             return
         commands = [
             self._record(one.kernel, one.dim, [*one.arguments, 0])
-            for one in self.taken_down(launch)
+            for one in self.taken_down(launch, extent)
             if one.dim > 0
         ]
         self._again = partial(_call, [_compiled(command) for command in commands])
 
-    def taken_down(self, launch: Callable[[], None]) -> list[Launch]:
-        """What a function launches through here, which is not launched."""
-        taken_down = self._taken_down = []
+    def taken_down(self, launch: Callable[[], None], extent: int) -> list[Launch]:
+        """What a function launches through here for ``extent`` particles, and is not launched."""
+        taken_down = self._taken_down = list[Launch]()
+        self.extent = extent
         try:
             launch()
         finally:
@@ -162,6 +164,7 @@ class Launches:
         """Keep none any more, nor their arrays."""
         self._kept.clear()
         self._again = None
+        self.forgotten += 1
 
     def _record(self, kernel: Any, dim: int, arguments: list[Any]) -> Any:
         command: Any = wp.launch(

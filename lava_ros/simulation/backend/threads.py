@@ -35,8 +35,6 @@ from queue import SimpleQueue
 from threading import Lock, Thread
 from typing import Any, TYPE_CHECKING
 
-import warp as wp
-
 from lava_ros.errors import LavaError
 from lava_ros.simulation.backend.cores import usable_cores
 
@@ -96,8 +94,9 @@ def launch_over(
     least: int = LEAST_SUMS,
     lanes: int = 1,
     ahead: int = 0,
+    count: int | None = None,
 ) -> None:
-    """Launch a kernel over the particles of a state.
+    """Launch a kernel over the particles of a state, or over as many other items.
 
     Args:
         state: The particles.
@@ -107,9 +106,10 @@ def launch_over(
         least: Fewest particles that are worth a part.
         lanes: Threads that share a particle.
         ahead: Threads that come before those of the particles, on a GPU only, and are a block.
+        count: Items, cells of a grid for instance, in place of particles.
     """
     # the first one does what is done once, even if it has no particle
-    count = ahead + max(1, state.extent) * lanes
+    count = ahead + max(1, state.extent) * lanes if count is None else count
     # what is captured is one thread's
     workers = 1 if state.launches.is_capturing else _workers(state.device, count, least * lanes)
     if workers < 2:
@@ -120,52 +120,12 @@ def launch_over(
     record = partial(
         state.launches.packed, kernel, dim=1, arguments=[*inputs, *outputs, 0]
     )
-    _Job(record, (), _parts(count, workers, least)).compute(workers - 1)
+    _Job(record, _parts(count, workers, least)).compute(workers - 1)
 
 
 def is_alone(state: 'State') -> bool:
     """Whether one thread does all of a stage: what it launches can be captured."""
     return state.device.is_cuda or state.extent < 2 * LEAST_SUMS or threads() < 2
-
-
-def launch(
-    kernel: Any,
-    count: int,
-    *,
-    inputs: Sequence[Any],
-    outputs: Sequence[Any],
-    device: Any,
-    least: int = LEAST_SUMS,
-    columns: int | None = None,
-) -> None:
-    """Launch a kernel: on the CPU in parts, on all cores, on a GPU in one go.
-
-    Args:
-        kernel: The kernel; its last argument, which is given here, is the first item.
-        count: Items: particles, or rows of a grid.
-        inputs: Its arguments.
-        outputs: Those that it writes, but the last.
-        device: The device.
-        least: Fewest items that are worth a part.
-        columns: Cells of a row of a grid.
-    """
-    row = () if columns is None else (columns,)
-    workers = _workers(device, count, least)
-    if workers < 2:
-        wp.launch(
-            kernel, dim=(count, *row), inputs=inputs, outputs=[*outputs, 0], device=device
-        )
-        return
-    record = partial(
-        wp.launch,
-        kernel,
-        dim=(1, *row),
-        inputs=inputs,
-        outputs=[*outputs, 0],
-        device=device,
-        record_cmd=True,
-    )
-    _Job(record, row, _parts(count, workers, least)).compute(workers - 1)
 
 
 def _workers(device: Any, count: int, least: int) -> int:
@@ -183,13 +143,10 @@ def _parts(count: int, workers: int, least: int) -> Iterable[tuple[int, int]]:
 class _Job:
     """A launch in parts that threads take one by one."""
 
-    def __init__(
-        self, record: Callable[[], Any], row: tuple[int, ...], parts: Iterable[tuple[int, int]]
-    ) -> None:
+    def __init__(self, record: Callable[[], Any], parts: Iterable[tuple[int, int]]) -> None:
         """Take what records the launch, and the first item and the end of each of its parts."""
         self._record: Any = record
         self._whole: Any = None
-        self._row = row
         self._parts = deque(parts)
         self._lock = Lock()
         self._is_open = False
@@ -258,7 +215,7 @@ class _Job:
                 first, end = self._parts.popleft()
             except IndexError:
                 return
-            own.set_dim((end - first, *self._row))
+            own.set_dim(end - first)
             own.set_param_at_index(last, first)
             own.launch()
 

@@ -103,7 +103,7 @@ def _steps(
 ) -> Iterator[Measured]:
     """Yield what is measured with a number of particles."""
     sets = effect_sets()
-    before = _used(device)
+    before = used_memory(device)
     show(SETS[0], 0.0)
     simulation = lava_field(number, sets[SETS[0]], device)
     reference: Sequence[float] = ()
@@ -116,7 +116,8 @@ def _steps(
             raise LavaError('effects', name, 'a set that steps of fixed length can have')
         each, count = step_times(simulation, repetitions, LEAST)
         yield from _pace(name, count, each)
-        yield f'{name}: memory', count, [_memory(simulation, before) / count], 'B per particle'
+        memory = memory_of(simulation, device, before) / count
+        yield f'{name}: memory', count, [memory], 'B per particle'
         if index == 0:
             bare = median(each)
             show('reference', 1 / (len(SETS) + 1))
@@ -195,7 +196,7 @@ def _starts(device: str, repetitions: int) -> list[float]:
     return times[1:]
 
 
-def _used(device: str) -> int:
+def used_memory(device: str) -> int:
     """Memory that a GPU's pool has given out [B], 0 where there is no pool."""
     found = wp.get_device(device)
     if not found.is_mempool_enabled:
@@ -205,11 +206,11 @@ def _used(device: str) -> int:
     return int(wp.get_mempool_used_mem_current(found))
 
 
-def _memory(simulation: Simulation, before: int) -> int:
-    """Device memory of a simulation [B]: what the pool gave out since, or all its arrays."""
-    if wp.get_device(simulation.device).is_mempool_enabled:
-        return _used(simulation.device) - before
-    return sum(_arrays(simulation).values())
+def memory_of(root: Any, device: str, before: int) -> int:
+    """Device memory of simulations [B]: what the pool gave out since, or all their arrays."""
+    if wp.get_device(device).is_mempool_enabled:
+        return used_memory(device) - before
+    return sum(_arrays(root).values())
 
 
 def _arrays(root: Any) -> dict[int, int]:

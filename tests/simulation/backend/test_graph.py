@@ -108,7 +108,9 @@ def test_a_terrain_that_is_replaced_is_given_back():
     simulation = lava_field(100, effect_sets()['solidification'], 'cpu')
     simulation.advance(5.0 * STEP)
     for _ in range(3):
-        gone = [weakref.ref(simulation._terrain.height), weakref.ref(simulation._neighbors.starts)]
+        arrays = simulation._terrain.height, simulation._neighbors.cells.starts
+        gone = [weakref.ref(array) for array in arrays]
+        del arrays
         simulation.set_terrain(simulation.scene.terrain)
         simulation.advance(simulation.time + 5.0 * STEP)
         gc.collect()

@@ -59,13 +59,12 @@ def kernel_of_flow(sums):
         values: wp.array(dtype=wp.vec4),
         area: wp.array(dtype=float),
         pairs: wp.array(dtype=wp.vec2),
-        starts: wp.array(dtype=wp.int32),
         cells: cell_frame(wp.float32),
         box: wp.vec4i,
         p: wp.vec4,
         result: wp.array(dtype=wp.vec3),
     ):
-        result[0] = sums(0, values, starts, cells, box, p, wp.static(1.0 / RADIUS))
+        result[0] = sums(0, values, cells, box, p, wp.static(1.0 / RADIUS))
 
     return sum_up
 
@@ -79,13 +78,12 @@ def kernel_of_green(sums):
         values: wp.array(dtype=wp.vec4),
         area: wp.array(dtype=float),
         pairs: wp.array(dtype=wp.vec2),
-        starts: wp.array(dtype=wp.int32),
         cells: cell_frame(wp.float32),
         box: wp.vec4i,
         p: wp.vec4,
         result: wp.array(dtype=wp.vec3),
     ):
-        result[0] = sums(0, values, area, starts, cells, box, p, powers_of(2.0), 0.2)
+        result[0] = sums(0, values, area, cells, box, p, powers_of(2.0), 0.2)
 
     return sum_up
 
@@ -98,14 +96,13 @@ def kernel_of_helmholtz(sums):
         values: wp.array(dtype=wp.vec4),
         area: wp.array(dtype=float),
         pairs: wp.array(dtype=wp.vec2),
-        starts: wp.array(dtype=wp.int32),
         cells: cell_frame(wp.float32),
         box: wp.vec4i,
         p: wp.vec4,
         result: wp.array(dtype=wp.vec3),
     ):
         u = wp.vec2(0.3, -0.4)
-        result[0] = sums(0, values, pairs, starts, cells, box, p, u, wp.static(1.0 / RADIUS))
+        result[0] = sums(0, values, pairs, cells, box, p, u, wp.static(1.0 / RADIUS))
 
     return sum_up
 
@@ -138,6 +135,7 @@ def sums_of(kernel, sizes, seed=0, outside=np.nan, room=0):
     )
     cells = cell_frame(wp.float32)()
     cells.rows, cells.columns = ROWS, COLUMNS
+    cells.starts = wp.array(starts, dtype=wp.int32, device='cpu')
     result = wp.zeros(1, dtype=wp.vec3, device='cpu')
     wp.launch(
         kernel,
@@ -146,7 +144,6 @@ def sums_of(kernel, sizes, seed=0, outside=np.nan, room=0):
             wp.array(values, dtype=wp.vec4, device='cpu'),
             wp.array(area, dtype=float, device='cpu'),
             wp.array(pairs, dtype=wp.vec2, device='cpu'),
-            wp.array(starts, dtype=wp.int32, device='cpu'),
             cells,
             wp.vec4i(*BOX),
             wp.vec4(0.1, -0.2, 1.0, 2.0),

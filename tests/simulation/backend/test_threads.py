@@ -17,6 +17,7 @@
 import subprocess
 import sys
 import threading
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from lava_ros.simulation import motion, neighbors
 from lava_ros.simulation.backend import threads
 from lava_ros.simulation.backend.compiled import quick_kernel, raise_to
 from lava_ros.simulation.backend.cores import usable_cores
+from lava_ros.simulation.backend.graph import Launches
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 
 #: Sets of effects: in them every kernel that is launched in parts has a part.
@@ -74,15 +76,20 @@ def count_visits(
     raised(most, 0, values[i])
 
 
+def state_of(count):
+    """What a launch asks of a state."""
+    device = wp.get_device('cpu')
+    return SimpleNamespace(device=device, extent=count, launches=Launches(device))
+
+
 def visited(count, parts, least=1):
     """Visit every item with some threads; return the visits and the largest value."""
     threads.use_threads(parts)
     values = wp.array(np.random.default_rng(1).random(count), dtype=wp.float32, device='cpu')
     visits = wp.zeros(count, dtype=wp.int32, device='cpu')
     most = wp.zeros(1, dtype=wp.float32, device='cpu')
-    threads.launch(
-        count_visits, count, inputs=[values], outputs=[visits, most],
-        device=wp.get_device('cpu'), least=least,
+    threads.launch_over(
+        state_of(count), count_visits, inputs=[values], outputs=[visits, most], least=least
     )
     return visits.numpy(), most.numpy()[0], values.numpy().max()
 
@@ -155,7 +162,7 @@ def test_what_a_helper_raises_reaches_the_caller():
         done.set()
         raise RuntimeError('of a helper')
 
-    job = threads._Job(lambda: Recorded(part), (), [(0, 1), (1, 2), (2, 3)])
+    job = threads._Job(lambda: Recorded(part), [(0, 1), (1, 2), (2, 3)])
     with pytest.raises(RuntimeError, match='of a helper'):
         job.compute(1)
     assert done.is_set()
@@ -164,7 +171,7 @@ def test_what_a_helper_raises_reaches_the_caller():
 
 def test_what_the_caller_raises_ends_the_job():
     """No helper begins with another part of it."""
-    job = threads._Job(lambda: Recorded(lambda _: 1 / 0), (), [(0, 1), (1, 2)])
+    job = threads._Job(lambda: Recorded(lambda _: 1 / 0), [(0, 1), (1, 2)])
     with pytest.raises(ZeroDivisionError):
         job.compute(0)
     job.help()
@@ -173,10 +180,9 @@ def test_what_the_caller_raises_ends_the_job():
 
 def test_a_launch_that_cannot_be_recorded():
     """The helpers that were called find nothing to do, and the next launch is as any other."""
-    device = wp.get_device('cpu')
     threads.use_threads(2)
     with pytest.raises(RuntimeError, match='requires 4'):
-        threads.launch(count_visits, 1000, inputs=[], outputs=[], device=device, least=1)
+        threads.launch_over(state_of(1000), count_visits, inputs=[], outputs=[], least=1)
     assert (visited(1000, 2)[0] == 1).all()
 
 

@@ -14,10 +14,14 @@
 
 """Looks become arrival times: between two of them fronts run evenly."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+import warp as wp
 
-from lava_ros.forecast.arrival_time import Gathering, passed
+from lava_ros.simulation.backend.graph import Launches
+from lava_ros.simulation.looks import Looks
 
 
 def strip(front, rows=1, columns=12, thickness=2.0):
@@ -25,52 +29,73 @@ def strip(front, rows=1, columns=12, thickness=2.0):
     return np.where(np.arange(columns) < front, thickness, 0.0)[None].repeat(rows, axis=0)
 
 
-def gathered(looks, threshold=0.1):
-    """A gathering of (time, thickness)."""
-    gathering = Gathering(threshold)
+def looks_at(shape, device, threshold=0.1, most=2):
+    """Looks, and what they ask of a state."""
+    device = wp.get_device(device)
+    clock = wp.zeros(5, dtype=wp.float64, device=device)
+    state = SimpleNamespace(device=device, extent=0, launches=Launches(device), clock=clock)
+    return Looks(shape, threshold, most, device), state
+
+
+def take(looks, state, known, *maps):
+    """Take a look at maps of thickness and temperature."""
+    kinds = (wp.uint8, float, float)
+    arrays = [
+        wp.array(values, dtype=kind, device=state.device)
+        for values, kind in zip((known, *maps), kinds, strict=True)
+    ]
+    looks.take(state, *arrays)
+
+
+def seen_of(looks, device, threshold=0.1):
+    """What is seen by looks, each a time and the thickness then."""
+    taken, state = looks_at(looks[0][1].shape, device, threshold, len(looks))
     for time, thickness in looks:
+        state.clock.fill_(time)
         temperature = np.where(thickness > 0.0, 1400.0 - time, np.nan)
-        gathering.look(time, thickness.astype(np.float32), temperature.astype(np.float32))
-    return gathering
+        take(taken, state, np.isfinite(thickness), thickness, temperature)
+    assert taken.flaw() == ''
+    return taken.seen(state)
 
 
 @pytest.mark.parametrize('rows', [1, 5])
-def test_a_front_that_runs_evenly_is_met_exactly(rows):
+def test_a_front_that_runs_evenly_is_met_exactly(device, rows):
     """Whether it crosses a cell in many looks or many cells in one."""
-    times = gathered([(10.0, strip(2, rows)), (20.0, strip(7, rows)), (30.0, strip(10, rows))])
+    looks = [(10.0, strip(2, rows)), (20.0, strip(7, rows)), (30.0, strip(10, rows))]
+    times = seen_of(looks, device)
     expected = [10.0, 10.0, 11.0, 13.0, 15.0, 17.0, 19.0, 20.0 + 10.0 / 6, 25.0, 30.0 - 10.0 / 6]
     np.testing.assert_allclose(times.arrival[:, :10], [expected] * rows)
     assert np.isnan(times.arrival[:, 10:]).all()
 
 
-def test_a_tongue_is_dated_along_its_way():
+def test_a_tongue_is_dated_along_its_way(device):
     """Cells at its sides are as early as those beside them in its middle."""
     before, after = np.zeros((9, 20)), np.zeros((9, 20))
     before[:, :2] = after[:, :2] = 1.0
     after[3:6, 2:12] = 1.0
-    times = gathered([(0.0, before), (10.0, after)]).arrival
+    times = seen_of([(0.0, before), (10.0, after)], device).arrival
     np.testing.assert_allclose(times[3:6, 2:12], [np.arange(10) + 0.5] * 3)
 
 
-def test_what_rises_is_dated_by_its_thickness():
+def test_what_rises_is_dated_by_its_thickness(device):
     """Lava that was there, but thinner than the threshold, grows evenly."""
     thin, thick = strip(5, thickness=0.02), strip(5, thickness=0.22)
-    times = gathered([(0.0, thin), (10.0, thick)]).arrival
+    times = seen_of([(0.0, thin), (10.0, thick)], device).arrival
     np.testing.assert_allclose(times[0, :5], 4.0, rtol=1e-6)
 
 
-def test_lava_out_of_nowhere_comes_at_once():
+def test_lava_out_of_nowhere_comes_at_once(device):
     """What no lava leads to may have come right after the look before: the safe side."""
-    times = gathered([(5.0, strip(0)), (15.0, strip(3))]).arrival
+    times = seen_of([(5.0, strip(0)), (15.0, strip(3))], device).arrival
     np.testing.assert_array_equal(times[0, :3], 5.0)
 
 
-def test_peaks_and_first_times_stay():
+def test_peaks_and_first_times_stay(device):
     """Lava that goes leaves its arrival and its peaks; cells outside stay unknown."""
     looks = [(0.0, strip(3)), (1.0, strip(6, thickness=4.0)), (2.0, strip(1))]
     for _, thickness in looks:
         thickness[0, 11] = np.nan
-    result = gathered(looks)
+    result = seen_of(looks, device)
     assert np.isfinite(result.arrival[0, :6]).all()
     np.testing.assert_array_equal(result.thickness[0, :6], 4.0)
     np.testing.assert_array_equal(result.temperature[0, :6], [1400.0] * 3 + [1399.0] * 3)
@@ -79,12 +104,32 @@ def test_peaks_and_first_times_stay():
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_shares_are_shares(seed):
+def test_shares_are_shares(device, seed):
     """Whatever lies where: between the two looks, and the farther from old lava the later."""
     random = np.random.default_rng(seed)
     before = np.where(random.random((20, 30)) < 0.1, random.random((20, 30)), 0.0)
     after = np.where(random.random((20, 30)) < 0.6, random.random((20, 30)), 0.0)
     is_new = (after >= 0.3) & (before < 0.3)
-    shares = passed(before, after, is_new, 0.3)
-    assert shares.shape == (is_new.sum(),)
-    assert ((shares >= 0.0) & (shares <= 1.0)).all()
+    arrival = seen_of([(0.0, before), (1.0, after)], device, 0.3).arrival[is_new]
+    assert ((arrival >= 0.0) & (arrival <= 1.0)).all()
+
+
+@pytest.mark.parametrize(
+    ('thickness', 'temperature', 'flaw'),
+    [
+        (1.0, 1400.0, ''),
+        (np.nan, 1400.0, 'thickness is not a number of metres'),
+        (np.inf, 1400.0, 'thickness is not a number of metres'),
+        (-1.0, 1400.0, 'thickness is not a number of metres'),
+        (1.0, np.nan, 'temperature is not a number of kelvin'),
+        (1.0, 0.0, 'temperature is not a number of kelvin'),
+    ],
+)
+def test_what_no_map_can_show_is_said(device, thickness, temperature, flaw):
+    """Of ground with data, and not of ground without."""
+    taken, state = looks_at((2, 2), device)
+    for known in (0, 1):
+        assert taken.flaw() == ''
+        maps = np.full((2, 2), thickness), np.full((2, 2), temperature)
+        take(taken, state, np.full((2, 2), known), *maps)
+    assert taken.flaw() == flaw

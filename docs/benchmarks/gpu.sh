@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# Renews the tables that are measured on a GPU.
+#
+#     docs/benchmarks/gpu.sh OUT CASES [PART ...]      (default: all parts, in the order below)
+#
+# OUT: a folder for what comes out. CASES: a folder with the cases etna2001 and etna2006 (docs/VALIDATION.md). Each
+# part is cut off after its limit; what it wrote until then stays. `python3` has to find lava_ros and its packages.
+set -u
+out=$(realpath "${1:?usage: gpu.sh OUT CASES [PART ...]}"); cases=$(realpath "${2:?usage: gpu.sh OUT CASES [PART ...]}")
+shift 2
+cd "$(dirname "$0")/../.." || exit
+export PYTHONPATH=$PWD:$PWD/tests:$PWD/docs/benchmarks${PYTHONPATH:+:$PYTHONPATH}
+lava="python3 -m lava_ros.cli.main"
+both="--case $cases/etna2001 --case $cases/etna2006"
+
+declare -A command=(
+    [batch]="python3 -m pytest -q -p no:cacheprovider -p no:launch_testing tests/simulation/test_batch.py tests/simulation/test_looks.py"
+    [members]="$lava bench members --device cuda:0 --output $out/members.csv"
+    [day]="python3 docs/benchmarks/members.py --device cuda:0 --members 256 --workers 1 --case $cases/etna2001 --machine GPU"
+    [hard]="python3 -m hard.run --device cuda:0 --jobs 8 --csv $out"
+    [steps]="$lava bench steps --device cuda:0 --repetitions 5 --output $out/steps_h200.csv"
+    [effects]="$lava bench effects --device cuda:0 --repetitions 5 --output $out/effects_h200.csv"
+    [accuracy]="$lava accuracy --device cuda:0 --case green --case radiating_sheet --longest 20 --output $out/accuracy"
+    [calibrate]="$lava calibrate $cases/etna2001 $cases/etna2006 --preset standard --directions 4 --device cuda:0 -o $out/calibration"
+    [eruptions]="python3 docs/benchmarks/eruptions.py $out/eruptions_h200.csv $both --calibration $out/calibration --preset standard --runs 8 --device cuda:0"
+    [probability]="python3 docs/benchmarks/probability.py $out/probability_h200.csv $both --folder $out/members --members 64 --preset draft --device cuda:0"
+)
+declare -A limit=(
+    [batch]=120 [members]=120 [day]=60 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80 [calibrate]=500 [eruptions]=300
+    [probability]=500
+)
+[ $# -gt 0 ] || set -- batch members day hard steps effects accuracy calibrate eruptions probability
+mkdir -p "$out"
+for part; do
+    begun=$SECONDS
+    timeout "${limit[$part]:?no part $part}" ${command[$part]} > "$out/$part.txt" 2>&1
+    echo "$part: status $?, $((SECONDS - begun)) s"
+    tail -n 20 "$out/$part.txt"
+done

@@ -1,0 +1,249 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""When lava comes where, from looks at a flow, on its device.
+
+Lava that was not there at a look and is there at the next came in between. Where it was there but
+thin, its thickness grew evenly. Where it was not, the front ran evenly: new cells are numbered by
+their distance from the lava of the look before, and each is as early as its number among those of
+its branch, up to where that ends. Lava that is connected with none before came at once.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import warp as wp
+
+from lava_ros.simulation.backend.compiled import quick_kernel
+from lava_ros.simulation.backend.streams import read
+from lava_ros.simulation.backend.threads import launch_over
+from lava_ros.simulation.state import State, TIME
+
+#: Sweeps over the cells between two questions whether they change anything.
+_SWEEPS = 8
+
+# Places in Looks.count.
+_LOOKS = wp.constant(0)
+_FLAW = wp.constant(1)
+_CHANGED = wp.constant(2)
+
+#: What a map cannot show, by its number in ``count[_FLAW]``.
+_FLAWS = ('', 'thickness is not a number of metres', 'temperature is not a number of kelvin')
+
+
+@wp.struct
+class _Looks:
+    """The arrays of ``Looks``; the lava of the look before, and what is known of each cell.
+
+    ``look`` is the number from 1 on of the look that first saw lava there, 0 before. ``share`` is
+    the share of the time between two looks that had passed then, -1 where a front ran. ``place``
+    numbers those cells along a front, from 1 on, and ``last`` is the largest number of their
+    branch.
+    """
+
+    threshold: wp.float32
+    count: wp.array(dtype=wp.int32)
+    times: wp.array(dtype=wp.float64)
+    former: wp.array2d(dtype=wp.float32)
+    look: wp.array2d(dtype=wp.int32)
+    share: wp.array2d(dtype=wp.float32)
+    place: wp.array2d(dtype=wp.int32)
+    last: wp.array2d(dtype=wp.int32)
+    thickness: wp.array2d(dtype=wp.float32)
+    temperature: wp.array2d(dtype=wp.float32)
+
+
+@wp.func
+def _is_beside(i: int, j: int, looks: _Looks) -> bool:
+    """Whether there was lava around a cell at the look before."""
+    for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.former.shape[0])):
+        for column in range(wp.max(j - 1, 0), wp.min(j + 2, looks.former.shape[1])):
+            if looks.former[row, column] >= looks.threshold:
+                return True
+    return False
+
+
+@quick_kernel(fast_math=False)
+def _compare(
+    thread: int,
+    known: wp.array2d(dtype=wp.uint8),
+    thickness: wp.array2d(dtype=wp.float32),
+    temperature: wp.array2d(dtype=wp.float32),
+    looks: _Looks,
+):
+    """Compare a map with the one before."""
+    i = thread // known.shape[1]
+    j = thread % known.shape[1]
+    if known[i, j] == wp.uint8(0):
+        return
+    height = thickness[i, j]
+    heat = temperature[i, j]
+    if not (wp.isfinite(height) and height >= wp.float32(0.0)):
+        looks.count[_FLAW] = 1
+        return
+    if height > looks.thickness[i, j] or wp.isnan(looks.thickness[i, j]):
+        looks.thickness[i, j] = height
+    if height == wp.float32(0.0):
+        return
+    if not (wp.isfinite(heat) and heat > wp.float32(0.0)):
+        looks.count[_FLAW] = 2
+        return
+    if heat > looks.temperature[i, j] or wp.isnan(looks.temperature[i, j]):
+        looks.temperature[i, j] = heat
+    if height < looks.threshold or looks.look[i, j] > 0:
+        return
+    number = looks.count[_LOOKS] + 1
+    looks.look[i, j] = number
+    if number == 1:
+        return
+    before = wp.float64(looks.former[i, j])
+    looks.share[i, j] = wp.float32(-1.0)
+    if before > wp.float64(0.0):
+        grew = (wp.float64(looks.threshold) - before) / (wp.float64(height) - before)
+        looks.share[i, j] = wp.float32(wp.clamp(grew, wp.float64(0.0), wp.float64(1.0)))
+    if _is_beside(i, j, looks):
+        looks.place[i, j] = 1
+
+
+@quick_kernel(fast_math=False)
+def _keep(
+    thread: int,
+    thickness: wp.array2d(dtype=wp.float32),
+    clock: wp.array(dtype=wp.float64),
+    looks: _Looks,
+):
+    """Keep the map for the next look."""
+    i = thread // thickness.shape[1]
+    j = thread % thickness.shape[1]
+    looks.former[i, j] = thickness[i, j]
+    if thread == 0:
+        looks.times[looks.count[_LOOKS]] = clock[TIME]
+        looks.count[_LOOKS] += 1
+
+
+@quick_kernel(fast_math=False)
+def _number(thread: int, looks: _Looks):
+    """Number the new cells of a look from those beside lava on, whose number is 1."""
+    i = thread // looks.look.shape[1]
+    j = thread % looks.look.shape[1]
+    own = looks.look[i, j]
+    if own < 2:
+        return
+    place = looks.place[i, j]
+    for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.look.shape[0])):
+        for column in range(wp.max(j - 1, 0), wp.min(j + 2, looks.look.shape[1])):
+            other = looks.place[row, column]
+            is_near = other > 0 and looks.look[row, column] == own
+            if is_near and (place == 0 or place > other + 1):
+                place = other + 1
+    if place != looks.place[i, j]:
+        looks.place[i, j] = place
+        looks.count[_CHANGED] = 1
+
+
+@quick_kernel(fast_math=False)
+def _end(thread: int, looks: _Looks):
+    """Find the largest number that rising numbers lead to."""
+    i = thread // looks.look.shape[1]
+    j = thread % looks.look.shape[1]
+    place = looks.place[i, j]
+    if place == 0:
+        return
+    last = wp.max(looks.last[i, j], place)
+    for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.look.shape[0])):
+        for column in range(wp.max(j - 1, 0), wp.min(j + 2, looks.look.shape[1])):
+            is_next = looks.place[row, column] == place + 1
+            if is_next and looks.look[row, column] == looks.look[i, j]:
+                last = wp.max(last, looks.last[row, column])
+    if last != looks.last[i, j]:
+        looks.last[i, j] = last
+        looks.count[_CHANGED] = 1
+
+
+class Seen(NamedTuple):
+    """What looks have seen of each cell.
+
+    Attributes:
+        arrival: Time of arrival [s], float64, shape [rows, columns]; NaN where there was none.
+        thickness: Largest thickness [m], float32, same shape; NaN where the terrain has no data.
+        temperature: Highest temperature [K], float32, same shape; NaN without lava.
+    """
+
+    arrival: np.ndarray
+    thickness: np.ndarray
+    temperature: np.ndarray
+
+
+class Looks:
+    """First times and largest values of a flow, cell by cell."""
+
+    def __init__(self, shape: tuple[int, int], threshold: float, most: int, device: Any) -> None:
+        """Start without looks.
+
+        Args:
+            shape: Rows and columns.
+            threshold: Thickness from which on lava has arrived [m], above 0.
+            most: Looks there can be.
+            device: Warp device.
+        """
+        self._looks = _Looks()
+        self._looks.threshold = threshold
+        self._looks.count = wp.zeros(3, dtype=wp.int32, device=device)
+        self._looks.times = wp.zeros(most, dtype=wp.float64, device=device)
+        for name, kind in _Looks.__annotations__.items():
+            if getattr(kind, 'ndim', 0) == 2:
+                value = np.nan if name in Seen._fields else 0
+                array = wp.full(shape, value, dtype=kind.dtype, device=device)
+                setattr(self._looks, name, array)
+        self._cells = shape[0] * shape[1]
+
+    def take(self, state: State, known: Any, thickness: Any, temperature: Any) -> None:
+        """Take a look, later than the one before.
+
+        Args:
+            state: The particles of the flow.
+            known: 1 for cells with data, 0 for others, shape [rows, columns].
+            thickness: Thickness [m], same shape.
+            temperature: Temperature [K], same shape, NaN without lava.
+        """
+        launch_over(
+            state, _compare, inputs=[known, thickness, temperature], outputs=[self._looks],
+            count=self._cells,
+        )
+        launch_over(
+            state, _keep, inputs=[thickness, state.clock], outputs=[self._looks],
+            count=self._cells,
+        )
+
+    def flaw(self) -> str:
+        """Say what makes a look unfit to be shown as a map; empty when nothing does."""
+        return _FLAWS[read(self._looks.count)[_FLAW]]
+
+    def seen(self, state: State) -> Seen:
+        """What has been seen so far."""
+        for kernel in (_number, _end):
+            self._looks.count[_CHANGED : _CHANGED + 1].fill_(1)
+            while read(self._looks.count)[_CHANGED]:
+                self._looks.count[_CHANGED : _CHANGED + 1].zero_()
+                for _ in range(_SWEEPS):
+                    launch_over(state, kernel, inputs=[], outputs=[self._looks], count=self._cells)
+        look, share, place, last = (
+            read(getattr(self._looks, name)) for name in ('look', 'share', 'place', 'last')
+        )
+        times = read(self._looks.times)
+        ran = np.where(place > 0, (place - 0.5) / np.maximum(last, 1), 0.0)
+        share = np.where(share < 0.0, ran, share.astype(np.float64))
+        before, after = times[np.maximum(look - 2, 0)], times[np.maximum(look - 1, 0)]
+        arrival = np.where(look > 0, before + share * (after - before), np.nan)
+        return Seen(arrival, *(read(getattr(self._looks, name)) for name in Seen._fields[1:]))

@@ -1,0 +1,99 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""How fast members of an ensemble are, from one to many: in turns, and in one launch for all.
+
+The lava is that of ``benchmarks/effects.py``, in steps of fixed length of one stage.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+import time as wall_clock
+from typing import Any
+
+import warp as wp
+
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.batch import Batch, interleave
+from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
+from lava_ros.verification.benchmarks.steps import memory_of, used_memory
+from lava_ros.verification.rows import OnProgress, row_of
+
+#: Particles of a member by default, members, and most particles of all of them, by the device.
+PARTICLES = (300, 1_000, 10_000)
+MEMBERS = {'cuda': (1, 4, 16, 32, 64, 256, 1024), 'cpu': (1, 4)}
+MOST = 3_000_000
+
+#: Sets of effects, by their names in ``effect_sets``.
+SETS = ('bare', 'green')
+
+#: Steps of a member that are measured at once.
+STEPS = {'cuda': 1024, 'cpu': 64}
+
+Way = Callable[[Iterable[Iterator[None]], str, int], None]
+
+#: How members are brought on their way together.
+WAYS: dict[str, Way] = {
+    'in turns': lambda routes, device, _: interleave(routes, device),
+    'in one launch': lambda routes, _, members: Batch(at_once=members).run(routes),
+}
+
+
+def measure(
+    device: str, *, particles: Sequence[int] | None, repetitions: int, on_progress: OnProgress
+) -> Iterator[dict[str, Any]]:
+    """Time steps of members, by their number and by their particles, None for the usual ones."""
+    kind = 'cuda' if wp.get_device(device).is_cuda else 'cpu'
+    cases = [
+        (name, number, members)
+        for name in SETS
+        for number in particles or PARTICLES
+        for members in MEMBERS[kind]
+        if number * members <= MOST
+    ]
+    for index, (name, number, members) in enumerate(cases):
+        on_progress(f'{name}: {members} members of {number} particles', index / len(cases))
+        before = used_memory(device)
+        simulations = [
+            lava_field(number, effect_sets()[name], device) for _ in range(members)
+        ]
+        count = sum(item.particle_count for item in simulations)
+        what = f'{name}: {members} members'
+        for way, run in WAYS.items():
+            rates = [
+                _rate(simulations, count, STEPS[kind], device, run)
+                for _ in range(repetitions + 1)
+            ]
+            # the first one compiles and captures
+            yield row_of(f'{what}, {way}', number, rates[1:], 'M particle-steps/s')
+        memory = memory_of(simulations, device, before) / count
+        yield row_of(f'{what}: memory', number, [memory], 'B per particle')
+
+
+def _rate(
+    simulations: Sequence[Simulation], count: int, steps: int, device: str, run: Way
+) -> float:
+    """Particle-steps a second of all members [1e6/s]."""
+    before = sum(item.steps for item in simulations)
+    start = wall_clock.perf_counter()
+    run(
+        (item.advancing(item.time + steps * STEP) for item in simulations),
+        device,
+        len(simulations),
+    )
+    wp.synchronize_device(device)
+    elapsed = wall_clock.perf_counter() - start
+    taken = sum(item.steps for item in simulations) - before
+    return 1e-6 * taken * count / len(simulations) / elapsed
