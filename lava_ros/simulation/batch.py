@@ -18,7 +18,7 @@ Few particles do not fill a GPU. So the simulations of a batch go through their 
 each launch serves all of them (``backend/together.py``), each with its own step, vents and
 constants. The host looks at all clocks in one copy after some stages. Whoever has arrived, or
 needs room for more particles, goes on by itself for a moment; whoever is done makes room for one
-that waits.
+that waits. ``interleave`` gives each simulation a stream of its own, and launches them in turn.
 """
 
 from collections import deque

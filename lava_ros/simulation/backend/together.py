@@ -53,7 +53,7 @@ class Together:
             rows: Members there is room for.
             device: Warp device.
         """
-        self._device, self._rows = device, rows
+        self._device = device
         self._tables = [_Table(one, rows, device) for one in launches]
         self._graph: tuple[Any, Any] | None = None
 
@@ -110,7 +110,7 @@ class _Table:
 
     def put(self, row: int, launch: Launch) -> None:
         arguments = self._arguments()
-        for name, value in zip(self._arguments.vars, launch.arguments, strict=False):
+        for name, value in zip(self._arguments.vars, launch.arguments, strict=True):
             if value is not None:
                 setattr(arguments, name, value)
         self._kept[row] = arguments
