@@ -21,6 +21,7 @@ of each block which member it belongs to.
 """
 
 from collections.abc import Sequence
+import ctypes
 from typing import Any
 
 import numpy as np
@@ -56,16 +57,31 @@ class Together:
         self._device = device
         self._tables = [_Table(one, rows, device) for one in launches]
         self._graph: tuple[Any, Any] | None = None
+        self._room: list[int] = []
+        self._blocks: Any = None
 
     def put(self, row: int, launches: Sequence[Launch]) -> None:
-        """Let a row be a member with these launches."""
+        """Let a row be a member with these launches, once ``select`` is called again."""
         for table, one in zip(self._tables, launches, strict=True):
             table.put(row, one)
 
     def select(self, rows: np.ndarray) -> None:
         """Let the members of some rows, int, take part from now on, and no others."""
-        for table in self._tables:
-            table.select(rows)
+        parts = [table.parts(rows) for table in self._tables]
+        used = [len(part) for part in parts]
+        if not self._room or not all(
+            one <= room <= 2 * _SPARE * one
+            for one, room in zip(used, self._room, strict=True)
+        ):
+            self._room = [int(_SPARE * one) + 1 for one in used]
+            self._blocks = wp.empty(sum(self._room), dtype=wp.vec3i, device=self._device)
+        ends = np.cumsum(self._room)
+        blocks = np.full((ends[-1], 3), -1, dtype=np.int32)
+        for table, part, end, room in zip(self._tables, parts, ends, self._room, strict=True):
+            table.send()
+            table.blocks = self._blocks[end - room : end]
+            blocks[end - room :][: len(part)] = part
+        self._blocks.assign(blocks)
 
     def launch(self) -> None:
         """Make all launches once."""
@@ -78,7 +94,7 @@ class Together:
             for _ in range(times):
                 self.launch()
             return
-        key = times, *(table.blocks.ptr for table in self._tables)
+        key = times, self._blocks.ptr
         if self._graph is None or self._graph[0] != key:
             for table in self._tables:
                 table.load()
@@ -103,34 +119,49 @@ class _Table:
         self._arguments, self.kernel = launch.kernel.for_many(self._size)
         self._device = device
         self._members = wp.zeros(rows, dtype=self._arguments, device=device)
+        # Warp looks at each field of what it packs, which takes a hundred times as long
+        self._packed = (self._arguments.ctype * rows)()
+        size = ctypes.sizeof(self._packed)
+        self._there = wp.array(
+            ptr=self._members.ptr, dtype=wp.uint8, shape=size, device=device
+        )
+        self._here = wp.array(
+            ptr=ctypes.addressof(self._packed), dtype=wp.uint8, shape=size, device='cpu'
+        )
         self._threads = np.zeros(rows, dtype=np.int64)
+        self._is_new = np.zeros(rows, dtype=bool)
         # the arrays must live as long as they may be launched with
         self._kept: list[Any] = [None] * rows
-        self.blocks = self._blocks(1)
+        self.blocks: Any = None
 
     def put(self, row: int, launch: Launch) -> None:
-        arguments = self._arguments()
+        packed = self._packed[row]
         for name, value in zip(self._arguments.vars, launch.arguments, strict=True):
-            if value is not None:
-                setattr(arguments, name, value)
-        self._kept[row] = arguments
+            if value is None:
+                value = type(getattr(packed, name))()
+            setattr(packed, name, value.__ctype__() if hasattr(value, '__ctype__') else value)
+        self._kept[row] = launch.arguments
         self._threads[row] = launch.dim
-        host = wp.array([arguments], dtype=self._arguments, device='cpu')
-        wp.copy(self._members, host, dest_offset=row, count=1)
+        self._is_new[row] = True
 
-    def select(self, rows: np.ndarray) -> None:
+    def send(self) -> None:
+        """Copy what was put into rows to the device."""
+        rows = np.flatnonzero(self._is_new)
+        if not len(rows):
+            return
+        size = ctypes.sizeof(self._arguments.ctype)
+        first, end = int(rows[0]) * size, (int(rows[-1]) + 1) * size
+        wp.copy(self._there, self._here, first, first, end - first)
+        self._is_new[:] = False
+
+    def parts(self, rows: np.ndarray) -> np.ndarray:
+        """What ``blocks`` has to hold for the members of some rows, int, shape [blocks, 3]."""
         threads = self._threads[rows]
         counts = -(-threads // self._size)
-        used = int(counts.sum())
-        room = self.blocks.shape[0]
-        if not used <= room <= 2 * _SPARE * used:
-            self.blocks = self._blocks(int(_SPARE * used) + 1)
-        table = np.full((self.blocks.shape[0], 3), -1, dtype=np.int32)
         firsts = np.repeat(np.cumsum(counts) - counts, counts)
-        table[:used, 0] = np.repeat(rows, counts)
-        table[:used, 1] = (np.arange(used) - firsts) * self._size
-        table[:used, 2] = np.repeat(threads, counts)
-        self.blocks.assign(table)
+        numbers = np.arange(len(firsts)) - firsts
+        columns = np.repeat(rows, counts), numbers * self._size, np.repeat(threads, counts)
+        return np.stack(columns, axis=1)
 
     def launch(self) -> None:
         wp.launch(
@@ -144,6 +175,3 @@ class _Table:
     def load(self) -> None:
         """Load the kernel, which cannot be done while a graph is captured."""
         self.kernel.module.load(self._device, self._size)
-
-    def _blocks(self, count: int) -> Any:
-        return wp.full(count, wp.vec3i(-1, 0, 0), dtype=wp.vec3i, device=self._device)
