@@ -29,8 +29,6 @@ class Looking:
 
     Attributes:
         simulation: The simulation.
-        steps: Statistics of the time steps when it was asked what has been ``seen``.
-        budget: Volume budget of the lava then.
     """
 
     def __init__(
@@ -85,29 +83,33 @@ class Looking:
         """Run to the next look, in parts: while a GPU is at work others can go on.
 
         A flow that can be shown as no map is refused by ``seen``.
+
+        Raises:
+            LavaError: There are too many particles.
         """
         yield from self.simulation.advancing(self._due[self._done])
+        self._check_size(self.simulation.most_particles)
         yield from self.simulation.looking(self._looks)
         self._done += 1
 
-    def seen(self) -> 'Seen':
-        """What has been seen so far.
+    def seen(self, *, where_wet: bool = False) -> 'Seen':
+        """What has been seen so far, of all cells or of the rectangle of wet ones.
 
         Raises:
             LavaError: The flow could be shown as no map.
         """
-        snapshot = self.simulation.snapshot()
-        self._check(self._looks.flaw() or snapshot.flaw())
-        self.steps, self.budget = snapshot.steps, snapshot.budget
-        return self.simulation.seen(self._looks)
+        self._check(self._looks.flaw())
+        return self.simulation.seen(self._looks, where_wet=where_wet)
 
     def _look(self) -> None:
-        count = self.simulation.particle_count
+        self._check_size(self.simulation.particle_count)
+        self.simulation.look(self._looks)
+        self._check(self._looks.flaw())
+
+    def _check_size(self, count: int) -> None:
         if self._max_particles is not None and count > self._max_particles:
             right = f'at most {self._max_particles} (max_particles)'
             raise LavaError(f'particles{self._of}', count, right)
-        self.simulation.look(self._looks)
-        self._check(self._looks.flaw())
 
     def _check(self, flaw: str) -> None:
         if flaw:

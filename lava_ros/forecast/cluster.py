@@ -27,7 +27,7 @@ import warnings
 import lava_ros
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
-from lava_ros.forecast.ensemble import batches, run_batch
+from lava_ros.forecast.ensemble import batches, run_here
 from lava_ros.forecast.members import Plan
 from lava_ros.forecast.pool import DEATHS
 from lava_ros.forecast.probability import Footprint
@@ -66,7 +66,7 @@ class DaskRunner:
             shared = client.submit(pickle.loads, pickle.dumps(plan), pure=False)
             running = {
                 client.submit(_run, shared, self._device, part, pure=False): part[0].index
-                for part in batches(members, self._device)
+                for part in batches(plan, members, self._device)
             }
             for future in as_completed(list(running)):
                 yield from self._result(future, running.pop(future))
@@ -130,4 +130,4 @@ def _run(plan: Plan, device: str | None, members: Sequence[Member]) -> list[Foot
     from lava_ros.simulation.backend.threads import use_threads
 
     use_threads(1)
-    return run_batch(plan, device, members)
+    return list(run_here(plan, members, device=device))

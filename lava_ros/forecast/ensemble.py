@@ -24,7 +24,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
-from lava_ros.forecast.members import batch_of, Plan, run_members
+from lava_ros.forecast.members import batch_of, Plan, running
 from lava_ros.forecast.pool import Pool, process_number
 from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
 from lava_ros.forecast.sampling import Member
@@ -79,8 +79,9 @@ def run_ensemble(
         runner: What runs them.
         outline: Where lava was seen; members then weigh by how well they agree.
         on_finished: Is told of each member as it finishes.
-        on_maps: Gets the maps of the members so far, each time that they have doubled, as long as
-            no outline is there to weigh them.
+        on_maps: Gets the maps of the first members, those with the lowest numbers, each time that
+            they have doubled, as long as no outline is there to weigh them. Cheap members end
+            first: maps of these would be of small eruptions.
 
     Raises:
         LavaError: A member fails, none agrees with the outline, or a file cannot be written.
@@ -91,11 +92,14 @@ def run_ensemble(
     tally = None if outline is not None else Tally(plan)
     agreement = np.full(len(members), np.nan)
     done: set[int] = set()
+    ahead: dict[int, Footprint] = {}
 
     def take(footprint: Footprint) -> None:
         done.add(footprint.index)
         if tally is not None:
-            tally.add(footprint)
+            ahead[footprint.index] = footprint
+            while tally.count in ahead:
+                tally.add(ahead.pop(tally.count))
         if outline is not None:
             reached = reached_by(footprint, plan, outline.time)
             agreement[footprint.index] = jaccard(reached, outline)
@@ -104,15 +108,15 @@ def run_ensemble(
         take(footprint)
     resumed = len(done)
     missing = [member for member in members if member.index not in done]
-    next_maps = max(FIRST_MAPS, 2 * resumed)
+    next_maps = FIRST_MAPS if tally is None else max(FIRST_MAPS, 2 * tally.count)
     for footprint in runner(plan, missing) if missing else ():
         store.write(footprint)
         take(footprint)
         if on_finished is not None:
             on_finished(len(done), resumed)
-        if len(done) == next_maps < len(members):
-            next_maps *= 2
-            if on_maps is not None and tally is not None:
+        if tally is not None and next_maps <= tally.count < len(members):
+            next_maps = 2 * tally.count
+            if on_maps is not None:
                 on_maps(tally.maps())
     _check_complete(done, members)
     if tally is not None:
@@ -143,9 +147,13 @@ def _check_complete(done: set[int], members: Sequence[Member]) -> None:
 def run_here(
     plan: Plan, members: Sequence[Member], *, device: str | None = None
 ) -> Iterable[Footprint]:
-    """Run members in this process; without ``device`` on the first GPU, or the CPU without one."""
-    for part in batches(members, device):
-        yield from run_batch(plan, device, part)
+    """Run members in this process, and give what each did as they finish, in any order.
+
+    ``device`` is the Warp device; None for the first GPU, or the CPU without one.
+    """
+    for fields in running(plan, members, device=device):
+        if fields is not None:
+            yield footprint_of(fields, plan)
 
 
 def run_in_processes(
@@ -163,12 +171,12 @@ def run_in_processes(
         members: The members.
         workers: Most processes.
         device: Warp device of all; they share the GPUs out, if there are any, when left out.
-        batch: Members that a process runs side by side; by the device when left out.
+        batch: Members that a process is given at once; by the device when left out.
 
     Raises:
         LavaError: A member fails, or takes processes with it again and again.
     """
-    parts = batches(members, device, batch)
+    parts = batches(plan, members, device, batch)
     devices = (device,) if device else _gpus() or (None,)
     work = partial(_run_in_process, plan, devices)
     with closing(Pool(work, min(workers, len(parts)))) as pool:
@@ -181,22 +189,17 @@ def default_workers() -> int:
     return len(_gpus()) or usable_cores()
 
 
-def run_batch(plan: Plan, device: str | None, members: Sequence[Member]) -> list[Footprint]:
-    """Run members side by side in this process."""
-    return [footprint_of(item, plan) for item in run_members(plan, members, device=device)]
-
-
 def _run_in_process(
     plan: Plan, devices: Sequence[str | None], members: Sequence[Member]
 ) -> list[Footprint]:
-    return run_batch(plan, devices[process_number() % len(devices)], members)
+    return list(run_here(plan, members, device=devices[process_number() % len(devices)]))
 
 
 def batches(
-    members: Sequence[Member], device: str | None, batch: int | None = None
+    plan: Plan, members: Sequence[Member], device: str | None, batch: int | None = None
 ) -> list[Sequence[Member]]:
     """Members in parts that run side by side; by the device when their number is left out."""
-    batch = batch_of(device) if batch is None else batch
+    batch = batch_of(plan, device) if batch is None else batch
     return [members[start : start + batch] for start in range(0, len(members), batch)]
 
 

@@ -23,6 +23,7 @@ the same draws in each ensemble of a scene, so what an outline says of it holds 
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from itertools import takewhile
 import time as wall_clock
 from typing import Any
 
@@ -30,9 +31,9 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh
-from lava_ros.forecast.members import MemberRun, plan_from
+from lava_ros.forecast.members import plan_from, running
 from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
-from lava_ros.forecast.sampling import draw_members
+from lava_ros.forecast.sampling import draw_members, Member
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.simulation.checkpoint import Checkpoint
 
@@ -43,7 +44,7 @@ Answer = Callable[..., None]
 
 
 class LiveEnsemble:
-    """The members that go on from one moment, one after the other."""
+    """The members that go on from one moment, as many at once as the device takes."""
 
     def __init__(
         self,
@@ -72,59 +73,63 @@ class LiveEnsemble:
         self.number, self.stamp_ns = number, stamp_ns
         self.plan = plan_from(checkpoint, horizon=horizon, threshold=threshold)
         self.start = checkpoint.time
-        self._members = draw_members(checkpoint.scene, members)
-        self._device = device
-        self._max_particles = max_particles
+        drawn = draw_members(checkpoint.scene, members)
+        self.asked = len(drawn)
         self._deadline = deadline
         self._begun = wall_clock.monotonic() if begun is None else begun
-        self._first = wall_clock.monotonic()
-        self._run: MemberRun | None = None
+        self._shares: dict[int, float] = {}
+        self._running = running(
+            self.plan,
+            takewhile(self._is_in_time, drawn),
+            device=device,
+            max_particles=max_particles,
+            progress=self._shares,
+        )
+        # those that end before one of a lower number wait: cheap ones end first
+        self._ahead: dict[int, Footprint] = {}
         self._footprints: list[Footprint] = []
+        self._starts: dict[int, float] = {}
+        self._longest = 0.0
+        self.is_done = False
         self.duration = 0.0
 
     @property
-    def asked(self) -> int:
-        """Members there are to be."""
-        return len(self._members)
-
-    @property
     def count(self) -> int:
-        """Members there are."""
+        """Members there are: the first ones, without a gap."""
         return len(self._footprints)
 
     @property
     def progress(self) -> float:
         """Share of the members that have run."""
-        at_hand = self._run.progress if self._run is not None else 0.0
-        return (self.count + at_hand) / self.asked
-
-    @property
-    def is_done(self) -> bool:
-        """Whether all have run, or another one would be late."""
-        return self.count == self.asked or (self.count > 0 and self._is_late())
+        return sum(self._shares.values()) / self.asked
 
     def covers(self, time: float) -> bool:
         """Whether a simulated time [s] lies between its start and its horizon."""
         return self.start < time <= self.start + self.plan.horizon
 
     def advance(self, wall_limit: float) -> bool:
-        """Run for about a wall time [s], or to the next look, and say whether a member is done.
+        """Run for about a wall time [s], and say whether a member is done, or all that can be.
 
         Raises:
             LavaError: A member makes no scene, has too many particles or is no flow any more.
         """
-        if self._run is None:
-            member = self._members[self.count]
-            self._run = MemberRun(
-                self.plan, member, device=self._device, max_particles=self._max_particles
-            )
-        self._run.advance(wall_limit)
-        if not self._run.is_done:
-            return False
-        self._footprints.append(footprint_of(self._run.fields(), self.plan))
-        self._run = None
-        self.duration = wall_clock.monotonic() - self._begun
-        return True
+        until, before = wall_clock.monotonic() + wall_limit, self.count
+        for fields in self._running:
+            if fields is not None:
+                self._take(footprint_of(fields, self.plan))
+            if wall_clock.monotonic() > until:
+                break
+        else:
+            self.is_done = True
+        return self.is_done or self.count > before
+
+    def _take(self, footprint: Footprint) -> None:
+        now = wall_clock.monotonic()
+        self.duration = now - self._begun
+        self._longest = max(self._longest, now - self._starts.pop(footprint.index))
+        self._ahead[footprint.index] = footprint
+        while self.count in self._ahead:
+            self._footprints.append(self._ahead.pop(self.count))
 
     def agreement(self, outline: Outline) -> np.ndarray:
         """Jaccard index of each member with an outline.
@@ -149,13 +154,13 @@ class LiveEnsemble:
             tally.add(footprint, 1 if weights is None else int(weights.values[number]))
         return tally.maps()
 
-    def _is_late(self) -> bool:
-        if self._deadline is None:
-            return False
+    def _is_in_time(self, member: Member) -> bool:
+        """Whether a member may begin: the first ones do, others if they will end in time."""
         now = wall_clock.monotonic()
-        # there is time for another one if it takes as long as those before
-        one = (now - self._first) / max(self.count, 1)
-        return now - self._begun + (one if self._run is None else 0.0) > self._deadline
+        self._starts[member.index] = now
+        if self._deadline is None or not self._longest:
+            return True
+        return now + self._longest <= self._begun + self._deadline
 
 
 class LiveEnsembles:
@@ -176,6 +181,7 @@ class LiveEnsembles:
         self._oldest: LiveEnsemble | None = None
         self._agreement: np.ndarray | None = None
         self._outlines = 0
+        self._next_maps = FIRST_MAPS
         self._waiting: list[tuple[int, Outline]] = []
 
     @property
@@ -232,12 +238,12 @@ class LiveEnsembles:
         """
         if self._ordered is not None:
             begin, self._ordered = self._ordered, None
-            self._at_hand = begin()
+            self._at_hand, self._next_maps = begin(), FIRST_MAPS
         ensemble = self._at_hand
         if ensemble is None or not ensemble.advance(wall_limit):
             return
         is_better = self._shown is None or self._shown is ensemble
-        is_twice = ensemble.count >= FIRST_MAPS and not ensemble.count & (ensemble.count - 1)
+        is_twice = ensemble.count >= self._next_maps
         if ensemble.is_done:
             self._at_hand, self._shown = None, ensemble
             if self._oldest is None or not self._oldest.covers(ensemble.start):
@@ -247,7 +253,7 @@ class LiveEnsembles:
             for number, outline in waiting:
                 self.observe(number, outline)
         elif is_better and is_twice and self._counts_any(ensemble):
-            self._shown = ensemble
+            self._shown, self._next_maps = ensemble, 2 * ensemble.count
             self._tell()
 
     @property

@@ -14,7 +14,7 @@
 
 """Runs of members: one interface, whether they run one after the other or side by side."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 import math
 from typing import Any, TYPE_CHECKING
@@ -55,9 +55,8 @@ _HALVINGS = 12
 #: Effects of which only one can be on.
 _RIVALS = ('inertia', 'green', 'helmholtz')
 
-
-#: Members side by side on a GPU: twice those at work at once, so that few wait for the last one.
-_BATCH = 64
+#: Members side by side on a GPU, where its memory holds them: bytes a member takes for each cell.
+_BATCH, _BYTES = 256, 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,20 +89,22 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class MemberFields:
-    """The result of a member on the cells of the terrain.
+    """The result of a member on the part of the terrain that its lava reached.
 
     Attributes:
         index: The member's number.
         arrival: Time at which lava reached the threshold thickness [s], float32, shape [rows,
-            columns]; NaN where it did not up to the horizon.
+            columns] of the part; NaN where it did not up to the horizon.
         peak: Largest thickness [m], float32, same shape; 0 without lava.
         left: Share of the emitted volume that has left the map.
+        corner: Row and column of the part's first cell.
     """
 
     index: int
     arrival: np.ndarray
     peak: np.ndarray
     left: float = 0.0
+    corner: tuple[int, int] = (0, 0)
 
 
 def make_plan(
@@ -206,24 +207,22 @@ def check_members(scene: Scene, members: Sequence[Member]) -> None:
         member_scene(scene, member, rough=False)
 
 
-def batch_of(device: str | None) -> int:
-    """Members that are run side by side on a Warp device: on a GPU they take turns."""
+def batch_of(plan: Plan, device: str | None) -> int:
+    """Members of a plan that go through their stages together on a Warp device."""
     from lava_ros.simulation.defaults import device_of
 
-    return _BATCH if device_of(device).is_cuda else 1
+    if not device_of(device).is_cuda:
+        return 1
+    fit = device_of(device).free_memory // (2 * _BYTES * plan.scene.terrain.elevation.size)
+    return min(max(fit, 1), _BATCH)
 
 
 def run_members(
-    plan: Plan,
-    members: Sequence[Member],
-    *,
-    device: str | None = None,
-    progress: Callable[[float], None] | None = None,
+    plan: Plan, members: Sequence[Member], *, device: str | None = None
 ) -> list[MemberFields]:
     """Run members from the plan's start to the horizon.
 
-    ``device`` is the Warp device; None for the first GPU, or the CPU without one. ``progress`` is
-    called with the mean share of the horizon that has been simulated.
+    ``device`` is the Warp device; None for the first GPU, or the CPU without one.
 
     Returns:
         The fields of the members, in their order.
@@ -231,27 +230,58 @@ def run_members(
     Raises:
         LavaError: A member has no valid scene, or its simulation fails.
     """
+    done = {item.index: item for item in running(plan, members, device=device) if item}
+    return [done[member.index] for member in members]
+
+
+def running(
+    plan: Plan,
+    members: Iterable[Member],
+    *,
+    device: str | None = None,
+    max_particles: int | None = None,
+    progress: dict[int, float] | None = None,
+) -> Iterator[MemberFields | None]:
+    """Run members in parts, with time for something else after each.
+
+    On a GPU they go as a batch, and end in the order of what they cost. A member is asked for when
+    there is room for it.
+
+    Args:
+        plan: What they have in common.
+        members: The members.
+        device: Warp device; None for the first GPU, or the CPU without one.
+        max_particles: Most particles of a member, None for any number.
+        progress: Is told the share of the looks that each member has taken, by its number.
+
+    Yields:
+        The fields of a member that is done, None after any other part.
+
+    Raises:
+        LavaError: A member has no valid scene, or its simulation fails.
+    """
     # the solver loads Warp, which drawing and merging members do not need
-    from lava_ros.simulation.batch import interleave
+    from lava_ros.simulation.batch import side_by_side
     from lava_ros.simulation.defaults import device_of
 
-    shares = np.zeros(len(members))
-    results: dict[int, MemberFields] = {}
+    done: list[MemberFields] = []
 
-    def route(number: int, member: Member) -> Iterator[None]:
-        run = MemberRun(plan, member, device=device)
-        while True:
-            shares[number] = run.progress
-            if progress is not None:
-                progress(float(shares.mean()))
-            if run.is_done:
-                break
+    def route(member: Member) -> Iterator[None]:
+        run = MemberRun(plan, member, device=device, max_particles=max_particles)
+        while not run.is_done:
             yield from run.advancing()
-        results[number] = run.fields()
+            if progress is not None:
+                progress[member.index] = run.progress
+        done.append(run.fields())
+        # it is known before another one begins
+        yield
 
-    routes = (route(number, member) for number, member in enumerate(members))
-    interleave(routes, str(device_of(device)))
-    return [results[number] for number in range(len(members))]
+    routes, at_once = map(route, members), batch_of(plan, device)
+    for _ in side_by_side(routes, str(device_of(device)), at_once=at_once):
+        yield from done
+        done.clear()
+        yield None
+    yield from done
 
 
 class MemberRun(Looking):
@@ -278,10 +308,13 @@ class MemberRun(Looking):
 
     def fields(self) -> MemberFields:
         """What it has done to the cells so far."""
-        seen = self.seen()
+        seen = self.seen(where_wet=True)
         arrival = (seen.arrival - self._start).astype(np.float32)
-        left = self.budget.left / max(self.budget.emitted, 1e-9)
-        return MemberFields(self._index, arrival, np.nan_to_num(seen.thickness), left)
+        budget = self.simulation.budget()
+        left = budget.left / max(budget.emitted, 1e-9)
+        return MemberFields(
+            self._index, arrival, np.nan_to_num(seen.thickness), left, seen.corner
+        )
 
 
 def _started(plan: Plan, member: Member, device: str | None) -> 'Simulation':

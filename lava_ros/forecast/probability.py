@@ -65,7 +65,7 @@ def footprint_of(member: MemberFields, plan: Plan) -> Footprint:
     if not rows.size:
         return Footprint(member.index, (0, 0), look[:0, :0], millimetres[:0, :0], member.left)
     part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    corner = (int(rows[0]), int(columns[0]))
+    corner = member.corner[0] + int(rows[0]), member.corner[1] + int(columns[0])
     parts = look[part].copy(), millimetres[part].copy()
     return Footprint(member.index, corner, *parts, member.left)
 

@@ -19,7 +19,8 @@ A flow forks where decimetres decide, and which way it goes depends on the last 
 Which cells half of the runs cover does not, and those of a case and of the same case turned are
 the same: a run for each quarter turn, mirrored or not, makes the same set for both.
 
-They take turns on a GPU, which one of them would not keep busy; on the CPU one follows the other.
+On a GPU they go as a batch, for one of them would not keep it busy; on the CPU one follows the
+other.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -34,7 +35,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.run import Result, Run, Settings
 from lava_ros.hindcast.score import covered_by, judge, Score
 from lava_ros.scene import Terrain
-from lava_ros.simulation.batch import interleave
+from lava_ros.simulation.batch import side_by_side
 from lava_ros.simulation.defaults import device_of
 from lava_ros.simulation.snapshot import Snapshot
 
@@ -152,7 +153,8 @@ def run_together(
         results[number] = _put_back(case, run.result(), direction)
 
     routes = (route(number, *job) for number, job in enumerate(jobs))
-    interleave(routes, str(device_of(settings.device)))
+    for _ in side_by_side(routes, str(device_of(settings.device))):
+        pass
     return [results[number] for number in range(len(jobs))]
 
 

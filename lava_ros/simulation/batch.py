@@ -18,11 +18,12 @@ Few particles do not fill a GPU. So the simulations of a batch go through their 
 each launch serves all of them (``backend/together.py``), each with its own step, vents and
 constants. The host looks at all clocks in one copy after some stages. Whoever has arrived, or
 needs room for more particles, goes on by itself for a moment; whoever is done makes room for one
-that waits. ``interleave`` gives each simulation a stream of its own, and launches them in turn.
+that waits.
 """
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
 from threading import local
 from typing import Any
 
@@ -43,9 +44,6 @@ _STAGES = {True: 16, False: 1}
 
 #: Rounds of stages under way: while the host looks at what came of one a GPU has the next to do.
 _UNDER_WAY = {True: 2, False: 1}
-
-#: Simulations on streams of their own at once: more do not make a GPU faster.
-_STREAMS = 32
 
 _END = object()
 
@@ -272,40 +270,22 @@ class Batch:
             group.free.append(row)
 
 
-def interleave(routes: Iterable[Iterator[None]], device: str, *, at_once: int = _STREAMS) -> None:
-    """Take all routes to their ends, some of them at a time.
+def side_by_side(
+    routes: Iterable[Iterator[None]], device: str, *, at_once: int = AT_ONCE
+) -> Iterator[None]:
+    """Take all routes to their ends, with time for something else after each part.
 
-    A route leaves off whenever it has launched something (``Simulation.advancing``); on the CPU,
-    where that has been computed by then, one route follows the other. A route begins only when
-    it is its turn.
+    On a GPU they go as a batch. On the CPU one follows the other, each on all cores. A route
+    begins only when it is its turn.
 
     Args:
-        routes: The routes.
+        routes: The routes (``Simulation.advancing``).
         device: Warp device they launch on.
         at_once: Routes on their way at a time.
 
     Raises:
         Exception: Whatever a route raises; the others are given up.
     """
-    if not wp.get_device(device).is_cuda:
-        for route in routes:
-            for _ in route:
-                pass
-        return
-    here = wp.get_stream(device)
-    streams = [wp.Stream(device) for _ in range(at_once)]
-    for stream in streams:
-        stream.wait_stream(here)
-    waiting = iter(routes)
-    under_way = deque(zip(streams, waiting))  # noqa: B905, there may be fewer routes
-    try:
-        while under_way:
-            stream, route = under_way.popleft()
-            with wp.ScopedStream(stream, sync_enter=False):
-                if next(route, _END) is _END:
-                    route = next(waiting, None)
-                if route is not None:
-                    under_way.append((stream, route))
-    finally:
-        for stream in streams:
-            here.wait_stream(stream)
+    if wp.get_device(device).is_cuda:
+        return Batch(at_once=at_once).running(routes)
+    return chain.from_iterable(routes)

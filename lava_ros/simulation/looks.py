@@ -20,6 +20,8 @@ their distance from the lava of the look before, and each is as early as its num
 its branch, up to where that ends. Lava that is connected with none before came at once.
 """
 
+from functools import partial
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,6 +39,8 @@ _SWEEPS = 8
 _LOOKS = wp.constant(0)
 _FLAW = wp.constant(1)
 _CHANGED = wp.constant(2)
+
+_NEVER = wp.constant(math.nan)
 
 #: What a map cannot show, by its number in ``count[_FLAW]``.
 _FLAWS = ('', 'thickness is not a number of metres', 'temperature is not a number of kelvin')
@@ -133,10 +137,25 @@ def _keep(
 
 
 @quick_kernel(fast_math=False)
-def _number(thread: int, looks: _Looks):
-    """Number the new cells of a look from those beside lava on, whose number is 1."""
+def _mark(
+    thread: int,
+    looks: _Looks,
+    rows: wp.array(dtype=wp.int32),
+    columns: wp.array(dtype=wp.int32),
+):
+    """Mark the rows and the columns where lava was."""
     i = thread // looks.look.shape[1]
     j = thread % looks.look.shape[1]
+    if looks.thickness[i, j] > wp.float32(0.0):
+        rows[i] = 1
+        columns[j] = 1
+
+
+@quick_kernel(fast_math=False)
+def _number(thread: int, looks: _Looks, first_row: int, first_column: int, columns: int):
+    """Number the new cells of a look from those beside lava on, whose number is 1."""
+    i = first_row + thread // columns
+    j = first_column + thread % columns
     own = looks.look[i, j]
     if own < 2:
         return
@@ -153,10 +172,10 @@ def _number(thread: int, looks: _Looks):
 
 
 @quick_kernel(fast_math=False)
-def _end(thread: int, looks: _Looks):
+def _end(thread: int, looks: _Looks, first_row: int, first_column: int, columns: int):
     """Find the largest number that rising numbers lead to."""
-    i = thread // looks.look.shape[1]
-    j = thread % looks.look.shape[1]
+    i = first_row + thread // columns
+    j = first_column + thread % columns
     place = looks.place[i, j]
     if place == 0:
         return
@@ -171,15 +190,50 @@ def _end(thread: int, looks: _Looks):
         looks.count[_CHANGED] = 1
 
 
+@quick_kernel(fast_math=False)
+def _show(
+    thread: int,
+    looks: _Looks,
+    first_row: int,
+    first_column: int,
+    columns: int,
+    arrival: wp.array2d(dtype=wp.float64),
+    thickness: wp.array2d(dtype=wp.float32),
+    temperature: wp.array2d(dtype=wp.float32),
+):
+    """Write what has been seen of a part of the cells."""
+    row = thread // columns
+    column = thread % columns
+    i = first_row + row
+    j = first_column + column
+    thickness[row, column] = looks.thickness[i, j]
+    temperature[row, column] = looks.temperature[i, j]
+    arrival[row, column] = wp.float64(_NEVER)
+    look = looks.look[i, j]
+    if look == 0:
+        return
+    share = wp.float64(looks.share[i, j])
+    if share < wp.float64(0.0):
+        share = wp.float64(0.0)
+        if looks.place[i, j] > 0:
+            place = wp.float64(looks.place[i, j]) - wp.float64(0.5)
+            share = place / wp.float64(looks.last[i, j])
+    before = looks.times[wp.max(look - 2, 0)]
+    arrival[row, column] = before + share * (looks.times[look - 1] - before)
+
+
 class Seen(NamedTuple):
-    """What looks have seen of each cell.
+    """What looks have seen of a part of the cells.
 
     Attributes:
-        arrival: Time of arrival [s], float64, shape [rows, columns]; NaN where there was none.
+        corner: Row and column of the part's first cell.
+        arrival: Time of arrival [s], float64, shape [rows, columns] of the part; NaN where there
+            was none.
         thickness: Largest thickness [m], float32, same shape; NaN where the terrain has no data.
         temperature: Highest temperature [K], float32, same shape; NaN without lava.
     """
 
+    corner: tuple[int, int]
     arrival: np.ndarray
     thickness: np.ndarray
     temperature: np.ndarray
@@ -206,7 +260,7 @@ class Looks:
                 value = np.nan if name in Seen._fields else 0
                 array = wp.full(shape, value, dtype=kind.dtype, device=device)
                 setattr(self._looks, name, array)
-        self._cells = shape[0] * shape[1]
+        self._shape, self._cells = shape, shape[0] * shape[1]
 
     def take(self, state: State, known: Any, thickness: Any, temperature: Any) -> None:
         """Take a look, later than the one before.
@@ -230,20 +284,34 @@ class Looks:
         """Say what makes a look unfit to be shown as a map; empty when nothing does."""
         return _FLAWS[read(self._looks.count)[_FLAW]]
 
-    def seen(self, state: State) -> Seen:
-        """What has been seen so far."""
-        for kernel in (_number, _end):
-            self._looks.count[_CHANGED : _CHANGED + 1].fill_(1)
-            while read(self._looks.count)[_CHANGED]:
-                self._looks.count[_CHANGED : _CHANGED + 1].zero_()
-                for _ in range(_SWEEPS):
-                    launch_over(state, kernel, inputs=[], outputs=[self._looks], count=self._cells)
-        look, share, place, last = (
-            read(getattr(self._looks, name)) for name in ('look', 'share', 'place', 'last')
-        )
-        times = read(self._looks.times)
-        ran = np.where(place > 0, (place - 0.5) / np.maximum(last, 1), 0.0)
-        share = np.where(share < 0.0, ran, share.astype(np.float64))
-        before, after = times[np.maximum(look - 2, 0)], times[np.maximum(look - 1, 0)]
-        arrival = np.where(look > 0, before + share * (after - before), np.nan)
-        return Seen(arrival, *(read(getattr(self._looks, name)) for name in Seen._fields[1:]))
+    def seen(self, state: State, *, where_wet: bool = False) -> Seen:
+        """What has been seen so far, of all cells or of the rectangle of wet ones."""
+        rows, columns = self._shape
+        part = self._wet_part(state) if where_wet else (0, 0, rows, columns)
+        shape = part[2:]
+        device = self._looks.count.device
+        found = [
+            wp.empty(shape, dtype=kind, device=device)
+            for kind in (wp.float64, wp.float32, wp.float32)
+        ]
+        if shape[0] * shape[1]:
+            launch = partial(launch_over, state, count=shape[0] * shape[1])
+            inputs = [self._looks, *part[:2], shape[1]]
+            for kernel in (_number, _end):
+                self._looks.count[_CHANGED : _CHANGED + 1].fill_(1)
+                while read(self._looks.count)[_CHANGED]:
+                    self._looks.count[_CHANGED : _CHANGED + 1].zero_()
+                    for _ in range(_SWEEPS):
+                        launch(kernel, inputs=inputs, outputs=[])
+            launch(_show, inputs=inputs, outputs=found)
+        return Seen(part[:2], *(read(one) for one in found))
+
+    def _wet_part(self, state: State) -> tuple[int, int, int, int]:
+        """First row and column of the rectangle of wet cells, and how many it has of them."""
+        device = self._looks.count.device
+        marks = [wp.zeros(count, dtype=wp.int32, device=device) for count in self._shape]
+        launch_over(state, _mark, inputs=[self._looks], outputs=marks, count=self._cells)
+        rows, columns = (np.flatnonzero(read(mark)).tolist() for mark in marks)
+        if not rows:
+            return 0, 0, 0, 0
+        return rows[0], columns[0], rows[-1] - rows[0] + 1, columns[-1] - columns[0] + 1

@@ -188,7 +188,7 @@ class Simulation:
         """Simulate up to a time, in parts, as ``advance`` does in one go.
 
         After each part there is time for something else: a GPU is at work on it
-        (``together.interleave``). Only when all parts are taken the simulation is at rest.
+        (``batch.side_by_side``). Only when all parts are taken the simulation is at rest.
         """
         until = validation.number('until', until, unit='s')
         self._raise_top(until=until)
@@ -287,9 +287,9 @@ class Simulation:
         raster = self._raster
         looks.take(self._state, self._terrain.known, raster.thickness, raster.temperature)
 
-    def seen(self, looks: Looks) -> Seen:
-        """What looks have seen so far."""
-        return looks.seen(self._state)
+    def seen(self, looks: Looks, *, where_wet: bool = False) -> Seen:
+        """What looks have seen so far, of all cells or of the rectangle of wet ones."""
+        return looks.seen(self._state, where_wet=where_wet)
 
     def budget(self) -> VolumeBudget:
         """Account for the volume: emitted by the integral of Q(t), held by summing particles."""

@@ -109,13 +109,17 @@ def test_members_can_be_added(tmp_path: Path) -> None:
 
 
 def test_maps_are_there_while_members_run(tmp_path: Path) -> None:
-    """Each time that the members have doubled: those of the first 16 are those of 16."""
+    """Each time that the first ones have doubled: those of the first 16 are those of 16."""
     plan, members = PLAN, draw_members(PLAN.scene, 70)
     seen: list[HazardMaps] = []
+
+    def ends_first_begun_last(plan: Plan, members: Sequence[Member]) -> Iterator[Footprint]:
+        for start in range(0, len(members), 16):
+            yield from Discs()(plan, members[start : start + 16][::-1])
+
     run_ensemble(
-        plan, members, Store(tmp_path / 'a', plan), runner=lambda plan, members: Discs()(
-            plan, members[::-1]
-        ), on_maps=seen.append,
+        plan, members, Store(tmp_path / 'a', plan), runner=ends_first_begun_last,
+        on_maps=seen.append,
     )
     assert [maps.members for maps in seen] == [16, 32, 64]
     assert same(seen[0], undisturbed(tmp_path / 'b', 16).maps)
@@ -305,14 +309,12 @@ def test_processes_share_the_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
         def close(self) -> None:
             pass
 
-    def run(
-        plan: Plan, device: str | None, members: Sequence[Member]
-    ) -> list[Footprint]:
+    def run(plan: Plan, members: Sequence[Member], *, device: str | None) -> list[Footprint]:
         shared.append(device)
         return []
 
     monkeypatch.setattr('lava_ros.forecast.ensemble.Pool', Processes)
-    monkeypatch.setattr('lava_ros.forecast.ensemble.run_batch', run)
+    monkeypatch.setattr('lava_ros.forecast.ensemble.run_here', run)
     for device, expected in ((None, ['cuda:0', 'cuda:1', 'cuda:0']), ('cuda:1', ['cuda:1'] * 3)):
         shared.clear()
         workers = default_workers()

@@ -24,8 +24,10 @@ from lava_ros.forecast.members import (
     check_members,
     make_plan,
     member_scene,
+    MemberFields,
     plan_from,
     run_members,
+    running,
 )
 from lava_ros.forecast.probability import footprint_of, Tally
 from lava_ros.forecast.sampling import draw_members, Member
@@ -146,10 +148,15 @@ def test_a_run_is_that_of_the_scene(device: str) -> None:
     """Arrival and peak of a member are those of its scene, looked at as often."""
     plan = make_plan(SCENE, horizon=600.0, accuracy=Accuracy(refinement=0.5), looks=10)
     members = draw_members(SCENE, 2, seed=1)
-    shares: list[float] = []
-    results = run_members(plan, members, device=device, progress=shares.append)
+    shares: dict[int, float] = {}
+    told: list[float] = []
+    results: list[MemberFields] = []
+    for fields in running(plan, members, device=device, progress=shares):
+        told.append(sum(shares.values()))
+        results += [fields] if fields is not None else []
+    assert told == sorted(told) and told[-1] == 2.0 and len(set(told)) > 5
+    results.sort(key=lambda item: item.index)
     assert [item.index for item in results] == [0, 1]
-    assert shares == sorted(shares) and shares[-1] == 1.0 and len(shares) == 22
     simulation = Simulation(
         member_scene(SCENE, members[1]), effects=plan.effects, accuracy=plan.accuracy,
         device=device,
@@ -158,7 +165,8 @@ def test_a_run_is_that_of_the_scene(device: str) -> None:
     for look in range(11):
         simulation.advance(60.0 * look)
         simulation.look(looks)
-    seen = simulation.seen(looks)
+    seen = simulation.seen(looks, where_wet=True)
+    assert results[1].corner == seen.corner
     if device == 'cpu':
         np.testing.assert_array_equal(results[1].arrival, seen.arrival.astype(np.float32))
         np.testing.assert_array_equal(results[1].peak, seen.thickness)
@@ -191,10 +199,12 @@ def test_a_member_can_go_on_from_a_running_simulation(device: str) -> None:
     for look in range(6):
         running.advance(300.0 + 60.0 * look)
         running.look(looks)
-    seen = running.seen(looks)
+    seen = running.seen(looks, where_wet=True)
+    assert same.corner == seen.corner
     np.testing.assert_array_equal(same.peak, seen.thickness)
     np.testing.assert_array_equal(same.arrival, (seen.arrival - 300.0).astype(np.float32))
     assert (same.arrival == 0.0).any() and (same.arrival > 0.0).any()
     assert np.isfinite(more.arrival).sum() > np.isfinite(same.arrival).sum()
     # a discharge that holds from now on does not reach back
-    assert np.array_equal(more.arrival == 0.0, same.arrival == 0.0)
+    there = [np.argwhere(item.arrival == 0.0) + item.corner for item in (same, more)]
+    np.testing.assert_array_equal(*there)

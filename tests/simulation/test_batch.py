@@ -21,7 +21,7 @@ import pytest
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.batch import Batch, interleave
+from lava_ros.simulation.batch import Batch, side_by_side
 from lava_ros.verification.benchmarks.effects import effect_sets
 
 #: Sets of effects of ``lava bench effects`` that go through other kernels, and times of maps [s].
@@ -50,22 +50,23 @@ def route_of(flux, device, ends):
     ends[flux] = simulation.sample().position
 
 
-def in_turns(routes, device):
-    """Each on a stream of its own, three at a time."""
-    interleave(routes, device, at_once=3)
-
-
-def in_one_launch(routes, device):
-    """All of them in the same launches, three at a time."""
+def run(routes, device):
+    """Take routes to their ends, three of them at a time."""
     Batch(at_once=3).run(routes)
 
 
-WAYS = pytest.mark.parametrize('run', [in_turns, in_one_launch])
+def one_by_one(routes, device):
+    """Take routes to their ends as ensembles do: on the CPU one after the other."""
+    for _ in side_by_side(routes, device, at_once=3):
+        pass
+
+
+WAYS = pytest.mark.parametrize('run', [run, one_by_one])
 
 
 @WAYS
 def test_together_is_as_one_by_one(device, run):
-    """Simulations that take turns, some after others, end where each of them ends alone."""
+    """Simulations that run together, some after others, end where each of them ends alone."""
     fluxes, ends = (1.0, 2.0, 3.0, 5.0, 8.0), {}
     run((route_of(flux, device, ends) for flux in fluxes), device)
     assert sorted(ends) == sorted(fluxes)

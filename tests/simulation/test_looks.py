@@ -55,7 +55,15 @@ def seen_of(looks, device, threshold=0.1):
         temperature = np.where(thickness > 0.0, 1400.0 - time, np.nan)
         take(taken, state, np.isfinite(thickness), thickness, temperature)
     assert taken.flaw() == ''
-    return taken.seen(state)
+    seen, part = taken.seen(state), taken.seen(state, where_wet=True)
+    ends = np.add(part.corner, part.arrival.shape)
+    rows, columns = map(slice, part.corner, ends)
+    wet = np.zeros(seen.arrival.shape, dtype=bool)
+    wet[rows, columns] = True
+    assert not (seen.thickness[~wet] > 0.0).any()
+    for whole, some in zip(seen[1:], part[1:], strict=True):
+        np.testing.assert_array_equal(whole[rows, columns], some)
+    return seen
 
 
 @pytest.mark.parametrize('rows', [1, 5])

@@ -12,21 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How fast members of an ensemble are, from one to many: in turns, and in one launch for all.
+"""How fast members of an ensemble are in a batch, from one to many.
 
 The lava is that of ``benchmarks/effects.py``, in steps of fixed length of one stage.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 import time as wall_clock
 from typing import Any
 
 import warp as wp
 
 from lava_ros.simulation import Simulation
-from lava_ros.simulation.batch import Batch, interleave
+from lava_ros.simulation.batch import Batch
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 from lava_ros.verification.benchmarks.steps import memory_of, used_memory
 from lava_ros.verification.rows import OnProgress, row_of
@@ -41,15 +41,6 @@ SETS = ('bare', 'green')
 
 #: Steps of a member that are measured at once.
 STEPS = {'cuda': 1024, 'cpu': 64}
-
-Way = Callable[[Iterable[Iterator[None]], str, int], None]
-
-#: How members are brought on their way together.
-WAYS: dict[str, Way] = {
-    'in turns': lambda routes, device, _: interleave(routes, device),
-    'in one launch': lambda routes, _, members: Batch(at_once=members).run(routes),
-}
-
 
 def measure(
     device: str, *, particles: Sequence[int] | None, repetitions: int, on_progress: OnProgress
@@ -71,27 +62,21 @@ def measure(
         ]
         count = sum(item.particle_count for item in simulations)
         what = f'{name}: {members} members'
-        for way, run in WAYS.items():
-            rates = [
-                _rate(simulations, count, STEPS[kind], device, run)
-                for _ in range(repetitions + 1)
-            ]
-            # the first one compiles and captures
-            yield row_of(f'{what}, {way}', number, rates[1:], 'M particle-steps/s')
+        rates = [
+            _rate(simulations, count, STEPS[kind], device) for _ in range(repetitions + 1)
+        ]
+        # the first one compiles and captures
+        yield row_of(what, number, rates[1:], 'M particle-steps/s')
         memory = memory_of(simulations, device, before) / count
         yield row_of(f'{what}: memory', number, [memory], 'B per particle')
 
 
-def _rate(
-    simulations: Sequence[Simulation], count: int, steps: int, device: str, run: Way
-) -> float:
+def _rate(simulations: Sequence[Simulation], count: int, steps: int, device: str) -> float:
     """Particle-steps a second of all members [1e6/s]."""
     before = sum(item.steps for item in simulations)
     start = wall_clock.perf_counter()
-    run(
-        (item.advancing(item.time + steps * STEP) for item in simulations),
-        device,
-        len(simulations),
+    Batch(at_once=len(simulations)).run(
+        item.advancing(item.time + steps * STEP) for item in simulations
     )
     wp.synchronize_device(device)
     elapsed = wall_clock.perf_counter() - start

@@ -163,11 +163,12 @@ def _run_ahead(accuracy: Accuracy, device: str) -> Run:
         Measurement('arrival', float(measured.mean()), float(exactly.mean()), 's'),
         Measurement('worst cell', float(measured[worst]), float(exactly[worst]), 's'),
     )
+    steps = ahead.simulation.snapshot().steps
     return replace(
         run,
         particles=forecast.particle_count,
-        steps=ahead.steps.count,
-        evaluations=ahead.steps.evaluations,
+        steps=steps.count,
+        evaluations=steps.evaluations,
         simulated_time=forecast.time + forecast.horizon,
         wall_time=run.wall_time + forecast.duration,
     )
