@@ -23,7 +23,7 @@ that waits.
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import chain
+from itertools import chain, islice
 from threading import local
 from typing import Any
 
@@ -44,6 +44,9 @@ _STAGES = {True: 16, False: 1}
 
 #: Rounds of stages under way: while the host looks at what came of one a GPU has the next to do.
 _UNDER_WAY = {True: 2, False: 1}
+
+#: Members that begin between two rounds.
+_STARTS = 4
 
 _END = object()
 
@@ -126,7 +129,7 @@ class _Group:
     def begin(self) -> Callable[[], list[Iterator[None]]]:
         """Begin a round of stages; return what waits for it and gives the routes to go on with."""
         self._select()
-        self._stages.launch_again(_STAGES[self._device.is_cuda])
+        self._stages.launch(_STAGES[self._device.is_cuda])
         self._looks.launch()
         asked = self._asked.copy()
         self._copies.rotate()
@@ -225,12 +228,12 @@ class Batch:
         ready = deque[Iterator[None]]()
         rounds = deque[tuple[_Group, Callable[[], list[Iterator[None]]]]]()
         while True:
-            while begun < self._at_once and (route := next(waiting, None)) is not None:
-                ready.append(route)
-                begun += 1
-            if ready:
+            # the others are not kept waiting by all that begin
+            new = list(islice(waiting, min(self._at_once - begun, _STARTS)))
+            ready.extend(new)
+            begun += len(new)
+            while ready:
                 begun -= self._has_ended(ready.popleft(), ready)
-                continue
             for (is_stage, _), group in self._groups.items():
                 if group.under_way and not is_stage:
                     ready.extend(group.launch_once())
@@ -242,10 +245,11 @@ class Batch:
                     rounds.append((group, group.begin()))
                     break
             else:
-                if not rounds:
+                if rounds:
+                    yield
+                    ready.extend(rounds.popleft()[1]())
+                elif not new:
                     return
-                yield
-                ready.extend(rounds.popleft()[1]())
 
     def _has_ended(self, route: Iterator[None], ready: deque[Iterator[None]]) -> bool:
         """Go on with a route, and say whether it has come to its end."""

@@ -460,7 +460,11 @@ class Simulation:
     def _place(self, terrain: Terrain) -> None:
         """Put a terrain, and the grids and kernels that depend on it, on the device."""
         accuracy = self.accuracy
-        self._terrain = StaggeredTerrain(terrain, accuracy.precision, self._device)
+        # what freezes raises the ground of this simulation alone
+        staggered = (
+            StaggeredTerrain if 'solidification' in self.effects else StaggeredTerrain.shared
+        )
+        self._terrain = staggered(terrain, accuracy.precision, self._device)
         self._neighbors = NeighborGrid(self._terrain, self.radius, accuracy.ratio, self._device)
         output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
         self._raster = Raster(

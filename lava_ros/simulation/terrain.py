@@ -23,6 +23,7 @@ own direction, quadratic across, the same at the corners, and curl-free.
 from functools import lru_cache
 import math
 from typing import Any, NamedTuple
+from weakref import WeakValueDictionary
 
 import numpy as np
 import warp as wp
@@ -81,6 +82,15 @@ class StaggeredTerrain:
             ground.known = self.known
         self.ground.elevation = self.height
 
+    @classmethod
+    def shared(cls, terrain: Terrain, precision: str, device: Any) -> 'StaggeredTerrain':
+        """The one of these heights that others have, or a new one; nothing may write to it."""
+        key = terrain, precision, str(device)
+        staggered = _shared.get(key)
+        if staggered is None:
+            staggered = _shared[key] = cls(terrain, precision, device)
+        return staggered
+
     def highest(self, places: np.ndarray) -> float:
         """Height of the highest of some places [m].
 
@@ -92,6 +102,9 @@ class StaggeredTerrain:
         where = wp.array(places, dtype=wp.types.vector(2, real), device=device)
         wp.launch(_heights(real), len(places), [where, self.ground], [heights], device=device)
         return float(read(heights).max(initial=-math.inf))
+
+
+_shared: WeakValueDictionary[tuple[Terrain, str, str], StaggeredTerrain] = WeakValueDictionary()
 
 
 @lru_cache

@@ -117,6 +117,19 @@ def test_members_of_several_kinds_and_sizes(device, name):
 
 
 @WAYS
+def test_routes_that_simulate_nothing(device, run):
+    """Each comes to its end, however many there are."""
+    ended = []
+
+    def route(number):
+        yield
+        ended.append(number)
+
+    run(map(route, range(20)), device)
+    assert sorted(ended) == list(range(20))
+
+
+@WAYS
 def test_what_a_route_raises_is_raised(device, run):
     """An error is not lost among the others."""
 

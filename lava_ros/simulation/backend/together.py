@@ -22,7 +22,7 @@ of each block which member it belongs to.
 
 from collections.abc import Sequence
 import ctypes
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
@@ -34,13 +34,19 @@ from lava_ros.simulation.backend.streams import capture_lock
 #: Threads of a block where a launch does not say.
 _BLOCK = 256
 
-#: Blocks there is room for over those that are used: for more another graph is captured.
-_SPARE = 1.25
+#: Lists of blocks, and graphs, that are kept: one for each number of blocks, rounded up.
+_MOST = 64
 
 
 def kind_of(launches: Sequence[Launch]) -> tuple[Any, ...]:
     """What launches must have in common with others to be made together."""
     return tuple((one.kernel, one.block_dim) for one in launches)
+
+
+def _rounded(count: int) -> int:
+    """A number that is no less, by an eighth at most, of which there are few."""
+    step = 1 << max(count.bit_length() - 4, 0)
+    return -(-count // step) * step
 
 
 class Together:
@@ -56,9 +62,8 @@ class Together:
         """
         self._device = device
         self._tables = [_Table(one, rows, device) for one in launches]
-        self._graph: tuple[Any, Any] | None = None
-        self._room: list[int] = []
-        self._blocks: Any = None
+        self._ready: _Ready | None = None
+        self._made: dict[tuple[int, ...], _Ready] = {}
 
     def put(self, row: int, launches: Sequence[Launch]) -> None:
         """Let a row be a member with these launches, once ``select`` is called again."""
@@ -67,43 +72,50 @@ class Together:
 
     def select(self, rows: np.ndarray) -> None:
         """Let the members of some rows, int, take part from now on, and no others."""
-        parts = [table.parts(rows) for table in self._tables]
-        used = [len(part) for part in parts]
-        if not self._room or not all(
-            one <= room <= 2 * _SPARE * one
-            for one, room in zip(used, self._room, strict=True)
-        ):
-            self._room = [int(_SPARE * one) + 1 for one in used]
-            self._blocks = wp.empty(sum(self._room), dtype=wp.vec3i, device=self._device)
-        ends = np.cumsum(self._room)
-        blocks = np.full((ends[-1], 3), -1, dtype=np.int32)
-        for table, part, end, room in zip(self._tables, parts, ends, self._room, strict=True):
+        used = [table.count(rows) for table in self._tables]
+        room = tuple(map(_rounded, used))
+        if room not in self._made:
+            if len(self._made) >= _MOST:
+                self._made.clear()
+            blocks = wp.empty(sum(room), dtype=wp.vec3i, device=self._device)
+            self._made[room] = _Ready(blocks, {})
+        self._ready = self._made[room]
+        blocks = np.full((sum(room), 3), -1, dtype=np.int32)
+        start = 0
+        for table, count, size in zip(self._tables, used, room, strict=True):
             table.send()
-            table.blocks = self._blocks[end - room : end]
-            blocks[end - room :][: len(part)] = part
-        self._blocks.assign(blocks)
+            table.list_blocks(rows, blocks[start : start + count])
+            table.blocks = self._ready.blocks[start : start + size]
+            start += size
+        self._ready.blocks.assign(blocks)
 
-    def launch(self) -> None:
-        """Make all launches once."""
-        for table in self._tables:
-            table.launch()
-
-    def launch_again(self, times: int) -> None:
+    def launch(self, times: int = 1) -> None:
         """Make all launches some times, on a GPU as a graph."""
+        assert self._ready is not None
         if not self._device.is_cuda:
-            for _ in range(times):
-                self.launch()
+            self._launch(times)
             return
-        key = times, self._blocks.ptr
-        if self._graph is None or self._graph[0] != key:
+        graphs = self._ready.graphs
+        if times not in graphs:
             for table in self._tables:
                 table.load()
             with capture_lock, wp.ScopedCapture(device=self._device) as capture:
-                for _ in range(times):
-                    self.launch()
+                self._launch(times)
             overlap(capture.graph, {table.kernel for table in self._tables})
-            self._graph = key, capture.graph
-        wp.capture_launch(self._graph[1])
+            graphs[times] = capture.graph
+        wp.capture_launch(graphs[times])
+
+    def _launch(self, times: int) -> None:
+        for _ in range(times):
+            for table in self._tables:
+                table.launch()
+
+
+class _Ready(NamedTuple):
+    """A list of blocks on the device, and graphs of the launches with it, by how often."""
+
+    blocks: Any
+    graphs: dict[int, Any]
 
 
 class _Table:
@@ -154,14 +166,18 @@ class _Table:
         wp.copy(self._there, self._here, first, first, end - first)
         self._is_new[:] = False
 
-    def parts(self, rows: np.ndarray) -> np.ndarray:
-        """What ``blocks`` has to hold for the members of some rows, int, shape [blocks, 3]."""
+    def count(self, rows: np.ndarray) -> int:
+        """Blocks of the members of some rows, int."""
+        return int((-(-self._threads[rows] // self._size)).sum())
+
+    def list_blocks(self, rows: np.ndarray, listed: np.ndarray) -> None:
+        """Write what ``blocks`` holds for the members of some rows, int, shape [count, 3]."""
         threads = self._threads[rows]
         counts = -(-threads // self._size)
         firsts = np.repeat(np.cumsum(counts) - counts, counts)
-        numbers = np.arange(len(firsts)) - firsts
-        columns = np.repeat(rows, counts), numbers * self._size, np.repeat(threads, counts)
-        return np.stack(columns, axis=1)
+        listed[:, 0] = np.repeat(rows, counts)
+        listed[:, 1] = (np.arange(len(listed)) - firsts) * self._size
+        listed[:, 2] = np.repeat(threads, counts)
 
     def launch(self) -> None:
         wp.launch(
