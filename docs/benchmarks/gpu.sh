@@ -11,12 +11,15 @@ shift 2
 cd "$(dirname "$0")/../.." || exit
 export PYTHONPATH=$PWD:$PWD/tests:$PWD/docs/benchmarks${PYTHONPATH:+:$PYTHONPATH}
 lava="python3 -m lava_ros.cli.main"
+many="python3 docs/benchmarks/members.py --device cuda:0 --machine GPU"
 both="--case $cases/etna2001 --case $cases/etna2006"
 
 declare -A command=(
     [batch]="python3 -m pytest -q -p no:cacheprovider -p no:launch_testing tests/simulation/test_batch.py tests/simulation/test_looks.py"
     [members]="$lava bench members --device cuda:0 --output $out/members.csv"
-    [day]="python3 docs/benchmarks/members.py --device cuda:0 --members 256 --workers 1 --case $cases/etna2001 --machine GPU"
+    [day]="$many $cases/etna2001 --members 256 --repetitions 5"
+    [day_standard]="$many $cases/etna2001 --members 256 --repetitions 3 --preset standard"
+    [whole]="$many $cases/etna2001 --members 1000 --days 22"
     [hard]="python3 -m hard.run --device cuda:0 --jobs 8 --csv $out"
     [steps]="$lava bench steps --device cuda:0 --repetitions 5 --output $out/steps_h200.csv"
     [effects]="$lava bench effects --device cuda:0 --repetitions 5 --output $out/effects_h200.csv"
@@ -26,10 +29,10 @@ declare -A command=(
     [probability]="python3 docs/benchmarks/probability.py $out/probability_h200.csv $both --folder $out/members --members 64 --preset draft --device cuda:0"
 )
 declare -A limit=(
-    [batch]=120 [members]=120 [day]=60 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80 [calibrate]=500 [eruptions]=300
-    [probability]=500
+    [batch]=120 [members]=120 [day]=60 [day_standard]=120 [whole]=400 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80
+    [calibrate]=500 [eruptions]=300 [probability]=500
 )
-[ $# -gt 0 ] || set -- batch members day hard steps effects accuracy calibrate eruptions probability
+[ $# -gt 0 ] || set -- batch members day day_standard whole hard steps effects accuracy calibrate eruptions probability
 mkdir -p "$out"
 for part; do
     begun=$SECONDS

@@ -105,14 +105,17 @@ def run(args: argparse.Namespace) -> int:
     }
     with Progress() as progress:
         measured = _module(args.benchmark).measure(device, on_progress=progress.show, **options)
-        rows = [{**row, **origin} for row in measured]
+        rows = []
+        for row in measured:
+            rows.append({**row, **origin})
+            if args.output:
+                # what is interrupted leaves what it has
+                write_csv(rows, Path(args.output))
         progress.show('done', 1.0)
     columns = SHOWN[args.benchmark]
     cells = [[format(row[key], form) for _, key, form in columns] for row in rows]
     sides = ''.join('>' if form else '<' for _, _, form in columns)
     print('\n'.join(table_lines([[head for head, _, _ in columns], *cells], sides)))
-    if args.output:
-        write_csv(rows, Path(args.output))
     write_json(as_plain(rows), args.json)
     return 0
 
