@@ -40,7 +40,7 @@ class Looking:
         max_particles: int | None,
         of: str = '',
     ) -> None:
-        """Take the first look at once.
+        """Begin without a look; the first one is of the flow as it is.
 
         Args:
             simulation: The simulation.
@@ -50,18 +50,18 @@ class Looking:
             of: How errors refer to the simulation, such as ' of member 3'.
 
         Raises:
-            LavaError: As in ``advance``.
+            LavaError: There are too many particles.
         """
         self.simulation = simulation
-        self._looks = simulation.looks(threshold, len(due) + 1)
-        self._due, self._done = due, 0
+        self._due, self._done = [simulation.time, *due], 0
+        self._looks = simulation.looks(threshold, len(self._due))
         self._max_particles, self._of = max_particles, of
-        self._look()
+        self._check_size(simulation.particle_count)
 
     @property
     def progress(self) -> float:
         """Share of the looks that have been taken, the first one left out."""
-        return self._done / len(self._due)
+        return max(self._done - 1, 0) / (len(self._due) - 1)
 
     @property
     def is_done(self) -> bool:
@@ -76,7 +76,9 @@ class Looking:
         """
         due = self._due[self._done]
         if self.simulation.advance(due, wall_limit=wall_limit) >= due:
-            self._look()
+            self._check_size(self.simulation.particle_count)
+            self.simulation.look(self._looks)
+            self._check(self._looks.flaw())
             self._done += 1
 
     def advancing(self) -> Iterator[None]:
@@ -100,11 +102,6 @@ class Looking:
         """
         self._check(self._looks.flaw())
         return self.simulation.seen(self._looks, where_wet=where_wet)
-
-    def _look(self) -> None:
-        self._check_size(self.simulation.particle_count)
-        self.simulation.look(self._looks)
-        self._check(self._looks.flaw())
 
     def _check_size(self, count: int) -> None:
         if self._max_particles is not None and count > self._max_particles:

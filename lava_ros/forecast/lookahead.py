@@ -50,7 +50,7 @@ class LookAhead(Looking):
         device: str | None = None,
         max_particles: int | None = None,
     ) -> None:
-        """Start a simulation from a checkpoint, and take the first look.
+        """Start a simulation from a checkpoint.
 
         Args:
             checkpoint: The state from which to start.

@@ -290,7 +290,7 @@ class MemberRun(Looking):
     def __init__(
         self, plan: Plan, member: Member, *, device: str | None, max_particles: int | None = None
     ) -> None:
-        """Start the member's simulation, and take the first look.
+        """Start the member's simulation.
 
         Raises:
             LavaError: The member has no valid scene, or as in ``advance``.
