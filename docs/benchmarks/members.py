@@ -16,7 +16,7 @@
 
 It makes members_h200.csv and members_cpu.csv:
 
-    python docs/benchmarks/members.py CASE --device cuda:0 --members 256 --repetitions 5 --machine M
+    python docs/benchmarks/members.py CASE --device cuda:0 --members 256 --machine M
     python docs/benchmarks/members.py CASE --device cpu --members 32 --workers 2 --machine M
 
 CASE is a folder as `lava hindcast` reads it, or that case pickled. Members are looked at each hour
