@@ -47,7 +47,7 @@ from lava_ros.simulation.backend.compiled import (
     sum_over,
 )
 from lava_ros.simulation.backend.threads import launch_over
-from lava_ros.simulation.cells import cell_functions
+from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
 from lava_ros.simulation.motion_arguments import journey_type
@@ -160,22 +160,25 @@ def flow_kernels(
     gradient: str,
     effects: Effects,
     lanes: int = 1,
+    parts: int = 1,
     is_short: bool = False,
     is_wide: bool = False,
 ) -> FlowKernels:
     """Return the kernels that compute thickness and local velocity, for one set of effects.
 
-    ``lanes`` is the number of threads that share a particle's neighbours, ``is_short`` whether
-    there are so few that waiting takes the time, ``is_wide`` whether a CPU takes several
-    neighbours at a time (simd.py).
+    ``parts`` is the number of parts in which a particle's neighbours are summed up, ``lanes`` that
+    of the threads that share it: as many, or one. ``is_short`` is whether there are so few that
+    waiting takes the time, ``is_wide`` whether a CPU takes several neighbours at a time (simd.py).
     """
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
+    vec4 = wp.types.vector(4, real)
+    vec8 = wp.types.vector(8, real)
     mat22 = wp.types.matrix((2, 2), real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
     norm, shape, slope, excess = kernel.norm, kernel.shape, kernel.slope, kernel.excess
     shape_factor, slope_factor = kernel.factors
-    sums_around = sums_function(real, kernel, lanes, is_short)
+    sums_around = sums_function(real, kernel, parts, is_short)
     if is_wide and kernel.wide_terms:
         sums_around = wide_sums_function(kernel.wide_terms)
     gradient_at, _, height_at, *_ = terrain_functions(real)
@@ -184,7 +187,56 @@ def flow_kernels(
     balance = _balance_function(real, kernel.stiffness, effects)
     total = sum_over(real, lanes)
 
-    @quick_kernel(bounds=FEW_THREADS if is_short else None)
+    @wp.func
+    def height_around(
+        part: int,
+        ordered: wp.array(dtype=vec4),
+        cells: cell_frame(real),
+        box: wp.vec4i,
+        p: vec4,
+        inverse: real,
+    ) -> real:
+        height = real(0.0)
+        for r in range(box[0] + part, box[1], parts):
+            near = range_in(cells, r, box)
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
+                dx = p[0] - other[0]
+                dy = p[1] - other[1]
+                height += other[2] * shape(wp.sqrt(dx * dx + dy * dy) * inverse)
+        return height
+
+    @wp.func
+    def differences_around(
+        part: int,
+        ordered: wp.array(dtype=vec4),
+        surface: wp.array(dtype=vec2),
+        cells: cell_frame(real),
+        box: wp.vec4i,
+        p: vec4,
+        own: real,
+        inverse: real,
+    ) -> vec8:
+        """Sums over the neighbours' areas: differences, their second moments, and V grad W."""
+        rise = vec2()
+        moment = mat22()
+        push = vec2()
+        for r in range(box[0] + part, box[1], parts):
+            near = range_in(cells, r, box)
+            for j in range(near[0], near[1]):
+                other = load(ordered, j)
+                d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
+                there = load_pair(surface, j)
+                pull = slope(wp.length(d)) * d
+                rise += there[1] * (there[0] - own) * pull
+                moment -= there[1] * wp.outer(d, pull)
+                if wp.static(gradient == 'balanced'):
+                    push += other[2] * pull
+        return vec8(
+            rise.x, rise.y, moment[0, 0], moment[0, 1], moment[1, 0], moment[1, 1], push.x, push.y
+        )
+
+    @quick_kernel(bounds=FEW_THREADS if is_short or parts > lanes else None)
     def thickness_and_velocity(thread: int, m: journey_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
@@ -195,6 +247,11 @@ def flow_kernels(
         inverse = real(1.0) / radius
         box = cells_around(m.cells, p[0], p[1], radius)
         sums = sums_around(lane, m.ordered, m.cells, box, p, inverse)
+        if wp.static(parts > lanes):
+            # in the order in which threads would add up theirs
+            odd = sums_around(1, m.ordered, m.cells, box, p, inverse)
+            sums += sums_around(2, m.ordered, m.cells, box, p, inverse)
+            sums += odd + sums_around(3, m.ordered, m.cells, box, p, inverse)
         height = total(sums[0]) * real(shape_factor)
         rise_x = total(sums[1]) * inverse * real(slope_factor)
         rise_y = total(sums[2]) * inverse * real(slope_factor)
@@ -217,15 +274,12 @@ def flow_kernels(
         p = load(m.ordered, i)
         radius = m.constants.radius
         inverse = real(1.0) / radius
-        height = real(0.0)
         box = cells_around(m.cells, p[0], p[1], radius)
-        for r in range(box[0] + lane, box[1], lanes):
-            near = range_in(m.cells, r, box)
-            for j in range(near[0], near[1]):
-                other = load(m.ordered, j)
-                dx = p[0] - other[0]
-                dy = p[1] - other[1]
-                height += other[2] * shape(wp.sqrt(dx * dx + dy * dy) * inverse)
+        height = height_around(lane, m.ordered, m.cells, box, p, inverse)
+        if wp.static(parts > lanes):
+            odd = height_around(1, m.ordered, m.cells, box, p, inverse)
+            height += height_around(2, m.ordered, m.cells, box, p, inverse)
+            height += odd + height_around(3, m.ordered, m.cells, box, p, inverse)
         height = total(height) * real(wp.static(norm)) * inverse * inverse
         if lane > 0:
             return
@@ -243,27 +297,16 @@ def flow_kernels(
         radius = m.constants.radius
         inverse = real(1.0) / radius
         own = m.surface[i][0]
-        # sums over the neighbours' areas: differences, their second moments, and V grad W
-        rise = vec2()
-        moment = mat22()
-        push = vec2()
         box = cells_around(m.cells, p[0], p[1], radius)
-        for r in range(box[0] + lane, box[1], lanes):
-            near = range_in(m.cells, r, box)
-            for j in range(near[0], near[1]):
-                other = load(m.ordered, j)
-                d = vec2(p[0] - other[0], p[1] - other[1]) * inverse
-                there = load_pair(m.surface, j)
-                pull = slope(wp.length(d)) * d
-                rise += there[1] * (there[0] - own) * pull
-                moment -= there[1] * wp.outer(d, pull)
-                if wp.static(gradient == 'balanced'):
-                    push += other[2] * pull
-        rise = vec2(total(rise.x), total(rise.y))
-        push = vec2(total(push.x), total(push.y))
-        moment = mat22(
-            total(moment[0, 0]), total(moment[0, 1]), total(moment[1, 0]), total(moment[1, 1])
-        )
+        sums = differences_around(lane, m.ordered, m.surface, m.cells, box, p, own, inverse)
+        if wp.static(parts > lanes):
+            odd = differences_around(1, m.ordered, m.surface, m.cells, box, p, own, inverse)
+            sums += differences_around(2, m.ordered, m.surface, m.cells, box, p, own, inverse)
+            odd += differences_around(3, m.ordered, m.surface, m.cells, box, p, own, inverse)
+            sums += odd
+        rise = vec2(total(sums[0]), total(sums[1]))
+        moment = mat22(total(sums[2]), total(sums[3]), total(sums[4]), total(sums[5]))
+        push = vec2(total(sums[6]), total(sums[7]))
         if lane > 0:
             return
         scale = real(wp.static(norm)) * inverse * inverse

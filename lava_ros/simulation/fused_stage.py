@@ -37,9 +37,9 @@ from lava_ros.simulation.vents import Outlets, VentSet
 #: Threads of the block.
 DIRECTORS = FEW_THREADS[0]
 
-#: By whether there are few particles: threads of a block, and how many blocks a processor of a GPU
-#: must hold. What the first one does would take the registers of all; with many particles it
-#: keeps some of its numbers in local memory, and nobody waits for that.
+#: By whether there are few particles, alone or in a batch: threads of a block, and how many blocks
+#: a processor of a GPU must hold. What the first one does would take the registers of all; with
+#: many particles it keeps some of its numbers in local memory, and nobody waits for that.
 BOUNDS = {True: FEW_THREADS, False: (DIRECTORS, 6)}
 
 
@@ -94,4 +94,5 @@ def direction_within(state: State, pace: Any, vents: VentSet) -> Direction:
     # one number for any vents: each would be another kernel
     threads = emitters(state, DIRECTORS)
     function = _function(state.real, choice_of(state), emission, threads)
-    return Direction(pace, vents.outlets, function, BOUNDS[state.is_short])
+    has_long_sums = state.is_short or state.lanes < state.parts
+    return Direction(pace, vents.outlets, function, BOUNDS[has_long_sums])

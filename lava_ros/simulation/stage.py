@@ -138,10 +138,11 @@ class Stage:
 
     def compute_flow(self, *, fills_flow: bool = True) -> None:
         """Compute thickness and local velocity of the ordered particles."""
+        state = self._state
         compute_flow(
-            self._state,
+            state,
             self._journey(),
-            self._flow_kernels(self._state.lanes, self._state.is_short, self._state.is_wide),
+            self._flow_kernels(state.lanes, state.parts, state.is_short, state.is_wide),
             fills_flow=fills_flow,
         )
 

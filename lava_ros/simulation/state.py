@@ -245,14 +245,23 @@ class State:
         return self.is_deterministic and self.device.is_cuda
 
     @property
-    def lanes(self) -> int:
-        """Threads that share a particle's neighbours: few particles alone do not fill a GPU."""
+    def parts(self) -> int:
+        """Parts in which a particle's neighbours are summed up, which threads can share."""
         return SHARED_LANES if self.device.is_cuda and self.capacity <= SHARED_UP_TO else 1
+
+    @property
+    def lanes(self) -> int:
+        """Threads to a particle: one for each part, for few particles alone do not fill a GPU.
+
+        Those of a batch do (together.py), for which launches are taken down.
+        """
+        return 1 if self.launches.is_capturing else self.parts
 
     @property
     def is_short(self) -> bool:
         """Whether all threads of a pass over the particles are at work on a GPU at once."""
-        return self.device.is_cuda and self.capacity * self.lanes <= AT_ONCE
+        is_alone = self.device.is_cuda and not self.launches.is_capturing
+        return is_alone and self.capacity * self.lanes <= AT_ONCE
 
     @property
     def is_wide(self) -> bool:

@@ -30,8 +30,11 @@ from lava_ros.simulation.kernels import SmoothingKernel
 
 
 @lru_cache
-def sums_function(real: Any, kernel: SmoothingKernel, lanes: int, is_short: bool) -> Any:
-    """Return the device function of the sums over the neighbours of thickness and its gradient."""
+def sums_function(real: Any, kernel: SmoothingKernel, parts: int, is_short: bool) -> Any:
+    """Return the device function of the sums over the neighbours of thickness and its gradient.
+
+    Its first argument is the number of a part: every so many-th row of cells.
+    """
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
     terms = kernel.terms
@@ -48,7 +51,7 @@ def sums_function(real: Any, kernel: SmoothingKernel, lanes: int, is_short: bool
 
     @wp.func
     def sums_around(
-        lane: int,
+        part: int,
         ordered: wp.array(dtype=vec4),
         cells: cell_frame(real),
         box: wp.vec4i,
@@ -56,11 +59,11 @@ def sums_function(real: Any, kernel: SmoothingKernel, lanes: int, is_short: bool
         inverse: real,
     ) -> vec3:
         sums = vec3()
-        near = range_in(cells, wp.min(box[0] + lane, box[1] - 1), box)
-        for r in range(box[0] + lane, box[1], lanes):
+        near = range_in(cells, wp.min(box[0] + part, box[1] - 1), box)
+        for r in range(box[0] + part, box[1], parts):
             following = near
             if wp.static(is_short):
-                following = range_in(cells, wp.min(r + lanes, box[1] - 1), box)
+                following = range_in(cells, wp.min(r + parts, box[1] - 1), box)
             else:
                 near = range_in(cells, r, box)
             j = near[0]
@@ -95,7 +98,7 @@ def wide_sums_function(wide_terms: str) -> Any:
         """)
     )
     def sums_around(
-        lane: int,
+        part: int,
         values: wp.array(dtype=wp.vec4),
         cells: cell_frame(wp.float32),
         box: wp.vec4i,

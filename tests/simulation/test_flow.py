@@ -14,6 +14,7 @@
 
 """Thickness, velocity and the limits they set, against sums over all pairs and exact sheets."""
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -23,6 +24,7 @@ from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.state import State
 from lava_ros.verification.cases.case import ISOTHERMAL
 from lava_ros.verification.cases.sheets import GREEN_RADIUS, response, sheet_speed
 
@@ -47,6 +49,23 @@ def scattered(device, accuracy=None, **options):
         **options,
     )
     return simulation, particles
+
+
+@pytest.mark.parametrize('gradient', ['energy', 'balanced'])
+@pytest.mark.parametrize('effect', ['', 'green', 'helmholtz'])
+def test_sums_in_parts_are_the_same_sums(monkeypatch, gradient, effect):
+    """As a GPU adds up those of a batch's members: one thread takes four parts."""
+    accuracy = Accuracy(spacing=9.0, thickness=1.0, precision='float64', gradient=gradient)
+    effects = replace(BARE, **{effect: True}) if effect else BARE
+    whole = scattered('cpu', accuracy, effects=effects)[0].sample()
+    monkeypatch.setattr(State, 'parts', 4)
+    monkeypatch.setattr(State, 'lanes', 1)
+    monkeypatch.setattr(State, 'is_wide', False)
+    parts = scattered('cpu', accuracy, effects=effects)[0].sample()
+    for name in ('thickness', 'velocity'):
+        expected = getattr(whole, name)
+        assert np.abs(expected).max() > 0.0
+        np.testing.assert_allclose(getattr(parts, name), expected, rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])

@@ -74,9 +74,10 @@ _LEAST_PART = LEAST_SUMS // 2
 
 
 @lru_cache
-def _sums_function(real: Any, lanes: int, is_short: bool) -> Any:
+def _sums_function(real: Any, parts: int, is_short: bool) -> Any:
     """Return the device function of the K0-weighted sums of area and of volume times velocity.
 
+    Its first argument is the number of a part, as that of ``sums.sums_function``.
     Distances are in the units of ``K0Within``, ``least`` the least square of one, ``powers`` what
     K0 needs of k.
     """
@@ -108,7 +109,7 @@ def _sums_function(real: Any, lanes: int, is_short: bool) -> Any:
 
     @wp.func
     def sums_around(
-        lane: int,
+        part: int,
         source: wp.array(dtype=vec4),
         area: wp.array(dtype=real),
         cells: cell_frame(real),
@@ -118,11 +119,11 @@ def _sums_function(real: Any, lanes: int, is_short: bool) -> Any:
         least: real,
     ) -> vec3:
         sums = vec3()
-        near = range_in(cells, wp.min(box[0] + lane, box[1] - 1), box)
-        for r in range(box[0] + lane, box[1], lanes):
+        near = range_in(cells, wp.min(box[0] + part, box[1] - 1), box)
+        for r in range(box[0] + part, box[1], parts):
             following = near
             if wp.static(is_short):
-                following = range_in(cells, wp.min(r + lanes, box[1] - 1), box)
+                following = range_in(cells, wp.min(r + parts, box[1] - 1), box)
             else:
                 near = range_in(cells, r, box)
             j = near[0]
@@ -160,7 +161,7 @@ def _wide_sums_function() -> Any:
         """)
     )
     def sums_around(
-        lane: int,
+        part: int,
         values: wp.array(dtype=wp.vec4),
         area: wp.array(dtype=wp.float32),
         cells: cell_frame(wp.float32),
@@ -174,10 +175,13 @@ def _wide_sums_function() -> Any:
 
 
 @lru_cache
-def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> Any:
+def _velocity_function(
+    real: Any, lanes: int, parts: int, is_short: bool, is_wide: bool
+) -> Any:
     """Return the device function from a particle's local velocity to its velocity.
 
-    A particle has as many threads as lanes, and only the first one's result counts.
+    A particle has as many threads as lanes, and only the first one's result counts; its neighbours
+    are summed up in parts.
     """
     vec3 = wp.types.vector(3, real)
     vec4 = wp.types.vector(4, real)
@@ -186,7 +190,7 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
     within = k0_within(real)
     powers_of, k0 = within.powers_of, within.at
     sum_up = sum_over(real, lanes)
-    sums_around = _wide_sums_function() if is_wide else _sums_function(real, lanes, is_short)
+    sums_around = _wide_sums_function() if is_wide else _sums_function(real, parts, is_short)
 
     @wp.func
     def velocity_of(
@@ -206,6 +210,11 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
         least = wp.max(own * real(_NEAR) * unit * unit, real(LEAST_SQUARED))
         box = cells_around(m.cells, here[0], here[1], support)
         sums = sums_around(lane, m.source, m.area, m.cells, box, p, powers, least)
+        if wp.static(parts > lanes):
+            # in the order in which threads would add up theirs
+            odd = sums_around(1, m.source, m.area, m.cells, box, p, powers, least)
+            sums += sums_around(2, m.source, m.area, m.cells, box, p, powers, least)
+            sums += odd + sums_around(3, m.source, m.area, m.cells, box, p, powers, least)
         total = sum_up(sums[0])
         x = sum_up(sums[1])
         y = sum_up(sums[2])
@@ -223,11 +232,11 @@ def _velocity_function(real: Any, lanes: int, is_short: bool, is_wide: bool) -> 
 
 
 @lru_cache
-def _velocity_kernel(real: Any, lanes: int, is_short: bool, is_wide: bool) -> Any:
+def _velocity_kernel(real: Any, lanes: int, parts: int, is_short: bool, is_wide: bool) -> Any:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     load, load_number = load4(real), load1(real)
-    velocity_of = _velocity_function(real, lanes, is_short, is_wide)
+    velocity_of = _velocity_function(real, lanes, parts, is_short, is_wide)
     fallen = fall_function(real)
 
     @quick_kernel
@@ -248,6 +257,7 @@ def _velocity_kernel(real: Any, lanes: int, is_short: bool, is_wide: bool) -> An
 def _motion_kernel(
     real: Any,
     lanes: int,
+    parts: int,
     is_short: bool,
     is_wide: bool,
     motion: Any,
@@ -257,7 +267,7 @@ def _motion_kernel(
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     load, load_number = load4(real), load1(real)
-    velocity_of = _velocity_function(real, lanes, is_short, is_wide)
+    velocity_of = _velocity_function(real, lanes, parts, is_short, is_wide)
     fallen = fall_function(real)
 
     @quick_kernel(bounds=bounds)
@@ -303,6 +313,7 @@ def move_particles(
         _motion_kernel(
             state.real,
             state.lanes,
+            state.parts,
             state.is_short,
             state.is_wide,
             motion_of(state),
@@ -325,7 +336,9 @@ def spread_velocity(state: State, way: Any) -> None:
         state: The particles; ``source`` and ``area`` of it are filled.
         way: Their journey; at the kernel's radius the Green's function is cut off.
     """
-    kernel = _velocity_kernel(state.real, state.lanes, state.is_short, state.is_wide)
+    kernel = _velocity_kernel(
+        state.real, state.lanes, state.parts, state.is_short, state.is_wide
+    )
     launch_over(
         state, kernel, inputs=[], outputs=[way], least=_LEAST_PART, lanes=state.lanes
     )

@@ -59,9 +59,10 @@ LARGEST_EIGENVALUE = 2.0
 
 
 @lru_cache
-def _sums_function(real: Any, kernel: SmoothingKernel, lanes: int) -> Any:
+def _sums_function(real: Any, kernel: SmoothingKernel, parts: int) -> Any:
     """Return the device function of the sums over the neighbours of A_j h_ij F_ij and its pull.
 
+    Its first argument is the number of a part, as that of ``sums.sums_function``.
     F is left over ``norm``, ``factor`` and l^4, the pull is that of the velocities u_j - u_i. The
     particle itself is a neighbour of its own.
     """
@@ -74,7 +75,7 @@ def _sums_function(real: Any, kernel: SmoothingKernel, lanes: int) -> Any:
 
     @wp.func
     def sums_around(
-        lane: int,
+        part: int,
         layer: wp.array(dtype=vec4),
         solution: wp.array(dtype=vec2),
         cells: cell_frame(real),
@@ -85,7 +86,7 @@ def _sums_function(real: Any, kernel: SmoothingKernel, lanes: int) -> Any:
     ) -> vec3:
         diagonal = real(0.0)
         pull = vec2()
-        for r in range(box[0] + lane, box[1], lanes):
+        for r in range(box[0] + part, box[1], parts):
             near = range_in(cells, r, box)
             for j in range(near[0], near[1]):
                 other = load(layer, j)
@@ -123,7 +124,7 @@ def _wide_sums_function(wide_terms: str) -> Any:
         """)
     )
     def sums_around(
-        lane: int,
+        part: int,
         values: wp.array(dtype=wp.vec4),
         solution: wp.array(dtype=wp.vec2),
         cells: cell_frame(wp.float32),
@@ -138,7 +139,7 @@ def _wide_sums_function(wide_terms: str) -> Any:
 
 @lru_cache
 def _kernels(
-    real: Any, kernel_name: str, ratio: float, lanes: int, is_wide: bool
+    real: Any, kernel_name: str, ratio: float, lanes: int, parts: int, is_wide: bool
 ) -> tuple[Any, Any, Any]:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
@@ -150,7 +151,7 @@ def _kernels(
     load, store, total = load4(real), store4(real), sum_over(real, lanes)
     fallen = fall_function(real)
     raised = raise_to(real)
-    sums_around = _sums_function(real, kernel, lanes)
+    sums_around = _sums_function(real, kernel, parts)
     if is_wide and kernel.wide_terms:
         sums_around = _wide_sums_function(kernel.wide_terms)
 
@@ -183,6 +184,11 @@ def _kernels(
         inverse = real(1.0) / m.constants.radius
         box = cells_around(m.cells, p[0], p[1], m.constants.radius)
         sums = sums_around(lane, m.layer, solution, m.cells, box, p, u, inverse)
+        if wp.static(parts > lanes):
+            # in the order in which threads would add up theirs
+            odd = sums_around(1, m.layer, solution, m.cells, box, p, u, inverse)
+            sums += sums_around(2, m.layer, solution, m.cells, box, p, u, inverse)
+            sums += odd + sums_around(3, m.layer, solution, m.cells, box, p, u, inverse)
         diagonal = total(sums[0])
         pull = vec2(total(sums[1]), total(sums[2]))
         if lane > 0:
@@ -260,7 +266,9 @@ def solve_velocity(
         kernel: Name of the smoothing kernel.
         ratio: Kernel radius over particle spacing.
     """
-    start, sweep, finish = _kernels(state.real, kernel, ratio, state.lanes, state.is_wide)
+    start, sweep, finish = _kernels(
+        state.real, kernel, ratio, state.lanes, state.parts, state.is_wide
+    )
     launch_over(state, start, inputs=[], outputs=[way], least=LEAST_MOVES)
     current, following = state.solution, state.next_solution
     for weights in _schedule(thickness, radius):

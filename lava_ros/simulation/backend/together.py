@@ -31,8 +31,8 @@ from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.programmatic_launch import overlap
 from lava_ros.simulation.backend.streams import capture_lock
 
-#: Threads of a block where a launch does not say.
-_BLOCK = 256
+#: Threads of a block where a launch does not say, and where it has one thread.
+_BLOCK, _WARP = 256, 32
 
 #: Lists of blocks, and graphs, that are kept: one for each number of blocks, rounded up.
 _MOST = 64
@@ -127,7 +127,7 @@ class _Table:
     """
 
     def __init__(self, launch: Launch, rows: int, device: Any) -> None:
-        self._size = launch.block_dim or _BLOCK
+        self._size = launch.block_dim or (_BLOCK if launch.dim > 1 else _WARP)
         self._arguments, self.kernel = launch.kernel.for_many(self._size)
         self._device = device
         self._members = wp.zeros(rows, dtype=self._arguments, device=device)

@@ -54,7 +54,7 @@ CARRIED_BY = 2
 MOST_LOADS = 3
 
 #: Bytes of a thread's stack that the first block of many particles' motion may keep numbers in.
-DIRECTORS_STACK = 80
+DIRECTORS_STACK, MEMBERS_STACK = 80, 256
 
 #: Registers that four neighbours take which are loaded at once, with all else that is in use.
 FOUR_AT_ONCE = 40
@@ -125,8 +125,11 @@ def compiled(kernel, arch, folder):
     return Code(kernel.key.rpartition('__')[2], entry, *needs_of(files[1].read_bytes()))
 
 
-def launched(name, lanes=1, integrator='euler', is_short=None, directs=None):
-    """Kernels that a stage launches, none of which runs; with lanes those for few particles."""
+def launched(name, lanes=1, integrator='euler', is_short=None, directs=None, parts=None):
+    """Kernels that a stage launches, none of which runs; with lanes those for few particles.
+
+    Sums are in as many parts as there are lanes, but for members of a batch: one lane, four parts.
+    """
     is_short = lanes > 1 if is_short is None else is_short
     directs = is_short if directs is None else directs
     kernels = []
@@ -143,6 +146,7 @@ def launched(name, lanes=1, integrator='euler', is_short=None, directs=None):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(wp, 'launch', record)
         patch.setattr(State, 'lanes', property(lambda _: lanes))
+        patch.setattr(State, 'parts', property(lambda _: parts or lanes))
         patch.setattr(State, 'is_short', is_short)
         patch.setattr(stages, 'is_within_the_motion', lambda *_, **__: directs)
         patch.setattr(State, 'is_wide', False)
@@ -346,6 +350,17 @@ def test_few_particles_are_loaded_at_once(folder, name, lanes):
     for code in codes:
         assert FOUR_AT_ONCE <= code.registers <= 65536 // FEW_THREADS[0] // FEW_THREADS[1]
         check_local(code)
+
+
+@pytest.mark.parametrize('name', SETS)
+def test_members_of_a_batch_fill_a_processor(folder, name):
+    """Four blocks have registers; what lies in memory is the first block's, and little else."""
+    for kernel in launched(name, parts=4, directs='green' in name):
+        what = kernel.key.rpartition('__')[2]
+        if what in (*SUMS, 'move'):
+            code = compiled(kernel.for_many(FEW_THREADS[0])[1], 90, folder)
+            assert code.registers <= 65536 // FEW_THREADS[0] // FEW_THREADS[1], what
+            assert code.stack <= (MEMBERS_STACK if what == 'green_motion' else 32), what
 
 
 @pytest.mark.nightly
