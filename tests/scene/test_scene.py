@@ -36,8 +36,8 @@ from lava_ros.scene import (
     vents_from_list,
 )
 from lava_ros.scene.materials import DEFAULT, material_named, materials
-from lava_ros.scene.schedule import schedule
 from lava_ros.scene.uncertainty import Uncertainty
+from lava_ros.scene.vents import schedule
 
 
 def flat(rows=10, columns=20, **options):
@@ -282,8 +282,8 @@ def test_vents_close_and_open():
 
 def test_what_is_remembered_is_bounded(monkeypatch):
     """A topic may change vents for ever."""
-    monkeypatch.setattr('lava_ros.scene.schedule.LONGEST_SERIES', 50)
-    monkeypatch.setattr('lava_ros.scene.schedule.MOST_CLOSED', 10)
+    monkeypatch.setattr('lava_ros.scene.vents.LONGEST_SERIES', 50)
+    monkeypatch.setattr('lava_ros.scene.vents.MOST_CLOSED', 10)
     vents = ()
     for time in range(100):
         vents = schedule(vents, (replace(VENT, discharge=float(1 + time % 2)),), time)
