@@ -20,13 +20,12 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene, Terrain, Vent, vents_from_list
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
-from lava_ros.verification.cases.inertia import broken_dams, INERTIAL, swing, THIN
+from lava_ros.verification.cases.inertia import INERTIAL, swing, THIN
 
 LOCAL = replace(INERTIAL, inertia=False)
 
@@ -228,23 +227,6 @@ def test_oscillation_in_a_bowl():
     assert 0.0 < seen.damping < 0.05
 
 
-@pytest.mark.parametrize('bed', [0.0, 0.1])
-def test_dam_breaks(device, bed):
-    """A fifth of the particles of the case: within 5 % of Ritter's and of Stoker's profile."""
-    accuracy = Accuracy(ratio=3.5, refinement=0.45)
-    if bed:
-        solution = exact.StokerDamBreak(1.0, bed, 9.81)
-        ahead = 12.0
-    else:
-        solution = exact.RitterDamBreak(1.0, 9.81)
-        ahead = 20.0
-    broken = broken_dams(bed, ahead, accuracy=accuracy, device=device)
-    inside = (broken.distance > -10.0) & (broken.distance < ahead)
-    expected = solution.thickness(broken.distance[inside], broken.trial.simulation.time)
-    difference = np.abs(broken.thickness[inside] - expected).mean()
-    assert difference < 0.05 * expected.mean()
-
-
 def test_vents_give_lava_their_velocity(device):
     """Lava of a vent with a velocity flies off with it; without inertia it makes no difference."""
     lava = replace(THIN, viscosity=10.0)
@@ -298,13 +280,6 @@ def test_vents_refuse_what_is_no_velocity():
             Vent((0.0, 0.0), 1.0, velocity=wrong)
     with pytest.raises(LavaError, match='particles.velocity'):
         Particles(np.zeros((3, 2)), 1.0, 1400.0, velocity=np.zeros((2, 2)))
-
-
-@pytest.mark.parametrize('lateral', ['green', 'helmholtz'])
-def test_inertia_and_lateral_stress_exclude_each_other(lateral):
-    """The lateral stress divides the local balance, which inertia replaces."""
-    with pytest.raises(LavaError, match=f'effects.{lateral}.*inertia'):
-        Effects(inertia=True, **{lateral: True})
 
 
 def test_the_printed_formulas_have_no_inertia():

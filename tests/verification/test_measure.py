@@ -123,16 +123,6 @@ def test_machine_names_no_host():
     assert file_stem('cpu') == 'cpu'
 
 
-def test_a_real_case_is_measured(measured):
-    """The solver itself: more particles, less error, more time."""
-    settings = [Setting(f'{n:g}', Accuracy(refinement=n)) for n in (0.25, 0.5)]
-    rows = measured([CASES['fixed_volume']], settings, repetitions=1)
-    coarse, fine = points(rows)
-    assert fine.particles > 2 * coarse.particles
-    assert fine.error < coarse.error < 0.1
-    assert fine.cost > coarse.cost
-
-
 @pytest.mark.parametrize('quick', [False, True])
 def test_settings_are_distinct(quick):
     """No two settings share a name or an accuracy, and the presets are among them."""
