@@ -61,14 +61,14 @@ class Field:
         """Mean thickness over the rows within ``half_width`` [m] of y = 0, shape [columns]."""
         return self.thickness[np.abs(self.y) <= max(half_width, self.cell)].mean(axis=0)
 
-    def mean_radius(self, threshold: float, reach: float, azimuths: int = 32) -> float:
+    def mean_radius(self, threshold: float, reach: float) -> float:
         """Mean distance [m] from (0, 0) at which the field gets thinner than ``threshold`` [m].
 
-        The mean is over ``azimuths`` directions, each sampled up to ``reach`` [m].
+        The mean is over 32 directions, each sampled up to ``reach`` [m].
         """
         distance = np.arange(0.0, reach, 0.5 * self.cell)
         radii = []
-        for angle in 2.0 * math.pi * (np.arange(azimuths) + 0.5) / azimuths:
+        for angle in 2.0 * math.pi * (np.arange(32) + 0.5) / 32:
             values = self.at(distance * math.cos(angle), distance * math.sin(angle))
             radii.append(front(distance, values, threshold))
         return float(np.mean(radii))

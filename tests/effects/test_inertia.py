@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Inertia: exact speeds, exact rest, conserved momentum and energy, and nothing when off."""
+"""Inertia: exact speeds, exact rest, conserved momentum and energy."""
 
 from dataclasses import replace
 import math
@@ -291,16 +291,6 @@ def test_the_printed_formulas_have_no_inertia():
             accuracy=Accuracy(formulation='as-published'),
             device='cpu',
         )
-
-
-def test_without_inertia_there_is_nothing_of_it():
-    """No array, no stage less."""
-    without = simulation(Lava(), square(5.0, 1.0, 1.0), effects=LOCAL)
-    for name in ('velocity', 'ordered_velocity', 'kick'):
-        assert not hasattr(without._state, name)
-    assert without._state.is_staged
-    assert not hasattr(without, '_momentum')
-    assert not simulation(Lava(), square(5.0, 1.0, 1.0))._state.is_staged
 
 
 def test_a_step_is_bound_by_waves_or_by_the_viscous_limit():

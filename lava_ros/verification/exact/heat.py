@@ -58,14 +58,13 @@ class ConvectingSlab:
     (Carslaw & Jaeger 1959, section 3.11).
     """
 
-    def __init__(
-        self, lava: Lava, *, initial: float, ambient: float, thickness: float, modes: int = 400
-    ) -> None:
-        """Set T0 [K], Ta [K], h [m] and the number of modes; ``lava`` has k, rho, c and lambda."""
+    def __init__(self, lava: Lava, *, initial: float, ambient: float, thickness: float) -> None:
+        """Set T0 [K], Ta [K] and h [m]; ``lava`` has k, rho, c and lambda."""
         self.initial = initial
         self.ambient = ambient
         biot = lava.convection * thickness / lava.conductivity
-        low = np.arange(modes) * math.pi
+        # the first 400 modes
+        low = np.arange(400) * math.pi
         roots = bisection(
             lambda beta: beta * np.abs(np.sin(beta)) < biot * np.abs(np.cos(beta)),
             low,
