@@ -100,7 +100,7 @@ def test_parts_apart_are_reached_in_a_straight_line() -> None:
 
 
 @pytest.mark.parametrize('turns', [1, 2, 3])
-def test_turned_and_mirrored_maps_have_the_same__scored(turns: int) -> None:
+def test_turned_and_mirrored_maps_have_the_same_score(turns: int) -> None:
     """Turning or mirroring flow, map and vents changes no number."""
     rng = np.random.default_rng(3)
     thickness = np.where(rng.random(FOOTPRINT.shape) < 0.8, _flow(), 0.0)
