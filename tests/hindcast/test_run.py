@@ -24,7 +24,7 @@ from eruption import VENT, write_case
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.coarse import coarsened, refined
-from lava_ros.hindcast.maps import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
+from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
 from lava_ros.hindcast.run import Run, Settings, simulate
 from lava_ros.hindcast.score import covered_by, judge
 from lava_ros.scene import Terrain

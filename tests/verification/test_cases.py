@@ -23,9 +23,9 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.verification.bounds import bound, BOUNDED_PRESETS, BOUNDS
 from lava_ros.verification.cases import CASES, Measurement, spread_of_fixed_volume
+from lava_ros.verification.cases.case import Field, front, slope_of
 from lava_ros.verification.cases.sheets import EXPERIMENTS
 from lava_ros.verification.exact import green_response
-from lava_ros.verification.field import Field, front, slope_of
 
 
 def test_error_is_relative_to_the_exact_value_or_the_scale():

@@ -28,17 +28,18 @@ from lava_ros.verification.cases.case import (
     FLAT,
     FRONT,
     GRAVITY,
+    half_width,
     ISOTHERMAL,
     mean_difference,
     Measurement,
     NU,
     plane,
     Run,
+    slope_of,
     square,
     strip,
     Trial,
 )
-from lava_ros.verification.field import half_width, slope_of
 
 
 def spread_of_fixed_volume(
