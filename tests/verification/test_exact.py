@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_bvp, solve_ivp
+from scipy.integrate import quad, solve_bvp, solve_ivp, trapezoid
 from scipy.optimize import brentq
 
 from lava_ros.scene import Lava
@@ -45,11 +45,6 @@ def similarity_profile(rhs: Callable, slope: float, end: float, *, gap: float = 
     return solve_ivp(
         derivatives, (1.0 - gap, end), start, rtol=1e-10, atol=1e-13, dense_output=True
     )
-
-
-def integral(values, places):
-    """The trapezoidal rule."""
-    return float(np.diff(places) @ (values[1:] + values[:-1])) / 2.0
 
 
 def test_huppert_coefficients_are_the_published_ones():
@@ -114,14 +109,14 @@ def test_constant_flux_profile():
     radius = solution.radius(3600.0)
     r = np.linspace(0.0, radius, 100_001)
     thickness = solution.thickness(r, 3600.0)
-    assert integral(2.0 * math.pi * r * thickness, r) == pytest.approx(36000.0, rel=1e-4)
+    assert trapezoid(2.0 * math.pi * r * thickness, r) == pytest.approx(36000.0, rel=1e-4)
     ends = np.array([0.0, 1.01 * radius])
     assert solution.flux(ends, 3600.0) == pytest.approx([10.0, 0.0], rel=1e-4)
     # what flows out of a circle is what is not stored within it: d/dt of R^2 times a constant
     inner = 0.6 * radius
     grid = np.linspace(0.0, inner, 100_001)
     held = [
-        integral(2.0 * math.pi * grid * solution.thickness(grid, time), grid)
+        trapezoid(2.0 * math.pi * grid * solution.thickness(grid, time), grid)
         for time in (3590.0, 3610.0)
     ]
     kept = (held[1] - held[0]) / 20.0
