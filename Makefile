@@ -61,7 +61,7 @@ soak: $(STAMP)  ## Keep a node busy for 30 minutes and judge memory, deadlines a
 
 look: $(STAMP)  ## Drive reports and the live view in a browser and encode films, with wheels of Chromium and ffmpeg (900 MB)
 	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[look]'
-	$(VENV)/bin/python -m pytest tests/report/test_browser.py tests/watch/test_watch_browser.py tests/test_animation.py $(ARGS)
+	$(VENV)/bin/python -m pytest tests/pages/report/test_browser.py tests/watch/test_watch_browser.py tests/maps/test_animation.py $(ARGS)
 
 safeguards: $(STAMP)  ## Take out each safeguard in a copy of the package and see its test fail
 	PYTHONPATH=tests $(VENV)/bin/python -m hard.safeguards $(ARGS)

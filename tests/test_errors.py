@@ -12,10 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The exception for bad input: its sentence, and its way to another process."""
+"""The error that names field, value and what would be right, and the checks that raise it."""
 
+import math
 import pickle
 
+import numpy as np
+import pytest
+
+from lava_ros import validation
 from lava_ros.errors import LavaError, LONGEST_EXPECTED, LONGEST_FIELD, LONGEST_VALUE
 
 
@@ -57,3 +62,49 @@ def test_it_is_the_same_in_another_process():
     assert type(again) is LavaError
     assert str(again) == str(error)
     assert (again.field, again.value, again.expected) == ('members', (1, 'two'), 'at least 1')
+
+
+def test_number_takes_what_reads_as_a_number():
+    """Integers, numpy scalars and YAML's text numbers become floats."""
+    assert validation.number('x', 3) == 3.0
+    assert validation.number('x', np.float32(0.5)) == 0.5
+    assert validation.number('x', '1e4') == 1e4
+
+
+@pytest.mark.parametrize('value', [None, 'hot', math.nan, math.inf, True, [1.0], -1.0, 11.0])
+def test_number_refuses_and_names_the_field(value):
+    """Whatever is no finite number inside the limits is refused with field, value and limits."""
+    with pytest.raises(LavaError, match=r'^lava\.density is .*at least 0 m and at most 10 m') as e:
+        validation.number('lava.density', value, at_least=0.0, at_most=10.0, unit='m')
+    assert e.value.field == 'lava.density'
+
+
+def test_pair_takes_lists_and_arrays():
+    """Lists, tuples and arrays of two numbers become a tuple of floats."""
+    assert validation.pair('p', [1, '2']) == (1.0, 2.0)
+    assert validation.pair('p', np.array([1.0, 2.0])) == (1.0, 2.0)
+
+
+@pytest.mark.parametrize('value', ['12', 3.0, [1.0], [1.0, 2.0, 3.0], [1.0, math.nan], None])
+def test_pair_refuses(value):
+    """Anything else is refused by name."""
+    with pytest.raises(LavaError, match='^p'):
+        validation.pair('p', value)
+
+
+def test_keys_names_unknown_and_missing_keys():
+    """An unknown key is named with the allowed ones, a missing one by its own name."""
+    with pytest.raises(LavaError, match='vent.flux is 1.0, expected no such key; one of a, b'):
+        validation.keys('vent', {'flux': 1.0}, allowed=['a', 'b'])
+    with pytest.raises(LavaError, match='vent.a is None'):
+        validation.keys('vent', {'b': 1.0}, allowed=['a', 'b'], required=['a'])
+    with pytest.raises(LavaError, match='vent is 3'):
+        validation.keys('vent', 3, allowed=['a'])
+
+
+def test_long_values_are_shortened():
+    """A message stays readable when the value is huge, and shows how it begins."""
+    text = str(LavaError('x', list(range(1000)), 'less'))
+    assert len(text) < 160
+    assert text.startswith('x is [0, 1, 2')
+    assert text.endswith(', ...], expected less')

@@ -25,7 +25,7 @@ import argparse
 from lava_ros.cli.options import add_options
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
-from lava_ros.scene.barrier import Barrier, with_barrier
+from lava_ros.scene.reshaping import Barrier, with_barrier
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write the terrain."""
     from lava_ros.maps.gis import write_grid
-    from lava_ros.scene.low_pass import low_pass
+    from lava_ros.scene.reshaping import low_pass
     from lava_ros.scene.terrain_files import load_terrain
 
     if not args.line and not args.low_pass:

@@ -192,8 +192,7 @@ def _write(
     several: Agreement | None,
     output: Path,
 ) -> list[Path]:
-    from lava_ros.hindcast.maps import draw_comparison, write_maps
-    from lava_ros.hindcast.page import write_page
+    from lava_ros.hindcast.page import draw_comparison, write_maps, write_page
 
     files = write_maps(case, result, output, several)
     picture, page = output / PICTURE, output / PAGE

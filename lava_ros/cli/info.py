@@ -31,9 +31,9 @@ from lava_ros.errors import LavaError
 from lava_ros.simulation.budget import VolumeBudget
 
 if TYPE_CHECKING:
+    from lava_ros.bag.decoding import Moment
     from lava_ros.bag.mcap_file import McapFile
     from lava_ros.bag.reader import BagReader, Topic
-    from lava_ros.bag.timeline import Moment
 
 _SHOWN_CHECKPOINTS = 5
 
@@ -153,8 +153,7 @@ def _simulation(bag: BagReader) -> dict[str, Any] | None:
 
 
 def _last_moment(bag: BagReader) -> Moment | None:
-    from lava_ros.bag.decoding import Decoder
-    from lava_ros.bag.timeline import last_moment
+    from lava_ros.bag.decoding import Decoder, last_moment
 
     try:
         return last_moment(bag, Decoder(bag))

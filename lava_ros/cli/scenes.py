@@ -31,9 +31,9 @@ from lava_ros.errors import LavaError
 from lava_ros.hindcast.tables import VentRow
 from lava_ros.scene import KELVIN, read_scene, Scene, scene_from_dict, Terrain
 from lava_ros.scene.features import read_features
-from lava_ros.scene.finer import finer
 from lava_ros.scene.materials import DEFAULT as DEFAULT_MATERIAL
 from lava_ros.scene.projection import projected
+from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain_files import demo_terrain, load_terrain
 from lava_ros.simulation.presets import DEFAULT, preset_accuracy
 from lava_ros.simulation.resolution import resolution_of

@@ -40,9 +40,9 @@ from lava_ros.hindcast.tables import (
 )
 from lava_ros.scene import ENVIRONMENT, Scene, Terrain, Vent, warn_of_celsius
 from lava_ros.scene.lava import Lava
-from lava_ros.scene.low_pass import low_pass
 from lava_ros.scene.materials import DEFAULT, lava_from_dict, Material
 from lava_ros.scene.projection import projected
+from lava_ros.scene.reshaping import low_pass
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 
@@ -320,7 +320,7 @@ def _events(
     folder: Path, options: Mapping[str, Any], ground: Terrain, width: float, read: Any
 ) -> tuple[Event, ...]:
     """Read the changes of the ground; each builds on the one before."""
-    from lava_ros.scene.barrier import Barrier, with_barrier
+    from lava_ros.scene.reshaping import Barrier, with_barrier
 
     items = options.get('events', [])
     if not isinstance(items, list):

@@ -24,9 +24,8 @@ from typing import Any
 import numpy as np
 
 from lava_ros.bag import BagReader
-from lava_ros.bag.decoding import Decoder, read_grid
+from lava_ros.bag.decoding import Decoder, read_grid, Timeline
 from lava_ros.bag.reader import BagMessage
-from lava_ros.bag.timeline import Timeline
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
 from lava_ros.files.yaml import parse_yaml

@@ -28,7 +28,7 @@ from rclpy.validate_namespace import validate_namespace
 from sensor_msgs.msg import Image
 from visualization_msgs.msg import Marker, MarkerArray
 
-from lava_ros.bag.timeline import Moment, moment_of
+from lava_ros.bag.decoding import Moment, moment_of
 from lava_ros.errors import LavaError
 from lava_ros.maps.frames import Frame, grid_frame, image_frame, LayerFrame
 from lava_ros.maps.layers import ARRIVED, IMAGE, Layer

@@ -33,18 +33,18 @@ from lava_ros.ros.qos import ros_profile
 #: How many messages are timed.
 COUNT = 20
 
+#: Longest time to wait for all of it [s].
+PATIENCE = 20.0
 
-def probe(timeout: float = 20.0) -> dict[str, Any]:
+
+def probe() -> dict[str, Any]:
     """Send latched messages from one node to another, both of this process.
-
-    Args:
-        timeout: Longest time to wait for all of it [s].
 
     Returns:
         What was seen: ``middleware``, ``discovery_ms`` until the first message, ``trip_ms`` of a
         message, ``nodes`` that were in the graph already; or ``error``.
     """
-    end = time.monotonic() + timeout
+    end = time.monotonic() + PATIENCE
     topic = f'lava_doctor_{os.getpid()}'
     executor = SingleThreadedExecutor()
     sender, receiver = (
@@ -68,7 +68,7 @@ def probe(timeout: float = 20.0) -> dict[str, Any]:
         String, topic, lambda message: heard.append(message.data), ros_profile(LATCHED)
     )
     if not wait_for('first'):
-        return {'error': f'a latched message did not arrive within {timeout:g} s'}
+        return {'error': f'a latched message did not arrive within {PATIENCE:g} s'}
     found = time.monotonic()
     trips = []
     for index in range(COUNT):

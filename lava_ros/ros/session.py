@@ -25,7 +25,7 @@ import numpy as np
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.scene import constants_of, Scene, Terrain, Vent
-from lava_ros.scene.schedule import schedule
+from lava_ros.scene.vents import schedule
 from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.selection import Decision

@@ -25,8 +25,8 @@ from lava_ros.maps.numbers import percent, seconds, table
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import DEFAULT
 from lava_ros.verification.cases import EFFECT_CASES
+from lava_ros.verification.cases.case import slope_of
 from lava_ros.verification.cases.sheets import LATERAL
-from lava_ros.verification.field import slope_of
 from lava_ros.verification.rows import pareto_front, Point, points, presets_of, Row
 from lava_ros.verification.settings import (
     convergence,

@@ -127,23 +127,6 @@ def test_a_cut_file_gives_what_is_whole(bag: Bag, tmp_path: Path) -> None:
         assert read(reader) == written[: 6 * whole], place
 
 
-def test_damage_in_the_middle_of_a_finished_file_is_left_out(bag: Bag) -> None:
-    """A chunk that fails its checksum is named, and the others are read."""
-    directory, written = bag
-    path = directory / 'eruption_0.mcap'
-    with path.open('rb') as stream:
-        summary = make_reader(stream).get_summary()
-    assert summary is not None
-    chunk = summary.chunk_indexes[2]
-    data = bytearray(path.read_bytes())
-    data[chunk.chunk_start_offset + chunk.chunk_length - 40] ^= 0xFF
-    path.write_bytes(data)
-    reader = BagReader(directory)
-    assert read(reader) == written[:12] + written[18:]
-    assert len(reader.damage) == 1
-    assert 'a chunk record is damaged' in reader.damage[0]
-
-
 @pytest.mark.parametrize(
     'options',
     [

@@ -12,17 +12,31 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Message definitions and hashes."""
+"""Types, QoS profiles and messages of a bag."""
 
 from collections.abc import Iterator
 import json
 from pathlib import Path
 
+from nav_msgs.msg import OccupancyGrid
+import numpy as np
 import pytest
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+import yaml
 
+from lava_ros.bag.decoding import read_grid
+from lava_ros.bag.qos import (
+    INFINITE_NS,
+    LATCHED,
+    merge,
+    profiles_from_yaml,
+    profiles_to_yaml,
+    QosProfile,
+)
+from lava_ros.bag.reader import BagMessage
 from lava_ros.bag.schemas import message_schema
 from lava_ros.errors import LavaError
+from lava_ros.ros import codec
 
 SEPARATOR = '\n' + '=' * 80 + '\nMSG: '
 
@@ -124,3 +138,125 @@ def test_a_type_without_a_hash_is_refused(share: Path) -> None:
     (share / 'a_msgs' / 'msg' / 'Root.json').unlink()
     with pytest.raises(LavaError, match=r'Root\.json'):
         message_schema('a_msgs/msg/Root')
+
+
+def test_a_profile_is_a_yaml_list_of_words() -> None:
+    """The text has the keys, order, words and infinite durations that rosbag2 of Jazzy writes."""
+    infinite = {'sec': 9223372036, 'nsec': 854775807}
+    items = yaml.safe_load(profiles_to_yaml([LATCHED]))
+    assert items == [
+        {
+            'history': 'keep_last',
+            'depth': 1,
+            'reliability': 'reliable',
+            'durability': 'transient_local',
+            'deadline': infinite,
+            'lifespan': infinite,
+            'liveliness': 'automatic',
+            'liveliness_lease_duration': infinite,
+            'avoid_ros_namespace_conventions': False,
+        }
+    ]
+    assert list(items[0])[:4] == ['history', 'depth', 'reliability', 'durability']
+
+
+def test_a_profile_survives_a_round_trip() -> None:
+    """What is written is read back, finite durations included."""
+    profile = QosProfile(depth=3, reliability='best_effort', deadline=1_500_000_000)
+    assert profiles_from_yaml(profiles_to_yaml([profile, LATCHED])) == (profile, LATCHED)
+
+
+def test_profiles_of_old_bags_have_numbers() -> None:
+    """Before metadata version 9 the policies are numbers."""
+    time = '{sec: 0, nsec: 0}'
+    text = (
+        f'- {{history: 3, depth: 0, reliability: 2, durability: 1, deadline: {time}, '
+        f'lifespan: {time}, liveliness: 1, liveliness_lease_duration: {time}, '
+        'avoid_ros_namespace_conventions: false}'
+    )
+    (profile,) = profiles_from_yaml(text)
+    assert (profile.reliability, profile.durability) == ('best_effort', 'transient_local')
+    assert (profile.history, profile.depth) == ('keep_last', 10)
+    assert profile.deadline == 0
+
+
+NOT_PROFILES = ['a: 1', '- 1', '- {history: keep_last}', '[', '- {history: 9}', '- 2001-99-99']
+NOT_PROFILES += [profiles_to_yaml([LATCHED]).replace('sec: 9223372036', 'sec: x')]
+
+
+@pytest.mark.parametrize('text', NOT_PROFILES)
+def test_text_that_is_no_profile_list_is_refused(text: str) -> None:
+    """Anything but a list of complete profiles raises."""
+    with pytest.raises(LavaError, match='offered_qos_profiles'):
+        profiles_from_yaml(text)
+
+
+def test_an_unknown_word_is_refused() -> None:
+    """A policy that rmw does not know raises and says which there are."""
+    with pytest.raises(LavaError, match=r'qos\.durability is .latched., expected one of'):
+        QosProfile(durability='latched')
+
+
+def test_merged_offers_match_every_subscriber() -> None:
+    """The offer that stands for several is as strong as the strongest."""
+    weak = QosProfile(reliability='best_effort')
+    assert merge([weak, LATCHED]) == QosProfile(durability='transient_local')
+    assert merge([weak, weak]) == weak
+    assert merge([]) == QosProfile(deadline=INFINITE_NS)
+
+
+def message(frame_id: str = 'map') -> BagMessage:
+    """A grid of 3 rows and 5 columns as it is in a bag."""
+    grid = OccupancyGrid()
+    grid.header.frame_id = frame_id
+    grid.info.resolution, grid.info.width, grid.info.height = 2.5, 5, 3
+    grid.info.origin.position.x, grid.info.origin.position.y = -7.0, 1e6
+    grid.data = list(range(-1, 14))
+    return BagMessage('/height', 1, 1, codec.serialise(grid))
+
+
+@pytest.mark.parametrize('frame_id', ['', 'm', 'ma', 'map', 'odom', 'a/long/frame'])
+def test_a_grid(frame_id: str) -> None:
+    """Whatever the length of the name before them, values and place are found."""
+    grid = read_grid(message(frame_id))
+    np.testing.assert_array_equal(grid.cells, np.arange(-1, 14).reshape(3, 5))
+    assert grid.cells.dtype == np.int8
+    assert (grid.resolution, grid.origin) == (2.5, (-7.0, 1e6))
+
+
+def test_every_cut_is_refused() -> None:
+    """A message that breaks off anywhere is an error, never a grid of something else."""
+    whole = message()
+    # Serialisation pads the end to four bytes.
+    for length in range(len(whole.data) - 3):
+        with pytest.raises(LavaError, match='message on /height'):
+            read_grid(whole._replace(data=whole.data[:length]))
+
+
+def test_a_size_that_is_not_that_of_the_cells() -> None:
+    """Rows and columns that do not make the cells there are, are refused."""
+    grid = OccupancyGrid()
+    grid.info.width, grid.info.height, grid.data = 4, 4, [0] * 15
+    with pytest.raises(LavaError, match='a grid'):
+        read_grid(BagMessage('/height', 1, 1, codec.serialise(grid)))
+
+
+def test_a_big_endian_grid() -> None:
+    """The order of bytes that the message names is followed."""
+    little = message().data
+    body = bytearray(little)
+    body[1] = 0
+
+    def swap(start: int, size: int) -> None:
+        at = 4 + start
+        body[at : at + size] = body[at : at + size][::-1]
+
+    # Stamp, length of the name, load time, resolution, width, height; pose; count of cells.
+    for start in (0, 4, 8, 16, 20, 24, 28, 32):
+        swap(start, 4)
+    for start in range(40, 96, 8):
+        swap(start, 8)
+    swap(96, 4)
+    grid = read_grid(BagMessage('/height', 1, 1, bytes(body)))
+    np.testing.assert_array_equal(grid.cells, np.arange(-1, 14).reshape(3, 5))
+    assert grid.origin == (-7.0, 1e6)

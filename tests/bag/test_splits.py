@@ -29,12 +29,14 @@ from lava_ros.errors import LavaError
 
 GRID = 'nav_msgs/msg/OccupancyGrid'
 SECOND = 1_000_000_000
+
+MakeGrid = Callable[[int], bytes]
 VOLATILE = QosProfile()
 
 
 
 def record(
-    directory: Path, make_grid: Callable[[int], bytes], frames: int = 25, **limits: float
+    directory: Path, make_grid: MakeGrid, frames: int = 25, **limits: float
 ) -> list[tuple[str, int, bytes]]:
     """Write terrain once, and each second a frame of a latched and a volatile grid."""
     written = [('/terrain', 100 * SECOND, make_grid(1))]
@@ -58,7 +60,7 @@ def without_repeats(reader: BagReader) -> list[tuple[str, int, bytes]]:
     ]
 
 
-def test_a_bag_is_split_by_duration(tmp_path: Path, make_grid: Callable[[int], bytes]) -> None:
+def test_a_bag_is_split_by_duration(tmp_path: Path, make_grid: MakeGrid) -> None:
     """Each file lasts as long as it may; metadata.yaml lists every file with its own numbers."""
     written = record(tmp_path / 'bag', make_grid, max_duration=10.0)
     reader = BagReader(tmp_path / 'bag')
@@ -91,7 +93,7 @@ def test_a_bag_is_split_by_duration(tmp_path: Path, make_grid: Callable[[int], b
     assert counts == {'/terrain': 3, '/hazard': 25, '/points': 25}
 
 
-def test_others_read_a_split_bag(tmp_path: Path, make_grid: Callable[[int], bytes]) -> None:
+def test_others_read_a_split_bag(tmp_path: Path, make_grid: MakeGrid) -> None:
     """The rosbags readers find every message, in the whole bag and in each file by itself."""
     written = record(tmp_path / 'bag', make_grid, max_duration=10.0)
     with Reader(tmp_path / 'bag') as reader:
@@ -122,7 +124,7 @@ def test_others_read_a_split_bag(tmp_path: Path, make_grid: Callable[[int], byte
                 assert grid.info.width == 60
 
 
-def test_a_bag_is_split_by_size(tmp_path: Path, make_grid: Callable[[int], bytes]) -> None:
+def test_a_bag_is_split_by_size(tmp_path: Path, make_grid: MakeGrid) -> None:
     """A file that has reached the size gets no further frame, and no frame is divided."""
     written = record(tmp_path / 'bag', make_grid, frames=40, max_size=30_000)
     reader = BagReader(tmp_path / 'bag')
@@ -138,9 +140,7 @@ def test_a_bag_is_split_by_size(tmp_path: Path, make_grid: Callable[[int], bytes
         assert len({item.stamp_ns for item in messages[:3]}) == 1
 
 
-def test_large_latched_messages_do_not_fill_the_disk(
-    tmp_path: Path, make_grid: Callable[[int], bytes]
-) -> None:
+def test_large_latched_messages_do_not_fill_the_disk(tmp_path: Path, make_grid: MakeGrid) -> None:
     """A terrain larger than the size is not repeated for each frame."""
     noise = b''.join(make_grid(seed) for seed in range(40))
     with BagWriter(tmp_path / 'bag', custom_data={}, max_size=10_000) as writer:
@@ -154,9 +154,7 @@ def test_large_latched_messages_do_not_fill_the_disk(
     assert reader.size < 3 * (200 + 40) * 2000
 
 
-def test_without_limits_there_is_one_file(
-    tmp_path: Path, make_grid: Callable[[int], bytes]
-) -> None:
+def test_without_limits_there_is_one_file(tmp_path: Path, make_grid: MakeGrid) -> None:
     """Zero is no limit, and a limit below is refused."""
     record(tmp_path / 'bag', make_grid, max_size=0, max_duration=0.0)
     assert [item.name for item in BagReader(tmp_path / 'bag').files] == ['bag_0.mcap']
@@ -166,9 +164,7 @@ def test_without_limits_there_is_one_file(
         assert not (tmp_path / 'new').exists()
 
 
-def test_a_clock_that_jumps_back_is_split_by_size(
-    tmp_path: Path, make_grid: Callable[[int], bytes]
-) -> None:
+def test_a_clock_that_jumps_back_is_split_by_size(tmp_path: Path, make_grid: MakeGrid) -> None:
     """Log time stands still then; files are still divided, and time never decreases."""
     stamps = [1000 * SECOND, *(second * SECOND for second in range(40))]
     with BagWriter(tmp_path / 'bag', custom_data={}, max_size=20_000) as writer:
@@ -182,7 +178,7 @@ def test_a_clock_that_jumps_back_is_split_by_size(
 
 
 def test_a_replay_from_the_middle_has_the_latched_maps(
-    tmp_path: Path, make_grid: Callable[[int], bytes]
+    tmp_path: Path, make_grid: MakeGrid
 ) -> None:
     """A start offset in the second file gives terrain and hazard at once, and what follows."""
     record(tmp_path / 'bag', make_grid, max_duration=10.0)
@@ -193,9 +189,7 @@ def test_a_replay_from_the_middle_has_the_latched_maps(
     assert len([due for due in dues if due.message.topic == '/points']) == 9
 
 
-def test_a_recovered_bag_has_the_same_files(
-    tmp_path: Path, make_grid: Callable[[int], bytes]
-) -> None:
+def test_a_recovered_bag_has_the_same_files(tmp_path: Path, make_grid: MakeGrid) -> None:
     """Recovery keeps the files, every message in them, and both of its times."""
     record(tmp_path / 'bag', make_grid, max_duration=10.0)
     (tmp_path / 'bag' / 'metadata.yaml').unlink()
@@ -219,7 +213,7 @@ def test_a_recovered_bag_has_the_same_files(
 
 @pytest.mark.parametrize('size', [0, 5])
 def test_a_file_that_was_hardly_begun_does_not_matter(
-    tmp_path: Path, make_grid: Callable[[int], bytes], size: int
+    tmp_path: Path, make_grid: MakeGrid, size: int
 ) -> None:
     """A writer killed between two files leaves a last one with nothing in it."""
     written = record(tmp_path / 'bag', make_grid, max_duration=10.0)
@@ -255,7 +249,7 @@ def test_killed_writers_leave_every_flushed_message(
 
 
 def test_an_error_between_two_files_leaves_the_finished_ones(
-    tmp_path: Path, make_grid: Callable[[int], bytes]
+    tmp_path: Path, make_grid: MakeGrid
 ) -> None:
     """When the next file cannot be opened the bag can still be closed, and is complete."""
     writer = BagWriter(tmp_path / 'bag', custom_data={}, max_duration=1.0)

@@ -34,6 +34,8 @@ from lava_ros.errors import LavaError
 GRID = 'nav_msgs/msg/OccupancyGrid'
 SECOND = 1_000_000_000
 
+MakeGrid = Callable[[int], bytes]
+
 Messages = list[tuple[str, int, bytes]]
 Bag = tuple[Path, Messages]
 
@@ -155,7 +157,7 @@ def test_an_empty_bag_is_a_bag(tmp_path: Path) -> None:
         assert list(reader.messages()) == []
 
 
-def test_log_time_never_decreases(tmp_path: Path, make_grid: Callable[[int], bytes]) -> None:
+def test_log_time_never_decreases(tmp_path: Path, make_grid: MakeGrid) -> None:
     """A stamp that goes back is logged at the latest time; it stays as publish time and inside."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for stamp in (5, 9, 2, 10):
@@ -177,7 +179,7 @@ def test_an_existing_directory_is_left_alone(tmp_path: Path) -> None:
     assert [item.name for item in tmp_path.iterdir()] == ['kept']
 
 
-def test_close_happens_once(tmp_path: Path, make_grid: Callable[[int], bytes]) -> None:
+def test_close_happens_once(tmp_path: Path, make_grid: MakeGrid) -> None:
     """A second close changes nothing, and a closed bag takes no message."""
     writer = BagWriter(tmp_path / 'bag', custom_data={})
     writer.write('/hazard', GRID, make_grid(0), 0, qos=LATCHED)
@@ -191,9 +193,7 @@ def test_close_happens_once(tmp_path: Path, make_grid: Callable[[int], bytes]) -
         writer.flush()
 
 
-def test_a_bag_is_finished_after_an_error(
-    tmp_path: Path, make_grid: Callable[[int], bytes]
-) -> None:
+def test_a_bag_is_finished_after_an_error(tmp_path: Path, make_grid: MakeGrid) -> None:
     """What was written before an exception is kept as a finished bag."""
     with (
         pytest.raises(KeyError),
@@ -220,7 +220,7 @@ def test_a_bag_is_finished_after_an_error(
     ],
 )
 def test_messages_that_do_not_fit_are_refused(
-    tmp_path: Path, make_grid: Callable[[int], bytes], change: dict[str, object], field: str
+    tmp_path: Path, make_grid: MakeGrid, change: dict[str, object], field: str
 ) -> None:
     """A wrong argument raises, names itself and leaves the bag as it was."""
     good = {
@@ -240,7 +240,7 @@ def test_messages_that_do_not_fit_are_refused(
         assert reader.message_count == 1
 
 
-def test_custom_data_can_change(tmp_path: Path, make_grid: Callable[[int], bytes]) -> None:
+def test_custom_data_can_change(tmp_path: Path, make_grid: MakeGrid) -> None:
     """The newest description is in the file after a flush, and in metadata.yaml at the end."""
     with BagWriter(tmp_path / 'bag', custom_data={'a': '1'}) as writer:
         writer.write('/hazard', GRID, make_grid(0), 0, qos=LATCHED)

@@ -12,11 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava accuracy`: the report as a command."""
+"""`lava accuracy`, `verify`, `bench` and `effects`: tables that are printed and written."""
 
 import csv
-from dataclasses import replace
+from dataclasses import fields, replace
 import json
+import math
 from pathlib import Path
 import subprocess
 import sys
@@ -24,8 +25,11 @@ import sys
 import pytest
 
 from lava_ros.cli import main as cli
+from lava_ros.cli.effects import step_costs
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.verification import cases, settings
+from lava_ros.verification import bounds, cases, settings
+from lava_ros.verification.cases import Case, Measurement, Run
 from lava_ros.verification.rows import read_csv
 
 ROOT = Path(__file__).parents[2]
@@ -121,3 +125,156 @@ def test_a_bare_machine_is_enough(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / 'cpu.png').is_file()
+
+
+def use(monkeypatch: pytest.MonkeyPatch, *errors: float) -> None:
+    """Replace the cases by one with quantities of given errors, each with a bound of 1 %."""
+
+    def run(accuracy: object, device: str) -> Run:
+        measured = tuple(
+            Measurement(f'q{index}', 1.0 + error, 1.0, 'm') for index, error in enumerate(errors)
+        )
+        return Run('fake', measured, 10, 2, 4, 60.0, 0.5)
+
+    monkeypatch.setattr(cases, 'CASES', {'fake': Case('fake', 'a fake', 'nobody', run)})
+    names = [f'q{index}' for index in range(len(errors))]
+    limits = {'draft': 0.02, 'standard': 0.01}
+    monkeypatch.setattr(bounds, 'BOUNDS', {'fake': dict.fromkeys(names, limits)})
+
+
+def test_a_real_case(tmp_path, capsys):
+    """A case is run, printed on one line and written with its bounds."""
+    path = tmp_path / 'a.json'
+    words = ['verify', '--preset', 'draft', '--case', 'sheet', '--device', 'cpu']
+    assert cli.main([*words, '--json', str(path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2
+    assert lines[0].startswith('sheet ') and lines[0].endswith(' ok')
+    assert lines[1] == '3 of 3 quantities are within their bounds'
+    data = json.loads(path.read_text())
+    assert data['preset'] == 'draft' and data['device'] == 'cpu' and data['within_bounds']
+    (run,) = data['runs']
+    assert run['case'] == 'sheet' and run['particles'] == 42**2
+    for item in run['measurements']:
+        assert item['within'] and item['error'] <= item['bound']
+        assert item['error'] == pytest.approx(abs(item['measured'] / item['exact'] - 1.0))
+
+
+def test_progress_is_told_before_a_case_runs(monkeypatch, capsys):
+    """Cases take minutes: which one is running, of how many, is known before it ends."""
+    seen: list[str] = []
+
+    def run(accuracy: object, device: str) -> Run:
+        seen.append(capsys.readouterr().err)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cases, 'CASES', {'fake': Case('fake', 'a fake', 'nobody', run)})
+    assert cli.main(['verify', '--device', 'cpu']) == 130
+    assert seen == ['  0 %  1 of 1: a fake\n']
+
+
+@pytest.mark.parametrize('errors', [(0.001, 0.02), (math.nan, 0.001)])
+def test_an_error_outside_its_bound_fails(errors, monkeypatch, capsys):
+    """One quantity outside its bound, or not measured at all, is shown and gives status 1."""
+    use(monkeypatch, *errors)
+    assert cli.main(['verify', '--device', 'cpu']) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].endswith('OUTSIDE')
+    assert lines[1] == '1 of 2 quantities are within their bounds'
+
+
+def test_the_bounds_are_the_presets(monkeypatch):
+    """What is outside at one preset may be within at a cheaper one."""
+    use(monkeypatch, 0.015)
+    assert cli.main(['verify', '--device', 'cpu', '--preset', 'draft']) == 0
+    assert cli.main(['verify', '--device', 'cpu', '--preset', 'standard']) == 1
+
+
+def test_json_on_stdout_is_nothing_but_json(monkeypatch, capsys):
+    """`--json -` prints the report alone; the status is the same."""
+    use(monkeypatch, 0.02)
+    assert cli.main(['verify', '--device', 'cpu', '--json', '-']) == 1
+    assert json.loads(capsys.readouterr().out)['within_bounds'] is False
+
+
+def test_every_effect_has_a_line(tmp_path, capsys):
+    """Effect, on or off, the number that decided, its cost, and what leaving it out would cost."""
+    path = tmp_path / 'effects.json'
+    assert cli.main(['effects', '--json', str(path)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    for name, effect in EFFECTS.items():
+        if effect.number is not None:
+            (line,) = [line for line in lines if line.startswith(name + ' ')]
+            assert effect.admits in line
+        assert ' x ' in line or ' ? ' in line
+    table = {item['effect']: item for item in json.loads(path.read_text())}
+    assert table['steep']['on']
+    assert table['steep']['value'] > table['steep']['threshold']
+    # the paper's lava has no strength
+    assert cli.main(['effects', '--material', 'kedadry2023', '--json', str(path)]) == 0
+    table = {item['effect']: item for item in json.loads(path.read_text())}
+    assert table['yielding']['value'] is None
+    assert not table['yielding']['on']
+    assert table['green']['threshold'] is None
+    assert not table['green']['on']
+
+
+def test_effects_can_be_forced(capsys):
+    """Forced effects say so; an unknown one is an error that names it."""
+    assert cli.main(['effects', '--on', 'inertia', '--off', 'steep']) == 0
+    lines = {line.split()[0]: line for line in capsys.readouterr().out.splitlines()}
+    assert lines['inertia'].split()[1:3] == ['on', 'forced']
+    assert lines['steep'].split()[1:3] == ['-', 'forced']
+    assert cli.main(['effects', '--on', 'slope']) == 2
+    assert 'effects.slope' in capsys.readouterr().err
+
+
+def test_the_costs_are_those_that_were_measured():
+    """Effects are in the committed table, the bare step is 1, and its columns are complete."""
+    # two are not measured on that GPU yet
+    known = {'bare', *(item.name for item in fields(Effects))} - {'cover', 'wind'}
+    assert set(step_costs()) >= known
+    assert step_costs()['bare'] == 1.0
+    for path in (ROOT / 'docs/benchmarks').glob('effects_*.csv'):
+        with path.open(newline='') as file:
+            for row in csv.DictReader(file):
+                assert float(row['low']) <= float(row['value']) <= float(row['high'])
+                assert row['unit'] and row['machine'] and row['command'].startswith('lava bench')
+
+
+def test_bench_effects_writes_its_table(tmp_path, capsys, monkeypatch):
+    """The time of a step, over the particles, for the bare step and for an effect."""
+    from lava_ros.verification.benchmarks import effects
+
+    sets = effects.effect_sets()
+    monkeypatch.setattr(effects, 'LEAST', 0.01)
+    monkeypatch.setattr(
+        effects, 'effect_sets', lambda: {name: sets[name] for name in ('bare', 'green')}
+    )
+    output, text = tmp_path / 'effects.csv', tmp_path / 'effects.json'
+    words = ['bench', 'effects', '--device', 'cpu', '--particles', '400', '--repetitions', '2']
+    assert cli.main([*words, '--output', str(output), '--json', str(text)]) == 0
+    with output.open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert [row['benchmark'] for row in rows] == ['bare', 'green']
+    assert float(rows[0]['ratio']) == 1.0
+    assert float(rows[1]['ratio']) > 1.0
+    assert rows[0]['command'] == 'lava ' + ' '.join(
+        ['bench', 'effects', '--device', 'cpu', '--repetitions', '2', '--particles', '400']
+    )
+    assert len(json.loads(text.read_text())) == 2
+    assert 'green' in capsys.readouterr().out
+
+
+def test_bench_members_measures_a_batch(tmp_path, monkeypatch):
+    """The rate of all members, and their memory."""
+    from lava_ros.verification.benchmarks import members
+
+    monkeypatch.setattr(members, 'MEMBERS', {'cpu': (2,)})
+    monkeypatch.setattr(members, 'SETS', ('bare',))
+    text = tmp_path / 'members.json'
+    words = ['bench', 'members', '--device', 'cpu', '--particles', '300', '--repetitions', '2']
+    assert cli.main([*words, '--json', str(text)]) == 0
+    rows = json.loads(text.read_text())
+    assert [row['benchmark'] for row in rows] == ['bare: 2 members', 'bare: 2 members: memory']
+    assert all(row['low'] > 0.0 for row in rows)

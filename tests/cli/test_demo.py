@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava demo`: node and monitor are processes of a real graph."""
+"""`lava demo` and `lava forecast-demo`."""
 
 import json
 import os
@@ -157,3 +157,28 @@ def test_ctrl_c_leaves_a_finished_bag_and_no_processes(tmp_path):
         assert reader.message_count > 0
     running = subprocess.run(['ps', '-eo', 'args'], capture_output=True, text=True, check=True)
     assert str(tmp_path) not in running.stdout
+
+
+def test_what_is_seen_narrows_the_forecast(tmp_path):
+    """Forecasts come over DDS; after the outline less is undecided, and what is said is truer."""
+    words = ('--device', 'cpu', '--members', '6', '--speed', '100')
+    words += ('--json', 'out.json', '--picture', 'out.png')
+    demo = subprocess.run(
+        [sys.executable, '-m', 'lava_ros.cli.main', 'forecast-demo', *words],
+        cwd=tmp_path,
+        env=os.environ | {'PYTHONPATH': str(ROOT), 'PYTHONUNBUFFERED': '1'},
+        capture_output=True,
+        text=True,
+        timeout=400,
+        check=False,
+    )
+    assert demo.returncode == 0, demo.stdout + demo.stderr
+    assert 'a forecast of when lava comes' in demo.stdout
+    result = json.loads((tmp_path / 'out.json').read_text())
+    # how soon it is depends on the machine; the order does not
+    assert 0.0 < result['forecast_after_s'] < result['all_members_after_s']
+    assert result['members_effective'] < result['members'] == 6
+    before, after = result['before'], result['after']
+    for key in ('mean_entropy_bits', 'undecided_m2', 'brier_score'):
+        assert 0.0 <= after[key] < before[key], key
+    assert imread(tmp_path / 'out.png').shape[2] in (3, 4)

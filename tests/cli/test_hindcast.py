@@ -32,7 +32,7 @@ from eruption import (
 )
 from lava_ros.bag import BagReader
 from lava_ros.cli.main import main
-from lava_ros.hindcast.maps import FALSE_ALARM, HIT, MISS
+from lava_ros.hindcast.page import FALSE_ALARM, HIT, MISS
 from lava_ros.maps.frames import read_frame
 
 LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_strength: 200}\n'

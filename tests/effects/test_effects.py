@@ -12,12 +12,190 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The key of the compiled step."""
+"""Effects as a key; those that are off, or whose files are deleted, leave nothing behind."""
+
+from dataclasses import fields
+from pathlib import Path
+import shutil
+import subprocess
+import sys
 
 import pytest
+import warp as wp
 
-from lava_ros.effects import Effects
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
+from lava_ros.scene import Lava, Scene, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.verification.cases.case import plane
+
+ROOT = Path(__file__).parents[2]
+
+NONE = {item.name: False for item in fields(Effects)}
+
+#: The arrays of a step without effects, and of a map.
+BARE_ARRAYS = {
+    'particle', 'ordered', 'flow', 'cell', 'rank', 'remainder', 'ordered_remainder', 'clock',
+    'counts', 'chosen', 'rates', 'stage', 'top', 'left', 'base', 'drift', 'ordered_base',
+    'ordered_drift', 'share', 'home',
+}
+
+#: The kernels it launches, in their order.
+BARE_KERNELS = [
+    'rank_particles', 'scan', 'order_particles', 'thickness_and_velocity', 'choose_stage', 'emit',
+    'move',
+]
+
+#: What each effect adds: arrays, and kernels of its own.
+ADDED = {
+    'green': ({'source', 'area'}, {'green_motion'}),
+    'helmholtz': (
+        {'layer', 'solution', 'next_solution', 'correction'},
+        {'start', 'sweep', 'finish'},
+    ),
+    'yielding': (set(), set()),
+    'power_law': (set(), set()),
+    'arrhenius': (set(), set()),
+    'vft': (set(), set()),
+    'crystals': (set(), set()),
+    'steep': (set(), set()),
+    'cooling': (set(), set()),
+    'latent_heat': (set(), set()),
+}
+
+#: Writes a digest of a simulation of the effects that are named.
+DIGEST = """
+import hashlib, sys
+sys.path.insert(0, sys.argv[1])
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.effects import Effects
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+import numpy as np
+import dataclasses, lava_ros
+assert lava_ros.__file__.startswith(sys.argv[1]), lava_ros.__file__
+on = dict.fromkeys((item.name for item in dataclasses.fields(Effects)), False)
+on.update(dict.fromkeys(sys.argv[2:], True))
+ground = Terrain(np.add.outer(np.zeros(20), np.arange(20.0)), 5.0, origin=(-50.0, -50.0))
+scene = Scene(ground, (Vent((0.0, 0.0), 2.0),), Lava())
+simulation = Simulation(
+    scene, effects=Effects(**on), accuracy=Accuracy(spacing=3.0), device='cpu'
+)
+simulation.advance(120.0)
+snapshot = simulation.snapshot()
+print(hashlib.sha256(snapshot.thickness.tobytes() + snapshot.temperature.tobytes()).hexdigest())
+"""
+
+
+def simulation_of(device, **on):
+    """A vent on a slope with the effects that are named."""
+    lava = Lava(solidus=1000.0, yield_strength=100.0, conductivity=2.0)
+    scene = Scene(plane((-50.0, -50.0, 50.0, 50.0), 5.0, 0.2), (Vent((0.0, 0.0), 2.0),), lava)
+    return Simulation(
+        scene, effects=Effects(**{**NONE, **on}), accuracy=Accuracy(spacing=4.0), device=device
+    )
+
+
+def arrays_of(simulation):
+    """Names of the arrays that are allocated."""
+    state = vars(simulation._state)
+    return {name for name, value in state.items() if isinstance(value, wp.array)}
+
+
+@pytest.fixture
+def launched(monkeypatch):
+    """Names of the kernels that are launched, in their order."""
+    names = []
+    launch, launch_again = wp.launch, wp.Launch.launch
+
+    def record(kernel, *args, **kwargs):
+        # what is only packed is launched by ``record_again``
+        if not kwargs.get('record_cmd'):
+            names.append(kernel.key.rpartition('__')[2])
+        return launch(kernel, *args, **kwargs)
+
+    def record_again(command):
+        names.append(command.kernel.key.rpartition('__')[2])
+        launch_again(command)
+
+    monkeypatch.setattr(wp, 'launch', record)
+    monkeypatch.setattr(wp.Launch, 'launch', record_again)
+    return names
+
+
+def test_a_bare_step_has_the_bare_arrays_and_kernels(launched):
+    """Nothing is allocated or launched but what lava that flows needs."""
+    simulation = simulation_of('cpu')
+    assert arrays_of(simulation) == BARE_ARRAYS
+    simulation.advance(60.0)
+    assert simulation.particle_count > 0
+    # the first one has yet to put the particles into cells: later ones do so as they move them
+    simulation._stage.take(simulation.scene, simulation._vents)
+    launched.clear()
+    simulation._stage.take(simulation.scene, simulation._vents)
+    assert launched == BARE_KERNELS
+
+
+@pytest.mark.parametrize('name', ADDED)
+def test_an_effect_adds_what_is_its_own(launched, name):
+    """An effect brings its own arrays and kernels and no one else's."""
+    arrays, kernels = ADDED[name]
+    simulation = simulation_of('cpu', **{name: True})
+    assert arrays_of(simulation) == BARE_ARRAYS | arrays
+    simulation.advance(60.0)
+    assert simulation.particle_count > 0
+    # the first one has yet to put the particles into cells: later ones do so as they move them
+    simulation._stage.take(simulation.scene, simulation._vents)
+    launched.clear()
+    simulation._stage.take(simulation.scene, simulation._vents)
+    without = {'move'} if name == 'green' else set()
+    assert set(launched) == set(BARE_KERNELS) - without | kernels
+
+
+@pytest.mark.parametrize('names', [(), ('cooling', 'arrhenius', 'steep')])
+def test_deleted_effects_are_not_missed(tmp_path, names):
+    """With the files of all other effects deleted the flow is the same to the bit."""
+
+    def digest(root):
+        words = [sys.executable, '-c', DIGEST, str(root), *names]
+        run = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, timeout=120)
+        assert run.returncode == 0, run.stderr
+        return run.stdout.split()[-1]
+
+    shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
+    deleted = [tmp_path / 'lava_ros/effects' / name for name in EFFECTS if name not in names]
+    assert len(deleted) > 10
+    for path in deleted:
+        shutil.rmtree(path) if path.is_dir() else path.with_suffix('.py').unlink()
+    assert digest(tmp_path) == digest(ROOT)
+
+
+def test_any_effect_can_be_deleted():
+    """Without its file there are scenes, materials and choices as before."""
+    code = """
+import pkgutil, sys
+import numpy as np
+every = pkgutil.iter_modules
+for left_out in sys.argv[1:]:
+    pkgutil.iter_modules = lambda *args: [one for one in every(*args) if one.name != left_out]
+    for name in [name for name in sys.modules if name.startswith('lava_ros')]:
+        del sys.modules[name]
+    from lava_ros.effects import EFFECTS
+    assert left_out not in EFFECTS and len(EFFECTS) > 10
+    from lava_ros.scene import Scene, Terrain, Vent, scene_from_dict, scene_to_dict
+    from lava_ros.scene.materials import materials
+    from lava_ros.simulation.selection import effects_for
+    ground = Terrain(np.add.outer(np.arange(20.0), np.zeros(20)), 10.0)
+    for material in materials().values():
+        vent = Vent((100.0, 100.0), 5.0, temperature=material.vent_temperature.value)
+        scene = Scene(ground, (vent,), material.lava)
+        assert left_out not in effects_for(scene)
+        scene_to_dict(scene)
+"""
+    words = [sys.executable, '-c', code, *EFFECTS]
+    run = subprocess.run(words, capture_output=True, text=True, cwd=ROOT, timeout=120)
+    assert run.returncode == 0, run.stderr
 
 
 def test_effects_are_a_key():
@@ -26,7 +204,8 @@ def test_effects_are_a_key():
 
 
 @pytest.mark.parametrize(
-    'pair', [('green', 'helmholtz'), ('arrhenius', 'vft'), ('inertia', 'green')]
+    'pair',
+    [('green', 'helmholtz'), ('arrhenius', 'vft'), ('inertia', 'green'), ('inertia', 'helmholtz')],
 )
 def test_what_does_not_go_together_is_refused(pair):
     """Two forms of one effect, or a momentum beside a balance, are an error that names one."""

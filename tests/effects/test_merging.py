@@ -208,10 +208,3 @@ def test_deterministic_runs_are_identical_to_the_bit(device):
     """Who merges does not depend on the order in which threads run."""
     first, second = (flow(device, MERGING, deterministic=True) for _ in range(2))
     assert np.array_equal(first._state.read_particles(), second._state.read_particles())
-
-
-def test_without_merging_nothing_is_there():
-    """The arrays of the pass are not allocated."""
-    simulation = simulation_of('cpu', lattice(5.0, 4, 25.0), PLAIN)
-    assert not hasattr(simulation._state, 'partner')
-    assert not simulation._after_step

@@ -231,14 +231,3 @@ def test_deterministic_runs_are_identical_to_the_bit(device):
     assert np.array_equal(grids[0].frozen, grids[1].frozen)
     assert np.array_equal(grids[0].thickness, grids[1].thickness)
     assert grids[0].budget == grids[1].budget
-
-
-def test_without_solidification_nothing_is_there():
-    """No array, no frozen grid, and the budget says zero."""
-    simulation = Simulation(Scene(
-        hillside(), lava=Lava()
-    ), effects=Effects(solidification=False), device='cpu')
-    assert not hasattr(simulation._state, 'frozen')
-    snapshot = simulation.snapshot()
-    assert snapshot.frozen is None
-    assert snapshot.budget.frozen == 0.0

@@ -12,8 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a bag's messages say comes back in metres, Celsius and simulated seconds."""
+"""Frames of a bag, and when lava came in them."""
 
+from pathlib import Path
 
 from nav_msgs.msg import MapMetaData, OccupancyGrid
 import numpy as np
@@ -23,6 +24,7 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.errors import LavaError
+from lava_ros.maps.arrival import Arrival
 from lava_ros.maps.frames import read_frame, Recording
 from lava_ros.ros import codec
 from lava_ros.scene import Vent
@@ -238,3 +240,71 @@ layers:
     # 60 steps of 20 C downwards from 100.
     values = frame.layers['temperature'].values
     np.testing.assert_allclose(values[12, 0], 820.0, atol=10.01)
+
+
+def arrival_of(bag: Path, threshold: float) -> Arrival:
+    """The arrival over all frames of a bag."""
+    result = Arrival(threshold)
+    for frame in Recording(bag).frames():
+        result.add(frame)
+    return result
+
+
+def test_first_times(tmp_path):
+    """A cell has the time of the first frame with lava, also when the lava has left since."""
+
+    def flow(time: float) -> np.ndarray:
+        thickness = growing(time)
+        if time > 500.0:
+            thickness[:, 0] = 0.0
+        return thickness
+
+    found = arrival_of(record(tmp_path / 'bag', flow=flow), 0.1)
+    assert found.times is not None
+    expected = [200, 200, 400, 400, 600, 600, 800, 800, np.nan]
+    np.testing.assert_array_equal(found.times[12, :9], expected)
+    assert np.isnan(found.times[:10]).all()
+    assert (found.longest_gap, found.frame_count) == (200.0, 4)
+
+
+def test_the_threshold_decides(tmp_path):
+    """Cells whose lava stays below it are never reached."""
+    bag = record(tmp_path / 'bag', config=RAW_CONFIG)
+    found = arrival_of(bag, 3.05)
+    assert found.times is not None and found.peak is not None
+    # 3.26 m less 5 cm a column: columns 0 to 4 are above 3.05 m.
+    np.testing.assert_array_equal(np.isfinite(found.times[12]), np.arange(40) < 5)
+    np.testing.assert_allclose(found.peak[12, :8], 3.26 - 0.05 * np.arange(8), rtol=1e-6)
+
+
+@pytest.mark.parametrize('threshold', [0.05, 0.0, -1.0])
+def test_a_threshold_that_the_layer_does_not_show(tmp_path, threshold):
+    """A grid without lava thinner than 0.1 m cannot say when such lava came."""
+    with pytest.raises(LavaError, match=r'threshold is .*at least 0\.1 m'):
+        arrival_of(record(tmp_path / 'bag', config=GRIDS), threshold)
+
+
+def test_a_step_of_the_grid_counts_as_what_it_stands_for(tmp_path):
+    """Lava that the grid rounds to the threshold has arrived."""
+    bag = record(tmp_path / 'bag', flow=lambda time: np.full_like(growing(time), 0.3))
+    found = arrival_of(bag, 0.3)
+    assert found.times is not None
+    assert np.isfinite(found.times).sum() == 30 * 40 - 6
+
+
+def test_times_are_those_that_the_simulation_noted(tmp_path):
+    """Maps 200 s apart give them to the step, for this threshold alone, where maps have lava."""
+
+    def noted(time: float) -> np.ndarray:
+        times = np.where(growing(time) > 0.0, 100.0 * np.arange(40) + 37.5, np.nan)
+        times[25] = 12.0
+        return times
+
+    bag = record(tmp_path / 'bag', arrived=noted)
+    found = arrival_of(bag, 0.1)
+    assert found.times is not None and found.is_noted
+    np.testing.assert_array_equal(found.times[12, :8], 100.0 * np.arange(8) + 37.5)
+    assert not np.isfinite(found.times[25]).any()
+    other = arrival_of(bag, 0.5)
+    assert other.times is not None and not other.is_noted
+    assert other.times[12, 0] == 200.0

@@ -118,12 +118,6 @@ def test_lava_of_unknown_temperature_counts_as_the_worst():
     assert _mask('nav2_speed.yaml', 'speed_mask')[1, 49] == 10
 
 
-def test_a_limit_of_zero_would_be_none():
-    """Why the mask is not hazard with base 100 and multiplier -1: hazard 100 would be free."""
-    assert speed_limit(99, np.nan, base=100.0, multiplier=-1.0) == 1.0
-    assert speed_limit(100, np.nan, base=100.0, multiplier=-1.0) == 0.0
-
-
 def _layer(**changes):
     data = {'source': 'thickness', 'message': 'nav_msgs/OccupancyGrid', **changes}
     return layers_from_dict({'layers': {'one': data}})[0]

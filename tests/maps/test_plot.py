@@ -12,13 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""Pictures of maps, pages to print, and numbers as people read them."""
 
-"""What pictures say in words and in colours."""
+from dataclasses import replace
+from pathlib import Path
+import re
+import sys
+from typing import Any
 
+from matplotlib.image import imread
+from matplotlib.text import Text
 import numpy as np
 import pytest
 
+from lava_ros.errors import LavaError
+from lava_ros.files.resources import share_path
+from lava_ros.maps.frames import Frame, LayerFrame
+from lava_ros.maps.layer_files import load_layers
+from lava_ros.maps.numbers import percent, seconds, table
 from lava_ros.maps.plot import duration, scale_of
+from lava_ros.maps.sheet import draw_sheet, Panel
 
 
 @pytest.mark.parametrize(
@@ -53,3 +66,163 @@ def test_scales(source, values, label, top, past):
     """They end at round numbers, in units that people read, and say what is past them."""
     scale = scale_of(source, np.array([*values, np.nan]))
     assert (scale.label, scale.norm.vmax, scale.past) == (label, top, past)
+
+
+@pytest.fixture
+def frame():
+    """A flow of 20 x 6 cells on a slope with a hole in the data."""
+    elevation = np.add.outer(np.arange(60.0), np.arange(90.0)).astype(np.float32)
+    elevation[:, 80] = np.nan
+    layers = {}
+    for layer in load_layers(share_path('msg_configs/default.yaml')):
+        if layer.enabled and layer.source != 'arrived':
+            values = np.full(elevation.shape, np.nan, dtype=np.float32)
+            values[30:50, 40:46] = {'thickness': 4.0, 'temperature': 800.0, 'hazard': 100.0}[
+                layer.source
+            ]
+            layers[layer.source] = LayerFrame(layer, values, False)
+    return Frame(
+        elevation=elevation,
+        resolution=10.0,
+        origin=(0.0, 0.0),
+        layers=layers,
+        vents=np.array([[430.0, 480.0]]),
+        time=5400.0,
+        scene={'terrain': {'epsg': 32633}},
+    )
+
+
+def dried(frame: Frame) -> Frame:
+    """The same frame without lava."""
+    layers = {
+        source: replace(item, values=np.full_like(item.values, np.nan))
+        for source, item in frame.layers.items()
+    }
+    return replace(frame, layers=layers, vents=np.empty((0, 2)))
+
+
+def plot_frame(frame: Frame, output: Path) -> None:
+    """Draw all layers of a frame."""
+    panels = [Panel(frame, name, item.values) for name, item in frame.layers.items()]
+    draw_sheet(panels, output, title='Lava', notes={'discharge': '5 m³/s'})
+
+
+def red(path: Path) -> int:
+    """Count the pixels as red as lethal hazard."""
+    pixels = imread(path)[:, :, :3]
+    found = (pixels[..., 0] > 0.4) & (pixels[..., 1] < 0.12) & (pixels[..., 2] < 0.25)
+    return int(found.sum())
+
+
+def test_lava_is_drawn(frame, tmp_path):
+    """Lava is as red as its hazard; without lava the legend alone is."""
+    one = replace(frame, layers={'hazard': frame.layers['hazard']})
+    plot_frame(one, tmp_path / 'wet.png')
+    plot_frame(dried(one), tmp_path / 'dry.png')
+    assert red(tmp_path / 'wet.png') > red(tmp_path / 'dry.png') + 10_000
+    assert (tmp_path / 'wet.png').stat().st_size < 800_000
+
+
+@pytest.fixture
+def texts(monkeypatch):
+    """What is written in the pictures that are drawn."""
+    said: list[str] = []
+
+    def keep(figure: Any, path: Path) -> None:
+        figure.canvas.draw()
+        said.extend(item.get_text() for item in figure.findobj(Text))
+
+    monkeypatch.setattr('lava_ros.maps.sheet.save_picture', keep)
+    return said
+
+
+def test_what_a_published_map_has(frame, texts):
+    """Banner, scale, north, round coordinates, degrees, units and notes are written on it."""
+    scene = {'terrain': {'epsg': 32633, 'offset': [500_000.0, 4_180_000.0]}}
+    plot_frame(replace(frame, scene=scene), Path('all.png'))
+    for words in ('SIMULATION, NOT VERIFIED', 'N', 'easting [m]', 'northing [m]', 'm', '°C',
+                  'Lava thickness', 'discharge: 5 m³/s', 'vent'):
+        assert words in texts, words
+    east = [int(item.replace(' ', '')) for item in texts if re.fullmatch('500 [0-9]{3}', item)]
+    assert len(set(east)) > 1 and all(value % 100 == 0 for value in east)
+    assert any(item.endswith('° E') for item in texts) and any('° N' in item for item in texts)
+    assert any(re.fullmatch('[0-9]+ m', item) for item in texts)
+
+
+def test_a_map_that_is_nowhere(frame, texts):
+    """It has the coordinates of the map frame, and says so."""
+    plot_frame(replace(frame, scene={}), Path('all.png'))
+    assert 'x [m], map frame' in texts and not any('° E' in item for item in texts)
+
+
+def test_several_terrains_show_the_same_place(frame, tmp_path, monkeypatch):
+    """Maps whose frames have other origins show the same eastings and northings."""
+    seen = []
+    monkeypatch.setattr(
+        'lava_ros.maps.sheet.draw_map', lambda axes, frame, picture, window, fissures: (
+            axes.set_xlim(window[0], window[2]), axes.set_ylim(window[1], window[3]),
+            seen.append(window),
+        ),
+    )
+    panels = [
+        Panel(
+            replace(frame, scene={'terrain': {'epsg': 32633, 'offset': [east, 0.0]}}),
+            'hazard', frame.layers['hazard'].values,
+        )
+        for east in (500_000.0, 500_100.0)
+    ]
+    draw_sheet(panels, tmp_path / 'two.png', title='Two')
+    np.testing.assert_allclose(np.subtract(*seen), [100.0, 0.0, 100.0, 0.0], atol=1e-6)
+    # both flows are in it
+    assert seen[0][0] <= 400.0 and seen[0][2] >= 560.0
+
+
+def test_flat_ground(frame, tmp_path):
+    """A plain without any relief is drawn too."""
+    flat = replace(frame, elevation=np.full_like(frame.elevation, 5.0))
+    plot_frame(flat, tmp_path / 'flat.svg')
+    assert '<svg' in (tmp_path / 'flat.svg').read_text(encoding='utf-8')
+
+
+@pytest.mark.parametrize('name', ['missing/a.png', 'a.lava'])
+def test_a_picture_that_cannot_be_written(frame, tmp_path, name):
+    """A bad path or format is one error that names it."""
+    with pytest.raises(LavaError, match=f'output is .*{name}'):
+        plot_frame(frame, tmp_path / name)
+
+
+def test_without_matplotlib(frame, tmp_path, monkeypatch):
+    """The error says how to get it."""
+    monkeypatch.setitem(sys.modules, 'matplotlib.figure', None)
+    with pytest.raises(LavaError, match=r"pip install 'lava_ros\[plot\]'"):
+        plot_frame(frame, tmp_path / 'a.png')
+
+
+def test_table():
+    """A line for the titles, one of dashes, and one for each entry."""
+    assert table(['a', 'b'], [['1', '2']]) == ['| a | b |', '|---|---|', '| 1 | 2 |']
+
+
+@pytest.mark.parametrize(
+    ('value', 'text'),
+    [(0.0123, '12 ms'), (3.21, '3.2 s'), (59.6, '60 s'), (1800.0, '30 min'), (9000.0, '2.5 h')],
+)
+def test_seconds(value, text):
+    """Times have two digits and the unit that suits them."""
+    assert seconds(value) == text
+
+
+@pytest.mark.parametrize(
+    ('value', 'text'),
+    [
+        (0.0345, '3.5 %'),
+        (0.25, '25 %'),
+        (1.0, '100 %'),
+        (2e-7, '2e-07'),
+        (0.0, '0 %'),
+        (float('nan'), 'none'),
+    ],
+)
+def test_percent(value, text):
+    """Shares have two digits; rounding errors are powers of ten."""
+    assert percent(value) == text

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Forecasts beside the live simulation: again and again, dropped, withdrawn, begun anew."""
+"""Forecasts beside a live simulation, and ensembles that have a deadline."""
 
 from dataclasses import replace
 import os
@@ -26,15 +26,22 @@ import numpy as np
 import pytest
 
 from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.forecast import planning as affordable
 from lava_ros.forecast import process as forecast_process
 from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
+from lava_ros.forecast.planning import Affordable
+from lava_ros.ros import diagnostics
+from lava_ros.ros.deadline import DeadlineChooser
 from lava_ros.ros.ensemble_forecasts import ForecastRules
 from lava_ros.ros.forecaster import Forecaster, ForecastProcess, LEAST_PERIOD
+from lava_ros.ros.parameters import Settings
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import LEAST_SHARES, Pace, SHARE_RATE
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import preset_accuracy
 
 RULES = ForecastRules(
     horizon=200.0, threshold=0.01, max_age=1e9, share=1.0, max_particles=1_000_000
@@ -356,3 +363,85 @@ def test_the_process_ends_with_the_node():
     node.wait()
     node.stdout.close()
     wait_until(lambda: not is_running(pid))
+
+
+SCENE = Scene(Terrain(np.zeros((10, 10)), 10.0), (Vent((50.0, 50.0), 5.0),), lava=Lava())
+
+SETTINGS = Settings(
+    device='cpu', forecast_horizon=600.0, ensemble_members=8, deadline=20.0, preset='draft'
+)
+
+
+def plan(members):
+    """A plan of so many runs."""
+    return Affordable(
+        preset='draft', spacing=25.0, refinement=0.4, members=members, wall_time=9.0, error=0.02,
+        sampling_error=0.1, is_finest=False, pilots=3, spent=4.0,
+    )
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Members that were planned for; as many as 20 can be had."""
+    found = []
+
+    def afford(scene, *, within, horizon, members, device):
+        found.append(members)
+        assert (scene, within, horizon, device) == (SCENE, 20.0, 600.0, 'cpu')
+        if members is not None and members > 20:
+            raise LavaError('within', within, 'about 31 s: that is what the coarsest take')
+        return plan(members or 13)
+
+    monkeypatch.setattr(affordable, 'afford', afford)
+    return found
+
+
+def test_the_finest_that_is_there_in_time(asked):
+    """A forecast, and members that take turns with the next ones; the spacing is the plan's."""
+    chooser = DeadlineChooser()
+    assert chooser.accuracy(SCENE, SETTINGS).spacing == 25.0
+    assert asked == [17]
+    choice = chooser.choice
+    assert (choice.members, choice.is_met, choice.spacing) == (8, True, 25.0)
+    assert '8 of 8 members: 17 runs in about 9 s of 20 s' in choice.reason
+    assert choice.sampling_error == pytest.approx(0.5 / 8**0.5)
+    status = diagnostics.deadline_status(20.0, choice, took=3.0)
+    assert status.level == status.OK and status.message == choice.reason
+    late = diagnostics.deadline_status(20.0, choice, took=30.0)
+    assert late.level == status.WARN and late.message.startswith('late: the newest took 30 s')
+    assert {item.key: item.value for item in late.values}['expected_error'] == '0.02'
+
+
+def test_fewer_members_where_not_even_the_coarsest_fit(asked):
+    """As many as err least."""
+    chooser = DeadlineChooser()
+    chooser.accuracy(SCENE, replace(SETTINGS, ensemble_members=100))
+    assert asked == [201, None]
+    assert chooser.choice.members == 6
+    assert '6 of 100 members' in chooser.choice.reason
+
+
+def test_a_flow_is_never_refused_for_a_deadline(monkeypatch):
+    """Late maps are better than none: the preset is that of the parameters, with a warning."""
+    chooser = DeadlineChooser()
+    settings = replace(SETTINGS, ensemble_members=0)
+
+    def too_late(*_, **__):
+        raise LavaError('within', 20.0, 'longer: the coarsest runs take more')
+
+    monkeypatch.setattr(affordable, 'afford', too_late)
+    assert chooser.accuracy(SCENE, settings) == preset_accuracy('draft', spacing=None)
+    assert not chooser.choice.is_met and 'the coarsest runs take more' in chooser.choice.reason
+    status = diagnostics.deadline_status(20.0, chooser.choice, took=0.0)
+    assert status.level == status.WARN
+
+
+def test_nothing_to_choose(asked):
+    """Without a deadline, or without lava that comes."""
+    chooser = DeadlineChooser()
+    usual = preset_accuracy('draft', spacing=None)
+    assert chooser.accuracy(SCENE, replace(SETTINGS, deadline=0.0)) == usual
+    assert chooser.accuracy(replace(SCENE, vents=()), SETTINGS) == usual
+    assert chooser.choice is None and asked == []
+    status = diagnostics.deadline_status(20.0, None, took=1.0)
+    assert status.level == status.OK and status.message.startswith('nothing chosen')

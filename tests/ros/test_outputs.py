@@ -12,19 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Messages out: terrain, vents, their markers."""
+"""Messages out: layers as they are due, terrain, vents, their markers."""
 
 from array import array
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 from geometry_msgs.msg import Pose
 import numpy as np
 import pytest
 from visualization_msgs.msg import Marker
 
-from lava_ros.maps.layer_files import layers_from_dict
+from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.maps.message_arrays import cloud_columns, image_array
 from lava_ros.ros import inputs, outputs
+from lava_ros.ros.layer_publishers import LayerPublishers
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.scene_publisher import CLOSED, LABELS, OPEN, PLACES, vent_markers
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.budget import VolumeBudget
@@ -182,3 +187,49 @@ def test_a_vent_without_a_name_has_its_number():
     """The second vent is called 2."""
     label = [item for item in markers(0.0) if item.ns == LABELS][1]
     assert label.text.startswith('2: 6 m3/s')
+
+
+CONFIGS = Path(__file__).parents[2] / 'msg_configs'
+
+
+def test_masks_are_sent_when_they_change():
+    """Nav2 works its costmaps out anew for each: hazard comes with each frame, masks do not."""
+    sent = []
+
+    def publisher(message_class, topic, profile):
+        return SimpleNamespace(publish=lambda data: sent.append(topic), topic_name=f'/{topic}')
+
+    publishers = LayerPublishers(
+        SimpleNamespace(publisher=publisher),
+        load_layers(CONFIGS / 'nav2_speed.yaml'),
+        Recorder(),
+        frame_id='map',
+    )
+    thickness = np.zeros((20, 30), dtype=np.float32)
+    thickness[10, 10] = 1.0
+    first = Snapshot(
+        time=1.0,
+        terrain=Terrain(np.zeros((20, 30)), 10.0),
+        thickness=thickness,
+        temperature=np.full((20, 30), 1300.0, dtype=np.float32),
+        budget=VolumeBudget(1.0, 1.0, 0.0, 0.0),
+        particle_count=1,
+        steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
+    )
+
+    def topics(snapshot, *, repeat=False):
+        sent.clear()
+        publishers.publish(snapshot, 10**9, also_not_due=True, repeat=repeat)
+        return set(sent)
+
+    both = {'keepout_mask', 'speed_mask'}
+    assert topics(first) == both | {'hazard'}
+    assert topics(replace(first, time=2.0)) == {'hazard'}
+    further = thickness.copy()
+    further[10, 11] = 1.0
+    second = replace(first, time=3.0, thickness=further)
+    assert topics(second) == both | {'hazard'}
+    # a bag that begins now, or who activates the node, has all of them
+    assert topics(second, repeat=True) == both | {'hazard'}
+    elsewhere = Terrain(np.zeros((20, 30)), 10.0, (5.0, 5.0))
+    assert topics(replace(second, time=4.0, terrain=elsewhere)) == both | {'hazard'}

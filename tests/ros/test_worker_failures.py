@@ -12,14 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The worker thread: what goes wrong in a simulation is a state, and a reset gets out of it."""
+"""The worker when something fails or waits, its commands, and snapshots on their way."""
 
+from concurrent.futures import Future
+import queue
 import threading
 import time
 
 import pytest
 
 from lava_ros.errors import LavaError
+from lava_ros.ros.commands import Command, CommandQueue
 from lava_ros.ros.worker_status import WorkerState
 from lava_ros.scene import Lava, Scene, Vent
 from worker_bench import Bench, OUTSIDE, TERRAIN, VENT
@@ -228,3 +231,187 @@ def test_stop_reports_a_thread_that_is_stuck():
     assert not bench.worker.stop(0.1)
     freed.set()
     assert bench.worker.stop(60.0)
+
+
+@pytest.fixture
+def copying(bench):
+    """A simulation half a second old, of which a snapshot is on its way and does not come."""
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    go_on(bench, 0.5)
+    bench.simulation.is_copied.clear()
+    bench.worker.request_snapshot()
+    bench.wait(lambda: bench.simulation.begun == 1)
+    yield bench
+    for simulation in bench.made:
+        simulation.is_copied.set()
+
+
+def go_on(bench, seconds):
+    """Let simulated time go on."""
+    until = bench.simulation.time + seconds
+    bench.now += seconds
+    bench.wait(lambda: bench.simulation.time == pytest.approx(until))
+
+
+def test_the_simulation_goes_on_meanwhile(copying):
+    """Time passes while it is on its way, and what is shown then is of the moment it was begun."""
+    shown = len(copying.shown)
+    go_on(copying, 0.5)
+    assert copying.worker.latest.time == 0.0
+    copying.simulation.is_copied.set()
+    copying.wait(lambda: len(copying.shown) > shown)
+    assert copying.shown[-1].time == pytest.approx(0.5)
+    assert copying.worker.latest is copying.shown[-1]
+
+
+def test_what_is_asked_for_meanwhile_comes_next(copying):
+    """However often: one more is begun when the first is there, and none is lost."""
+    for _ in range(3):
+        go_on(copying, 0.5)
+        copying.worker.request_snapshot()
+    assert copying.simulation.begun == 1
+    copying.simulation.is_copied.set()
+    copying.wait(lambda: copying.worker.latest.time == pytest.approx(2.0))
+    assert copying.simulation.begun == 2
+
+
+def test_a_flaw_that_shows_late_fails_the_simulation(bench):
+    """As one that shows at once; what was shown before stays."""
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    last = bench.worker.latest
+    bench.simulation.flawed = True
+    go_on(bench, 0.5)
+    bench.simulation.is_copied.clear()
+    bench.worker.request_snapshot()
+    bench.wait(lambda: bench.simulation.begun == 1)
+    go_on(bench, 0.5)
+    assert bench.worker.status.state is WorkerState.RUNNING
+    bench.simulation.is_copied.set()
+    bench.wait_for_state(WorkerState.FAILED)
+    assert 'thickness is not a number of metres in 20 cells' in bench.worker.status.error
+    assert bench.worker.latest is last
+
+
+def test_a_flaw_of_the_former_simulation_is_none_of_the_next(bench):
+    """A reset meanwhile: the new simulation runs, and shows itself."""
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.simulation.flawed = True
+    go_on(bench, 0.5)
+    former = bench.simulation
+    former.is_copied.clear()
+    bench.worker.request_snapshot()
+    bench.wait(lambda: former.begun == 1)
+    reset = bench.worker.reset()
+    bench.wait(lambda: len(bench.made) == 2)
+    former.is_copied.set()
+    bench.run(reset)
+    time.sleep(0.1)
+    bench.wait_for_state(WorkerState.RUNNING)
+    assert bench.worker.latest.time == 0.0
+
+
+def test_what_is_at_rest_has_been_waited_for(copying):
+    """A pause shows the state that stands still, not the one that was on its way."""
+    go_on(copying, 0.5)
+    copying.worker.pause(True)
+    time.sleep(0.1)
+    assert copying.worker.latest.time == 0.0
+    copying.simulation.is_copied.set()
+    copying.wait_for_state(WorkerState.PAUSED)
+    assert copying.worker.latest.time == pytest.approx(1.0)
+    copying.wait(lambda: copying.shown[-1].time == pytest.approx(1.0))
+
+
+def test_the_end_waits_for_it(copying):
+    """Stopping leaves no thread behind."""
+    copying.simulation.is_copied.set()
+    assert copying.worker.stop(60.0)
+    assert copying.worker.latest.time == pytest.approx(0.5)
+
+
+def put(commands, name, kind=''):
+    """Add a command that is nothing but its name."""
+    future = Future()
+    commands.put(Command(name, future, kind))
+    return future
+
+
+def taken(commands):
+    """The names of all that wait, oldest first."""
+    return [commands.get(0.0).action for _ in range(len(commands))]
+
+
+def test_commands_come_in_order():
+    """What was put first comes first, and nothing comes from nothing."""
+    commands = CommandQueue()
+    for name in 'abc':
+        put(commands, name)
+    assert taken(commands) == ['a', 'b', 'c']
+    with pytest.raises(queue.Empty):
+        commands.get(0.0)
+
+
+def test_the_newest_of_a_kind_replaces_the_one_that_waits():
+    """The older one is cancelled; the newer one comes after what was put between them."""
+    commands = CommandQueue()
+    old = put(commands, 'old vents', 'vents')
+    put(commands, 'terrain', 'terrain')
+    put(commands, 'step')
+    new = put(commands, 'new vents', 'vents')
+    assert old.cancelled()
+    assert not new.done()
+    assert taken(commands) == ['terrain', 'step', 'new vents']
+    later = put(commands, 'later vents', 'vents')
+    assert not later.done()
+    assert taken(commands) == ['later vents']
+
+
+def test_too_many_are_refused():
+    """Beyond the limit a command is refused, but for one that has a kind."""
+    commands = CommandQueue(limit=3)
+    for _ in range(3):
+        put(commands, 'click')
+    refused = put(commands, 'click')
+    with pytest.raises(LavaError, match='3 waiting'):
+        refused.result(0.0)
+    for _ in range(100):
+        put(commands, 'vents', 'vents')
+    assert len(commands) == 4
+
+
+def test_a_callback_may_put_another():
+    """What a cancelled or refused command calls back may use the queue."""
+    commands = CommandQueue(limit=1)
+    first = put(commands, 'vents', 'vents')
+    first.add_done_callback(lambda _: put(commands, 'from callback'))
+    put(commands, 'vents', 'vents')
+    assert first.cancelled()
+    refused = Future()
+    refused.add_done_callback(lambda _: put(commands, 'terrain', 'terrain'))
+    commands.put(Command('click', refused, ''))
+    assert taken(commands) == ['vents', 'terrain']
+
+
+def test_a_closed_queue_refuses_what_waits_and_what_comes():
+    """Nobody waits for ever: each future holds the reason, and the thread is woken."""
+    commands = CommandQueue()
+    futures = [put(commands, 'a'), put(commands, 'b', 'vents')]
+    commands.close(LavaError('simulation', 'stopped', 'one that runs'))
+    futures += [put(commands, 'c', 'vents'), put(commands, 'd')]
+    for future in futures:
+        with pytest.raises(LavaError, match='stopped'):
+            future.result(0.0)
+    assert len(commands) == 0
+    with pytest.raises(queue.Empty):
+        commands.get()
+
+
+def test_a_waiting_thread_is_woken():
+    """A command wakes the thread that waits for one."""
+    commands = CommandQueue()
+    seen = []
+    thread = threading.Thread(target=lambda: seen.append(commands.get(10.0).action))
+    thread.start()
+    put(commands, 'late')
+    thread.join(10.0)
+    assert seen == ['late']

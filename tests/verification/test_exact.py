@@ -19,7 +19,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_bvp, solve_ivp
+from scipy.integrate import quad, solve_bvp, solve_ivp, trapezoid
 from scipy.optimize import brentq
 
 from lava_ros.scene import Lava
@@ -45,11 +45,6 @@ def similarity_profile(rhs: Callable, slope: float, end: float, *, gap: float = 
     return solve_ivp(
         derivatives, (1.0 - gap, end), start, rtol=1e-10, atol=1e-13, dense_output=True
     )
-
-
-def integral(values, places):
-    """The trapezoidal rule."""
-    return float(np.diff(places) @ (values[1:] + values[:-1])) / 2.0
 
 
 def test_huppert_coefficients_are_the_published_ones():
@@ -114,14 +109,14 @@ def test_constant_flux_profile():
     radius = solution.radius(3600.0)
     r = np.linspace(0.0, radius, 100_001)
     thickness = solution.thickness(r, 3600.0)
-    assert integral(2.0 * math.pi * r * thickness, r) == pytest.approx(36000.0, rel=1e-4)
+    assert trapezoid(2.0 * math.pi * r * thickness, r) == pytest.approx(36000.0, rel=1e-4)
     ends = np.array([0.0, 1.01 * radius])
     assert solution.flux(ends, 3600.0) == pytest.approx([10.0, 0.0], rel=1e-4)
     # what flows out of a circle is what is not stored within it: d/dt of R^2 times a constant
     inner = 0.6 * radius
     grid = np.linspace(0.0, inner, 100_001)
     held = [
-        integral(2.0 * math.pi * grid * solution.thickness(grid, time), grid)
+        trapezoid(2.0 * math.pi * grid * solution.thickness(grid, time), grid)
         for time in (3590.0, 3610.0)
     ]
     kept = (held[1] - held[0]) / 20.0
@@ -304,3 +299,97 @@ def test_freezing_lens():
         frozen = h[temperature < 1300.0].sum() / h.sum()
         assert lens.frozen_share(time) == pytest.approx(frozen, abs=1e-4)
     assert lens.frozen_share(2.0 * lens.end) == 1.0
+
+
+WEIGHT = 2600.0 * 9.81
+
+
+@pytest.mark.parametrize('index', [0.5, 1.0, 2.0])
+@pytest.mark.parametrize('strength', [0.0, 900.0])
+def test_sheet_is_the_integral_of_its_strain_rate(index, strength):
+    """The mean of the velocity that ((tau - tau_y) / K)^(1/n) makes, from no slip below."""
+    thickness, slope, consistency = 1.4, 0.2, 3e3
+    pull = WEIGHT * math.sin(slope)
+
+    def strain_rate(z):
+        return (max(pull * (thickness - z) - strength, 0.0) / consistency) ** (1.0 / index)
+
+    # what is sheared at z carries all that is above
+    sheared = thickness - strength / pull
+    flux = quad(lambda z: strain_rate(z) * (thickness - z), 0.0, sheared)[0]
+    found = exact.herschel_bulkley_velocity(
+        thickness,
+        slope,
+        density=2600.0,
+        consistency=consistency,
+        strength=strength,
+        index=index,
+        gravity=9.81,
+    )
+    assert found == pytest.approx(flux / thickness, rel=1e-9)
+
+
+def test_sheet_has_the_newtonian_limit_and_rests_below_the_critical_thickness():
+    """With n = 1, no strength: rho g h^2 sin(b) / (3 mu); with strength, thin, it rests."""
+    newtonian = exact.sheet_velocity(1.4, 0.2, 3e3 / 2600.0, 9.81)
+    options = {'density': 2600.0, 'consistency': 3e3, 'index': 1.0, 'gravity': 9.81}
+    found = exact.herschel_bulkley_velocity(1.4, 0.2, strength=0.0, **options)
+    assert found == pytest.approx(newtonian)
+    critical = exact.critical_thickness(900.0, 0.2, density=2600.0, gravity=9.81)
+    speeds = [
+        exact.herschel_bulkley_velocity(share * critical, 0.2, strength=900.0, **options)
+        for share in (0.999, 1.001)
+    ]
+    assert speeds[0] == 0.0 < speeds[1]
+
+
+def test_dome_holds_its_volume_at_the_yield_stress():
+    """The profile's volume and mean square radius by quadrature, and rho g h |dh/dr| = tau_y."""
+    dome = exact.BinghamDome(1.5e5, 1e4, 2600.0, 9.81)
+    volume = quad(lambda r: 2 * math.pi * r * dome.thickness(r), 0, dome.radius)[0]
+    moment = quad(lambda r: 2 * math.pi * r**3 * dome.thickness(r), 0, dome.radius)[0]
+    assert volume == pytest.approx(1.5e5, rel=1e-6)
+    assert dome.rms_radius == pytest.approx(math.sqrt(moment / volume), rel=1e-6)
+    r = np.array([10.0, 50.0, 90.0])
+    slope = (dome.thickness(r - 1e-4) - dome.thickness(r + 1e-4)) / 2e-4
+    assert WEIGHT * dome.thickness(r) * slope == pytest.approx(1e4, rel=1e-6)
+    assert dome.thickness(dome.radius_of_thickness(2.0)) == pytest.approx(2.0)
+    places = dome.particles(2000, dome.radius)
+    assert np.sqrt((places**2).sum(axis=1).mean()) == pytest.approx(dome.rms_radius, rel=1e-4)
+
+
+def test_ridge_is_at_the_yield_stress_everywhere():
+    """Its section by quadrature, and the stress's two parts at several places."""
+    slope, strength = math.radians(20.0), 5e3
+    ridge = exact.Ridge(0.9, strength, slope, WEIGHT)
+    section = 2.0 * quad(ridge.thickness, 0, ridge.half_width)[0]
+    assert section == pytest.approx(ridge.section, rel=1e-6)
+    assert ridge.thickness(np.array(0.0)) == pytest.approx(0.9 * ridge.critical)
+    y = np.linspace(0.05, 0.95, 7) * ridge.half_width
+    d = ridge.thickness(y)
+    rise = (ridge.thickness(y + 1e-6) - ridge.thickness(y - 1e-6)) / 2e-6
+    stress = WEIGHT * d * np.hypot(math.sin(slope), math.cos(slope) * rise)
+    assert stress == pytest.approx(strength, rel=1e-5)
+    assert ridge.thickness(ridge.distance_of_thickness(0.1)) == pytest.approx(0.1)
+
+
+def test_levee_is_twice_as_wide_as_hulme_has_it():
+    """A full ridge's edge is tau_y cos(b) / (rho g sin(b)^2), Hulme's tau_y / (2 rho g sin(b)^2).
+
+    Hulme's parabola is the edge where it is thin.
+    """
+    slope, strength = math.radians(5.0), 5e3
+    ridge = exact.Ridge(1.0, strength, slope, WEIGHT)
+    hulme = strength / (2.0 * WEIGHT * math.sin(slope) ** 2)
+    assert ridge.half_width == pytest.approx(2.0 * math.cos(slope) * hulme)
+    near = 1e-3 * ridge.half_width
+    parabola = math.sqrt(2.0 * strength * near / (WEIGHT * math.cos(slope)))
+    edge = ridge.thickness(np.array(ridge.half_width - near))
+    assert edge == pytest.approx(parabola, rel=1e-3)
+
+
+def test_viscosity_laws_are_the_printed_ones():
+    """VFT by its own numbers; crystals at half of the packing by 2^e."""
+    assert exact.vft_viscosity(1000.0, -4.5, 6000.0, 400.0) == pytest.approx(10.0**5.5)
+    assert exact.crystal_factor(0.3, 0.6, 2.0) == pytest.approx(4.0)
+    assert exact.crystal_factor(0.3, 0.6, 2.5) == pytest.approx(2.0**2.5)

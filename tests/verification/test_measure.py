@@ -12,20 +12,34 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Measuring: medians, what is left out, progress, and the name of the machine."""
+"""The settings of a report, how they are measured, and the rows that come of it."""
 
 from dataclasses import replace
+import json
 import math
 import platform
 import re
 
+import numpy as np
 import pytest
 
+from lava_ros.errors import LavaError
 from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.presets import DEFAULT, PRESETS
+from lava_ros.verification import settings
 from lava_ros.verification.cases import CASES
+from lava_ros.verification.cases.sheets import EXPERIMENTS, FORMS, LATERAL
 from lava_ros.verification.measure import file_stem, machine_name, measure, REPEATED_BELOW
-from lava_ros.verification.rows import pareto_front, points
-from lava_ros.verification.settings import Setting
+from lava_ros.verification.rows import (
+    as_plain,
+    pareto_front,
+    Point,
+    points,
+    presets_of,
+    read_csv,
+    write_csv,
+)
+from lava_ros.verification.settings import all_pairs, all_settings, expected_cost, name_of, Setting
 
 
 def test_rows_hold_the_median_and_the_range(fake_case, measured):
@@ -109,11 +123,158 @@ def test_machine_names_no_host():
     assert file_stem('cpu') == 'cpu'
 
 
-def test_a_real_case_is_measured(measured):
-    """The solver itself: more particles, less error, more time."""
-    settings = [Setting(f'{n:g}', Accuracy(refinement=n)) for n in (0.25, 0.5)]
-    rows = measured([CASES['fixed_volume']], settings, repetitions=1)
-    coarse, fine = points(rows)
-    assert fine.particles > 2 * coarse.particles
-    assert fine.error < coarse.error < 0.1
-    assert fine.cost > coarse.cost
+@pytest.mark.parametrize('quick', [False, True])
+def test_settings_are_distinct(quick):
+    """No two settings share a name or an accuracy, and the presets are among them."""
+    found = all_settings(quick=quick)
+    assert len({item.name for item in found}) == len(found)
+    assert len({item.accuracy for item in found}) == len(found)
+    presets = {item.preset: item.accuracy for item in found if item.preset}
+    assert set(presets) == ({'draft', 'standard'} if quick else set(PRESETS))
+    assert all(accuracy == PRESETS[name].accuracy for name, accuracy in presets.items())
+    costs = [expected_cost(item.accuracy) for item in found]
+    assert costs == sorted(costs)
+
+
+def test_settings_of_some_cases_name_cases_there_are():
+    """A misspelt case would silently never run, or always."""
+    assert set(settings.EVEN_CASES) <= set(CASES)
+    for item in all_settings():
+        assert set(item.cases or ()) <= set(CASES)
+
+
+@pytest.mark.parametrize(
+    ('study', 'cases'),
+    [
+        (settings.convergence, settings.KNOB_CASES),
+        (settings.stepping, settings.KNOB_CASES),
+        (lambda: settings.from_paper().values(), settings.KNOB_CASES),
+        (lambda: settings.gradients().values(), settings.GRADIENT_CASES),
+    ],
+)
+def test_what_is_studied_is_run(study, cases):
+    """Every setting of a study is measured in its cases, once."""
+    pairs = [(case.name, item.accuracy) for case, item in all_pairs()]
+    for accuracy in study():
+        for case in cases:
+            assert pairs.count((case, accuracy)) == 1
+
+
+def test_even_layers_are_run_at_presets_only():
+    """Where the resolution hardly enters there is no front to look for."""
+    pairs = all_pairs()
+    for name in settings.EVEN_CASES:
+        assert all(item.preset for case, item in pairs if case.name == name)
+    assert any(not item.preset for case, item in pairs if case.name == 'dam_break')
+
+
+def test_a_setting_may_be_for_some_cases_only():
+    """The paper's 20,000 steps are taken in one case."""
+    paper = {case.name for case, item in all_pairs() if item.preset == 'as-published'}
+    assert paper == set(settings.KNOB_CASES)
+
+
+def test_the_papers_radius_is_a_metre():
+    """The fixed volume ends as a disc of 130 m; the particles' distance times 1.84 is 1 m."""
+    literal = settings.from_paper()['l = 1 m, as in table 3.1']
+    count = 8000.0 * literal.refinement**2
+    spacing = math.sqrt(math.pi * 130.0**2 / count)
+    assert literal.ratio * spacing == pytest.approx(1.0, rel=1e-3)
+    paper = PRESETS['as-published'].accuracy
+    assert literal.fixed_step == paper.fixed_step
+
+
+def test_names_say_what_is_not_usual():
+    """Resolution always; knobs by name and value, words by themselves."""
+    accuracy = Accuracy(
+        ratio=3.5, kernel='poly6', courant_number=0.25, gradient='difference', deterministic=True
+    )
+    assert name_of(accuracy) == (
+        'refinement 1, ratio 3.5, poly6, courant number 0.25, gradient difference, deterministic'
+    )
+
+
+def test_the_lateral_experiments_are_run():
+    """All of them, and in a quick report every form at two radii; each at the default preset."""
+    names = list(EXPERIMENTS)
+    found = [item for case, item in all_pairs() if case.name == LATERAL]
+    assert [item.name for item in found] == names
+    assert {item.accuracy for item in found} == {PRESETS[DEFAULT].accuracy}
+    quick = [item.name for case, item in all_pairs(quick=True) if case.name == LATERAL]
+    assert len(quick) == 2 * len(FORMS)
+    assert set(quick) < set(names)
+
+
+def test_csv_round_trip(tmp_path, fake_case, measured):
+    """What was written is read back, to six digits."""
+    rows = measured([fake_case()])
+    path = tmp_path / 'a.csv'
+    write_csv(rows, path)
+    again = read_csv(path)
+    assert len(again) == len(rows)
+    for old, new in zip(rows, again, strict=True):
+        assert new.error == pytest.approx(old.error, rel=1e-5)
+        assert new.wall_s == pytest.approx(old.wall_s, rel=1e-5)
+        rounded = dict.fromkeys(
+            ('error', 'measured', 'wall_s', 'low', 'high', 'wall_s_per_simulated_hour'), 0
+        )
+        assert replace(new, **rounded) == replace(old, **rounded)
+    header = path.read_text().splitlines()[0]
+    assert header == (
+        'case,setting,preset,quantity,error,measured,exact,unit,particles,steps,evaluations,'
+        'simulated_s,wall_s,wall_s_per_simulated_hour,device,machine,command,repetitions,low,high'
+    )
+
+
+@pytest.mark.parametrize('text', ['case,error\n', 'case,error\na,1\n'])
+def test_other_files_are_refused(tmp_path, text):
+    """A file with other columns is named in the error."""
+    (tmp_path / 'a.csv').write_text(text)
+    with pytest.raises(LavaError, match='case,setting,preset'):
+        read_csv(tmp_path / 'a.csv')
+
+
+def test_json(row):
+    """The JSON holds the same rows, and null for what is not a number."""
+    data = as_plain([row(wall_s=0.123456789), row(error=math.nan)])
+    assert json.loads(json.dumps(data, allow_nan=False)) == data
+    assert data[0]['wall_s'] == 0.123456789
+    assert [item['error'] for item in data] == [0.01, None]
+
+
+def test_front_is_what_nothing_beats():
+    """A point is on the front unless another is both cheaper and better."""
+    random = np.random.default_rng(3)
+    candidates = [
+        Point('case', str(index), '', *random.uniform(0.1, 1.0, 2), particles=1, least=1.0)
+        for index in range(200)
+    ]
+    expected = {
+        own.setting
+        for own in candidates
+        if not any(o.error < own.error and o.cost < own.cost for o in candidates)
+    }
+    front = pareto_front(candidates)
+    assert {item.setting for item in front} == expected
+    assert [item.cost for item in front] == sorted(item.cost for item in front)
+
+
+def test_a_point_has_the_worst_error_of_its_quantities(fake_case, measured):
+    """What is good in one quantity only is not good."""
+    found = points(measured([fake_case()]))
+    assert [item.error for item in found] == pytest.approx([1e-2 / 1.5, 1e-2 / 3.0, 1e-2 / 6.0])
+    assert [item.least for item in found] == [item.error for item in found]
+
+
+def test_no_result_is_the_worst(row):
+    """NaN is on no front, whatever it costs; what is known of the error is kept."""
+    rows = [row(), row(quantity='edge', error=math.nan), row(setting='b', wall_s=9.0, error=0.5)]
+    broken, whole = points(rows)
+    assert (broken.error, broken.least) == (math.inf, 0.01)
+    assert pareto_front([broken, whole]) == [whole]
+
+
+def test_presets_come_from_cheap_to_dear(row):
+    """Their order is that of the ladder, whatever the rows' is."""
+    rows = [row(setting=name, preset=name) for name in ('fine', '', 'draft')]
+    assert presets_of(points(rows)) == ['draft', 'fine']

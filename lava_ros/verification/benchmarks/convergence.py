@@ -34,8 +34,8 @@ from lava_ros.hindcast.replicates import run_several
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import judge, Score
 from lava_ros.scene import Scene, Terrain, Vent
-from lava_ros.scene.finer import finer
 from lava_ros.scene.lava import Lava
+from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain_files import ridge_terrain
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.presets import PRESETS

@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a case is, what it measures, and how a run is timed."""
+"""What a case is and measures, how a run is timed, and where on a grid a front is."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+import math
 import time as wall_clock
 
 import numpy as np
@@ -24,7 +25,6 @@ from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.verification.field import Field
 
 #: Isothermal lava: nothing but weight and viscosity.
 ISOTHERMAL = Lava(density=2600.0, viscosity=1e4, arrhenius=0.0, emissivity=0.0, convection=0.0)
@@ -114,6 +114,86 @@ class Case:
     def run(self, accuracy: Accuracy, device: str) -> Run:
         """Run the case, and name the result after it."""
         return replace(self.measure(accuracy, device), case=self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """Thickness on a grid of square cells.
+
+    Attributes:
+        thickness: Thickness [m], shape [rows, columns].
+        cell: Side of a cell [m].
+        origin: Position (x, y) [m] of the lower-left corner of cell [0, 0].
+    """
+
+    thickness: np.ndarray
+    cell: float
+    origin: tuple[float, float]
+
+    @property
+    def x(self) -> np.ndarray:
+        """Places of the columns' middles along x [m]."""
+        return self.origin[0] + (np.arange(self.thickness.shape[1]) + 0.5) * self.cell
+
+    @property
+    def y(self) -> np.ndarray:
+        """Places of the rows' middles along y [m]."""
+        return self.origin[1] + (np.arange(self.thickness.shape[0]) + 0.5) * self.cell
+
+    def at(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """Thickness [m] at places inside the grid [m], bilinear."""
+        rows, columns = self.thickness.shape
+        column = np.clip((x - self.origin[0]) / self.cell - 0.5, 0.0, columns - 1.0)
+        row = np.clip((y - self.origin[1]) / self.cell - 0.5, 0.0, rows - 1.0)
+        j = np.minimum(column.astype(int), columns - 2)
+        i = np.minimum(row.astype(int), rows - 2)
+        s, t = column - j, row - i
+        grid = self.thickness
+        low = (1.0 - s) * grid[i, j] + s * grid[i, j + 1]
+        high = (1.0 - s) * grid[i + 1, j] + s * grid[i + 1, j + 1]
+        return (1.0 - t) * low + t * high
+
+    def along_x(self, half_width: float) -> np.ndarray:
+        """Mean thickness over the rows within ``half_width`` [m] of y = 0, shape [columns]."""
+        return self.thickness[np.abs(self.y) <= max(half_width, self.cell)].mean(axis=0)
+
+    def mean_radius(self, threshold: float, reach: float) -> float:
+        """Mean distance [m] from (0, 0) at which the field gets thinner than ``threshold`` [m].
+
+        The mean is over 32 directions, each sampled up to ``reach`` [m].
+        """
+        distance = np.arange(0.0, reach, 0.5 * self.cell)
+        radii = []
+        for angle in 2.0 * math.pi * (np.arange(32) + 0.5) / 32:
+            values = self.at(distance * math.cos(angle), distance * math.sin(angle))
+            radii.append(front(distance, values, threshold))
+        return float(np.mean(radii))
+
+
+def front(place: np.ndarray, thickness: np.ndarray, threshold: float) -> float:
+    """Largest place at which the thickness crosses ``threshold`` [m], interpolated [m].
+
+    ``place`` is ascending [m], ``thickness`` the thickness there [m]. The result is NaN if no
+    thickness exceeds the threshold, or if the last one still does.
+    """
+    above = np.flatnonzero(thickness > threshold)
+    if len(above) == 0 or above[-1] + 1 == len(place):
+        return math.nan
+    i = above[-1]
+    share = (thickness[i] - threshold) / (thickness[i] - thickness[i + 1])
+    return float(place[i] + share * (place[i + 1] - place[i]))
+
+
+def half_width(place: np.ndarray, thickness: np.ndarray, threshold: float) -> float:
+    """Mean distance of the outermost fronts on both sides from 0 [m], as ``front`` has them."""
+    above, below = (place, thickness), (-place[::-1], thickness[::-1])
+    return 0.5 * (front(*above, threshold) + front(*below, threshold))
+
+
+def slope_of(x: np.ndarray, y: np.ndarray) -> float:
+    """Slope of the straight line through places by least squares, NaN when one of them is."""
+    offset = x - np.mean(x)
+    return float(offset @ (y - np.mean(y)) / (offset @ offset))
 
 
 class Trial:

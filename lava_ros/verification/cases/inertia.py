@@ -26,6 +26,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import (
     Case,
+    front,
     GRAVITY,
     mean_difference,
     Measurement,
@@ -35,7 +36,6 @@ from lava_ros.verification.cases.case import (
     Trial,
 )
 from lava_ros.verification.cases.confined import ground_at
-from lava_ros.verification.field import front
 
 #: Momentum and drag alone.
 INERTIAL = Effects(arrhenius=False, cooling=False, steep=False, inertia=True)

@@ -27,6 +27,7 @@ from lava_ros.verification.cases.case import (
     Case,
     FLAT,
     GRAVITY,
+    half_width,
     ISOTHERMAL,
     joined,
     layer,
@@ -40,7 +41,6 @@ from lava_ros.verification.cases.case import (
     Trial,
 )
 from lava_ros.verification.cases.sheets import MIDDLE, sheet_speed
-from lava_ros.verification.field import half_width
 
 #: Weight of a volume [N/m3].
 WEIGHT = ISOTHERMAL.density * GRAVITY

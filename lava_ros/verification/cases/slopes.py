@@ -29,18 +29,20 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import (
     Case,
+    front,
     GRAVITY,
+    half_width,
     ISOTHERMAL,
     Measurement,
     NU,
     plane,
     Run,
+    slope_of,
     SLOPING,
     strip,
     Trial,
     Window,
 )
-from lava_ros.verification.field import front, half_width, slope_of
 
 #: Discharge of the point sources [m3/s].
 DISCHARGE = 10.0

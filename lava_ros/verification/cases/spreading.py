@@ -19,7 +19,6 @@ import math
 
 import numpy as np
 
-from lava_ros.effects import Effects
 from lava_ros.scene import Scene, Vent
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
@@ -29,24 +28,24 @@ from lava_ros.verification.cases.case import (
     FLAT,
     FRONT,
     GRAVITY,
+    half_width,
     ISOTHERMAL,
     mean_difference,
     Measurement,
     NU,
     plane,
     Run,
+    slope_of,
     square,
     strip,
     Trial,
 )
-from lava_ros.verification.field import half_width, slope_of
 
 
 def spread_of_fixed_volume(
     count: int,
     *,
     accuracy: Accuracy,
-    effects: Effects | None = None,
     growth: float = 1.3,
     device: str = 'cpu',
 ) -> Run:
@@ -54,7 +53,7 @@ def spread_of_fixed_volume(
 
     The measurements are the root mean square radius, the profile, the radius where the output grid
     is thinner than ``FRONT``, and the scatter of h / exact inside 0.3 R. ``count`` is the number
-    of particles; ``effects`` are by default the local balance alone.
+    of particles.
     """
     volume, first_radius = 1e5, 100.0
     solution = exact.FixedVolumeSpread(volume, NU, GRAVITY)
@@ -66,7 +65,7 @@ def spread_of_fixed_volume(
     window = square(half)
     trial = Trial(
         Scene(plane(window, 0.05 * half), lava=ISOTHERMAL),
-        effects=effects or FLAT,
+        effects=FLAT,
         accuracy=replace(accuracy, spacing=math.sqrt(area / count), thickness=volume / area),
         particles=Particles(solution.particles(count, start), volume / count, 1400.0),
         device=device,

@@ -22,6 +22,5 @@ the slope and normal to it.
 from lava_ros.verification.exact.heat import *  # noqa: F403
 from lava_ros.verification.exact.inertia import *  # noqa: F403
 from lava_ros.verification.exact.rheology import *  # noqa: F403
-from lava_ros.verification.exact.sheets import *  # noqa: F403
 from lava_ros.verification.exact.slopes import *  # noqa: F403
 from lava_ros.verification.exact.spreading import *  # noqa: F403

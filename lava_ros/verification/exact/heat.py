@@ -20,8 +20,11 @@ import math
 import numpy as np
 
 from lava_ros.scene import Lava
-from lava_ros.verification.exact.sheets import bisection, STEFAN_BOLTZMANN
+from lava_ros.verification.exact.slopes import bisection
 from lava_ros.verification.exact.spreading import ConstantFluxSpread, runge_kutta
+
+#: Stefan-Boltzmann constant [W/(m2 K4)] (CODATA 2018), apart from the solver's on purpose.
+STEFAN_BOLTZMANN = 5.670374419e-8
 
 
 class ColumnOnGround:
@@ -55,14 +58,13 @@ class ConvectingSlab:
     (Carslaw & Jaeger 1959, section 3.11).
     """
 
-    def __init__(
-        self, lava: Lava, *, initial: float, ambient: float, thickness: float, modes: int = 400
-    ) -> None:
-        """Set T0 [K], Ta [K], h [m] and the number of modes; ``lava`` has k, rho, c and lambda."""
+    def __init__(self, lava: Lava, *, initial: float, ambient: float, thickness: float) -> None:
+        """Set T0 [K], Ta [K] and h [m]; ``lava`` has k, rho, c and lambda."""
         self.initial = initial
         self.ambient = ambient
         biot = lava.convection * thickness / lava.conductivity
-        low = np.arange(modes) * math.pi
+        # the first 400 modes
+        low = np.arange(400) * math.pi
         roots = bisection(
             lambda beta: beta * np.abs(np.sin(beta)) < biot * np.abs(np.cos(beta)),
             low,
@@ -286,3 +288,32 @@ class FreezingLens:
     def frozen_share(self, time: float) -> float:
         """Share of the volume that is frozen at a time [s]."""
         return min(1.0, time / self.end) ** 2
+
+
+class RadiatingSheet:
+    """A sheet at one temperature that radiates from its top.
+
+    rho c h dT/dt = -eps sigma (T^4 - Ta^4). With partial fractions of 1 / (T^4 - Ta^4),
+    F(T) - F(T0) = eps sigma t / (rho c h) for
+    F(T) = [ln((T + Ta) / (T - Ta)) + 2 atan(T / Ta)] / (4 Ta^3), which falls with T.
+    """
+
+    def __init__(self, lava: Lava, *, initial: float, ambient: float, thickness: float) -> None:
+        """Set T0 [K], Ta [K] and h [m]; ``lava`` has eps, rho and c."""
+        self.initial = initial
+        self.ambient = ambient
+        capacity = lava.density * lava.specific_heat * thickness
+        self.rate = lava.emissivity * STEFAN_BOLTZMANN / capacity
+
+    def _integral(self, temperature: float) -> float:
+        ambient = self.ambient
+        logarithm = math.log((temperature + ambient) / (temperature - ambient))
+        return (logarithm + 2.0 * math.atan(temperature / ambient)) / (4.0 * ambient**3)
+
+    def temperature(self, time: float) -> float:
+        """T [K] at a time [s]."""
+        target = self._integral(self.initial) + self.rate * time
+        coldest = math.nextafter(self.ambient, math.inf)
+        return float(
+            bisection(lambda now: self._integral(now) <= target, self.initial, coldest)
+        )

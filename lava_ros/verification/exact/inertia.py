@@ -22,7 +22,7 @@ import math
 
 import numpy as np
 
-from lava_ros.verification.exact.sheets import bisection
+from lava_ros.verification.exact.slopes import bisection
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,15 @@
 
 """Exact solutions of lava on an even slope of angle b, along the slope x and normal to it h.
 
-h_t + (g / 3 nu) [(h^3 (sin b - cos b h_x))_x - cos b (h^3 h_y)_y] = source.
+h_t + (g / 3 nu) [(h^3 (sin b - cos b h_x))_x - cos b (h^3 h_y)_y] = source. The last ones are of
+layers of even thickness: their speed, and lateral stress.
 """
 
+from collections.abc import Callable
 import math
+from typing import Any
 
 import numpy as np
-
-from lava_ros.verification.exact.sheets import bisection
 
 
 class SlopeFixedArea:
@@ -161,3 +162,41 @@ LISTER_REFERENCE: dict[float, tuple[float, float]] = {
     100.0: (29.20, 4.60),
     200.0: (49.9, 5.9),
 }
+
+def bisection(is_below: Callable[[Any], Any], low: Any, high: Any) -> Any:
+    """Find where ``is_below`` turns from true to false between two numbers, or two arrays."""
+    for _ in range(100):
+        middle = 0.5 * (low + high)
+        below = is_below(middle)
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return 0.5 * (low + high)
+
+
+def sheet_velocity(thickness: float, slope: float, nu: float, gravity: float) -> float:
+    """Depth-averaged speed along the slope of a uniform sheet, g h^2 sin(b) / (3 nu) [m/s].
+
+    It follows from the balance of weight and drag, mu d2u/dz2 = -rho g sin(b), without slip below
+    and without stress on top. h [m] is normal to the slope b [rad]; nu is the kinematic viscosity
+    [m2/s] and g ``gravity`` [m/s2].
+    """
+    return gravity * thickness**2 * math.sin(slope) / (3.0 * nu)
+
+
+def green_response(wave_number: float, thickness: float) -> float:
+    """Velocity over local velocity for a driving term sin(q x), 1 / (1 + q^2 / k^2).
+
+    It follows from lap u' - k^2 u' = b with k = sqrt(3) / h (see ``effects.green``); q [1/m], h
+    [m].
+    """
+    return 1.0 / (1.0 + wave_number**2 * thickness**2 / 3.0)
+
+
+def channel_mean_velocity(width: float, thickness: float) -> float:
+    """Mean velocity in a channel with no-slip walls, relative to that of a wide sheet.
+
+    The channel is W [m] wide and h [m] thick. u'' - k^2 u = -k^2 u0 with k = sqrt(3) / h and u = 0
+    at y = -W/2 and W/2 has u = u0 (1 - cosh(k y) / cosh(k W / 2)), whose mean is u0 (1 - tanh(k W
+    / 2) / (k W / 2)).
+    """
+    half = 0.5 * math.sqrt(3.0) * width / thickness
+    return 1.0 - math.tanh(half) / half

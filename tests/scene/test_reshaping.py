@@ -12,16 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-"""Barriers and the filter: what they do to a terrain."""
+"""Barriers, the low-pass filter and finer cells: where they change the ground, and where not."""
 
 import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
-from lava_ros.scene.barrier import Barrier, with_barrier
-from lava_ros.scene.low_pass import low_pass
+from lava_ros.scene.reshaping import Barrier, finer, low_pass, with_barrier
+from lava_ros.simulation.terrain import ringed_heights
 
 GROUND = Terrain(
     np.add.outer(np.arange(40.0), np.zeros(50)), 10.0, epsg=32633, offset=(500_000.0, 4_180_000.0)
@@ -129,3 +128,35 @@ def test_widths_that_make_no_sense_are_refused(width: float) -> None:
     """Negative ones, and those that leave nothing of the terrain."""
     with pytest.raises(LavaError, match='low_pass'):
         low_pass(GROUND, width)
+
+
+def test_it_is_the_surface_that_lava_flows_on() -> None:
+    """The quadratic B-spline of the heights, at the middle of the finer cells."""
+    heights = np.random.default_rng(3).uniform(0.0, 30.0, (7, 9)).astype(np.float32)
+    terrain = Terrain(heights, 30.0, origin=(5.0, -7.0))
+    fine = finer(terrain, 3)
+    assert fine.resolution == 10.0 and fine.shape == (21, 27) and fine.extent == terrain.extent
+    ring = ringed_heights(terrain) + heights.astype(np.float64).mean()
+    near, middle, far = 25 / 72, 46 / 72, 1 / 72
+    weights = {-1: (near, middle, far), 0: (1 / 8, 3 / 4, 1 / 8), 1: (far, middle, near)}
+    for row, column in ((0, 0), (3, 5), (6, 8)):
+        patch = ring[row : row + 3, column : column + 3]
+        for m, low in weights.items():
+            for n, left in weights.items():
+                expected = np.array(low) @ patch @ np.array(left)
+                found = fine.elevation[3 * row + 1 + m, 3 * column + 1 + n]
+                assert found == pytest.approx(expected, abs=1e-4)
+
+
+def test_cells_without_data_stay_without() -> None:
+    """A plane stays one beside a hole and at the border."""
+    x, y = np.meshgrid(np.arange(8.0), np.arange(6.0))
+    heights = 3.0 * x - 2.0 * y
+    heights[2:4, 3] = np.nan
+    terrain = Terrain(heights, 1.0)
+    fine = finer(terrain, 4)
+    x, y = np.meshgrid((np.arange(32) + 0.5) / 4 - 0.5, (np.arange(24) + 0.5) / 4 - 0.5)
+    known = np.kron(terrain.has_data, np.ones((4, 4), dtype=bool))
+    np.testing.assert_array_equal(fine.has_data, known)
+    np.testing.assert_allclose(fine.elevation[known], (3.0 * x - 2.0 * y)[known], atol=1e-5)
+    assert finer(terrain, 1) is terrain

@@ -12,18 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-"""Barriers: earth piled up along a line, to turn lava aside."""
+"""Terrain -> terrain: barriers of earth along a line, no short waves, finer cells."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+import math
 from math import dist
 
 import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files.optional import require
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
 #: Heights and widths that barriers can have [m]: that of 1983 on Etna was 18 m high.
@@ -130,3 +131,80 @@ def _distance(
     dx, dy = x[None, :] - start[0], y[:, None] - start[1]
     share = np.clip((dx * along[0] + dy * along[1]) / (along @ along), 0.0, 1.0)
     return np.hypot(dx - share * along[0], dy - share * along[1])
+
+
+#: Standard deviations of the filter up to which cells count: what is left out is 1e-4.
+_REACH = 4.0
+
+#: Standard deviation below which it changes nothing [cells]: a neighbour weighs exp(-50).
+_LEAST = 0.1
+
+
+def low_pass(terrain: Terrain, width: float) -> Terrain:
+    """Filter a terrain with a Gaussian.
+
+    Cells without data stay without, and do not count in the means of their neighbours.
+
+    Args:
+        terrain: The terrain.
+        width: Standard deviation of the filter [m]; 0 changes nothing. Waves of length L keep
+            exp(-2 (pi width / L)^2) of their height: 0.7 % at L = 2 widths, 73 % at 8.
+
+    Raises:
+        LavaError: The width is not usable, or scipy is not installed.
+    """
+    rows, columns = terrain.shape
+    most = 0.25 * min(rows, columns) * terrain.resolution
+    width = validation.number('low_pass', width, at_least=0.0, at_most=most, unit='m')
+    if width < _LEAST * terrain.resolution:
+        return terrain
+    require('scipy', 'low_pass', width)
+    from scipy.ndimage import gaussian_filter
+
+    known = terrain.has_data
+    # near zero, lest a float lose the digits of a summit
+    level = float(np.mean(terrain.elevation[known], dtype=np.float64))
+    cells = width / terrain.resolution
+    heights, weights = (
+        gaussian_filter(values, cells, mode='constant', radius=math.ceil(_REACH * cells))
+        for values in (
+            np.where(known, terrain.elevation - level, 0.0).astype(np.float64),
+            known.astype(np.float64),
+        )
+    )
+    smooth = np.where(known, level + heights / np.where(known, weights, 1.0), np.nan)
+    return replace(terrain, elevation=smooth)
+
+
+def finer(terrain: Terrain, factor: int) -> Terrain:
+    """Sample the quadratic B-spline of a terrain's heights on cells smaller by ``factor``.
+
+    The simulation lets lava flow on this surface (simulation/terrain.py), so maps on the finer
+    cells show its shape between the coarse cells' centres. Fine cells within a cell without data
+    have none.
+    """
+    if factor == 1:
+        return terrain
+    height = terrain.elevation.astype(np.float64)
+    for axis in (0, 1):
+        height = _along(height, factor, axis)
+    fine = replace(terrain, elevation=height, resolution=terrain.resolution / factor)
+    known = np.kron(terrain.has_data, np.ones((factor, factor), dtype=bool))
+    return replace(fine, elevation=np.where(known, fine.elevation, np.nan))
+
+
+def _along(height: np.ndarray, factor: int, axis: int) -> np.ndarray:
+    """The spline along an axis; a neighbour without data continues the slope of the others."""
+    height = np.moveaxis(height, axis, 0)
+    padded = np.pad(height, ((1, 1), (0, 0)), mode='reflect', reflect_type='odd')
+    before, here, after = padded[:-2], padded[1:-1], padded[2:]
+    before, after = (
+        np.where(np.isfinite(near), near, np.where(np.isfinite(far), 2.0 * here - far, here))
+        for near, far in ((before, after), (after, before))
+    )
+    fine = np.empty((len(height) * factor, height.shape[1]))
+    for number in range(factor):
+        place = (number + 0.5) / factor - 0.5
+        low, high = 0.5 * (0.5 - place) ** 2, 0.5 * (0.5 + place) ** 2
+        fine[number::factor] = low * before + (0.75 - place**2) * here + high * after
+    return np.moveaxis(fine, 0, axis)

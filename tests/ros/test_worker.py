@@ -1,0 +1,441 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The worker without ROS: time and the clock, scenes that change, and effects."""
+
+from dataclasses import asdict, replace
+import time
+
+import numpy as np
+import pytest
+
+from lava_ros.effects import Effects
+from lava_ros.errors import LavaError
+from lava_ros.ros import worker_status as speed
+from lava_ros.ros.session import effect_table, is_on, Origin
+from lava_ros.ros.worker import MAX_LAG, SimulationWorker
+from lava_ros.ros.worker_status import LONGEST_TURN, SpeedMeter, WorkerState
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.selection import decide, effects_for, HORIZON
+from worker_bench import Bench, OUTSIDE, TERRAIN, VENT
+
+
+def test_terrain_starts_the_simulation(bench):
+    """The first terrain starts the simulation, which is shown at once."""
+    assert bench.worker.status.state is WorkerState.WAITING
+    assert bench.worker.latest is None
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.wait_for_state(WorkerState.RUNNING)
+    assert bench.worker.latest.time == 0.0
+    assert bench.worker.status.device == 'paper'
+
+
+@pytest.mark.parametrize('bench', [{'time_scale': 60.0}], indirect=True)
+def test_time_follows_the_clock(bench):
+    """Simulated time is the clock's times the scale, from the start on."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(30.0))
+    bench.run(bench.worker.set_time_scale(2.0))
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(31.0))
+
+
+def test_a_clock_that_jumps(bench):
+    """A jump back moves nothing, a jump ahead no more than the lag."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.now -= 50.0
+    time.sleep(0.25)
+    assert bench.simulation.time == 0.0
+    bench.now += 1e9
+    bench.wait(lambda: bench.simulation.time > 0.0)
+    time.sleep(0.25)
+    assert bench.simulation.time == pytest.approx(MAX_LAG)
+
+
+@pytest.mark.parametrize('time_scale', [1.0, 1e2, 1e3, 1e4, 1e5])
+def test_time_scales(time_scale):
+    """At every scale time follows a clock that stutters, jumps and goes back, within the lag."""
+    bench = Bench(time_scale=time_scale)
+    try:
+        bench.run(bench.worker.set_terrain(TERRAIN))
+        expected, clock = 0.0, bench.now
+        for step in (0.25, 0.0, 0.5, -30.0, 0.125, 1e6, -2e6, 0.5):
+            clock += step
+            bench.now = clock
+            expected += min(max(step, 0.0), MAX_LAG) * time_scale
+            bench.wait(lambda: bench.simulation.time == pytest.approx(expected))  # noqa: B023
+            # The clock has to be seen where it is now before it moves on.
+            bench.wait(lambda: bench.worker._last_clock == clock)  # noqa: B023
+        steps = np.diff([0.0, *bench.simulation.advanced_to])
+        assert (steps >= 0.0).all()
+        assert steps.max() <= MAX_LAG * time_scale * (1.0 + 1e-9)
+    finally:
+        assert bench.worker.stop(60.0)
+
+
+@pytest.mark.parametrize('bench', [{'speed': 5.0, 'time_scale': 100.0}], indirect=True)
+def test_a_slow_simulation_does_not_chase_the_clock(bench):
+    """Lost time is given up beyond the lag, and the achieved speed is reported."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    for _ in range(20):
+        bench.now += 0.05
+        time.sleep(0.05)
+    bench.wait(lambda: bench.worker.status.is_behind)
+    # Exactly 5 on an idle machine, less on a busy one.
+    assert 0.0 < bench.worker.status.speed < 6.5
+    # 100 s were asked for, and are the lag; asking goes on, the target does not move further.
+    bench.now += 1000.0
+    bench.wait(lambda: len(bench.simulation.advanced_to) > 12)
+    assert bench.worker._target <= bench.simulation.time + MAX_LAG * 100.0 + 1e-6
+
+
+def test_pause_and_step(bench):
+    """A pause holds time and shows the last state; a step advances by its length."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.run(bench.worker.pause(True))
+    bench.wait_for_state(WorkerState.PAUSED)
+    bench.wait(lambda: bench.worker.latest.time == pytest.approx(0.5))
+    bench.now += 0.5
+    time.sleep(0.25)
+    assert bench.simulation.time == pytest.approx(0.5)
+    bench.run(bench.worker.step(10.0))
+    bench.wait(lambda: bench.worker.latest.time == pytest.approx(10.5))
+    assert bench.worker.status.state is WorkerState.PAUSED
+    bench.run(bench.worker.pause(False))
+    bench.now += 0.25
+    bench.wait(lambda: bench.simulation.time == pytest.approx(10.75))
+
+
+def test_step_needs_a_pause(bench):
+    """A running simulation cannot be stepped, nor one that is not there."""
+    with pytest.raises(LavaError, match='step'):
+        bench.run(bench.worker.step(1.0))
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    with pytest.raises(LavaError, match='a paused simulation'):
+        bench.run(bench.worker.step(1.0))
+
+
+@pytest.mark.parametrize('bench', [{'end_time': 2.0, 'time_scale': 10.0}], indirect=True)
+def test_end_time(bench):
+    """The simulation stops at the end time exactly, shows it, and goes on when it is moved."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.now += 0.9
+    bench.wait_for_state(WorkerState.FINISHED)
+    bench.wait(lambda: bench.worker.latest.time == 2.0)
+    bench.run(bench.worker.set_end_time(5.0))
+    bench.wait_for_state(WorkerState.RUNNING)
+    bench.now += 0.9
+    bench.wait(lambda: bench.worker.latest.time == 5.0)
+    bench.run(bench.worker.reset())
+    bench.wait_for_state(WorkerState.RUNNING)
+    assert bench.simulation.time < 5.0
+
+
+def test_reset(bench):
+    """A reset makes a new simulation of the scene at time 0; a pause stays."""
+    with pytest.raises(LavaError, match='reset'):
+        bench.run(bench.worker.reset())
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.run(bench.worker.pause(True))
+    bench.run(bench.worker.set_constants({'lava': Lava(viscosity=7.0)}))
+    bench.run(bench.worker.reset())
+    assert len(bench.made) == 2
+    assert bench.simulation.scene.vents == (VENT,)
+    assert bench.simulation.scene.lava.viscosity == 7.0
+    assert bench.worker.latest.time == 0.0
+    bench.wait_for_state(WorkerState.PAUSED)
+
+
+def test_what_the_thread_is_at_is_told(bench):
+    """While a command lasts, which one, since when and who waits; of steps the last one counts."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.wait(lambda: bench.worker.status.hold_up == '')
+    bench.simulation.is_compiled.clear()
+    compiling = bench.worker.set_effects({}, horizon=3600.0)
+    bench.wait(lambda: bench.worker.status.doing == 'effects')
+    reset = bench.worker.reset()
+    before = bench.worker.status
+    bench.wait(lambda: bench.worker.status.turn > before.turn)
+    assert before.waiting == ('reset',)
+    bench.simulation.is_compiled.set()
+    bench.run(compiling)
+    bench.run(reset)
+    bench.simulation.slowness = LONGEST_TURN
+    bench.now += 0.5
+    bench.wait(lambda: bench.worker.status.turn >= LONGEST_TURN)
+    assert bench.worker.status.hold_up.startswith('a step takes ')
+    bench.simulation.slowness = 0.0
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(1.0))
+    bench.wait(lambda: bench.worker.status.hold_up == '')
+
+
+def test_the_mean_leaves_pauses_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two runs of 10 s at 3x and 1x with a long pause between them are 2x."""
+    now = 0.0
+    monkeypatch.setattr(speed.time, 'monotonic', lambda: now)
+    meter = SpeedMeter()
+    assert (meter.value, meter.mean) == (0.0, 0.0)
+    meter.note(0.0)
+    now = 10.0
+    meter.note(30.0)
+    meter.clear()
+    now = 500.0
+    meter.note(30.0)
+    now = 507.0
+    meter.note(37.0)
+    now = 510.0
+    meter.note(40.0)
+    assert meter.mean == pytest.approx(2.0)
+    # What is older than the window no longer counts.
+    assert meter.value == pytest.approx(1.0)
+    assert now - 507.0 < speed.SPEED_WINDOW
+
+
+def test_vents_wait_for_terrain(bench):
+    """The newest vents that come before the terrain are used with it."""
+    first = bench.worker.set_vents([OUTSIDE])
+    second = bench.worker.set_vents([VENT])
+    bench.wait(first.cancelled)
+    assert not second.done()
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.run(second)
+    assert bench.simulation.scene.vents == (VENT,)
+
+
+def test_waiting_vents_off_the_terrain_are_refused(bench):
+    """When they turn out to be off the map, the terrain starts without them."""
+    vents = bench.worker.set_vents([OUTSIDE])
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    with pytest.raises(LavaError, match=r'vents\[0\].position'):
+        bench.run(vents)
+    assert bench.simulation.scene.vents == ()
+
+
+def test_first_vents_start_again(bench):
+    """Vents for a simulation without lava start it again: its resolution depends on them."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.run(bench.worker.set_vents([VENT]))
+    assert len(bench.made) == 2
+    assert bench.simulation.scene.vents == (VENT,)
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.run(bench.worker.set_vents([]))
+    bench.run(bench.worker.add_vent(VENT))
+    assert len(bench.made) == 2
+    assert bench.worker.scene.vents == bench.simulation.scene.vents == (VENT,)
+
+
+def test_what_vents_have_emitted_is_kept(bench):
+    """Also of a vent that has closed, and of one that a simulation was resumed with."""
+    earlier = replace(VENT, discharge=((0.0, 7.0), (2.0, 9.0)))
+    scene = Scene(TERRAIN, (VENT,), lava=Lava())
+    bench.run(bench.worker.pause(True))
+    bench.run(bench.worker.go_on_with(lambda: bench.make(scene), scene, None, (earlier,)))
+    bench.run(bench.worker.set_vents([replace(VENT, discharge=4.0)]))
+    assert bench.worker.scene.vents[0].discharge == 4.0
+    bench.simulation.time = 3.0
+    bench.run(bench.worker.set_vents([]))
+    (vent,) = bench.worker.eruption.schedule
+    assert vent.discharge == ((0.0, 4.0), (3.0, 0.0))
+    bench.run(bench.worker.reset())
+    assert bench.worker.eruption.schedule == ()
+
+
+def test_bad_input_changes_nothing(bench):
+    """Refused vents and terrain leave the simulation as it was, and running."""
+    with pytest.raises(LavaError, match='a terrain before'):
+        bench.run(bench.worker.add_vent(VENT))
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    for command in (
+        bench.worker.set_vents([OUTSIDE]),
+        bench.worker.add_vent(OUTSIDE),
+        bench.worker.set_terrain(Terrain(np.zeros((4, 5)), 1.0, origin=(900.0, 0.0))),
+    ):
+        with pytest.raises(LavaError, match='position'):
+            bench.run(command)
+    assert bench.worker.scene.vents == bench.simulation.scene.vents == (VENT,)
+    assert bench.simulation.scene.terrain is TERRAIN
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+
+
+def test_a_refused_start_keeps_the_old_simulation(bench):
+    """A scene the simulation itself refuses leaves the old one running."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.refusal = LavaError('device', 'cuda:9', 'one of cpu')
+    with pytest.raises(LavaError, match='cuda:9'):
+        bench.run(bench.worker.reset())
+    bench.wait_for_state(WorkerState.RUNNING)
+    bench.now += 0.5
+    bench.wait(lambda: bench.made[0].time == pytest.approx(0.5))
+
+
+def test_new_terrain_is_shown_at_once(bench):
+    """A new terrain changes the snapshot, also in a pause."""
+    bench.run(bench.worker.set_terrain(TERRAIN))
+    bench.run(bench.worker.pause(True))
+    other = Terrain(np.ones((7, 6)), 10.0)
+    bench.run(bench.worker.set_terrain(other))
+    assert bench.worker.latest.terrain is other
+    bench.run(bench.worker.set_terrain(Terrain(np.ones((7, 6)), 10.0)))
+    assert bench.simulation.scene.terrain is other
+
+
+def test_what_goes_on_from_a_checkpoint_says_so_until_it_starts_anew(bench):
+    """The origin is that of the simulation in use: a reset is an eruption of its own."""
+    assert bench.worker.eruption.origin is None
+    origin = Origin('bags/first', 120.0, 7)
+    scene = Scene(TERRAIN, (VENT,), lava=Lava())
+    bench.run(bench.worker.go_on_with(lambda: bench.make(scene), scene, origin))
+    assert bench.worker.eruption.origin == origin
+    bench.run(bench.worker.set_vents([]))
+    assert bench.worker.eruption.origin == origin
+    bench.run(bench.worker.reset())
+    assert bench.worker.eruption.origin is None
+
+
+def _is_on(bench, effect):
+    return bench.worker.eruption.effects[effect].startswith('on:')
+
+
+def test_effects_follow_the_scene(bench):
+    """The table is that of the simulation, and anew with every terrain and vent."""
+    assert bench.worker.eruption.effects == {}
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    assert not _is_on(bench, 'steep')
+    before = bench.worker.eruption.effects['arrhenius']
+    bench.run(bench.worker.set_vents([Vent((25.0, 15.0), 2.0, temperature=1300.0)]))
+    assert bench.worker.eruption.effects['arrhenius'] != before
+    hill = np.tile(np.arange(5) * 8.0, (4, 1))
+    bench.run(bench.worker.set_terrain(Terrain(hill, 10.0)))
+    assert bench.worker.eruption.effects['steep'].startswith('on: slope = 0.8 > ')
+
+
+def test_effects_are_forced_while_it_runs(bench):
+    """Forced effects are taken at once; those that do not go together change nothing."""
+    bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
+    assert bench.worker.eruption.effects['steep'] == 'on: forced'
+    with pytest.raises(LavaError, match='vft'):
+        bench.run(bench.worker.set_effects({'vft': True}, horizon=HORIZON))
+    assert bench.worker.eruption.effects['steep'] == 'on: forced'
+    assert bench.simulation.horizon == 60.0
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    assert len(bench.made) == 1
+
+
+def test_the_last_snapshot_stays_while_effects_are_compiled(bench):
+    """Whoever asks for a frame meanwhile is not held up, and has the last one."""
+    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    last = bench.worker.latest
+    bench.simulation.is_compiled.clear()
+    change = bench.worker.set_effects({'steep': True}, horizon=HORIZON)
+    for _ in range(10):
+        bench.worker.request_snapshot()
+        assert bench.worker.latest is last
+        time.sleep(0.05)
+    assert not change.done()
+    bench.simulation.is_compiled.set()
+    bench.run(change)
+    assert bench.worker.latest is not last
+
+
+def _scene(slope=0.5, **material):
+    x = 10.0 * np.arange(30)
+    terrain = Terrain(np.tile(500.0 - slope * x, (20, 1)), 10.0)
+    return Scene(terrain, (Vent((50.0, 100.0), 20.0),), Lava(**material))
+
+
+def _table(scene, **forced):
+    return effect_table(effects_for(scene, forced), decide(scene, forced))
+
+
+def test_every_effect_has_a_text_with_its_number():
+    """Each effect is on or off, as the choice says, with the number and the threshold."""
+    scene = _scene()
+    table = _table(scene)
+    assert {name: is_on(text) for name, text in table.items()} == asdict(effects_for(scene))
+    assert table['steep'].startswith('on: slope = 0.5 > 0.087')
+    assert table['yielding'] == 'off: the material has none'
+    assert table['merging'] == 'off: never chosen, only forced'
+
+
+def test_forced_effects_say_so():
+    """Forced on or off, with or without a number of their own."""
+    table = _table(_scene(), steep=False, helmholtz=True, merging=True)
+    assert table['steep'] == 'off: forced'
+    assert table['helmholtz'] == table['merging'] == 'on: forced'
+
+
+def test_what_is_on_wins_over_the_number():
+    """An effect left out beside another says which; ground that has frozen stays."""
+    scene = _scene(viscosity=20.0)
+    decisions = decide(scene, {'green': True})
+    inertia = {item.name: item for item in decisions}['inertia']
+    table = effect_table(effects_for(scene, {'green': True}), decisions)
+    assert table['inertia'] == f'off: {inertia.reason}'
+    assert table['inertia'].endswith(', but not beside green')
+    frozen = replace(Effects(), solidification=True)
+    table = effect_table(frozen, decide(_scene(solidus=1200.0), horizon=1.0))
+    assert table['solidification'].startswith('on: share of the way to the solidus = ')
+    assert table['solidification'].endswith(', but what has frozen stays')
+
+
+def test_frames_keep_coming_while_effects_change():
+    """With the solver: while they are compiled and after that, and time goes on."""
+    x = 10.0 * np.arange(40)
+    scene = Scene(
+        Terrain(np.tile(300.0 - 0.3 * x, (30, 1)), 10.0), (Vent((60.0, 150.0), 20.0),), lava=Lava()
+    )
+    frames = []
+    worker = SimulationWorker(
+        lambda scene: Simulation(scene, device='cpu'),
+        clock=time.monotonic,
+        time_scale=60.0,
+        on_snapshot=lambda: frames.append(worker.latest),
+    )
+    worker.start()
+    worker.set_scene(scene).result(timeout=60.0)
+
+    def show_frames(count):
+        end, first = time.monotonic() + 60.0, len(frames)
+        while len(frames) - first < count:
+            assert time.monotonic() < end, worker.status
+            worker.request_snapshot()
+            time.sleep(0.1)
+
+    show_frames(3)
+    for forced in ({'helmholtz': True}, {'inertia': True}, {'steep': False}, {}):
+        change = worker.set_effects(forced, horizon=HORIZON)
+        show_frames(3)
+        change.result(timeout=60.0)
+        assert {name: worker.eruption.effects[name] for name in forced} == {
+            name: f'{"on" if is_on else "off"}: forced' for name, is_on in forced.items()
+        }
+    assert worker.stop(60.0)
+    times = [snapshot.time for snapshot in frames]
+    assert times == sorted(times) and times[0] < times[-1]
+    assert worker.status.error == ''
+    assert frames[-1].budget.error < 1e-5
