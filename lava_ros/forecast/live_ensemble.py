@@ -108,7 +108,7 @@ class LiveEnsemble:
         return self.start < time <= self.start + self.plan.horizon
 
     def advance(self, wall_limit: float) -> bool:
-        """Run for about a wall time [s], and say whether a member is done, or all that can be.
+        """Run for about a wall time [s] or until a member is done, and say whether one is, or all.
 
         Raises:
             LavaError: A member makes no scene, has too many particles or is no flow any more.
@@ -117,10 +117,11 @@ class LiveEnsemble:
         for fields in self._running:
             if fields is not None:
                 self._take(footprint_of(fields, self.plan))
-            if wall_clock.monotonic() > until:
+            if self.count > before or wall_clock.monotonic() > until:
                 break
         else:
             self.is_done = True
+        self.is_done |= self.count == self.asked
         return self.is_done or self.count > before
 
     def _take(self, footprint: Footprint) -> None:
