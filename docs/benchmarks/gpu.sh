@@ -20,6 +20,7 @@ declare -A command=(
     [day]="$many $cases/etna2001 --members 256 --repetitions 5"
     [day_standard]="$many $cases/etna2001 --members 256 --repetitions 3 --preset standard"
     [whole]="$many $cases/etna2001 --members 1000 --days 22"
+    [atlas]="python3 docs/benchmarks/atlas.py $cases/etna2001 $out/atlas --members 500 --device cuda:0 --machine GPU"
     [hard]="python3 -m hard.run --device cuda:0 --jobs 8 --csv $out"
     [steps]="$lava bench steps --device cuda:0 --repetitions 5 --output $out/steps_h200.csv"
     [effects]="$lava bench effects --device cuda:0 --repetitions 5 --output $out/effects_h200.csv"
@@ -29,10 +30,10 @@ declare -A command=(
     [probability]="python3 docs/benchmarks/probability.py $out/probability_h200.csv $both --folder $out/members --members 64 --preset draft --device cuda:0"
 )
 declare -A limit=(
-    [batch]=120 [members]=120 [day]=60 [day_standard]=120 [whole]=400 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80
+    [batch]=120 [members]=120 [day]=60 [day_standard]=120 [whole]=400 [atlas]=400 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80
     [calibrate]=500 [eruptions]=300 [probability]=500
 )
-[ $# -gt 0 ] || set -- batch members day day_standard whole hard steps effects accuracy calibrate eruptions probability
+[ $# -gt 0 ] || set -- batch members day day_standard whole atlas hard steps effects accuracy calibrate eruptions probability
 mkdir -p "$out"
 for part; do
     begun=$SECONDS
