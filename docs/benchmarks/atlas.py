@@ -109,8 +109,9 @@ def main():
     case = load_case(args.case)
     path, result = scene(case, args.folder, args.days), args.folder / 'atlas.json'
     words = ['ensemble', str(path), '-o', str(args.folder / 'atlas'), '--json', str(result)]
-    words += ['--susceptibility', str(args.folder / 'where.tif'), '--horizon', f'{24 * args.days}h']
-    words += ['--members', str(args.members), '--device', args.device, '--preset', 'draft']
+    words += ['--susceptibility', str(args.folder / 'where.tif'), '--preset', 'draft']
+    words += ['--horizon', f'{24 * args.days}h']
+    words += ['--members', str(args.members), '--device', args.device]
     start = time.perf_counter()
     if cli.main(words):
         sys.exit(1)
