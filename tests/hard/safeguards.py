@@ -128,7 +128,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
         f'{SOLVER}/timestep.py',
         'if diffusion * pace.longest > one:',
         'if diffusion * pace.longest > wp.float64(1e30):',
-        'thick_200_m', 'standard', 'energy',
+        'leaving_everywhere', 'standard', 'climb',
     ),
     Safeguard(
         'apart', 'particles in one place, that never part',
