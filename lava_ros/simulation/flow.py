@@ -128,6 +128,9 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
                 stressed = wp.min(height, m.constants.thickest)
             radius = m.constants.radius
             thick = real(wp.static(stiffness / 3.0)) * stressed * stressed / (radius * radius)
+            if wp.static(helmholtz and 'steep' in effects):
+                # as far as the drag that it divides is larger (effects/helmholtz)
+                thick *= steep(ground)
             reduced = rate / (real(1.0) + thick)
             if wp.static(green):
                 # distances in the units of K0Within

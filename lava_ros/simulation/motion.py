@@ -47,7 +47,6 @@ from lava_ros.simulation.state import (
     FORMER,
     IS_LAST,
     PARTICLES,
-    STAGES,
     State,
     STEP,
     TIME,
@@ -190,16 +189,6 @@ def motion_function(
                 y = b[1]
                 before = vec2(d[0], d[1])
                 start = vec2(d[2], d[3])
-        if wp.static(is_staged and is_guarded):  # noqa: SIM102, the static test decides
-            if m.counts[CURRENT] == 2 and m.counts[STAGES] == 2:
-                # 3/2 of this stage's velocity less 1/2 of the first one's: where lava slows down
-                # to a third that leads back, and never on
-                speed = wp.length(start)
-                if speed > real(0.0) and f[1] * start.x + f[2] * start.y >= real(0.0):
-                    short = wp.dot(before - vec2(dx, dy), start) / (speed * speed)
-                    if short > real(0.0):
-                        dx += short * start.x
-                        dy += short * start.y
         if wp.static(is_guarded):
             head = real(0.0)
             if wp.static('inertia' in effects):

@@ -72,7 +72,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
         f'{SOLVER}/motion.py',
         'share = wp.min(share, real(_STEEPEST) * wp.length(kept) / m.constants.radius)',
         'share = wp.min(share, real(1e30) * wp.length(kept) / m.constants.radius)',
-        'film_at_low_wall', 'draft', 'energy',
+        'pond_between_walls', 'fine', 'energy',
     ),
     Safeguard(
         'reach', 'lava thrown across the map by a cliff whose edge it creeps over within a step',
@@ -89,25 +89,25 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
         'pit_filled', 'standard', 'fall',
     ),
     Safeguard(
-        'onward', 'lava that slows down within a step and is put back, again and again',
-        f'{SOLVER}/motion.py',
-        'if short > real(0.0):',
-        'if short > real(1e30):',
-        'column_200_m', 'fine', 'energy',
-    ),
-    Safeguard(
         'due', 'lava that comes out of its vent late by as long as a step',
         f'{SOLVER}/timestep.py',
         'particles < pace.few',
         'particles < 0',
-        'vent_1e5_narrow', 'draft', 'halving',
+        'slope_89_degrees', 'draft', 'halving',
     ),
     Safeguard(
-        'thickest', 'steps for lateral stress that the sweeps leave out in thick lava',
+        'thickest', 'too long steps for the lateral stress that sweeps leave out in thick lava',
         f'{SOLVER}/motion_arguments.py',
         'constants.thickest = THICKEST * accuracy.thickness',
         'constants.thickest = math.inf',
-        'piled_higher_lateral', 'fine', 'cost',
+        'pond_lateral', 'fine', 'climb',
+    ),
+    Safeguard(
+        'drag', 'lava that neighbours on level ground push up a wall by lateral stress',
+        'lava_ros/effects/helmholtz/device.py',
+        'drags = f[0] * steep(gradient_at(m.ground, p[0], p[1]))',
+        'drags = f[0]',
+        'pond_lateral', 'draft', 'energy',
     ),
     Safeguard(
         'heat', 'lava at the foot of a cliff that drag heats by more than its fall gave',
@@ -128,7 +128,7 @@ SAFEGUARDS: tuple[Safeguard, ...] = (
         f'{SOLVER}/timestep.py',
         'if diffusion * pace.longest > one:',
         'if diffusion * pace.longest > wp.float64(1e30):',
-        'thick_200_m', 'standard', 'energy',
+        'leaving_everywhere', 'standard', 'climb',
     ),
     Safeguard(
         'apart', 'particles in one place, that never part',

@@ -19,6 +19,10 @@ for a viscosity that varies little over a thickness. On a uniform layer its resp
 is 1 / (1 + q^2 h^2 / 3), k^2 = 3 / h^2, which the Green's function approximates; its natural
 boundary is free of stress, as the edge of a flow is.
 
+On ``steep`` ground u_local is cos^4 b of what the level gives, so the drag on u is 1 / cos^4 b of
+3 / h too: the same weight drives lava. The work of the weight is then that of a positive definite
+matrix, and the energy never grows; with the level's drag neighbours pushed lava up walls.
+
 The Laplacian is the SPH one of Brookshaw (1985): with F = -2 W'(r) / r the sum over neighbours of
 A_j h_ij F_ij (u_i - u_j), h_ij the mean thickness. The matrix is symmetric and diagonally
 dominant; Chebyshev iteration with the diagonal as preconditioner needs no dot product, so nothing
@@ -31,6 +35,7 @@ from typing import Any
 
 import warp as wp
 
+from lava_ros.effects import load as load_effect
 from lava_ros.simulation.backend.compiled import (
     load2,
     load4,
@@ -46,6 +51,7 @@ from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import smoothing_kernel, SmoothingKernel
 from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import ADVECTION, PARTICLES, State
+from lava_ros.simulation.terrain import terrain_functions
 
 #: Factor by which the sweeps reduce the error of the initial guess, the local velocity.
 REDUCTION = 1e-4
@@ -139,7 +145,13 @@ def _wide_sums_function(wide_terms: str) -> Any:
 
 @lru_cache
 def _kernels(
-    real: Any, kernel_name: str, ratio: float, lanes: int, parts: int, is_wide: bool
+    real: Any,
+    kernel_name: str,
+    ratio: float,
+    lanes: int,
+    parts: int,
+    is_wide: bool,
+    is_steep: bool,
 ) -> tuple[Any, Any, Any]:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
@@ -150,7 +162,8 @@ def _kernels(
     cells_around = cell_functions(real).cells_around
     load, store, total = load4(real), store4(real), sum_over(real, lanes)
     fallen = fall_function(real)
-    raised = raise_to(real)
+    gradient_at, raised = terrain_functions(real).gradient_at, raise_to(real)
+    steep = load_effect('steep').factor(real) if is_steep else None
     sums_around = _sums_function(real, kernel, parts)
     if is_wide and kernel.wide_terms:
         sums_around = _wide_sums_function(kernel.wide_terms)
@@ -164,6 +177,10 @@ def _kernels(
             store(m.layer, i, vec4(p[0], p[1], p[2] / f[0], f[0]))
             m.solution[i] = vec2(f[1], f[2])
             m.correction[i] = vec2()
+            if wp.static(is_steep):
+                # the drag of the sweeps is 3 over this
+                drags = f[0] * steep(gradient_at(m.ground, p[0], p[1]))
+                m.flow[i] = vec3(drags, f[1], f[2])
 
     @quick_kernel(bounds=_MANY_THREADS)
     def sweep(
@@ -267,7 +284,8 @@ def solve_velocity(
         ratio: Kernel radius over particle spacing.
     """
     start, sweep, finish = _kernels(
-        state.real, kernel, ratio, state.lanes, state.parts, state.is_wide
+        state.real, kernel, ratio, state.lanes, state.parts, state.is_wide,
+        'steep' in state.effects,
     )
     launch_over(state, start, inputs=[], outputs=[way], least=LEAST_MOVES)
     current, following = state.solution, state.next_solution

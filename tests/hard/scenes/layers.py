@@ -25,6 +25,11 @@ MILLION = 0.04
 HOT, COLD = 1423.0, 1078.0
 
 
+def _hollow(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Level ground between slopes of 79 degrees, 60 m from the middle."""
+    return 5.0 * np.maximum(np.maximum(np.abs(x), np.abs(y)) - 60.0, 0.0)
+
+
 def _halves(places: np.ndarray) -> np.ndarray:
     return np.where(places[:, 1] > 0.0, HOT, COLD)
 
@@ -132,6 +137,11 @@ THICKNESS = (
         'thick_200_m_lateral', 'the same block, held by lateral stress',
         scene(None, (), material(viscosity=1e8)), 0.4, 'lateral',
         lava=block(20.0, 20.0, 200.0), thickness=200.0, mirrored=True,
+    ),
+    HardScene(
+        'pond_lateral', 'a hollow filled fifty times as deep as was expected, lateral stress',
+        scene(_hollow, (), material(viscosity=1e6)), 45.0, 'lateral', frames=60,
+        lava=block(120.0, 120.0, 50.0), thickness=1.0, mirrored=True,
     ),
     HardScene(
         'dam_wall', 'a dam of 50 m breaks',

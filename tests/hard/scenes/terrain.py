@@ -186,6 +186,12 @@ SCENES = (
         mirrored=True, mirrored_until=20.0, dry=lambda places: places[:, 1] < -20.0,
     ),
     HardScene(
+        'pond_between_walls', 'a block of 4 m runs against walls of 50 m all around',
+        scene(lambda x, y: 50.0 * (np.maximum(np.abs(x), np.abs(y)) > 30.0), (),
+              material(viscosity=2e3)),
+        20.0, frames=40, lava=block(38.5, 38.5, 4.0), thickness=4.0,
+    ),
+    HardScene(
         'slope_89_degrees', 'a plane of 89 degrees everywhere', scene(plane(57.29), (TOP,)),
         100.0, mirrored=True, mirrored_until=40.0,
     ),
