@@ -107,7 +107,10 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize('preset', ['draft', 'standard', 'fine', 'reference'])
+@pytest.mark.parametrize(
+    'preset',
+    ['draft', 'standard', 'fine', pytest.param('reference', marks=pytest.mark.nightly)],
+)
 @pytest.mark.parametrize('scene', SCENES)
 def test_map_holds_the_volume(device, scene, preset):
     """Thickness times area, summed over the cells, is what particles and deposit hold."""

@@ -79,7 +79,16 @@ def test_launches_that_never_come_again_do_not_pile_up():
     assert (kept.numpy() == 2 * MOST).all()
 
 
-@pytest.mark.parametrize('name', ['helmholtz', 'everything with green', 'everything with inertia'])
+@pytest.mark.parametrize(
+    'name',
+    [
+        'everything with green',
+        *(
+            pytest.param(name, marks=pytest.mark.nightly)
+            for name in ('helmholtz', 'everything with inertia')
+        ),
+    ],
+)
 def test_a_step_packs_nothing_anew(monkeypatch, name):
     """Every argument of a stage is the same object as before, as long as nothing changes."""
     simulation = lava_field(100, effect_sets()[name], 'cpu')
