@@ -51,8 +51,10 @@ def scattered(device, accuracy=None, **options):
     return simulation, particles
 
 
-@pytest.mark.parametrize('gradient', ['energy', 'balanced'])
-@pytest.mark.parametrize('effect', ['', 'green', 'helmholtz'])
+@pytest.mark.parametrize(
+    ('gradient', 'effect'),
+    [('energy', ''), ('balanced', ''), ('energy', 'green'), ('energy', 'helmholtz')],
+)
 def test_sums_in_parts_are_the_same_sums(monkeypatch, gradient, effect):
     """As a GPU adds up those of a batch's members: one thread takes four parts."""
     accuracy = Accuracy(spacing=9.0, thickness=1.0, precision='float64', gradient=gradient)

@@ -199,7 +199,17 @@ def test_this_warp_is_called_at_once():
 
 
 @pytest.mark.parametrize('is_deterministic', [False, True])
-@pytest.mark.parametrize('name', effect_sets())
+@pytest.mark.parametrize(
+    'name',
+    [
+        'everything with green',
+        *(
+            pytest.param(name, marks=pytest.mark.nightly)
+            for name in effect_sets()
+            if name != 'everything with green'
+        ),
+    ],
+)
 def test_a_captured_stage_is_all_of_it(monkeypatch, name, is_deterministic):
     """The same bits as launch by launch: nothing of a stage goes another way."""
     ends = []
