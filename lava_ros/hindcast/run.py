@@ -103,8 +103,8 @@ class Result:
     Attributes:
         snapshot: The flow at its end.
         peak: Largest thickness in any map [m], float32, shape [rows, columns].
-        wall_time: Wall time of the run [s], without file access, and without that of other runs
-            that took turns with it.
+        wall_time: Wall time of the run [s], without file access. Of one of several runs on a GPU
+            it is only what the host did for it.
         most_particles: Largest number of particles at any look.
         effects: The effects that were on at the end.
         accuracy: The resolution, with every automatic value filled in.
