@@ -37,6 +37,7 @@ import warp as wp
 
 from lava_ros.effects import load as load_effect
 from lava_ros.simulation.backend.compiled import (
+    FEW_THREADS,
     load2,
     load4,
     quick_kernel,
@@ -182,7 +183,7 @@ def _kernels(
                 drags = f[0] * steep(gradient_at(m.ground, p[0], p[1]))
                 m.flow[i] = vec3(drags, f[1], f[2])
 
-    @quick_kernel(bounds=_MANY_THREADS)
+    @quick_kernel(bounds=FEW_THREADS if parts > lanes else _MANY_THREADS)
     def sweep(
         thread: int,
         m: journey_type(real),
