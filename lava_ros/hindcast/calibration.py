@@ -320,13 +320,16 @@ def _evaluate(job: _Job, sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
         ]
         begun = time.perf_counter()
         results = run_together(jobs, settings)
-        # they run at the same time on a GPU: each has the same share of it
-        each = (time.perf_counter() - begun) / (len(sets) * len(cases))
+        taken = time.perf_counter() - begun
     except LavaError as error:
         said = '; '.join(map(str, sets))
         raise LavaError('calibrate', said, f'values that can be run ({error})') from error
     parts = iter([results[first : first + runs] for first in range(0, len(results), runs)])
-    return [{case.name: _numbers(case, next(parts), each) for case in cases} for _ in sets]
+    # they run at the same time on a GPU: each has the same share of it
+    count = len(sets) * len(cases)
+    return [
+        {case.name: _numbers(case, next(parts), taken / count) for case in cases} for _ in sets
+    ]
 
 
 def _numbers(case: Case, results: Sequence[Result], wall_time: float) -> Mapping[str, float]:
