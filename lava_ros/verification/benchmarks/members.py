@@ -39,8 +39,10 @@ MOST = 3_000_000
 #: Sets of effects, by their names in ``effect_sets``.
 SETS = ('bare', 'green')
 
-#: Steps of a member that are measured at once.
-STEPS = {'cuda': 1024, 'cpu': 64}
+#: Steps of a member that are measured at once, and most of all particles: to begin with a member
+#: takes as long as some.
+MOST_STEPS = 1e10
+STEPS = {'cuda': 16_384, 'cpu': 64}
 
 def measure(
     device: str, *, particles: Sequence[int] | None, repetitions: int, on_progress: OnProgress
@@ -62,9 +64,8 @@ def measure(
         ]
         count = sum(item.particle_count for item in simulations)
         what = f'{name}: {members} members'
-        rates = [
-            _rate(simulations, count, STEPS[kind], device) for _ in range(repetitions + 1)
-        ]
+        steps = min(STEPS[kind], int(MOST_STEPS / count))
+        rates = [_rate(simulations, count, steps, device) for _ in range(repetitions + 1)]
         # the first one compiles and captures
         yield row_of(what, number, rates[1:], 'M particle-steps/s')
         memory = memory_of(simulations, device, before) / count
