@@ -55,8 +55,8 @@ _HALVINGS = 12
 #: Effects of which only one can be on.
 _RIVALS = ('inertia', 'green', 'helmholtz')
 
-#: Members side by side on a GPU, where its memory holds them: bytes a member takes for each cell.
-_BATCH, _BYTES = 256, 64
+#: Bytes that a member takes for each cell of the terrain.
+_BYTES = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,12 +209,13 @@ def check_members(scene: Scene, members: Sequence[Member]) -> None:
 
 def batch_of(plan: Plan, device: str | None) -> int:
     """Members of a plan that go through their stages together on a Warp device."""
+    from lava_ros.simulation.batch import AT_ONCE
     from lava_ros.simulation.defaults import device_of
 
     if not device_of(device).is_cuda:
         return 1
     fit = device_of(device).free_memory // (2 * _BYTES * plan.scene.terrain.elevation.size)
-    return min(max(fit, 1), _BATCH)
+    return min(max(fit, 1), AT_ONCE)
 
 
 def run_members(

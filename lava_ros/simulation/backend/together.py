@@ -72,8 +72,8 @@ class Together:
 
     def select(self, rows: np.ndarray) -> None:
         """Let the members of some rows, int, take part from now on, and no others."""
-        used = [table.count(rows) for table in self._tables]
-        room = tuple(map(_rounded, used))
+        counts = [table.counts(rows) for table in self._tables]
+        room = tuple(_rounded(int(each.sum())) for each in counts)
         if room not in self._made:
             if len(self._made) >= _MOST:
                 self._made.clear()
@@ -82,9 +82,9 @@ class Together:
         self._ready = self._made[room]
         blocks = np.full((sum(room), 3), -1, dtype=np.int32)
         start = 0
-        for table, count, size in zip(self._tables, used, room, strict=True):
+        for table, each, size in zip(self._tables, counts, room, strict=True):
             table.send()
-            table.list_blocks(rows, blocks[start : start + count])
+            table.list_blocks(rows, each, blocks[start : start + each.sum()])
             table.blocks = self._ready.blocks[start : start + size]
             start += size
         self._ready.blocks.assign(blocks)
@@ -166,18 +166,22 @@ class _Table:
         wp.copy(self._there, self._here, first, first, end - first)
         self._is_new[:] = False
 
-    def count(self, rows: np.ndarray) -> int:
-        """Blocks of the members of some rows, int."""
-        return int((-(-self._threads[rows] // self._size)).sum())
+    def counts(self, rows: np.ndarray) -> np.ndarray:
+        """Blocks of each of the members of some rows, int."""
+        return -(-self._threads[rows] // self._size)
 
-    def list_blocks(self, rows: np.ndarray, listed: np.ndarray) -> None:
-        """Write what ``blocks`` holds for the members of some rows, int, shape [count, 3]."""
-        threads = self._threads[rows]
-        counts = -(-threads // self._size)
+    def list_blocks(self, rows: np.ndarray, counts: np.ndarray, listed: np.ndarray) -> None:
+        """Write what ``blocks`` holds for the members of some rows.
+
+        Args:
+            rows: The rows, int.
+            counts: Blocks of each of them.
+            listed: Where to write it, int32, shape [sum of counts, 3].
+        """
         firsts = np.repeat(np.cumsum(counts) - counts, counts)
         listed[:, 0] = np.repeat(rows, counts)
         listed[:, 1] = (np.arange(len(listed)) - firsts) * self._size
-        listed[:, 2] = np.repeat(threads, counts)
+        listed[:, 2] = np.repeat(self._threads[rows], counts)
 
     def launch(self) -> None:
         wp.launch(
