@@ -45,10 +45,17 @@ _STAGES = {True: 16, False: 1}
 #: Rounds of stages under way: while the host looks at what came of one a GPU has the next to do.
 _UNDER_WAY = {True: 2, False: 1}
 
+#: Share of the members that may have nothing to do: who waits for a look waits for others, for a
+#: launch costs as much for one as for many, and so does a new list of who takes part.
+_IDLE = 0.125
+
 #: Members that begin between two rounds.
 _STARTS = 4
 
 _END = object()
+
+#: A route that can go on, and clock and counts (``State``) of its simulation where it was brought.
+_Ready = tuple[Iterator[None], tuple[np.ndarray, np.ndarray] | None]
 
 _here = local()
 
@@ -110,44 +117,57 @@ class _Group:
         self._asked[row] += 1
         self.under_way[row] = route
 
-    def _select(self) -> None:
-        """Let those that are under way take part."""
-        if self._selected != self.under_way.keys():
+    def _select(self, idle: float) -> None:
+        """Let those that are under way take part, and up to a share of others."""
+        others = len(self._selected) - len(self.under_way)
+        is_in = self._selected >= self.under_way.keys()
+        if not is_in or others > idle * len(self._selected):
             self._selected = set(self.under_way)
             rows = np.array(sorted(self._selected), dtype=np.int64)
             self._stages.select(rows)
             self._looks.select(rows)
 
-    def launch_once(self) -> list[Iterator[None]]:
+    def launch_once(self) -> list[_Ready]:
         """Make the launches of those that are under way, and give their routes."""
-        self._select()
+        self._select(0.0)
         self._stages.launch()
-        routes = list(self.under_way.values())
+        routes: list[_Ready] = [(route, None) for route in self.under_way.values()]
         self.under_way.clear()
         return routes
 
-    def begin(self) -> Callable[[], list[Iterator[None]]]:
+    def begin(self) -> Callable[[], list[_Ready]]:
         """Begin a round of stages; return what waits for it and gives the routes to go on with."""
-        self._select()
+        self._select(_IDLE)
         self._stages.launch(_STAGES[self._device.is_cuda])
         self._looks.launch()
         asked = self._asked.copy()
         self._copies.rotate()
         copied = self._copies[0].begin()
 
-        def end() -> list[Iterator[None]]:
+        def end() -> list[_Ready]:
             clocks, counts = copied()
             particles = counts[:, PARTICLES] + counts[:, NEWCOMERS]
             is_due = ~(clocks[:, TIME] < self._until) | (particles > self._room)
             is_due |= (counts[:, FULL] != 0) | (counts[:, BEYOND] != 0)
-            rows = np.flatnonzero(is_due & (asked == self._asked))
-            return [self.under_way.pop(row) for row in rows.tolist() if row in self.under_way]
+            rows = np.flatnonzero(is_due & (asked == self._asked)).tolist()
+            return [
+                (self.under_way.pop(row), (clocks[row], counts[row]))
+                for row in rows
+                if row in self.under_way
+            ]
 
         return end
 
 
 class Batch:
-    """Simulations that go through their stages together on one device."""
+    """Simulations that go through their stages together on one device.
+
+    Attributes:
+        seen: Clock and counts (``State``) of the simulation that goes on after ``bring``: as they
+            are where it has arrived, else as they were some stages before.
+    """
+
+    seen: Any
 
     def __init__(self, *, at_once: int = AT_ONCE) -> None:
         """Begin with none; ``at_once`` of them are at work at once."""
@@ -225,21 +245,24 @@ class Batch:
             Exception: Whatever a route raises; the others are given up.
         """
         waiting, begun = iter(routes), 0
-        ready = deque[Iterator[None]]()
-        rounds = deque[tuple[_Group, Callable[[], list[Iterator[None]]]]]()
+        ready = deque[_Ready]()
+        rounds = deque[tuple[_Group, Callable[[], list[_Ready]]]]()
         while True:
             # the others are not kept waiting by all that begin
             new = list(islice(waiting, min(self._at_once - begun, _STARTS)))
-            ready.extend(new)
+            ready.extend((route, None) for route in new)
             begun += len(new)
             while ready:
-                begun -= self._has_ended(ready.popleft(), ready)
+                begun -= self._has_ended(*ready.popleft(), ready)
+            stages = [group for (is_stage, _), group in self._groups.items() if is_stage]
+            is_at_work = any(group.under_way for group in stages)
             for (is_stage, _), group in self._groups.items():
-                if group.under_way and not is_stage:
+                count = len(group.under_way)
+                if not is_stage and count and (count >= _IDLE * begun or not is_at_work):
                     ready.extend(group.launch_once())
             if ready:
                 continue
-            for group in self._groups.values():
+            for group in stages:
                 here = sum(one is group for one, _ in rounds)
                 if group.under_way and here < group.rounds_at_once:
                     rounds.append((group, group.begin()))
@@ -251,9 +274,9 @@ class Batch:
                 elif not new:
                     return
 
-    def _has_ended(self, route: Iterator[None], ready: deque[Iterator[None]]) -> bool:
+    def _has_ended(self, route: Iterator[None], seen: Any, ready: deque[_Ready]) -> bool:
         """Go on with a route, and say whether it has come to its end."""
-        self._route, self._has_asked = route, False
+        self._route, self.seen, self._has_asked = route, seen, False
         former, _here.batch = at_work(), self
         try:
             is_at_end = next(route, _END) is _END
@@ -263,7 +286,7 @@ class Batch:
             self._leave(route, True)
             self._leave(route, False)
         elif not self._has_asked:
-            ready.append(route)
+            ready.append((route, seen))
         return is_at_end
 
     def _leave(self, route: Iterator[None], is_stage: bool) -> None:

@@ -60,8 +60,9 @@ from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions
 #: Cells up to which the whole terrain is covered.
 WHOLE = 2**14
 
-#: What a window has on each side of the lava, over the lava's own extent, and at least [radii].
-MARGIN, LEAST_MARGIN = 0.25, 8.0
+#: What a window has on each side of the lava at first [radii], and each further piece over the one
+#: before.
+MARGIN, GROWTH = 4.0, 2
 
 #: Most particles in a cell, where evenly spread lava has one. The sums over neighbours
 #: then take no more than this often as long as lava that is spread out.
@@ -78,15 +79,16 @@ def bin_function(real: Any, has_empty: bool) -> Any:
     volume_lost = _loss_function(real)
 
     @wp.func
-    def is_beyond(cells: cell_frame(real), x: real, y: real) -> bool:
-        """Whether a place is on the terrain's grid and not in the window."""
+    def sides_beyond(cells: cell_frame(real), x: real, y: real) -> int:
+        """On which sides of the window a place of the terrain's grid is (``State.counts``)."""
         column = int(wp.floor((x - cells.x0) * cells.columns_per_metre))
         row = int(wp.floor((y - cells.y0) * cells.rows_per_metre))
         if column < 0 or row < 0 or column >= cells.all_columns or row >= cells.all_rows:
-            return False
+            return 0
         column -= cells.first_column
         row -= cells.first_row
-        return column < 0 or row < 0 or column >= cells.columns or row >= cells.rows
+        sides = 4 * int(column >= cells.columns) + 8 * int(row >= cells.rows)
+        return sides + int(column < 0) + 2 * int(row < 0)
 
     @wp.func
     def place(i: int, p: vec4, m: journey_type(real)):
@@ -100,8 +102,9 @@ def bin_function(real: Any, has_empty: bool) -> Any:
             number = p[0] + p[1] + p[3]
             if m.counts[STAGE] > 0 or (wp.isfinite(number) and is_known(m.ground, p[0], p[1])):
                 c = row_of(m.cells, p[1]) * m.cells.columns + column_of(m.cells, p[0])
-                if is_beyond(m.cells, p[0], p[1]):
-                    m.counts[BEYOND] = 1
+                beyond = sides_beyond(m.cells, p[0], p[1])
+                if beyond != 0:
+                    wp.atomic_or(m.counts, BEYOND, beyond)
             elif can_count():
                 wp.atomic_add(m.left, side_of(m.ground, p[0], p[1]), volume_lost(p))
         m.cell[i] = c
@@ -259,6 +262,8 @@ class NeighborGrid:
         side = ground.resolution / radius
         self.cells.all_rows = max(1, math.ceil(ground.rows * side * rows))
         self.cells.all_columns = max(1, math.ceil(ground.columns * side * columns))
+        #: Cells of the latest piece of the window in the west and south, then east and north.
+        self._pieces = np.zeros((2, 2), dtype=int)
         self.fit(np.zeros((0, 2)))
 
     def fit(self, places: np.ndarray) -> None:
@@ -269,21 +274,39 @@ class NeighborGrid:
         Args:
             places: Places from the terrain's centre [m], shape [count, 2].
         """
+        cells = self.cells
+        ends = np.array(((0, 0), (cells.all_columns, cells.all_rows)))
+        if ends[1].prod() > WHOLE:
+            places = places[np.isfinite(places).all(axis=1)]
+            bounds = (places.min(axis=0), places.max(axis=0)) if len(places) else np.zeros((2, 2))
+            per_metre = np.array((cells.columns_per_metre, cells.rows_per_metre))
+            ends = np.floor((bounds - np.array((cells.x0, cells.y0))) * per_metre).astype(int)
+            self._pieces[:] = np.ceil(MARGIN * self._radius * per_metre)
+            ends += ((0,), (1,)) + np.array(((-1,), (1,))) * self._pieces
+        self._cover(ends)
+
+    def widen(self, sides: int) -> None:
+        """Cover more on some sides, as ``counts[BEYOND]`` of a ``State`` has them.
+
+        What is binned is forgotten.
+        """
+        cells = self.cells
+        first = np.array((cells.first_column, cells.first_row))
+        ends = np.stack((first, first + np.array((cells.columns, cells.rows))))
+        is_beyond = sides >> np.arange(4).reshape(2, 2) & 1
+        self._pieces *= np.where(is_beyond, GROWTH, 1)
+        self._cover(ends + np.array(((-1,), (1,))) * is_beyond * self._pieces)
+
+    def _cover(self, ends: np.ndarray) -> None:
+        """Cover columns and rows between the first ones and those behind the last, int [2, 2]."""
         # another one: what was launched with the former may be launched again
         cells = cell_frame(self._terrain.height.dtype)()
         cells.assign(self.cells)
-        first, last = np.zeros(2, dtype=int), np.array((cells.all_columns, cells.all_rows))
-        if last.prod() > WHOLE:
-            places = places[np.isfinite(places).all(axis=1)]
-            low, high = (places.min(axis=0), places.max(axis=0)) if len(places) else (0.0, 0.0)
-            margin = np.maximum(MARGIN * (high - low), LEAST_MARGIN * self._radius)
-            origin = np.array((cells.x0, cells.y0))
-            per_metre = np.array((cells.columns_per_metre, cells.rows_per_metre))
-            low = np.floor((low - margin - origin) * per_metre).astype(int)
-            high = np.ceil((high + margin - origin) * per_metre).astype(int)
-            first, last = np.clip(low, 0, last - 1), np.clip(high, low + 1, last)
-        cells.first_column, cells.first_row = (int(value) for value in first)
-        cells.columns, cells.rows = (int(value) for value in np.maximum(last - first, 1))
+        last = np.array((cells.all_columns, cells.all_rows))
+        first = np.clip(ends[0], 0, last - 1)
+        last = np.clip(ends[1], first + 1, last)
+        cells.first_column, cells.first_row = first.tolist()
+        cells.columns, cells.rows = (last - first).tolist()
         self.is_binned = False
         # 0 but while particles are binned
         room = 4 * math.ceil((cells.rows * cells.columns + 2) / 4)

@@ -15,7 +15,7 @@
 """The simulation of a scene: algorithm 1 of the paper with a step that follows the limits."""
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import asdict, replace
 from functools import partial
 import math
@@ -33,7 +33,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.streams import read, Reader
 from lava_ros.simulation.backend.threads import is_alone
-from lava_ros.simulation.batch import at_work
+from lava_ros.simulation.batch import at_work, Batch
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.defaults import device_of, formulated
@@ -64,7 +64,7 @@ from lava_ros.simulation.terrain import StaggeredTerrain
 from lava_ros.simulation.vents import check_rates, parting, vent_set, VentSet
 
 #: Particles there is room for at the start.
-_FIRST_CAPACITY = 4096
+_FIRST_CAPACITY = 512
 
 #: Stages between two looks at the clock, by whether it is a GPU.
 _GRAPH_STAGES = {True: 16, False: 1}
@@ -74,6 +74,9 @@ _UNDER_WAY = {True: 2, False: 1}
 
 #: Share of what a launch gains that rounding may make of it.
 _ROUNDING = 1e-3
+
+#: Copies of the clock and the counts of a ``State``.
+_Look = tuple[np.ndarray, np.ndarray]
 
 
 class Simulation:
@@ -194,40 +197,14 @@ class Simulation:
         self._raise_top(until=until)
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
         self._state.write_clock(TARGET, until)
-        clock, counts = self._state.look()
-        together = at_work()
-        # a GPU has the next stages to do while the host looks at what came of the last ones
-        under_way: deque[Any] = deque()
-        gain = math.inf
-        while clock[TIME] < until and wall_clock.monotonic() < deadline:
-            is_free = len(under_way) < _UNDER_WAY[self._device.is_cuda]
-            # what is under way may get there but for rounding: more of it would idle
-            reached = clock[TIME] + (len(under_way) + _ROUNDING) * gain
-            if together is not None:
-                self._bin()
-                take = partial(self._stage.take, self.scene, self._vents)
-                together.bring(self._state, partial(self._taken_down, take), until)
-                yield
-                clock, counts = self._state.look()
-            elif not under_way or (is_free and reached < until):
-                self._run_stages()
-                under_way.append(self._state.begin_look())
-                yield
-                continue
-            else:
-                former = clock[TIME]
-                clock, counts = under_way.popleft()()
-                gain = clock[TIME] - former
-            count = int(counts[PARTICLES] + counts[NEWCOMERS])
-            self._most_particles = max(self._most_particles, count)
-            if self._state.needs_room(counts) or counts[BEYOND]:
-                while under_way:
-                    clock, counts = under_way.popleft()()
-                self._make_room(counts)
-        while under_way:
-            clock, counts = under_way.popleft()()
-        # the stages that the step at hand still needs, and no other
-        self._state.write_clock(TARGET, clock[TIME])
+        batch = at_work()
+        if batch is None:
+            clock, counts = yield from self._alone(until, deadline)
+        else:
+            clock, counts = yield from self._together(batch, until, deadline)
+        if clock[TIME] != until:
+            # the stages that the step at hand still needs, and no other
+            self._state.write_clock(TARGET, clock[TIME])
         while counts[STAGE]:
             self._run_stages()
             yield
@@ -235,10 +212,64 @@ class Simulation:
         # a part that ends with its first stage makes room as well
         self._make_room(counts)
 
+    def _alone(self, until: float, deadline: float) -> Generator[None, None, _Look]:
+        """Simulate up to a time [s], or to a wall time [s]; return clock and counts."""
+        clock, counts = self._state.look()
+        # a GPU has the next stages to do while the host looks at what came of the last ones
+        under_way: deque[Any] = deque()
+        gain = math.inf
+        while clock[TIME] < until and wall_clock.monotonic() < deadline:
+            is_free = len(under_way) < _UNDER_WAY[self._device.is_cuda]
+            # what is under way may get there but for rounding: more of it would idle
+            reached = clock[TIME] + (len(under_way) + _ROUNDING) * gain
+            if not under_way or (is_free and reached < until):
+                self._run_stages()
+                under_way.append(self._state.begin_look())
+                yield
+                continue
+            former = clock[TIME]
+            clock, counts = under_way.popleft()()
+            gain = clock[TIME] - former
+            self._note_size(counts)
+            if self._state.needs_room(counts) or counts[BEYOND]:
+                while under_way:
+                    clock, counts = under_way.popleft()()
+                self._make_room(counts)
+        while under_way:
+            clock, counts = under_way.popleft()()
+        return clock, counts
+
+    def _together(
+        self, batch: Batch, until: float, deadline: float
+    ) -> Generator[None, None, _Look]:
+        """The same with others: the batch looks at all clocks at once, and this one at none."""
+        take = partial(self._stage.take, self.scene, self._vents)
+        while True:
+            self._bin()
+            batch.bring(self._state, partial(self._taken_down, take), until)
+            yield
+            clock, counts = batch.seen
+            self._note_size(counts)
+            if clock[TIME] >= until:
+                return clock, counts
+            if wall_clock.monotonic() >= deadline:
+                # stages that were launched meanwhile have gone on
+                return self._state.look()
+            self._make_room(counts)
+
+    def _note_size(self, counts: np.ndarray) -> None:
+        count = int(counts[PARTICLES] + counts[NEWCOMERS])
+        self._most_particles = max(self._most_particles, count)
+
     def _make_room(self, counts: np.ndarray) -> None:
         self._state.make_room(counts)
         if counts[BEYOND]:
-            self._cover()
+            if self._neighbors.is_binned:
+                # what has left is counted as such already
+                self._order()
+            self._state.write_count(BEYOND, 0)
+            self._neighbors.widen(int(counts[BEYOND]))
+            self._forget_launches()
 
     def snapshot(self) -> Snapshot:
         """Put the flow on the terrain's cells."""
@@ -260,12 +291,12 @@ class Simulation:
 
     def looking(self, looks: Looks) -> Iterator[None]:
         """Take a look as ``look`` does, in parts as ``advancing``."""
-        together = at_work()
-        if together is None:
+        batch = at_work()
+        if batch is None:
             self.look(looks)
             return
         self._bin()
-        together.launch(self._state, partial(self._taken_down, self._looker(looks)))
+        batch.launch(self._state, partial(self._taken_down, self._looker(looks)))
         yield
 
     def look(self, looks: Looks) -> None:
@@ -591,9 +622,7 @@ class Simulation:
 
     def _cover(self) -> None:
         """Let the neighbour grid cover the lava and the vents."""
-        if not self._state.look()[1][STAGE]:
-            # between stages nothing has left
-            self._settle()
+        self._settle()
         self._state.write_count(BEYOND, 0)
         ends = [end for vent in self.scene.vents for end in (vent.position, vent.end) if end]
         places = np.reshape(ends, (-1, 2)) - centre_of(self.scene.terrain)

@@ -73,6 +73,9 @@ _FEW_RARE = 4096, 16384
 #: so there is not much to spare; a vent that finds none waits until there is.
 FULLEST = 0.875
 
+#: Room for particles up to which it is doubled.
+FEW = 16384
+
 #: Threads to a particle on a GPU, and the room for particles up to which they pay.
 SHARED_LANES, SHARED_UP_TO = 4, 50_000
 
@@ -121,7 +124,8 @@ class State:
         counts: Particles, steps, what limited the step, whether the capacity was reached; then the
             stage at hand (0 from the last one on), the stages of the step, whether it is the last
             one, the velocity evaluations so far, the stage at hand, the last one included,
-            whether a particle is beyond the neighbour grid, and the particles after those counted
+            on which sides of the neighbour grid particles are beyond it (the sum of 1 in the west,
+            2 in the south, 4 in the east, 8 in the north), and the particles after those counted
             first that have come out since the cells were built.
         chosen: 1 from when a stage is chosen within its motion (fused_stage.py) until its end.
         stage: Weights of the stage at hand.
@@ -301,7 +305,9 @@ class State:
         if not self.needs_room(counts):
             return False
         count = int(counts[PARTICLES] + counts[NEWCOMERS])
-        self.grow(max(room_for(count), room_for(self.capacity)))
+        # what there is little of costs nothing to have to spare
+        twice = 2 * self.capacity if self.capacity < FEW else 0
+        self.grow(max(room_for(count), room_for(self.capacity), twice))
         return True
 
     def needs_room(self, counts: np.ndarray) -> bool:
@@ -319,16 +325,16 @@ class State:
         names = ['particle', 'cell', 'rank', *self._carried]
         names += ['base', 'drift'] if self.is_staged else []
         kept = {name: getattr(self, name) for name in names}
-        count = self.count
+        count = min(self.capacity, capacity)
         try:
             self._allocate(capacity)
         except RuntimeError as error:
             vars(self).update(former)
             forget_failure(self.device)
             raise RuntimeError(f'room for {capacity} particles: {error}') from error
+        # nobody waits for how many there are
         for name, values in kept.items():
-            if count:
-                wp.copy(getattr(self, name), values, count=count)
+            wp.copy(getattr(self, name), values, count=count)
         self.write_count(FULL, 0)
 
     @property
@@ -348,9 +354,7 @@ class State:
 
     def write_count(self, place: int, value: int) -> None:
         """Replace one of the ``counts``."""
-        _, counts = self.look()
-        counts[place] = value
-        self.counts.assign(counts)
+        self.counts[place : place + 1].fill_(value)
 
     @property
     def count(self) -> int:
@@ -440,7 +444,7 @@ class State:
     def take_order(self) -> None:
         """Let the ordered particles be the particles."""
         wp.copy(self.particle, self.ordered)
-        for name in self._carried:
+        for name in [*self._carried, *(('base', 'drift') if self.is_staged else ())]:
             wp.copy(getattr(self, name), getattr(self, f'ordered_{name}'))
 
     def read_particles(self) -> np.ndarray:

@@ -36,6 +36,9 @@ _THREADS = 1024
 #: with many the way back over their tiles is long.
 _FOURS = ((1 << 19, 1), (1 << 21, 2), (math.inf, 8))
 
+#: The same of the scans of a batch, which have tiles enough together.
+_FOURS_TOGETHER = 4
+
 #: A tile's word says what it knows: (1, its sum), then (2, the sum up to its end), in every other
 #: scan (3, ...) and (4, ...): so no word has to be cleared when all have read it. Which scan it
 #: is stands in the word after the last tile's. The last tile, which comes to its end when all
@@ -161,15 +164,19 @@ class Scan:
         """Make ready for arrays of a length, which is a multiple of 4."""
         self.length, self._device = length, device
         self._fours = next(fours for most, fours in _FOURS if length < most)
-        self._tiles = math.ceil(length / (4 * self._fours * _THREADS))
-        self._words = wp.zeros(self._tiles + 1, dtype=wp.uint64, device=device)
+        #: Words of the tiles by fours to a thread.
+        self._words: dict[int, Any] = {}
 
     def __call__(self, launches: Launches, sizes: Any, starts: Any) -> None:
         """Write the sum of all ``sizes`` before each of them into ``starts``."""
+        fours = _FOURS_TOGETHER if launches.is_capturing else self._fours
+        tiles = math.ceil(self.length / (4 * fours * _THREADS))
+        if fours not in self._words:
+            self._words[fours] = wp.zeros(tiles + 1, dtype=wp.uint64, device=self._device)
         launches(
-            _kernel(self._fours),
-            dim=self._tiles * _THREADS if self._device.is_cuda else 1,
+            _kernel(fours),
+            dim=tiles * _THREADS if self._device.is_cuda else 1,
             inputs=[sizes],
-            outputs=[starts, self._words],
+            outputs=[starts, self._words[fours]],
             block_dim=_THREADS,
         )
