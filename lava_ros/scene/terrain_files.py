@@ -161,18 +161,17 @@ def _read_npz(path: Path) -> Raster:
 def _read_gdal(path: Path) -> Raster:
     with opened_raster('terrain file', path) as source:
         _check_band(source, path)
-        band = source.read(1, masked=True, out_dtype=np.float32)
+        elevation = source.read(1, out_dtype=np.float32)
+        elevation[source.read_masks(1) == 0] = np.nan
         transform, crs = source.transform, source.crs
         scale, shift = source.scales[0], source.offsets[0]
-    elevation = band.data
-    elevation[np.ma.getmaskarray(band)] = np.nan
     # what is not finite then is no terrain
     with np.errstate(over='ignore', invalid='ignore'):
         elevation *= np.float32(scale)
         elevation += np.float32(shift)
     if transform.e < 0.0:
         elevation = np.flipud(elevation)
-    bottom = min(transform.f, transform.f + transform.e * band.shape[0])
+    bottom = min(transform.f, transform.f + transform.e * elevation.shape[0])
     code = crs.to_epsg() if crs else None
     return Raster(
         elevation=elevation,

@@ -96,6 +96,8 @@ class _Group:
         #: How often a row was asked for: what a round has found before is of no use.
         self._asked = np.zeros(rows, dtype=np.int64)
         self._selected: set[int] = set()
+        #: Of each row the state that it was put of, and how often that had forgotten launches.
+        self._put: dict[int, tuple[State, int]] = {}
         self.under_way: dict[int, Iterator[None]] = {}
         self.free = list(reversed(range(rows)))
 
@@ -108,8 +110,16 @@ class _Group:
         self._stages.put(row, launches)
         self._looks.put(row, self._look_of(row, state))
         self._room[row] = FULLEST * state.capacity
+        self._put[row] = state, state.launches.forgotten
         # it may have more threads than the one before
         self._selected.clear()
+
+    def leave(self, row: int) -> None:
+        """Let a row be free."""
+        self.under_way.pop(row, None)
+        # what its launches need may be gone
+        self._selected.clear()
+        self.free.append(row)
 
     def bring(self, row: int, until: float, route: Iterator[None]) -> None:
         """Let the member of a row go on to a time [s]; its route goes on when it is there."""
@@ -119,9 +129,12 @@ class _Group:
 
     def _select(self, idle: float) -> None:
         """Let those that are under way take part, and up to a share of others."""
-        others = len(self._selected) - len(self.under_way)
-        is_in = self._selected >= self.under_way.keys()
-        if not is_in or others > idle * len(self._selected):
+        others = self._selected - self.under_way.keys()
+        is_in = len(self._selected) == len(others) + len(self.under_way)
+        # launches into arrays that are others now would write anywhere
+        put = [self._put[row] for row in others]
+        are_as_put = all(state.launches.forgotten == count for state, count in put)
+        if not (is_in and are_as_put and len(others) <= idle * len(self._selected)):
             self._selected = set(self.under_way)
             rows = np.array(sorted(self._selected), dtype=np.int64)
             self._stages.select(rows)
@@ -293,8 +306,7 @@ class Batch:
         """Free the row of a route, if it has one."""
         group, row, *_ = self._places.pop((route, is_stage), (None, 0))
         if group is not None:
-            group.under_way.pop(row, None)
-            group.free.append(row)
+            group.leave(row)
 
 
 def side_by_side(

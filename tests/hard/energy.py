@@ -28,7 +28,9 @@ energy       E = sum V (h / 2 + H), over rho g and from the lowest ground, plus 
              viscosity, and may push lava up its own slope: counted is what the formula of
              docs/MODEL.md, evaluated here, pushes up.
 heat         With viscous heating, the heat of what is warmer than the hottest vent is no more
-             than the energy below that is gone since the start: rho c sum V (T - hottest).
+             than the energy below that is gone since the start: rho c sum V (T - hottest). Lateral
+             stress carries lava up, which cools it by what warms the lava that carries it: then
+             the heat of all lava counts, what is colder included.
 temperature  No colder than air, vents and lava at the start, no hotter than the hottest of them;
              with viscous heating by g / c times the height that its surface can fall by more:
              from the highest ground there was, raised by what new ground has lifted it; twice the
@@ -178,8 +180,11 @@ class Energy:
         yield 'energy', now.energy - before.energy, received, 'm4 over the last frame'
         self._received += received
         if simulation.effects.viscous_heating:
-            warmer = np.maximum(lava.temperature - hottest - DIGITS * 2.0**-13, 0.0)
-            scene = simulation.scene
+            warmer = lava.temperature - hottest - DIGITS * 2.0**-13
+            scene, effects = simulation.scene, simulation.effects
+            if not (effects.green or effects.helmholtz):
+                # what has cooled would hide what was made
+                warmer = np.maximum(warmer, 0.0)
             heat = float((lava.volume * warmer).sum()) * scene.lava.specific_heat / scene.gravity
             yield 'heat', heat, self._received - now.energy, 'm4 since the start'
         self._begin(moment, now)

@@ -113,7 +113,9 @@ class Ground:
         end = start if vent.end is None else np.asarray(vent.end)
         count = 1 + math.ceil(math.dist(start, end) / self._terrain.resolution)
         places = start + np.linspace(0.0, 1.0, count)[:, None] * (end - start)
-        blocks = np.stack(self._around(places, max(vent.radius, least)), axis=1)
+        # the spline at a place is a mean of its cell and of those beside it
+        reach = max(vent.radius, least) + self._terrain.resolution
+        blocks = np.stack(self._around(places, reach), axis=1)
         tops = [self._heights[a : b + 1, c : d + 1].max() for a, b, c, d in blocks]
         return float(max(tops)) - self.lowest
 

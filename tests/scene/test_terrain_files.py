@@ -198,6 +198,14 @@ def test_geotiff_integers_with_scale_and_nodata(tmp_path: Path) -> None:
     np.testing.assert_allclose(load_terrain(path).elevation, [[-90.0, np.nan], [-100.0, -95.0]])
 
 
+@pytest.mark.filterwarnings('error::RuntimeWarning')
+@pytest.mark.parametrize('nodata', [1.7e308, -1.7e308, float('nan')])
+def test_geotiff_with_a_nodata_value_beyond_float32(tmp_path: Path, nodata: float) -> None:
+    """It marks cells of a float64 raster, though the elevation is kept as float32."""
+    path = write_tif(tmp_path / 'a.tif', np.array([[1.0, 2.0], [nodata, 4.0]]), nodata=nodata)
+    np.testing.assert_array_equal(load_terrain(path).elevation, [[np.nan, 4.0], [1.0, 2.0]])
+
+
 def test_offset_of_the_callers_choice(tmp_path: Path) -> None:
     """Another map frame moves the origin; the place on Earth stays."""
     path = write_tif(tmp_path / 'a.tif', NORTH_FIRST.astype(np.float32))

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import batch as batch_module
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.batch import Batch, side_by_side
@@ -114,6 +115,41 @@ def test_members_of_several_kinds_and_sizes(device, name):
             np.testing.assert_array_equal(map_of.thickness, expected.thickness)
         np.testing.assert_array_equal(alone.sample().position, ends[number].sample().position)
     assert ends[2].particle_count > 4096 or 'merging' in ends[2].effects
+
+
+def test_members_wait_for_each_others_looks(device, monkeypatch):
+    """Who waits takes part in stages that change nothing, whatever it has been through before."""
+    monkeypatch.setattr(batch_module, '_IDLE', 1.0)
+    slope = Terrain(-0.3 * np.tile(np.arange(200.0), (200, 1)) * 2.0, 2.0)
+    fluxes, times = (10.0, 15.0, 20.0, 40.0, 60.0), np.linspace(0.5, 6.0, 12)
+
+    def begun(flux):
+        vent = Vent((200.0, 200.0), discharge=flux, temperature=1400.0)
+        simulation = Simulation(
+            Scene(slope, vents=(vent,), lava=Lava()),
+            accuracy=Accuracy(spacing=1.0, thickness=0.4, precision='float64', deterministic=True),
+            device=device,
+        )
+        return simulation, simulation.looks(0.1, len(times))
+
+    def route(flux):
+        simulation, looks = begun(flux)
+        for time in times:
+            yield from simulation.advancing(time)
+            yield from simulation.looking(looks)
+        ends[flux] = simulation.budget().held, simulation.seen(looks)
+
+    ends = {}
+    Batch().run(map(route, fluxes))
+    for flux in fluxes:
+        alone, looks = begun(flux)
+        for time in times:
+            alone.advance(time)
+            alone.look(looks)
+        held, seen = ends[flux]
+        assert held == pytest.approx(alone.budget().held, abs=1e-9)
+        for value, expected in zip(seen[1:], alone.seen(looks)[1:], strict=True):
+            np.testing.assert_allclose(value, expected, rtol=1e-5)
 
 
 @WAYS

@@ -457,7 +457,9 @@ def test_checks_see_plain_reads(folder, monkeypatch):
         flow.flow_kernels.__wrapped__(
             wp.float32, 'wendland', 3.0, 'energy', effect_sets()['green']
         ).flow,
-        green._velocity_kernel.__wrapped__(wp.float32, 1, False, False),
+        green._velocity_kernel.__wrapped__(
+            wp.float32, lanes=1, parts=1, is_short=False, is_wide=False
+        ),
     ]
     for kernel in kernels:
         with pytest.raises(AssertionError):
