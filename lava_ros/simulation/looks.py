@@ -32,8 +32,8 @@ from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.state import State, TIME
 
-#: Sweeps over the cells between two questions whether they change anything.
-_SWEEPS = 8
+#: Sweeps over the cells between two questions whether the last one has changed anything.
+_SWEEPS = 16
 
 # Places in Looks.count.
 _LOOKS = wp.constant(0)
@@ -298,20 +298,25 @@ class Looks:
             launch = partial(launch_over, state, count=shape[0] * shape[1])
             inputs = [self._looks, *part[:2], shape[1]]
             for kernel in (_number, _end):
-                self._looks.count[_CHANGED : _CHANGED + 1].fill_(1)
-                while read(self._looks.count)[_CHANGED]:
-                    self._looks.count[_CHANGED : _CHANGED + 1].zero_()
-                    for _ in range(_SWEEPS):
+                has_changed = True
+                while has_changed:
+                    for _ in range(_SWEEPS - 1):
                         launch(kernel, inputs=inputs, outputs=[])
+                    self._looks.count[_CHANGED : _CHANGED + 1].zero_()
+                    launch(kernel, inputs=inputs, outputs=[])
+                    has_changed = bool(read(self._looks.count)[_CHANGED])
             launch(_show, inputs=inputs, outputs=found)
         return Seen(part[:2], *(read(one) for one in found))
 
     def _wet_part(self, state: State) -> tuple[int, int, int, int]:
         """First row and column of the rectangle of wet cells, and how many it has of them."""
         device = self._looks.count.device
-        marks = [wp.zeros(count, dtype=wp.int32, device=device) for count in self._shape]
-        launch_over(state, _mark, inputs=[self._looks], outputs=marks, count=self._cells)
-        rows, columns = (np.flatnonzero(read(mark)).tolist() for mark in marks)
+        marks = wp.zeros(sum(self._shape), dtype=wp.int32, device=device)
+        parts = [marks[: self._shape[0]], marks[self._shape[0] :]]
+        launch_over(state, _mark, inputs=[self._looks], outputs=parts, count=self._cells)
+        rows, columns = (
+            np.flatnonzero(part).tolist() for part in np.split(read(marks), self._shape[:1])
+        )
         if not rows:
             return 0, 0, 0, 0
         return rows[0], columns[0], rows[-1] - rows[0] + 1, columns[-1] - columns[0] + 1

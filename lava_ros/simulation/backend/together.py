@@ -44,8 +44,8 @@ def kind_of(launches: Sequence[Launch]) -> tuple[Any, ...]:
 
 
 def _rounded(count: int) -> int:
-    """A number that is no less, by an eighth at most, of which there are few."""
-    step = 1 << max(count.bit_length() - 4, 0)
+    """A number that is no less, by a quarter at most, of which there are few."""
+    step = 1 << max(count.bit_length() - 3, 0)
     return -(-count // step) * step
 
 
