@@ -34,7 +34,7 @@ from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.graph import Launch
 from lava_ros.simulation.backend.streams import Look
 from lava_ros.simulation.backend.together import kind_of, Together
-from lava_ros.simulation.state import BEYOND, FULL, FULLEST, NEWCOMERS, PARTICLES, State, TIME
+from lava_ros.simulation.state import FULL, FULLEST, NEAR_BORDER, NEWCOMERS, PARTICLES, State, TIME
 
 #: Simulations at work at once.
 AT_ONCE = 256
@@ -161,7 +161,7 @@ class _Group:
             clocks, counts = copied()
             particles = counts[:, PARTICLES] + counts[:, NEWCOMERS]
             is_due = ~(clocks[:, TIME] < self._until) | (particles > self._room)
-            is_due |= (counts[:, FULL] != 0) | (counts[:, BEYOND] != 0)
+            is_due |= (counts[:, FULL] != 0) | (counts[:, NEAR_BORDER] != 0)
             rows = np.flatnonzero(is_due & (asked == self._asked)).tolist()
             return [
                 (self.under_way.pop(row), (clocks[row], counts[row]))

@@ -45,7 +45,8 @@ def cell_frame(real: Any) -> Any:
     """Where the cells lie, relative to the terrain's centre.
 
     ``rows_per_metre`` and ``columns_per_metre`` are one over a cell's sides [1/m]. ``first_row``
-    and ``first_column`` are the window's in the grid of ``all_rows`` and ``all_columns``.
+    and ``first_column`` are the window's in the grid of the whole terrain, in which lava before
+    column ``west`` and row ``south``, or from ``east`` and ``north`` on, is near its border.
     ``starts`` is the index of each cell's first ordered particle, shape [at least cells + 2]; that
     after the last cell is the number of particles on the terrain, the one after it that of all.
     ``sizes`` counts the particles of each cell while they are binned, and is 0 otherwise.
@@ -61,8 +62,10 @@ def cell_frame(real: Any) -> Any:
         first_column: wp.int32
         rows: wp.int32
         columns: wp.int32
-        all_rows: wp.int32
-        all_columns: wp.int32
+        west: wp.int32
+        south: wp.int32
+        east: wp.int32
+        north: wp.int32
         starts: wp.array(dtype=wp.int32)
         sizes: wp.array(dtype=wp.int32)
 

@@ -47,8 +47,8 @@ from lava_ros.simulation.cells import cell_frame, cell_functions, cells_to_radiu
 from lava_ros.simulation.motion_arguments import journey, journey_type
 from lava_ros.simulation.state import (
     ADVECTION,
-    BEYOND,
     DIFFUSION,
+    NEAR_BORDER,
     NEWCOMERS,
     PARTICLES,
     SPARE,
@@ -62,7 +62,15 @@ WHOLE = 2**14
 
 #: What a window has on each side of the lava at first [radii], and each further piece over the one
 #: before.
-MARGIN, GROWTH = 4.0, 2
+MARGIN, GROWTH = 8.0, 2
+
+#: How near to the window's border lava is when more is asked for [radii]: it goes on for some
+#: steps until then. What is beyond the window counts as on its border: its sums are rounded
+#: otherwise.
+NEAR = 4.0
+
+#: Columns and rows that nothing is before, or behind.
+_NEVER_BELOW, _NEVER_ABOVE = -(2**31), 2**31 - 1
 
 #: Most particles in a cell, where evenly spread lava has one. The sums over neighbours
 #: then take no more than this often as long as lava that is spread out.
@@ -79,16 +87,12 @@ def bin_function(real: Any, has_empty: bool) -> Any:
     volume_lost = _loss_function(real)
 
     @wp.func
-    def sides_beyond(cells: cell_frame(real), x: real, y: real) -> int:
-        """On which sides of the window a place of the terrain's grid is (``State.counts``)."""
+    def sides_near(cells: cell_frame(real), x: real, y: real) -> int:
+        """Which sides of the window a place is near that can be moved (``State.counts``)."""
         column = int(wp.floor((x - cells.x0) * cells.columns_per_metre))
         row = int(wp.floor((y - cells.y0) * cells.rows_per_metre))
-        if column < 0 or row < 0 or column >= cells.all_columns or row >= cells.all_rows:
-            return 0
-        column -= cells.first_column
-        row -= cells.first_row
-        sides = 4 * int(column >= cells.columns) + 8 * int(row >= cells.rows)
-        return sides + int(column < 0) + 2 * int(row < 0)
+        sides = int(column < cells.west) + 2 * int(row < cells.south)
+        return sides + 4 * int(column >= cells.east) + 8 * int(row >= cells.north)
 
     @wp.func
     def place(i: int, p: vec4, m: journey_type(real)):
@@ -102,9 +106,9 @@ def bin_function(real: Any, has_empty: bool) -> Any:
             number = p[0] + p[1] + p[3]
             if m.counts[STAGE] > 0 or (wp.isfinite(number) and is_known(m.ground, p[0], p[1])):
                 c = row_of(m.cells, p[1]) * m.cells.columns + column_of(m.cells, p[0])
-                beyond = sides_beyond(m.cells, p[0], p[1])
-                if beyond != 0:
-                    wp.atomic_or(m.counts, BEYOND, beyond)
+                near = sides_near(m.cells, p[0], p[1])
+                if near != 0:
+                    wp.atomic_or(m.counts, NEAR_BORDER, near)
             elif can_count():
                 wp.atomic_add(m.left, side_of(m.ground, p[0], p[1]), volume_lost(p))
         m.cell[i] = c
@@ -260,8 +264,10 @@ class NeighborGrid:
         self.cells.rows_per_metre = rows / radius
         self.cells.columns_per_metre = columns / radius
         side = ground.resolution / radius
-        self.cells.all_rows = max(1, math.ceil(ground.rows * side * rows))
-        self.cells.all_columns = max(1, math.ceil(ground.columns * side * columns))
+        #: Columns and rows of the whole terrain.
+        self._all = np.ceil(side * np.array((ground.columns * columns, ground.rows * rows)))
+        self._all = np.maximum(self._all.astype(int), 1)
+        self._per_metre = np.array((columns, rows)) / radius
         #: Cells of the latest piece of the window in the west and south, then east and north.
         self._pieces = np.zeros((2, 2), dtype=int)
         self.fit(np.zeros((0, 2)))
@@ -275,38 +281,41 @@ class NeighborGrid:
             places: Places from the terrain's centre [m], shape [count, 2].
         """
         cells = self.cells
-        ends = np.array(((0, 0), (cells.all_columns, cells.all_rows)))
-        if ends[1].prod() > WHOLE:
+        ends = np.stack((np.zeros(2, dtype=int), self._all))
+        if self._all.prod() > WHOLE:
             places = places[np.isfinite(places).all(axis=1)]
             bounds = (places.min(axis=0), places.max(axis=0)) if len(places) else np.zeros((2, 2))
-            per_metre = np.array((cells.columns_per_metre, cells.rows_per_metre))
-            ends = np.floor((bounds - np.array((cells.x0, cells.y0))) * per_metre).astype(int)
-            self._pieces[:] = np.ceil(MARGIN * self._radius * per_metre)
+            places = (bounds - np.array((cells.x0, cells.y0))) * self._per_metre
+            ends = np.floor(places).astype(int)
+            self._pieces[:] = np.ceil(MARGIN * self._radius * self._per_metre)
             ends += ((0,), (1,)) + np.array(((-1,), (1,))) * self._pieces
         self._cover(ends)
 
     def widen(self, sides: int) -> None:
-        """Cover more on some sides, as ``counts[BEYOND]`` of a ``State`` has them.
+        """Cover more on some sides, as ``counts[NEAR_BORDER]`` of a ``State`` has them.
 
         What is binned is forgotten.
         """
         cells = self.cells
         first = np.array((cells.first_column, cells.first_row))
         ends = np.stack((first, first + np.array((cells.columns, cells.rows))))
-        is_beyond = sides >> np.arange(4).reshape(2, 2) & 1
-        self._pieces *= np.where(is_beyond, GROWTH, 1)
-        self._cover(ends + np.array(((-1,), (1,))) * is_beyond * self._pieces)
+        is_near = sides >> np.arange(4).reshape(2, 2) & 1
+        self._pieces *= np.where(is_near, GROWTH, 1)
+        self._cover(ends + np.array(((-1,), (1,))) * is_near * self._pieces)
 
     def _cover(self, ends: np.ndarray) -> None:
         """Cover columns and rows between the first ones and those behind the last, int [2, 2]."""
         # another one: what was launched with the former may be launched again
         cells = cell_frame(self._terrain.height.dtype)()
         cells.assign(self.cells)
-        last = np.array((cells.all_columns, cells.all_rows))
-        first = np.clip(ends[0], 0, last - 1)
-        last = np.clip(ends[1], first + 1, last)
+        first = np.clip(ends[0], 0, self._all - 1)
+        last = np.clip(ends[1], first + 1, self._all)
         cells.first_column, cells.first_row = first.tolist()
         cells.columns, cells.rows = (last - first).tolist()
+        near = np.ceil(NEAR * self._radius * self._per_metre).astype(int)
+        # the border of the terrain stays where it is
+        cells.west, cells.south = np.where(first > 0, first + near, _NEVER_BELOW).tolist()
+        cells.east, cells.north = np.where(last < self._all, last - near, _NEVER_ABOVE).tolist()
         self.is_binned = False
         # 0 but while particles are binned
         room = 4 * math.ceil((cells.rows * cells.columns + 2) / 4)

@@ -48,9 +48,9 @@ from lava_ros.simulation.selection import decide, Decision, effects_for, HORIZON
 from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot
 from lava_ros.simulation.stage import Stage
 from lava_ros.simulation.state import (
-    BEYOND,
     centre_of,
     FAR,
+    NEAR_BORDER,
     NEWCOMERS,
     PARTICLES,
     room_for,
@@ -64,7 +64,7 @@ from lava_ros.simulation.terrain import StaggeredTerrain
 from lava_ros.simulation.vents import check_rates, parting, vent_set, VentSet
 
 #: Particles there is room for at the start.
-_FIRST_CAPACITY = 512
+_FIRST_CAPACITY = 4096
 
 #: Stages between two looks at the clock, by whether it is a GPU.
 _GRAPH_STAGES = {True: 16, False: 1}
@@ -231,7 +231,7 @@ class Simulation:
             clock, counts = under_way.popleft()()
             gain = clock[TIME] - former
             self._note_size(counts)
-            if self._state.needs_room(counts) or counts[BEYOND]:
+            if self._state.needs_room(counts) or counts[NEAR_BORDER]:
                 while under_way:
                     clock, counts = under_way.popleft()()
                 self._make_room(counts)
@@ -263,12 +263,12 @@ class Simulation:
 
     def _make_room(self, counts: np.ndarray) -> None:
         self._state.make_room(counts)
-        if counts[BEYOND]:
+        if counts[NEAR_BORDER]:
             if self._neighbors.is_binned:
                 # what has left is counted as such already
                 self._order()
-            self._state.write_count(BEYOND, 0)
-            self._neighbors.widen(int(counts[BEYOND]))
+            self._state.write_count(NEAR_BORDER, 0)
+            self._neighbors.widen(int(counts[NEAR_BORDER]))
             self._forget_launches()
 
     def snapshot(self) -> Snapshot:
@@ -623,7 +623,7 @@ class Simulation:
     def _cover(self) -> None:
         """Let the neighbour grid cover the lava and the vents."""
         self._settle()
-        self._state.write_count(BEYOND, 0)
+        self._state.write_count(NEAR_BORDER, 0)
         ends = [end for vent in self.scene.vents for end in (vent.position, vent.end) if end]
         places = np.reshape(ends, (-1, 2)) - centre_of(self.scene.terrain)
         self._neighbors.fit(np.concatenate([self._state.read_particles()[:, :2], places]))

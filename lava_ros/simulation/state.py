@@ -52,7 +52,7 @@ STAGES = wp.constant(5)
 IS_LAST = wp.constant(6)
 EVALUATIONS = wp.constant(7)
 CURRENT = wp.constant(8)
-BEYOND = wp.constant(9)
+NEAR_BORDER = wp.constant(9)
 NEWCOMERS = wp.constant(10)
 
 # Places in State.rates: reciprocals of the longest step each limit allows [1/s].
@@ -124,9 +124,9 @@ class State:
         counts: Particles, steps, what limited the step, whether the capacity was reached; then the
             stage at hand (0 from the last one on), the stages of the step, whether it is the last
             one, the velocity evaluations so far, the stage at hand, the last one included,
-            on which sides of the neighbour grid particles are beyond it (the sum of 1 in the west,
-            2 in the south, 4 in the east, 8 in the north), and the particles after those counted
-            first that have come out since the cells were built.
+            which sides of the neighbour grid's window particles are near (the sum of 1 in the
+            west, 2 in the south, 4 in the east, 8 in the north), and the particles after those
+            counted first that have come out since the cells were built.
         chosen: 1 from when a stage is chosen within its motion (fused_stage.py) until its end.
         stage: Weights of the stage at hand.
         rates: Reciprocal of the step each limit allows [1/s].

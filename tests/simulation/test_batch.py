@@ -82,8 +82,13 @@ def test_together_is_as_one_by_one(device, run):
     'name',
     ['bare', *(pytest.param(name, marks=pytest.mark.nightly) for name in SETS)],
 )
-def test_members_of_several_kinds_and_sizes(device, name):
+def test_members_of_several_kinds_and_sizes(device, name, monkeypatch):
     """A batch keeps a member's bits through maps, growth, a wider grid and other members' ends."""
+    if name != 'inertia':
+        # as seldom as on a GPU it is looked what is to be done; with inertia, where a step has one
+        # stage, the vent would wait for room
+        monkeypatch.setitem(batch_module._STAGES, False, batch_module._STAGES[True])
+        monkeypatch.setitem(batch_module._UNDER_WAY, False, batch_module._UNDER_WAY[True])
     chosen = (effect_sets()[name], effect_sets()['bare'])
 
     def begun(number):
