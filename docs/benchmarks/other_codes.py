@@ -21,7 +21,7 @@ from collections.abc import Iterator
 import math
 from typing import NamedTuple
 
-from validation import HERE, Line, lines_of, written
+from tables import HERE, Line, lines_of, written
 
 ACCURACY = HERE.parent / 'accuracy'
 PAGE = ACCURACY / 'other_codes.md'

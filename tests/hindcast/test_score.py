@@ -213,15 +213,16 @@ def test_chances_are_scored_where_lava_could_be() -> None:
     assert wrong['largest_gap'] == pytest.approx(0.8)
 
 
-SCRIPT = Path(__file__).parents[2] / 'docs/benchmarks/validation.py'
+SCRIPT = Path(__file__).parents[2] / 'docs/benchmarks/tables.py'
 
 
 def test_tables_are_those_of_the_measurements() -> None:
-    """The page says what its CSV files say: python docs/benchmarks/validation.py writes it."""
-    spec = importlib.util.spec_from_file_location('validation_page', SCRIPT)
+    """The pages say what their CSV files say: python docs/benchmarks/tables.py writes them."""
+    spec = importlib.util.spec_from_file_location('tables', SCRIPT)
     assert spec is not None and spec.loader is not None
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
-    page = script.PAGE.read_text(encoding='utf-8')
-    assert script.written(page) == page
-    assert '| etna_basalt | 2001 |' in page
+    for name, tables in script.PAGES.items():
+        page = (SCRIPT.parents[1] / name).read_text(encoding='utf-8')
+        assert script.written(page, tables) == page
+    assert {'VALIDATION.md', 'PERFORMANCE.md'} == set(script.PAGES)

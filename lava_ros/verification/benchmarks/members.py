@@ -70,6 +70,8 @@ def measure(
         yield row_of(what, number, rates[1:], 'M particle-steps/s')
         memory = memory_of(simulations, device, before) / count
         yield row_of(f'{what}: memory', number, [memory], 'B per particle')
+        # what they have is not to be given back while the next ones are measured
+        del simulations
 
 
 def _rate(simulations: Sequence[Simulation], count: int, steps: int, device: str) -> float:

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writes the tables of docs/VALIDATION.md from the CSV files beside this script.
+"""Writes tables of docs/VALIDATION.md and docs/PERFORMANCE.md from the CSV files beside it.
 
-python docs/benchmarks/validation.py
+python docs/benchmarks/tables.py
 
 A table stands between ``<!-- table: NAME -->`` and ``<!-- end -->``.
 """
@@ -25,7 +25,6 @@ from pathlib import Path
 import re
 
 HERE = Path(__file__).parent
-PAGE = HERE.parent / 'VALIDATION.md'
 
 #: The cells of a line of a table.
 Line = tuple[str, ...]
@@ -97,10 +96,34 @@ def chances() -> Iterator[Line]:
             )
 
 
-TABLES = {'scores': scores, 'codes': codes, 'convergence': convergence, 'chances': chances}
+def members() -> Iterator[Line]:
+    """How fast members of a batch are together, by their number and size."""
+    rows = lines_of('members_h200.csv')
+    sizes = sorted({int(row['particles']) for row in rows})
+    sets = list(dict.fromkeys(row['benchmark'].split(':')[0] for row in rows))
+    yield ('members', *(f'{name}, {size:,} particles' for name in sets for size in sizes))
+    found = {(row['benchmark'], int(row['particles'])): row for row in rows}
+    counts = {int(row['benchmark'].split()[1]) for row in rows}
+    for count in sorted(counts):
+        line = []
+        for name in sets:
+            for size in sizes:
+                row = found.get((f'{name}: {count} members', size))
+                line.append('' if row is None else f'{float(row["value"]) / 1000.0:.2g}')
+        yield f'{count:,}', *line
 
 
-def written(page: str, tables: Mapping[str, Callable[[], Iterator[Line]]] = TABLES) -> str:
+Tables = Mapping[str, Callable[[], Iterator[Line]]]
+
+PAGES: Mapping[str, Tables] = {
+    'VALIDATION.md': {
+        'scores': scores, 'codes': codes, 'convergence': convergence, 'chances': chances,
+    },
+    'PERFORMANCE.md': {'members': members},
+}
+
+
+def written(page: str, tables: Tables) -> str:
     """A page with its tables written again."""
     for name, rows in tables.items():
         head, *rest = rows()
@@ -114,4 +137,6 @@ def written(page: str, tables: Mapping[str, Callable[[], Iterator[Line]]] = TABL
 
 
 if __name__ == '__main__':
-    PAGE.write_text(written(PAGE.read_text(encoding='utf-8')), encoding='utf-8')
+    for name, tables in PAGES.items():
+        path = HERE.parent / name
+        path.write_text(written(path.read_text(encoding='utf-8'), tables), encoding='utf-8')
