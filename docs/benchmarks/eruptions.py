@@ -161,7 +161,8 @@ def main() -> None:
     parser.add_argument('--device')
     parser.add_argument('--machine', default=platform.processor() or platform.machine())
     args = parser.parse_args()
-    chosen = {name: SETS[name] for name in args.sets}
+    named = args.sets or ([] if args.calibration else SETS)
+    chosen = {name: SETS[name] for name in named}
     if args.calibration:
         chosen |= sets_of(args.calibration, args.case)
     names = [field.name for field in fields(Row)]

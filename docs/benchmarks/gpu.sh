@@ -17,8 +17,10 @@ both="--case $cases/etna2001 --case $cases/etna2006"
 declare -A command=(
     [batch]="python3 -m pytest -q -p no:cacheprovider -p no:launch_testing tests/simulation/test_batch.py tests/simulation/test_looks.py"
     [members]="$lava bench members --device cuda:0 --output $out/members.csv"
-    [day]="$many $cases/etna2001 --members 256 --repetitions 5"
+    [day]="$many $cases/etna2001 --members 256 --repetitions 3"
     [day_standard]="$many $cases/etna2001 --members 256 --repetitions 3 --preset standard"
+    [day_workers]="$many $cases/etna2001 --members 256 --repetitions 3 --workers 4"
+    [day_standard_workers]="$many $cases/etna2001 --members 256 --repetitions 3 --workers 4 --preset standard"
     [whole]="$many $cases/etna2001 --members 1000 --days 22"
     [atlas]="python3 docs/benchmarks/atlas.py $cases/etna2001 $out/atlas --members 500 --device cuda:0 --machine GPU"
     [hard]="python3 -m hard.run --device cuda:0 --jobs 8 --csv $out"
@@ -26,14 +28,14 @@ declare -A command=(
     [effects]="$lava bench effects --device cuda:0 --repetitions 5 --output $out/effects_h200.csv"
     [accuracy]="$lava accuracy --device cuda:0 --case green --case radiating_sheet --longest 20 --output $out/accuracy"
     [calibrate]="$lava calibrate $cases/etna2001 $cases/etna2006 --preset standard --directions 4 --device cuda:0 -o $out/calibration"
-    [eruptions]="python3 docs/benchmarks/eruptions.py $out/eruptions_h200.csv $both --calibration $out/calibration --preset standard --runs 8 --device cuda:0"
-    [probability]="python3 docs/benchmarks/probability.py $out/probability_h200.csv $both --folder $out/members --members 64 --preset draft --device cuda:0"
+    [eruptions]="python3 docs/benchmarks/eruptions.py $out/eruptions_h200.csv $both --preset standard --runs 8 --device cuda:0 --machine GPU"
+    [probability]="python3 docs/benchmarks/probability.py $out/probability_h200.csv $both --folder $out/members --members 64 --preset draft --device cuda:0 --machine GPU"
 )
 declare -A limit=(
-    [batch]=120 [members]=240 [day]=60 [day_standard]=120 [whole]=400 [atlas]=400 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80
+    [batch]=120 [members]=280 [day]=100 [day_standard]=120 [day_workers]=80 [day_standard_workers]=80 [whole]=400 [atlas]=400 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80
     [calibrate]=500 [eruptions]=300 [probability]=500
 )
-[ $# -gt 0 ] || set -- batch members day day_standard whole atlas hard steps effects accuracy calibrate eruptions probability
+[ $# -gt 0 ] || set -- batch members day day_standard day_workers day_standard_workers whole atlas hard steps effects accuracy calibrate eruptions probability
 mkdir -p "$out"
 for part; do
     begun=$SECONDS
