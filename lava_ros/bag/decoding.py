@@ -16,7 +16,6 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-import math
 import re
 import struct
 from typing import Any
@@ -32,6 +31,9 @@ from lava_ros.files.optional import require
 _FIXED = re.compile(rb'^\s*[^#\s]+\[\d', re.MULTILINE)
 
 _CDR_HEADER = 4
+
+#: Largest simulated time of a bag that means anything [s]: 30,000 years.
+MOST_TIME = 1e12
 
 
 class Decoder:
@@ -229,5 +231,5 @@ def moment_of(status: Any) -> Moment | None:
     except (KeyError, ValueError):
         # the status of something else
         return None
-    is_usable = math.isfinite(time) and 0 <= stamp < 2**63
+    is_usable = abs(time) <= MOST_TIME and 0 <= stamp < 2**63
     return Moment(stamp, time, values) if is_usable else None

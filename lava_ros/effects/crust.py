@@ -45,6 +45,10 @@ if TYPE_CHECKING:
     from lava_ros.scene import Lava
 
 
+#: Conductivity below which a crust is as if it had this one [W/(m K)].
+LEAST_CONDUCTIVITY = 1e-9
+
+
 def _check(lava: 'Lava') -> None:
     if lava.crust and not lava.conductivity:
         raise LavaError('lava.conductivity', lava.conductivity, 'above 0 beside lava.crust')
@@ -68,7 +72,8 @@ EFFECT = Effect(
     },
     check=_check,
     heat={
-        'diffusivity': lambda scene: scene.lava.conductivity
+        # without conductivity nothing comes through: the limit, which 0 / 0 is not
+        'diffusivity': lambda scene: max(scene.lava.conductivity, LEAST_CONDUCTIVITY)
         / (scene.lava.density * scene.lava.specific_heat),
     },
     needs_age=True,

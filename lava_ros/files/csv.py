@@ -38,7 +38,8 @@ def read_table(
         For each row what messages call it, and its texts by column.
 
     Raises:
-        LavaError: It cannot be read, has no rows, other columns or rows of another length.
+        LavaError: It cannot be read, has no rows, other columns, a column twice, or rows of
+            another length.
     """
     try:
         with TextIOWrapper(open_input(path), newline='', encoding='utf-8-sig') as file:
@@ -61,6 +62,9 @@ def read_table(
     if any(name not in header for name in required) or unknown:
         more = f', and maybe {", ".join(optional)}' if optional else ''
         raise LavaError(f'{path}, first line', ','.join(header), f'the columns {columns}{more}')
+    twice = [name for index, name in enumerate(header) if name in header[:index]]
+    if twice:
+        raise LavaError(f'{path}, first line', ','.join(header), f'the column {twice[0]} once')
     result = []
     for number, row in lines[1:]:
         if len(row) != len(header):

@@ -126,10 +126,25 @@ class _Loader(yaml.SafeLoader):
         self._deepest = max(self._deepest, outer)
         return node
 
+    def compose_mapping_node(self, anchor: Any) -> Any:
+        node = super().compose_mapping_node(anchor)
+        known = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if (key.tag, key.value) in known:
+                    right = f'the key {key.value} twice'
+                    raise yaml.composer.ComposerError(None, None, right, key.start_mark)
+                known.add((key.tag, key.value))
+        return node
+
     def construct_object(self, node: Any, deep: bool = False) -> Any:
         kind = node.tag.rpartition(':')[2]
         if kind in ('int', 'float') and len(node.value) > MOST_DIGITS:
             right = f'a number of more than {MOST_DIGITS} characters'
+            raise yaml.constructor.ConstructorError(None, None, right, node.start_mark)
+        if kind in ('int', 'float') and ':' in node.value:
+            # YAML 1.1 takes 1:30 for 90
+            right = f'{node.value}, which is no number, nor text without quotes'
             raise yaml.constructor.ConstructorError(None, None, right, node.start_mark)
         try:
             return super().construct_object(node, deep)

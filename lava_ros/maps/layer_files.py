@@ -55,6 +55,9 @@ _UNITS = {
     PROBABILITY: '%',
 }
 
+#: Largest end of a range, in its unit.
+MOST = 1e12
+
 #: Most classes of a layer.
 MOST_CLASSES = 20
 
@@ -217,8 +220,9 @@ def _range(entry: _Entry, quantity: str) -> tuple[float, float] | None:
     unit, value = _UNITS[quantity], entry.data.get('range')
     if not isinstance(value, (list, tuple)) or len(value) != 2:
         raise entry.error('range', f'two numbers [low, high] {unit}')
-    low = validation.number(f'{entry.where}.range[0]', value[0], unit=unit)
-    return low, validation.number(f'{entry.where}.range[1]', value[1], above=low, unit=unit)
+    where = [f'{entry.where}.range[{index}]' for index in range(2)]
+    low = validation.number(where[0], value[0], at_least=-MOST, at_most=MOST, unit=unit)
+    return low, validation.number(where[1], value[1], above=low, at_most=MOST, unit=unit)
 
 
 def _scale(entry: _Entry, quantity: str) -> tuple[int, int]:

@@ -351,6 +351,8 @@ def test_aliases_and_merged_keys_are_values():
         ('9' * 4301, 'a number of more than 100 characters in line 1, column 1'),
         ('0x' + 'f' * 60_000, 'a number of more than 100 characters'),
         ('1:30' + ':30' * 1000, 'a number of more than 100 characters'),
+        ('duration: 1:30', '1:30, which is no number, nor text without quotes in line 1, column'),
+        ('a: 1\nb: {c: 1, c: 2}', 'the key c twice in line 2, column 11'),
         ('? [a]\n: b', 'unhashable key'),
         ('a\0', 'unacceptable character'),
         ('{not: [yaml', "',' or ']'"),

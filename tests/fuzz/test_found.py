@@ -309,3 +309,35 @@ def test_columns_that_the_mean_of_the_greens_function_pushes_up() -> None:
     watch.check()
     assert simulation.sample().thickness.sum() != before
     assert 0.0 < watch.largest['energy'] < 1.0
+
+
+def test_a_vent_beside_a_spike() -> None:
+    """Lava comes out on the spline of the ground, which is higher than the vent's own cells."""
+    elevation = np.zeros((3, 33))
+    elevation[2, 25] = 235.0
+    vent = Vent((26.5 * 2.4, 0.999 * 2.4), discharge=1.6, temperature=900.0, radius=2.4)
+    simulation = Simulation(
+        Scene(Terrain(elevation, 2.4), (vent,), Lava(viscosity=1.0)),
+        effects=Effects(arrhenius=False, cooling=False, steep=False),
+        accuracy=Accuracy(spacing=1.2, deterministic=True, precision='float64'),
+        device='cpu',
+    )
+    watch = Watch(simulation)
+    for frame in range(1, 21):
+        simulation.advance(float(frame))
+        watch.check()
+    assert watch.largest['energy'] > 1e-3
+
+
+def test_a_crust_without_conductivity() -> None:
+    """Switched on for a lava that has none it lets nothing through; temperatures were nan."""
+    ground = Terrain(np.tile(-0.1 * np.arange(39.0), (24, 1)), 2.0)
+    simulation = Simulation(
+        Scene(ground, (Vent((30.0, 24.0), 20.0, 1400.0),), Lava(conductivity=0.0)),
+        effects={'crust': True},
+        accuracy=Accuracy(spacing=2.0),
+        device='cpu',
+    )
+    simulation.advance(20.0)
+    assert simulation.snapshot().flaw() == ''
+    assert simulation.sample().temperature.min() == pytest.approx(1400.0, abs=0.01)

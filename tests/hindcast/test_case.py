@@ -347,6 +347,10 @@ WRONG: dict[str, tuple[Callable[[Path], object], tuple[str, ...]]] = {
         _table('effusion_rate.csv', 'start_s,end_s,discharge_m3_per_s', 'day,to,q'),
         ('first line', 'day,to,q', 'start_s,end_s,discharge_m3_per_s'),
     ),
+    'a column twice': (
+        _vents(f'x,x,y\n{X},{X},{Y}\n'),
+        ('vent.csv, first line', 'x,x,y', 'the column x once'),
+    ),
     'a row that is too short': (
         _table('effusion_rate.csv', '5400.0,10800.0,10', '5400.0,10'),
         ('line 3', '5400.0,10', '3 values'),
