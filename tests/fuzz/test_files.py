@@ -113,10 +113,14 @@ def unpublished() -> Iterator[None]:
         yield
 
 
-def test_bags(in_share: Any, sound: Path, folder: Callable[[], Path]) -> None:
+def test_bags(in_share: Any, sound: Path, folder: Callable[[], Path], trial: Any) -> None:
     """Commands that read one; what is recovered is a bag without damage."""
 
     def is_read_or_refused(number: int) -> None:
+        with trial('files') as row:
+            row['refused'] += read(number)
+
+    def read(number: int) -> bool:
         chance = random.Random(number)
         path = folder()
         hostile_bag(chance, sound, path / 'bag')
@@ -129,25 +133,26 @@ def test_bags(in_share: Any, sound: Path, folder: Callable[[], Path]) -> None:
             ('export', path / 'bag', '-o', path / 'out', '--every'),
             ('recover', path / 'bag', path / 'new'),
         ]
-        for words in chance.sample(commands, 2):
-            call(*words)
+        statuses = [call(*words)[0] for words in chance.sample(commands, 2)]
         if (path / 'new').exists():
             status, said = call('info', path / 'new')
             assert (status, 'damaged in' in said) == (0, False), said
+        return any(statuses)
 
     in_share(is_read_or_refused, settings(files, max_examples=BAGS), number=SEEDS)
 
 
 @files
 @given(seed=SEEDS)
-def test_cases(seed: int, folder: Callable[[], Path]) -> None:
+def test_cases(seed: int, folder: Callable[[], Path], trial: Any) -> None:
     """A hindcast's folder with a value of any kind in a file."""
     path = folder() / 'case'
     hostile_case(random.Random(seed), path)
-    with bounded():
+    with trial('files') as row, bounded():
         try:
             case = load_case(path)
         except LavaError as error:
+            row['refused'] += 1
             assert error.field
         else:
             assert case.volume > 0.0 and case.duration > 0.0
@@ -155,13 +160,17 @@ def test_cases(seed: int, folder: Callable[[], Path]) -> None:
 
 @files
 @given(seed=SEEDS)
-def test_rasters(seed: int, folder: Callable[[], Path]) -> None:
+def test_rasters(seed: int, folder: Callable[[], Path], trial: Any) -> None:
     """Ground whose header does not fit what follows."""
-    call('effects', '--terrain', hostile_raster(random.Random(seed), folder()))
+    path = hostile_raster(random.Random(seed), folder())
+    with trial('files') as row:
+        row['refused'] += bool(call('effects', '--terrain', path)[0])
 
 
 @files
 @given(seed=SEEDS)
-def test_scenes(seed: int, folder: Callable[[], Path]) -> None:
+def test_scenes(seed: int, folder: Callable[[], Path], trial: Any) -> None:
     """A scene with a value of any kind at any place."""
-    call('effects', hostile_scene(random.Random(seed), folder()))
+    path = hostile_scene(random.Random(seed), folder())
+    with trial('files') as row:
+        row['refused'] += bool(call('effects', path)[0])
