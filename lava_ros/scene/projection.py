@@ -154,6 +154,9 @@ def _target_epsg(raster: Raster) -> int | None:
     if crs.is_projected:
         places = rasterio.warp.transform(crs, f'EPSG:{utm}', [x, x + raster.dx], [y, y])
         true = math.hypot(*(ends[1] - ends[0] for ends in places))
+        if true == 0.0:
+            right = f'at least {SMALLEST_CELL:g} m'
+            raise LavaError('terrain file cell size', raster.dx, right)
         # of a place that is nowhere on Earth there is no better system
         if not abs(raster.dx / true - 1.0) > MAX_DISTORTION:
             return raster.epsg
