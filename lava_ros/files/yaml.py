@@ -139,13 +139,14 @@ class _Loader(yaml.SafeLoader):
 
     def construct_object(self, node: Any, deep: bool = False) -> Any:
         kind = node.tag.rpartition(':')[2]
+        wrong = ''
         if kind in ('int', 'float') and len(node.value) > MOST_DIGITS:
-            right = f'a number of more than {MOST_DIGITS} characters'
-            raise yaml.constructor.ConstructorError(None, None, right, node.start_mark)
-        if kind in ('int', 'float') and ':' in node.value:
+            wrong = f'a number of more than {MOST_DIGITS} characters'
+        elif kind in ('int', 'float') and ':' in node.value:
             # YAML 1.1 takes 1:30 for 90
-            right = f'{node.value}, which is no number, nor text without quotes'
-            raise yaml.constructor.ConstructorError(None, None, right, node.start_mark)
+            wrong = f'{node.value}, which is no number, nor text without quotes'
+        if wrong:
+            raise yaml.constructor.ConstructorError(None, None, wrong, node.start_mark)
         try:
             return super().construct_object(node, deep)
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:

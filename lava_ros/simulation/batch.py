@@ -52,6 +52,9 @@ _IDLE = 0.125
 #: Members that begin between two rounds.
 _STARTS = 4
 
+#: Threads of a member for particles to come, and one for eight that it has.
+_SPARE = 64
+
 _END = object()
 
 #: A route that can go on, and clock and counts (``State``) of its simulation where it was brought.
@@ -93,6 +96,9 @@ class _Group:
         self._copies = deque(Look((self._clocks, self._counts)) for _ in range(3))
         self._until = np.full(rows, np.inf)
         self._room = np.zeros(rows)
+        #: Particles of each row when it was last looked at, and threads that they have.
+        self._particles = np.zeros(rows, dtype=np.int64)
+        self._threads = np.zeros(rows, dtype=np.int64)
         #: How often a row was asked for: what a round has found before is of no use.
         self._asked = np.zeros(rows, dtype=np.int64)
         self._selected: set[int] = set()
@@ -103,13 +109,16 @@ class _Group:
 
     def _look_of(self, row: int, state: State) -> list[Launch]:
         arguments = [row, state.clock, state.counts, self._clocks, self._counts]
-        return [Launch(_look, state.counts.size, 32, arguments)]
+        return [Launch(_look, state.counts.size, 32, False, arguments)]
 
     def put(self, row: int, launches: Sequence[Launch], state: State) -> None:
         """Let a row be a member."""
         self._stages.put(row, launches)
         self._looks.put(row, self._look_of(row, state))
         self._room[row] = FULLEST * state.capacity
+        if self._put.get(row, (None, 0))[0] is not state:
+            # as many as there may be, before anyone has looked
+            self._particles[row] = state.capacity
         self._put[row] = state, state.launches.forgotten
         # it may have more threads than the one before
         self._selected.clear()
@@ -137,8 +146,9 @@ class _Group:
         if not (is_in and are_as_put and len(others) <= idle * len(self._selected)):
             self._selected = set(self.under_way)
             rows = np.array(sorted(self._selected), dtype=np.int64)
-            self._stages.select(rows)
-            self._looks.select(rows)
+            self._threads = self._particles + self._particles // 8 + _SPARE
+            self._stages.select(rows, self._threads[rows])
+            self._looks.select(rows, self._threads[rows])
 
     def launch_once(self) -> list[_Ready]:
         """Make the launches of those that are under way, and give their routes."""
@@ -162,7 +172,12 @@ class _Group:
             particles = counts[:, PARTICLES] + counts[:, NEWCOMERS]
             is_due = ~(clocks[:, TIME] < self._until) | (particles > self._room)
             is_due |= (counts[:, FULL] != 0) | (counts[:, NEAR_BORDER] != 0)
-            rows = np.flatnonzero(is_due & (asked == self._asked)).tolist()
+            is_current = asked == self._asked
+            self._particles[is_current] = particles[is_current]
+            if (self._particles > self._threads).any():
+                # the last block of a member does what others should
+                self._selected.clear()
+            rows = np.flatnonzero(is_due & is_current).tolist()
             return [
                 (self.under_way.pop(row), (clocks[row], counts[row]))
                 for row in rows

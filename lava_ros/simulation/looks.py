@@ -32,8 +32,9 @@ from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.state import State, TIME
 
-#: Sweeps over the cells between two questions whether the last one has changed anything.
-_SWEEPS = 16
+#: Sweeps over the cells in a launch, and launches between two questions whether the last one has
+#: changed anything; by whether it is a GPU, whose threads see what others change meanwhile.
+_SWEEPS = {True: (64, 3), False: (1, 16)}
 
 # Places in Looks.count.
 _LOOKS = wp.constant(0)
@@ -152,42 +153,48 @@ def _mark(
 
 
 @quick_kernel(fast_math=False)
-def _number(thread: int, looks: _Looks, first_row: int, first_column: int, columns: int):
+def _number(
+    thread: int, looks: _Looks, first_row: int, first_column: int, columns: int, sweeps: int
+):
     """Number the new cells of a look from those beside lava on, whose number is 1."""
     i = first_row + thread // columns
     j = first_column + thread % columns
     own = looks.look[i, j]
     if own < 2:
         return
-    place = looks.place[i, j]
-    for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.look.shape[0])):
-        for column in range(wp.max(j - 1, 0), wp.min(j + 2, looks.look.shape[1])):
-            other = looks.place[row, column]
-            is_near = other > 0 and looks.look[row, column] == own
-            if is_near and (place == 0 or place > other + 1):
-                place = other + 1
-    if place != looks.place[i, j]:
-        looks.place[i, j] = place
-        looks.count[_CHANGED] = 1
+    for _ in range(sweeps):
+        place = looks.place[i, j]
+        for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.look.shape[0])):
+            for column in range(wp.max(j - 1, 0), wp.min(j + 2, looks.look.shape[1])):
+                other = looks.place[row, column]
+                is_near = other > 0 and looks.look[row, column] == own
+                if is_near and (place == 0 or place > other + 1):
+                    place = other + 1
+        if place != looks.place[i, j]:
+            looks.place[i, j] = place
+            looks.count[_CHANGED] = 1
 
 
 @quick_kernel(fast_math=False)
-def _end(thread: int, looks: _Looks, first_row: int, first_column: int, columns: int):
+def _end(
+    thread: int, looks: _Looks, first_row: int, first_column: int, columns: int, sweeps: int
+):
     """Find the largest number that rising numbers lead to."""
     i = first_row + thread // columns
     j = first_column + thread % columns
     place = looks.place[i, j]
     if place == 0:
         return
-    last = wp.max(looks.last[i, j], place)
-    for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.look.shape[0])):
-        for column in range(wp.max(j - 1, 0), wp.min(j + 2, looks.look.shape[1])):
-            is_next = looks.place[row, column] == place + 1
-            if is_next and looks.look[row, column] == looks.look[i, j]:
-                last = wp.max(last, looks.last[row, column])
-    if last != looks.last[i, j]:
-        looks.last[i, j] = last
-        looks.count[_CHANGED] = 1
+    for _ in range(sweeps):
+        last = wp.max(looks.last[i, j], place)
+        for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.look.shape[0])):
+            for column in range(wp.max(j - 1, 0), wp.min(j + 2, looks.look.shape[1])):
+                is_next = looks.place[row, column] == place + 1
+                if is_next and looks.look[row, column] == looks.look[i, j]:
+                    last = wp.max(last, looks.last[row, column])
+        if last != looks.last[i, j]:
+            looks.last[i, j] = last
+            looks.count[_CHANGED] = 1
 
 
 @quick_kernel(fast_math=False)
@@ -297,13 +304,14 @@ class Looks:
         if shape[0] * shape[1]:
             launch = partial(launch_over, state, count=shape[0] * shape[1])
             inputs = [self._looks, *part[:2], shape[1]]
+            sweeps, launches = _SWEEPS[device.is_cuda]
             for kernel in (_number, _end):
                 has_changed = True
                 while has_changed:
-                    for _ in range(_SWEEPS - 1):
-                        launch(kernel, inputs=inputs, outputs=[])
+                    for _ in range(launches - 1):
+                        launch(kernel, inputs=[*inputs, sweeps], outputs=[])
                     self._looks.count[_CHANGED : _CHANGED + 1].zero_()
-                    launch(kernel, inputs=inputs, outputs=[])
+                    launch(kernel, inputs=[*inputs, sweeps], outputs=[])
                     has_changed = bool(read(self._looks.count)[_CHANGED])
             launch(_show, inputs=inputs, outputs=found)
         return Seen(part[:2], *(read(one) for one in found))

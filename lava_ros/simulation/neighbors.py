@@ -60,14 +60,17 @@ from lava_ros.simulation.terrain import StaggeredTerrain, terrain_functions
 #: Cells up to which the whole terrain is covered.
 WHOLE = 2**14
 
-#: What a window has on each side of the lava at first [radii], and each further piece over the one
-#: before.
-MARGIN, GROWTH = 8.0, 2
+#: What a window has on each side of the lava at first, and a further piece at least [radii]; and
+#: the share of its length that a piece has if that is more: each stage goes over all of its cells.
+MARGIN, PIECE, GROWTH = 8.0, 12.0, 0.25
 
 #: How near to the window's border lava is when more is asked for [radii]: it goes on for some
 #: steps until then. What is beyond the window counts as on its border: its sums are rounded
 #: otherwise.
 NEAR = 4.0
+
+#: Ways from the lower and from the upper ends of a window outwards.
+_OUTWARD = np.array(((-1,), (1,)))
 
 #: Columns and rows that nothing is before, or behind.
 _NEVER_BELOW, _NEVER_ABOVE = -(2**31), 2**31 - 1
@@ -268,8 +271,12 @@ class NeighborGrid:
         self._all = np.ceil(side * np.array((ground.columns * columns, ground.rows * rows)))
         self._all = np.maximum(self._all.astype(int), 1)
         self._per_metre = np.array((columns, rows)) / radius
-        #: Cells of the latest piece of the window in the west and south, then east and north.
-        self._pieces = np.zeros((2, 2), dtype=int)
+        #: Columns and rows of the window beside the lava at first, and of a further piece.
+        self._margin, self._piece = (
+            np.ceil(length * radius * self._per_metre).astype(int) for length in (MARGIN, PIECE)
+        )
+        self._constants: dict[str, Any] = {}
+        self._way: Any = None
         self.fit(np.zeros((0, 2)))
 
     def fit(self, places: np.ndarray) -> None:
@@ -285,10 +292,9 @@ class NeighborGrid:
         if self._all.prod() > WHOLE:
             places = places[np.isfinite(places).all(axis=1)]
             bounds = (places.min(axis=0), places.max(axis=0)) if len(places) else np.zeros((2, 2))
-            places = (bounds - np.array((cells.x0, cells.y0))) * self._per_metre
-            ends = np.floor(places).astype(int)
-            self._pieces[:] = np.ceil(MARGIN * self._radius * self._per_metre)
-            ends += ((0,), (1,)) + np.array(((-1,), (1,))) * self._pieces
+            origin = np.array((cells.x0, cells.y0))
+            ends = np.floor((bounds - origin) * self._per_metre).astype(int)
+            ends += ((0,), (1,)) + _OUTWARD * self._margin
         self._cover(ends)
 
     def widen(self, sides: int) -> None:
@@ -298,10 +304,10 @@ class NeighborGrid:
         """
         cells = self.cells
         first = np.array((cells.first_column, cells.first_row))
-        ends = np.stack((first, first + np.array((cells.columns, cells.rows))))
+        length = np.array((cells.columns, cells.rows))
         is_near = sides >> np.arange(4).reshape(2, 2) & 1
-        self._pieces *= np.where(is_near, GROWTH, 1)
-        self._cover(ends + np.array(((-1,), (1,))) * is_near * self._pieces)
+        piece = np.maximum(self._piece, (GROWTH * length).astype(int))
+        self._cover(np.stack((first, first + length)) + _OUTWARD * is_near * piece)
 
     def _cover(self, ends: np.ndarray) -> None:
         """Cover columns and rows between the first ones and those behind the last, int [2, 2]."""
@@ -321,7 +327,9 @@ class NeighborGrid:
         room = 4 * math.ceil((cells.rows * cells.columns + 2) / 4)
         cells.sizes = wp.zeros(room, dtype=wp.int32, device=self._device)
         cells.starts = wp.zeros(room, dtype=wp.int32, device=self._device)
-        self.cells, self._way = cells, None
+        self.cells = cells
+        if self._way is not None:
+            self._way.cells = cells
         self._scan = Scan(room, self._device)
 
     def bin(self, state: State) -> None:
@@ -330,10 +338,14 @@ class NeighborGrid:
         launch_over(state, bins, inputs=[], outputs=[way], least=LEAST_MOVES)
         self.is_binned = True
 
+    def give(self, **constants: Any) -> None:
+        """Let a journey have constants from now on."""
+        self._constants, self._way = constants, None
+
     def journey(self, state: State) -> Any:
-        """What kernels read and write that need no constants (motion_arguments.py)."""
+        """What kernels read and write (motion_arguments.py); to collect it takes long."""
         if self._way is None or self._way.particle is not state.particle:
-            self._way = journey(state, self._terrain.ground, self.cells)
+            self._way = journey(state, self._terrain.ground, self.cells, **self._constants)
         return self._way
 
     def rebuild(self, state: State) -> None:
@@ -349,7 +361,9 @@ class NeighborGrid:
             state.launches(rank, dim=state.extent, inputs=[], outputs=[way])
         self._scan(state.launches, self.cells.sizes, self.cells.starts)
         if state.is_ranked_again:
-            state.launches(members, dim=state.capacity, inputs=[], outputs=[way])
+            state.launches(
+                members, dim=state.capacity, inputs=[], outputs=[way], is_over_particles=True
+            )
         launch_over(state, order, inputs=[], outputs=[way], least=LEAST_MOVES)
 
     def refuse_crowds(self) -> None:

@@ -266,7 +266,8 @@ class Simulation:
         if counts[NEAR_BORDER]:
             if self._neighbors.is_binned:
                 # what has left is counted as such already
-                self._order()
+                self._neighbors.rebuild(self._state)
+                self._state.take_order(within_step=True)
             self._state.write_count(NEAR_BORDER, 0)
             self._neighbors.widen(int(counts[NEAR_BORDER]))
             self._forget_launches()
@@ -515,12 +516,7 @@ class Simulation:
         if 'solidification' in former:
             self._after_step['solidification'].take_over(former['solidification'], self._state)
         self._stage = Stage(
-            self.scene,
-            accuracy,
-            self._state,
-            self._neighbors,
-            self._terrain,
-            self._after_step,
+            self.scene, accuracy, self._state, self._neighbors, self._after_step
         )
         self._cover()
 

@@ -27,10 +27,9 @@ from lava_ros.simulation.as_published import publish_velocity
 from lava_ros.simulation.backend.streams import Beside
 from lava_ros.simulation.flow import compute_flow, flow_kernels
 from lava_ros.simulation.fused_stage import Direction, direction_within, is_within_the_motion
-from lava_ros.simulation.motion_arguments import flow_constants, journey, THICKEST
+from lava_ros.simulation.motion_arguments import flow_constants, THICKEST
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import State
-from lava_ros.simulation.terrain import StaggeredTerrain
 from lava_ros.simulation.vents import VentSet
 
 
@@ -47,7 +46,6 @@ class Stage:
         accuracy: Accuracy,
         state: State,
         neighbors: NeighborGrid,
-        terrain: StaggeredTerrain,
         after_step: Mapping[str, Any],
     ) -> None:
         """Collect the constants and the kernels.
@@ -57,22 +55,22 @@ class Stage:
             accuracy: The resolution, resolved.
             state: The particles; it says which effects are on.
             neighbors: Their neighbour grid.
-            terrain: The ground.
             after_step: The passes that effects need at a step's end, by effect.
         """
         assert accuracy.spacing is not None and accuracy.thickness is not None
         self._accuracy, self._effects = accuracy, state.effects
         self._viscosity = scene.lava.viscosity
-        self._state, self._neighbors, self._terrain = state, neighbors, terrain
+        self._state, self._neighbors = state, neighbors
         self._after_step = after_step
         self._radius = accuracy.ratio * accuracy.spacing
         self._beside = Beside(state.device)
-        self._cells: Any = None
-        self._way: Any = None
         self._pace: tuple[Scene, VentSet, Any] | None = None
-        self._law = law_of(scene.lava, state.real)
-        self._heat = heat_of(scene, state.effects, state.real)
         self.constants = flow_constants(scene, accuracy, self._radius, state.real)
+        neighbors.give(
+            law=law_of(scene.lava, state.real),
+            heat=heat_of(scene, state.effects, state.real),
+            constants=self.constants,
+        )
         gradient = accuracy.gradient if state.has_surface else 'energy'
         self._flow_kernels = partial(
             flow_kernels,
@@ -183,9 +181,4 @@ class Stage:
             effect.apply(state, way)
 
     def _journey(self) -> Any:
-        """What a motion reads and writes; to collect it takes longer than to launch it."""
-        state, cells = self._state, self._neighbors.cells
-        if self._cells is not cells or self._way.particle is not state.particle:
-            given = {'law': self._law, 'heat': self._heat, 'constants': self.constants}
-            self._cells, self._way = cells, journey(state, self._terrain.ground, cells, **given)
-        return self._way
+        return self._neighbors.journey(self._state)

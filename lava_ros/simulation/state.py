@@ -69,6 +69,9 @@ RARE_THREADS = 65536
 #: As many are enough for few particles, of which there may be many simulations at once.
 _FEW_RARE = 4096, 16384
 
+#: In a batch.
+RARE_THREADS_TOGETHER = 1024
+
 #: Share of the room for particles from which more is made. Threads without a particle cost time,
 #: so there is not much to spare; a vent that finds none waits until there is.
 FULLEST = 0.875
@@ -277,6 +280,9 @@ class State:
         """Threads of a kernel that rarely has anything to do; each takes every so many-th."""
         if not self.device.is_cuda:
             return 1
+        if self.launches.is_capturing:
+            # members with other kernels would not go through their stages together
+            return RARE_THREADS_TOGETHER
         # each number of them is another kernel
         return next((few for few in _FEW_RARE if self.capacity <= few), RARE_THREADS)
 
@@ -441,10 +447,11 @@ class State:
         kept = [name for name, array in items if array.is_total or array.is_saved]
         return ['clock', 'counts', 'rates', 'stage', 'top', 'left', *kept]
 
-    def take_order(self) -> None:
-        """Let the ordered particles be the particles."""
+    def take_order(self, *, within_step: bool = False) -> None:
+        """Let the ordered particles be the particles, between the stages of a step as well."""
         wp.copy(self.particle, self.ordered)
-        for name in [*self._carried, *(('base', 'drift') if self.is_staged else ())]:
+        of_step = ('base', 'drift') if within_step and self.is_staged else ()
+        for name in (*self._carried, *of_step):
             wp.copy(getattr(self, name), getattr(self, f'ordered_{name}'))
 
     def read_particles(self) -> np.ndarray:

@@ -60,7 +60,7 @@ def one_pass(simulation):
     state.moved.assign([merging.EVERY, 0.0])
     state.counts.assign(counts)
     state.clock.assign(clock)
-    simulation._after_step['merging'].apply(state, simulation._stage._journey())
+    simulation._after_step['merging'].apply(state, simulation._neighbors.journey(state))
 
 
 def rows_of(simulation):

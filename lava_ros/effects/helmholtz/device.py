@@ -294,4 +294,6 @@ def solve_velocity(
         inputs = [way, *weights, current]
         launch_over(state, sweep, inputs=inputs, outputs=[following], lanes=state.lanes)
         current, following = following, current
-    state.launches(finish, dim=state.capacity, inputs=[way, current], outputs=[])
+    state.launches(
+        finish, dim=state.capacity, inputs=[way, current], outputs=[], is_over_particles=True
+    )

@@ -274,4 +274,7 @@ class Momentum:
         """Bring the velocities to the middle of the step that was chosen."""
         state = self._state
         launch_over(state, self._kernels.accelerate, inputs=[], outputs=[way])
-        state.launches(self._kernels.adopt, dim=state.capacity, inputs=[], outputs=[way])
+        adopt = self._kernels.adopt
+        state.launches(
+            adopt, dim=state.capacity, inputs=[], outputs=[way], is_over_particles=True
+        )

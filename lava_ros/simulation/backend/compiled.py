@@ -202,14 +202,23 @@ def quick_kernel(
 
 
 def _for_many(
-    write: Callable[..., Any], function: Callable[..., None], types: Mapping[str, Any], size: int
+    write: Callable[..., Any], function: Callable[..., None], types: Mapping[str, Any],
+    size: int, takes_turns: bool,
 ) -> tuple[Any, Any]:
-    """Make what launches a function for many members at once, in blocks of ``size`` threads.
+    """Make what launches a function for many members at once.
+
+    Args:
+        write: Writes the kernel.
+        function: The function.
+        types: What it takes, by name.
+        size: Threads of a block.
+        takes_turns: Whether a block may have more threads than these, which take turns. A large
+            function needs more registers then.
 
     Returns:
         The Warp struct of the arguments of a member; and the kernel. It takes an array of them,
-        and for each block the number of its member, -1 for none, its first thread and the end of
-        the member's threads.
+        and for each block the number of its member, its first thread and the end of its threads,
+        each -1 where there is none.
     """
     kind = type(function.__name__, (), {
         '__annotations__': dict(types), '__module__': function.__module__,
@@ -221,9 +230,11 @@ def _for_many(
         f'block = blocks[block_number({size}, wp.tid())]',
         f'thread = block[1] + number_in_block({size}, wp.tid())',
         'after_the_former()',
-        'if block[0] >= 0 and thread < block[2]:',
+        # no thread is before the end where there is no member
+        f'{"while" if takes_turns else "if"} thread < block[2]:',
         '    member = members[block[0]]',
         f'    body(thread, {", ".join(f"member.{name}" for name in types)})',
+        f'    thread += {size}',
     )
     # one that was compiled before with the same code has a struct of its own
     return kernel.adj.args[0].type.dtype, kernel

@@ -40,6 +40,7 @@ class Launch(NamedTuple):
     kernel: Any
     dim: int
     block_dim: int | None
+    is_over_particles: bool
     arguments: list[Any]
 
 
@@ -119,6 +120,7 @@ class Launches:
         inputs: Sequence[Any],
         outputs: Sequence[Any],
         block_dim: int | None = None,
+        is_over_particles: bool = False,
     ) -> None:
         """Launch a kernel from its first thread on.
 
@@ -128,9 +130,13 @@ class Launches:
             inputs: Its arguments.
             outputs: Those that it writes.
             block_dim: Threads to a block of a GPU; Warp's own number when left out.
+            is_over_particles: Whether the last threads have no particle yet, and nothing to do.
         """
         if self._taken_down is not None:
-            self._taken_down.append(Launch(kernel, dim, block_dim, [*inputs, *outputs]))
+            arguments = [*inputs, *outputs]
+            self._taken_down.append(
+                Launch(kernel, dim, block_dim, is_over_particles, arguments)
+            )
         elif self._device.is_cuda:
             self._captured.add(kernel)
             wp.launch(

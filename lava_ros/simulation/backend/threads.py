@@ -108,13 +108,15 @@ def launch_over(
         ahead: Threads that come before those of the particles, on a GPU only, and are a block.
         count: Items, cells of a grid for instance, in place of particles.
     """
+    is_over_particles = count is None
     # the first one does what is done once, even if it has no particle
     count = ahead + max(1, state.extent) * lanes if count is None else count
     # what is captured is one thread's
     workers = 1 if state.launches.is_capturing else _workers(state.device, count, least * lanes)
     if workers < 2:
         state.launches(
-            kernel, dim=count, inputs=inputs, outputs=outputs, block_dim=ahead or None
+            kernel, dim=count, inputs=inputs, outputs=outputs, block_dim=ahead or None,
+            is_over_particles=is_over_particles,
         )
         return
     record = partial(

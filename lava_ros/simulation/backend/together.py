@@ -40,13 +40,27 @@ _MOST = 64
 
 def kind_of(launches: Sequence[Launch]) -> tuple[Any, ...]:
     """What launches must have in common with others to be made together."""
-    return tuple((one.kernel, one.block_dim) for one in launches)
+    return tuple((one.kernel, one.block_dim, one.is_over_particles) for one in launches)
 
 
 def _rounded(count: int) -> int:
     """A number that is no less, by a quarter at most, of which there are few."""
     step = 1 << max(count.bit_length() - 3, 0)
     return -(-count // step) * step
+
+
+def _blocks_of(rows: np.ndarray, size: int, blocks: bytes, threads: bytes) -> np.ndarray:
+    """List the blocks of the members of some rows (``_Table.blocks_of``).
+
+    Returns:
+        Row, first thread and end of the threads of each block, int64, shape [blocks, 3].
+    """
+    counts = np.frombuffer(blocks, dtype=np.int64)
+    last = np.cumsum(counts)
+    first = (np.arange(last[-1]) - np.repeat(last - counts, counts)) * size
+    end = first + size
+    end[last - 1] = np.frombuffer(threads, dtype=np.int64)
+    return np.stack((np.repeat(rows, counts), first, end), axis=1)
 
 
 class Together:
@@ -70,24 +84,36 @@ class Together:
         for table, one in zip(self._tables, launches, strict=True):
             table.put(row, one)
 
-    def select(self, rows: np.ndarray) -> None:
-        """Let the members of some rows, int, take part from now on, and no others."""
-        counts = [table.counts(rows) for table in self._tables]
-        room = tuple(_rounded(int(each.sum())) for each in counts)
-        if room not in self._made:
+    def select(self, rows: np.ndarray, particles: np.ndarray) -> None:
+        """Let some members take part from now on, and no others.
+
+        Args:
+            rows: Their rows, int.
+            particles: How many each of them is expected to have; more take longer.
+        """
+        # tables with as many threads share a list
+        lists: dict[tuple[int, bytes, bytes], int] = {}
+        numbers = [
+            lists.setdefault(table.blocks_of(rows, particles), len(lists))
+            for table in self._tables
+        ]
+        listed = [_blocks_of(rows, *one) for one in lists]
+        room = [_rounded(len(one)) for one in listed]
+        key = (*numbers, *room)
+        if key not in self._made:
             if len(self._made) >= _MOST:
                 self._made.clear()
-            blocks = wp.empty(sum(room), dtype=wp.vec3i, device=self._device)
-            self._made[room] = _Ready(blocks, {})
-        self._ready = self._made[room]
-        blocks = np.full((sum(room), 3), -1, dtype=np.int32)
-        start = 0
-        for table, each, size in zip(self._tables, counts, room, strict=True):
-            table.send()
-            table.list_blocks(rows, each, blocks[start : start + each.sum()])
-            table.blocks = self._ready.blocks[start : start + size]
-            start += size
+            empty = wp.empty(sum(room), dtype=wp.vec3i, device=self._device)
+            self._made[key] = _Ready(empty, {})
+        self._ready = self._made[key]
+        ends = np.cumsum(room)
+        blocks = np.full((ends[-1], 3), -1, dtype=np.int32)
+        for one, end, size in zip(listed, ends, room, strict=True):
+            blocks[end - size : end - size + len(one)] = one
         self._ready.blocks.assign(blocks)
+        for table, number in zip(self._tables, numbers, strict=True):
+            table.send()
+            table.blocks = self._ready.blocks[ends[number] - room[number] : ends[number]]
 
     def launch(self, times: int = 1) -> None:
         """Make all launches some times, on a GPU as a graph."""
@@ -128,7 +154,9 @@ class _Table:
 
     def __init__(self, launch: Launch, rows: int, device: Any) -> None:
         self._size = launch.block_dim or (_BLOCK if launch.dim > 1 else _WARP)
-        self._arguments, self.kernel = launch.kernel.for_many(self._size)
+        # blocks are fewer where the last threads have no particle yet
+        self._takes_turns = launch.is_over_particles and launch.block_dim is None
+        self._arguments, self.kernel = launch.kernel.for_many(self._size, self._takes_turns)
         self._device = device
         self._members = wp.zeros(rows, dtype=self._arguments, device=device)
         # Warp looks at each field of what it packs, which takes a hundred times as long
@@ -166,22 +194,12 @@ class _Table:
         wp.copy(self._there, self._here, first, first, end - first)
         self._is_new[:] = False
 
-    def counts(self, rows: np.ndarray) -> np.ndarray:
-        """Blocks of each of the members of some rows, int."""
-        return -(-self._threads[rows] // self._size)
-
-    def list_blocks(self, rows: np.ndarray, counts: np.ndarray, listed: np.ndarray) -> None:
-        """Write what ``blocks`` holds for the members of some rows.
-
-        Args:
-            rows: The rows, int.
-            counts: Blocks of each of them.
-            listed: Where to write it, int32, shape [sum of counts, 3].
-        """
-        firsts = np.repeat(np.cumsum(counts) - counts, counts)
-        listed[:, 0] = np.repeat(rows, counts)
-        listed[:, 1] = (np.arange(len(listed)) - firsts) * self._size
-        listed[:, 2] = np.repeat(self._threads[rows], counts)
+    def blocks_of(self, rows: np.ndarray, particles: np.ndarray) -> tuple[int, bytes, bytes]:
+        """Threads to a block; blocks and threads of each of some rows, as bytes of int64."""
+        threads = self._threads[rows]
+        needed = np.minimum(particles, threads) if self._takes_turns else threads
+        blocks = np.maximum(-(-needed // self._size), 1)
+        return self._size, blocks.tobytes(), threads.tobytes()
 
     def launch(self) -> None:
         wp.launch(
