@@ -96,6 +96,22 @@ def chances() -> Iterator[Line]:
             )
 
 
+def steps() -> Iterator[Line]:
+    """How long a step of one simulation takes, by its particles."""
+    rows = [row for row in lines_of('steps_h200.csv') if row['benchmark'].endswith(': step')]
+    names = list(dict.fromkeys(row['benchmark'].removesuffix(': step') for row in rows))
+    yield ('particles', *(f'{name} [us]' for name in names))
+    found: dict[str, dict[str, str]] = {}
+    for row in rows:
+        count = float(row['particles'])
+        size = f'{float(f"{count:.1g}"):,.0f}'
+        found.setdefault(size, {})[row['benchmark'].removesuffix(': step')] = (
+            f'{float(row["value"]):,.4g}'
+        )
+    for size, line in found.items():
+        yield size, *(line.get(name, '') for name in names)
+
+
 def members() -> Iterator[Line]:
     """How fast members of a batch are together, by their number and size."""
     rows = lines_of('members_h200.csv')
@@ -119,7 +135,7 @@ PAGES: Mapping[str, Tables] = {
     'VALIDATION.md': {
         'scores': scores, 'codes': codes, 'convergence': convergence, 'chances': chances,
     },
-    'PERFORMANCE.md': {'members': members},
+    'PERFORMANCE.md': {'steps': steps, 'members': members},
 }
 
 
