@@ -19,8 +19,6 @@ declare -A command=(
     [members]="$lava bench members --device cuda:0 --output $out/members.csv"
     [day]="$many $cases/etna2001 --members 256 --repetitions 3"
     [day_standard]="$many $cases/etna2001 --members 256 --repetitions 3 --preset standard"
-    [day_workers]="$many $cases/etna2001 --members 256 --repetitions 3 --workers 4"
-    [day_standard_workers]="$many $cases/etna2001 --members 256 --repetitions 3 --workers 4 --preset standard"
     [whole]="$many $cases/etna2001 --members 1000 --days 22"
     [atlas]="python3 docs/benchmarks/atlas.py $cases/etna2001 $out/atlas --members 500 --device cuda:0 --machine GPU"
     [hard]="python3 -m hard.run --device cuda:0 --jobs 8 --csv $out"
@@ -32,10 +30,9 @@ declare -A command=(
     [probability]="python3 docs/benchmarks/probability.py $out/probability_h200.csv $both --folder $out/members --members 64 --preset draft --device cuda:0 --machine GPU"
 )
 declare -A limit=(
-    [batch]=120 [members]=280 [day]=100 [day_standard]=120 [day_workers]=80 [day_standard_workers]=80 [whole]=400 [atlas]=400 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80
     [calibrate]=500 [eruptions]=300 [probability]=500
 )
-[ $# -gt 0 ] || set -- batch members day day_standard day_workers day_standard_workers whole atlas hard steps effects accuracy calibrate eruptions probability
+[ $# -gt 0 ] || set -- batch members day day_standard whole atlas hard steps effects accuracy calibrate eruptions probability
 mkdir -p "$out"
 for part; do
     begun=$SECONDS
