@@ -30,6 +30,7 @@ declare -A command=(
     [probability]="python3 docs/benchmarks/probability.py $out/probability_h200.csv $both --folder $out/members --members 64 --preset draft --device cuda:0 --machine GPU"
 )
 declare -A limit=(
+    [batch]=120 [members]=280 [day]=100 [day_standard]=120 [whole]=400 [atlas]=400 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80
     [calibrate]=500 [eruptions]=300 [probability]=500
 )
 [ $# -gt 0 ] || set -- batch members day day_standard whole atlas hard steps effects accuracy calibrate eruptions probability

@@ -64,8 +64,7 @@ def times(case, args):
     list(run_here(plan, members[:1], device=args.device))
     run = partial(run_here, device=args.device)
     if args.workers > 1:
-        part = -(-args.members // args.workers)
-        run = partial(run_in_processes, workers=args.workers, device=args.device, batch=part)
+        run = partial(run_in_processes, workers=args.workers, device=args.device)
     found = []
     for _ in range(args.repetitions):
         start = time.perf_counter()

@@ -176,6 +176,9 @@ def run_in_processes(
     Raises:
         LavaError: A member fails, or takes processes with it again and again.
     """
+    if batch is None:
+        # each process has some
+        batch = min(batch_of(plan, device), max(-(-len(members) // workers), 1))
     parts = batches(plan, members, device, batch)
     devices = (device,) if device else _gpus() or (None,)
     work = partial(_run_in_process, plan, devices)

@@ -83,4 +83,6 @@ def publish_velocity(state: State, way: Any, viscosity: float) -> None:
         viscosity: The constant mu [Pa s].
     """
     kernel = _kernel(state.real)
-    state.launches(kernel, dim=state.capacity, inputs=[], outputs=[way, viscosity])
+    state.launches(
+        kernel, dim=state.capacity, inputs=[], outputs=[way, viscosity], is_over_particles=True
+    )

@@ -282,7 +282,8 @@ class NeighborGrid:
     def fit(self, places: np.ndarray) -> None:
         """Cover the surroundings of some places, or the whole of a small terrain.
 
-        What is binned is forgotten.
+        What is binned is forgotten. A journey has other cells then: what was launched with it has
+        to be forgotten, too.
 
         Args:
             places: Places from the terrain's centre [m], shape [count, 2].
@@ -300,7 +301,8 @@ class NeighborGrid:
     def widen(self, sides: int) -> None:
         """Cover more on some sides, as ``counts[NEAR_BORDER]`` of a ``State`` has them.
 
-        What is binned is forgotten.
+        What is binned is forgotten. A journey has other cells then: what was launched with it has
+        to be forgotten, too.
         """
         cells = self.cells
         first = np.array((cells.first_column, cells.first_row))
@@ -338,8 +340,8 @@ class NeighborGrid:
         launch_over(state, bins, inputs=[], outputs=[way], least=LEAST_MOVES)
         self.is_binned = True
 
-    def give(self, **constants: Any) -> None:
-        """Let a journey have constants from now on."""
+    def set_constants(self, **constants: Any) -> None:
+        """Let a journey have the constants of a stage (motion_arguments.py) from now on."""
         self._constants, self._way = constants, None
 
     def journey(self, state: State) -> Any:

@@ -66,7 +66,7 @@ class Stage:
         self._beside = Beside(state.device)
         self._pace: tuple[Scene, VentSet, Any] | None = None
         self.constants = flow_constants(scene, accuracy, self._radius, state.real)
-        neighbors.give(
+        neighbors.set_constants(
             law=law_of(scene.lava, state.real),
             heat=heat_of(scene, state.effects, state.real),
             constants=self.constants,

@@ -69,7 +69,7 @@ RARE_THREADS = 65536
 #: As many are enough for few particles, of which there may be many simulations at once.
 _FEW_RARE = 4096, 16384
 
-#: In a batch.
+#: The same in a batch, for members of any size.
 RARE_THREADS_TOGETHER = 1024
 
 #: Share of the room for particles from which more is made. Threads without a particle cost time,

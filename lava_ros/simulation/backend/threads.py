@@ -109,8 +109,9 @@ def launch_over(
         count: Items, cells of a grid for instance, in place of particles.
     """
     is_over_particles = count is None
-    # the first one does what is done once, even if it has no particle
-    count = ahead + max(1, state.extent) * lanes if count is None else count
+    if count is None:
+        # the first one does what is done once, even if it has no particle
+        count = ahead + max(1, state.extent) * lanes
     # what is captured is one thread's
     workers = 1 if state.launches.is_capturing else _workers(state.device, count, least * lanes)
     if workers < 2:

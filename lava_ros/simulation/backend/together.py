@@ -149,7 +149,7 @@ class _Table:
 
     Attributes:
         kernel: The kernel.
-        blocks: Member, first thread and end of the member's threads, of each block.
+        blocks: Member, first thread and end of the threads of each block.
     """
 
     def __init__(self, launch: Launch, rows: int, device: Any) -> None:
