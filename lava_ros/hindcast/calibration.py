@@ -57,7 +57,7 @@ WEAK = 2.0
 CLEAR = 0.5
 
 #: Sets that are run before their numbers are told: with four directions a set they fill a GPU.
-BATCH = 4
+BATCH = 16
 
 #: Columns of the table of runs beside the unknowns.
 COLUMNS = (
@@ -165,10 +165,9 @@ def search(
                     progress(len(trials), trials[-1])
 
     usual = np.clip([[item.share_of(item.usual) for item in unknowns]], 0.0, 1.0)
-    tried(usual)
     # whole powers of two are what the sequence is even in
     even = qmc.Sobol(len(unknowns), seed=seed).random_base2(max(runs // 2 - 1, 0).bit_length())
-    tried(even[: max(runs // 2, 1)])
+    tried(np.vstack([usual, even[: max(runs // 2, 1)]]))
     rng = np.random.default_rng(seed)
     generation = max(4, 2 * len(unknowns))
     while len(trials) < runs:

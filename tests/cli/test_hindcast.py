@@ -117,7 +117,7 @@ def test_page_says_what_was_run(finished):
     assert f'{score["jaccard"]:.3f}' in text
     assert 'A valley &lt;b&gt;' in text
     assert '<b>' not in text
-    assert 'case.yaml, in place of 4164' in text
+    assert 'case.yaml, in place of 100000' in text
     assert 'SCIARA-fv2' in text
     assert 'data:image/png;base64,' in text
     assert (finished / 'out/comparison.png').stat().st_size > 10_000

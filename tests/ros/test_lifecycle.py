@@ -269,7 +269,9 @@ def test_an_error_nobody_expected(managed, name, path):
     managed.refuse(path[-1], state='unconfigured', words=f'RuntimeError: {name} went wrong')
     managed.end()
     assert managed.is_alone()
-    managed.change('configure', state='inactive')
+    # a step that compiles outlasts the cleanup
+    wait_until(lambda: managed.publisher.change('configure'))
+    assert managed.publisher.state() == 'inactive'
 
 
 def test_a_step_that_outlasts_the_cleanup(managed):
