@@ -17,12 +17,15 @@
 It makes forecast_cpu.csv or, with another device, forecast_cuda.csv:
 
     python docs/benchmarks/forecast.py cpu 'machine' > docs/benchmarks/forecast_cpu.csv
+    python docs/benchmarks/forecast.py cuda:0 'machine' 256 > docs/benchmarks/live_h200.csv
 
 The worker of the node runs a scene, after a clock that it keeps up with and then as fast as it
 can, where every forecast has to take from it. Forecasts are made for some seconds and not made for
 as many, turn about. Slower is by velocity evaluations a second against the turns before and after,
 the median over the turns: other work on the machine comes and goes. Behind is the share of the
-clock's time that was lost in all turns together.
+clock's time that was lost in all turns together. With a number of members: how often ensembles of
+the scene of ``lava forecast-demo`` are renewed, half an hour ahead, while its simulation runs 40
+times as fast as real time.
 """
 
 import csv
@@ -31,10 +34,12 @@ import time
 
 import numpy as np
 
+from lava_ros.cli.forecast_demo import LAVA, SPACING, SPEED, UNCERTAINTY, VENT
 from lava_ros.ros.ensemble_forecasts import ForecastRules
 from lava_ros.ros.forecaster import Forecaster
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene.terrain_files import demo_terrain
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.state import EVALUATIONS
@@ -46,6 +51,9 @@ TURNS = 10
 TURN = 4.0
 
 HORIZON = 600.0
+
+#: How long ensembles are counted [s].
+RENEWED = 40.0
 
 #: How long is waited for a forecast after the turns [s].
 LONGEST = 100.0
@@ -116,6 +124,42 @@ def measure(checkpoint, device, time_scale, turns):
     return np.array(rates), forecaster
 
 
+def renewals(device, members):
+    """Wall times between complete ensembles [s], and the lost share of the clock's time."""
+    scene = Scene(demo_terrain(), (VENT,), LAVA, uncertainty=UNCERTAINTY)
+    accuracy = preset_accuracy('draft', spacing=SPACING)
+    worker = SimulationWorker(
+        lambda scene: Simulation(scene, accuracy=accuracy, device=device),
+        clock=time.monotonic,
+        time_scale=SPEED,
+    )
+    rules = ForecastRules(
+        horizon=1800.0, threshold=0.1, max_age=1e9, share=1.0, max_particles=10**8,
+        members=members, time_scale=SPEED,
+    )
+    forecaster = Forecaster(worker, lambda: rules)
+    worker.start()
+    worker.set_scene(scene).result()
+    forecaster.start()
+    forecaster.want(True)
+    outlooks, ends = forecaster.outlooks, []
+    # the kernels of the first are compiled
+    last = time.monotonic() + LONGEST
+    while outlooks.status.count < 1 and time.monotonic() < last:
+        settle(worker, 0.1)
+    before, last = seen(worker), time.monotonic() + RENEWED
+    while time.monotonic() < last:
+        known = outlooks.status.count
+        settle(worker, 0.02)
+        ends += [time.monotonic()] * (outlooks.status.count - known)
+    passed = seen(worker) - before
+    said = outlooks.status.error
+    forecaster.stop()
+    worker.stop()
+    assert not said, said
+    return np.diff(ends), 1.0 - passed[2] / passed[0] / SPEED
+
+
 def main():
     """Print the table."""
     device, machine = sys.argv[1:3]
@@ -127,6 +171,15 @@ def main():
         table.writerow([benchmark, case, f'{value:.4g}', unit, machine, command])
         sys.stdout.flush()
 
+    if len(sys.argv) > 3:
+        command += f' {sys.argv[3]}'
+        gaps, lost = renewals(device, int(sys.argv[3]))
+        case = f'{sys.argv[3]} members, half an hour ahead'
+        tell('ensembles', case, len(gaps) + 1, '')
+        tell('an ensemble after the other, median', case, np.median(gaps), 's')
+        tell('an ensemble after the other, longest', case, np.max(gaps), 's')
+        tell('behind the clock', case, 100.0 * lost, '%')
+        return
     checkpoint = start(device)
     tell('particles', 'start', checkpoint.particle_count, '')
     fastest = measure(checkpoint, device, 1e6, 1)[0][0, 1]

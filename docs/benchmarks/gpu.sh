@@ -21,6 +21,7 @@ declare -A command=(
     [day_standard]="$many $cases/etna2001 --members 256 --repetitions 3 --preset standard"
     [whole]="$many $cases/etna2001 --members 1000 --days 22"
     [atlas]="python3 docs/benchmarks/atlas.py $cases/etna2001 $out/atlas --members 500 --device cuda:0 --machine GPU"
+    [live]="python3 docs/benchmarks/forecast.py cuda:0 GPU 256"
     [hard]="python3 -m hard.run --device cuda:0 --jobs 8 --csv $out"
     [steps]="$lava bench steps --device cuda:0 --repetitions 5 --output $out/steps_h200.csv"
     [effects]="$lava bench effects --device cuda:0 --repetitions 5 --output $out/effects_h200.csv"
@@ -30,10 +31,10 @@ declare -A command=(
     [probability]="python3 docs/benchmarks/probability.py $out/probability_h200.csv $both --folder $out/members --members 64 --preset draft --device cuda:0 --machine GPU"
 )
 declare -A limit=(
-    [batch]=120 [members]=280 [day]=100 [day_standard]=120 [whole]=400 [atlas]=400 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80
+    [batch]=120 [members]=280 [day]=100 [day_standard]=120 [whole]=400 [atlas]=400 [live]=110 [hard]=230 [steps]=100 [effects]=90 [accuracy]=80
     [calibrate]=500 [eruptions]=300 [probability]=500
 )
-[ $# -gt 0 ] || set -- batch members day day_standard whole atlas hard steps effects accuracy calibrate eruptions probability
+[ $# -gt 0 ] || set -- batch members day day_standard whole atlas live hard steps effects accuracy calibrate eruptions probability
 mkdir -p "$out"
 for part; do
     begun=$SECONDS

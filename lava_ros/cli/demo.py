@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     add_scene_arguments(parser)
     parser.add_argument(
-        '--duration', default='3h', metavar='TIME',
+        '--duration', default='12h', metavar='TIME',
         help='simulated time: 6h, 90min (default: %(default)s)',
     )
     parser.add_argument(

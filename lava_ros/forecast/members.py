@@ -133,8 +133,8 @@ def make_plan(
     """
     horizon = validation.number('horizon', horizon, above=0.0, unit='s')
     threshold, looks = _seen(threshold, looks, horizon)
-    # one spacing for all members: that of the scene without its uncertainty
-    accuracy = resolved_accuracy(accuracy or Accuracy(), scene, horizon=horizon)
+    # one spacing for all members
+    accuracy = resolved_accuracy(accuracy or Accuracy(), median_scene(scene), horizon=horizon)
     chosen = [
         effects_for(one, effects, accuracy=accuracy, horizon=horizon)
         for one in (scene, *_end_scenes(scene))
@@ -189,6 +189,18 @@ def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
     except LavaError as error:
         right = f'{error.expected}; limits on its distribution keep it there'
         raise LavaError(f'{error.field} of member {member.index}', error.value, right) from error
+
+
+def median_scene(scene: Scene) -> Scene:
+    """The scene with every uncertain value at its median; classes of eruptions have none."""
+    uncertainty = scene.uncertainty
+    drawn = {
+        name: distribution.quantile(0.5)
+        for name, distribution in vars(uncertainty).items()
+        if isinstance(distribution, Distribution)
+    }
+    constants = tuple((key, item.quantile(0.5)) for key, item in uncertainty.constants.items())
+    return member_scene(scene, Member(0, **drawn, constants=constants), rough=False)
 
 
 def check_members(scene: Scene, members: Sequence[Member]) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, outline_on
-from lava_ros.forecast.members import make_plan, Plan
+from lava_ros.forecast.members import make_plan, median_scene, Plan
 from lava_ros.forecast.scores import brier_parts, reliability
 from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.coarse import coarsened
@@ -49,10 +49,11 @@ def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Pl
     scene = case.scene
     if scene.uncertainty == Uncertainty():
         scene = replace(scene, uncertainty=published_uncertainty(case))
+    typical = replace(case, scene=median_scene(scene))
     return make_plan(
-        replace(scene, terrain=coarsened(scene.terrain, settings.coarseness(case))),
+        replace(scene, terrain=coarsened(scene.terrain, settings.coarseness(typical))),
         horizon=case.duration,
-        accuracy=settings.accuracy(case),
+        accuracy=settings.accuracy(typical),
         effects={**FORCED, **settings.forced},
         threshold=threshold,
         looks=settings.maps,

@@ -57,6 +57,20 @@ DRAWN = Member(
 )
 
 
+def test_the_spacing_of_all_is_that_of_the_median() -> None:
+    """Lava that is likely far less viscous than the scene's makes a narrower flow."""
+    viscosity = {'distribution': 'loguniform', 'low': 1e-4, 'high': 1.0}
+    doubts = uncertainty_from_dict({'viscosity': viscosity})
+    scene = replace(SCENE, uncertainty=doubts)
+    found = make_plan(scene, horizon=3600.0).accuracy
+    liquid = replace(SCENE, lava=replace(SCENE.lava, viscosity=50.0))
+    expected = make_plan(liquid, horizon=3600.0).accuracy
+    assert (found.spacing, found.thickness) == pytest.approx(
+        (expected.spacing, expected.thickness)
+    )
+    assert found.thickness < make_plan(SCENE, horizon=3600.0).accuracy.thickness
+
+
 def test_a_member_is_the_scene_with_what_was_drawn() -> None:
     """Factors, differences and displacement reach every vent and the lava, and nothing else."""
     scene = member_scene(SCENE, DRAWN)
