@@ -71,6 +71,7 @@ class Row:
     largest_gap: float | None
     single_jaccard: float
     half_jaccard: float
+    twin_gap: float
     twin_skill: float
     twin_skill_with_outline: float
     twins_better_with_outline: float
@@ -88,12 +89,14 @@ def twins(plan: Plan, members: list[Footprint]) -> dict[str, float]:
     at = SEEN * plan.horizon
     early = np.stack([reached_by(item, plan, at) for item in members])
     late = np.stack([reached_by(item, plan, plan.horizon) for item in members])
-    said, came, better, effective = ([], []), [], [], []
+    said, came, better, effective, gaps = ([], []), [], [], [], []
     for truth in range(len(members)):
         others = np.arange(len(members)) != truth
         outline = Outline(at, early[truth], plan.scene.terrain.has_data)
         weights = weigh([jaccard(item, outline) for item in early[others]])
         effective.append(weights.effective_members)
+        share = 100.0 * late[others].mean(axis=0)
+        gaps.append(chances_of(share, late[truth])['largest_gap'])
         near = late[others].any(axis=0) | late[truth]
         came.append(late[truth][near])
         for values, share in zip(said, (None, weights.values), strict=True):
@@ -102,6 +105,7 @@ def twins(plan: Plan, members: list[Footprint]) -> dict[str, float]:
         better.append(scores[1] < scores[0])
     before, after = (brier_parts(np.concatenate(v), np.concatenate(came)) for v in said)
     return {
+        'twin_gap': float(np.median([gap for gap in gaps if gap is not None])),
         'twin_skill': before.skill,
         'twin_skill_with_outline': after.skill,
         'twins_better_with_outline': float(np.mean(better)),

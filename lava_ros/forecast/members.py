@@ -362,12 +362,14 @@ def _seen(threshold: float, looks: int | None, horizon: float) -> tuple[float, i
 
 
 def _member_lava(lava: Lava, member: Member) -> Lava:
-    lava = replace(lava, **dict(member.constants))
-    if 'yielding' in possible(lava):
-        lava = replace(lava, yield_strength=lava.yield_strength * member.yield_strength)
+    if member.constants:
+        lava = replace(lava, **dict(member.constants))
+    drawn = {'viscosity': lava.viscosity * member.viscosity}
     if lava.is_vft:
-        return replace(lava, vft_a=lava.vft_a + math.log10(member.viscosity))
-    return replace(lava, viscosity=lava.viscosity * member.viscosity)
+        drawn = {'vft_a': lava.vft_a + math.log10(member.viscosity)}
+    if 'yielding' in possible(lava):
+        drawn['yield_strength'] = lava.yield_strength * member.yield_strength
+    return replace(lava, **drawn)
 
 
 def _member_vent(vent: Vent, member: Member, terrain: Terrain) -> Vent:
@@ -398,6 +400,8 @@ def _placed(vent: Vent, place: tuple[float, float], terrain: Terrain) -> Vent:
 
 
 def _displaced(vent: Vent, shift: tuple[float, float], terrain: Terrain) -> Vent:
+    if not any(shift):
+        return vent
     for halving in range(_HALVINGS):
         dx, dy = (0.5**halving * value for value in shift)
         position = (vent.position[0] + dx, vent.position[1] + dy)
