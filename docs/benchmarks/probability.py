@@ -72,6 +72,7 @@ class Row:
     single_jaccard: float
     half_jaccard: float
     twin_gap: float
+    twin_gap_least: float
     twin_skill: float
     twin_skill_with_outline: float
     twins_better_with_outline: float
@@ -104,8 +105,10 @@ def twins(plan: Plan, members: list[Footprint]) -> dict[str, float]:
         scores = [brier_parts(values[-1], came[-1]).score for values in said]
         better.append(scores[1] < scores[0])
     before, after = (brier_parts(np.concatenate(v), np.concatenate(came)) for v in said)
+    known = [gap for gap in gaps if gap is not None]
     return {
-        'twin_gap': float(np.median([gap for gap in gaps if gap is not None])),
+        'twin_gap': float(np.median(known)),
+        'twin_gap_least': min(known),
         'twin_skill': before.skill,
         'twin_skill_with_outline': after.skill,
         'twins_better_with_outline': float(np.mean(better)),
