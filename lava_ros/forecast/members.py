@@ -194,7 +194,7 @@ def member_scene(scene: Scene, member: Member, *, rough: bool = True) -> Scene:
 def median_scene(scene: Scene) -> Scene:
     """The scene with every uncertain value at its median; classes of eruptions have none."""
     uncertainty = scene.uncertainty
-    drawn = {
+    drawn: dict[str, Any] = {
         name: distribution.quantile(0.5)
         for name, distribution in vars(uncertainty).items()
         if isinstance(distribution, Distribution)
