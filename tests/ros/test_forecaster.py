@@ -21,6 +21,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -321,7 +322,9 @@ def test_the_process_computes_no_more_than_its_share(monkeypatch):
     """It rests between slices, also while orders come; another share holds from then on."""
     made = Slice()
     monkeypatch.setattr(forecast_process, 'LookAhead', lambda *_, **__: made)
-    monkeypatch.setattr(forecast_process.time, 'monotonic', lambda: made.now)
+    # of its module alone: the worker of the tests before still runs
+    clock = SimpleNamespace(monotonic=lambda: made.now)
+    monkeypatch.setattr(forecast_process, 'time', clock)
     orders = Orders(made)
     forecasting = forecast_process.Forecasting(orders, lambda *_, **__: None)
     orders.put(('share', {'share': 0.1}))
