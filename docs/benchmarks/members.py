@@ -14,7 +14,7 @@
 
 """How long members of an ensemble of a mapped eruption take.
 
-It makes members_h200.csv and members_cpu.csv:
+It makes members_day_h200.csv and members_cpu.csv:
 
     python docs/benchmarks/members.py CASE --device cuda:0 --members 256 --machine M
     python docs/benchmarks/members.py CASE --device cpu --members 32 --workers 2 --machine M
