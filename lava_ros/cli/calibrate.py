@@ -92,6 +92,7 @@ def run(args: argparse.Namespace) -> int:
     from lava_ros.hindcast.replicates import MOST
     from lava_ros.hindcast.run import Settings
     from lava_ros.hindcast.unknowns import unknowns_of
+    from lava_ros.simulation.defaults import device_of
 
     runs = validation.whole('--runs', args.runs, at_least=4, at_most=10**6)
     workers = validation.whole('--workers', args.workers, at_least=1, at_most=64)
@@ -133,7 +134,7 @@ def run(args: argparse.Namespace) -> int:
                 evaluator,
                 runs=runs,
                 seed=seed,
-                batch=max(BATCH, workers),
+                batch=max(BATCH, workers) if device_of(args.device).is_cuda else workers,
                 known=known,
                 progress=told,
             )

@@ -56,7 +56,7 @@ WEAK = 2.0
 #: Rank correlation that has to show before its absence means anything.
 CLEAR = 0.5
 
-#: Sets that are run before their numbers are told: with four directions a set they fill a GPU.
+#: Sets that a GPU runs before their numbers are told: with four directions a set they fill it.
 BATCH = 16
 
 #: Columns of the table of runs beside the unknowns.
