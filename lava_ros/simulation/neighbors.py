@@ -249,7 +249,7 @@ class NeighborGrid:
     def __init__(
         self, terrain: StaggeredTerrain, radius: float, ratio: float, device: Any
     ) -> None:
-        """Cover the terrain with cells.
+        """Divide the terrain into cells; ``fit`` says which of them there are.
 
         Args:
             terrain: The terrain.
@@ -277,7 +277,7 @@ class NeighborGrid:
         )
         self._constants: dict[str, Any] = {}
         self._way: Any = None
-        self.fit(np.zeros((0, 2)))
+        self.is_binned = False
 
     def fit(self, places: np.ndarray) -> None:
         """Cover the surroundings of some places, or the whole of a small terrain.

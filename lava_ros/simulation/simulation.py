@@ -57,7 +57,6 @@ from lava_ros.simulation.state import (
     STAGE,
     State,
     STEPS,
-    TARGET,
     TIME,
 )
 from lava_ros.simulation.terrain import StaggeredTerrain
@@ -196,7 +195,7 @@ class Simulation:
         until = validation.number('until', until, unit='s')
         self._raise_top(until=until)
         deadline = math.inf if wall_limit is None else wall_clock.monotonic() + wall_limit
-        self._state.write_clock(TARGET, until)
+        self._state.write_target(until)
         batch = at_work()
         if batch is None:
             clock, counts = yield from self._alone(until, deadline)
@@ -204,7 +203,7 @@ class Simulation:
             clock, counts = yield from self._together(batch, until, deadline)
         if clock[TIME] != until:
             # the stages that the step at hand still needs, and no other
-            self._state.write_clock(TARGET, clock[TIME])
+            self._state.write_target(clock[TIME])
         while counts[STAGE]:
             self._run_stages()
             yield

@@ -181,7 +181,8 @@ class State:
         if not device.is_cuda:
             # it sees what is there: to make it anew takes 10 us
             self._seen_counts = self.counts.numpy()
-        self._looks = [Look((self.clock, self.counts)) for _ in range(3)]
+        self._target = self.clock[TARGET : TARGET + 1]
+        self._looks = [Look((self.clock, self.counts))]
         self.chosen = wp.zeros(1, dtype=wp.int32, device=device)
         self.rates = wp.zeros(2, dtype=self.real, device=device)
         self.stage = wp.zeros(4, dtype=self.real, device=device)
@@ -296,6 +297,9 @@ class State:
         Returns:
             What waits for the copies and gives them, before a third is begun.
         """
+        # page-locked memory is slow to make, and a member of a batch needs none of these
+        while len(self._looks) < 3:
+            self._looks.append(Look((self.clock, self.counts)))
         self._looks[1:] = reversed(self._looks[1:])
         return self._looks[1].begin()
 
@@ -354,9 +358,9 @@ class State:
         """The arrays of these names, None for those that are not allocated."""
         return [getattr(self, name, None) for name in names]
 
-    def write_clock(self, place: int, value: float) -> None:
-        """Replace one of the times in ``clock``, when all that is launched so far is done."""
-        self.clock[place : place + 1].fill_(value)
+    def write_target(self, time: float) -> None:
+        """Replace the target time [s] of ``clock``, when all that is launched so far is done."""
+        self._target.fill_(time)
 
     def write_count(self, place: int, value: int) -> None:
         """Replace one of the ``counts``."""
@@ -456,7 +460,10 @@ class State:
 
     def read_particles(self) -> np.ndarray:
         """Rows of (x, y, volume, temperature), float64, x and y from the centre."""
-        return read(self.particle)[: self.count].astype(np.float64)
+        count = self.count
+        if not count:
+            return np.empty((0, 4))
+        return read(self.particle[:count]).astype(np.float64)
 
 
 def room_for(count: int) -> int:

@@ -34,6 +34,9 @@ from lava_ros.simulation.backend.streams import capture_lock
 #: Threads of a block where a launch does not say, and where it has one thread.
 _BLOCK, _WARP = 256, 32
 
+#: Bytes between two structs in a row are a multiple of it.
+_ALIGNED = 16
+
 #: Lists of blocks, and graphs, that are kept: one for each number of blocks, rounded up.
 _MOST = 64
 
@@ -75,7 +78,18 @@ class Together:
             device: Warp device.
         """
         self._device = device
-        self._tables = [_Table(one, rows, device) for one in launches]
+        self._tables: list[_Table] = []
+        length = 0
+        for one in launches:
+            self._tables.append(_Table(one, rows, length))
+            length = self._tables[-1].end
+        # a member's arguments lie side by side: one copy takes all of them to the device
+        self._length = length
+        self._there = wp.zeros(rows * length, dtype=wp.uint8, device=device)
+        self._here = wp.zeros(rows * length, dtype=wp.uint8, device='cpu')
+        for table in self._tables:
+            table.lay_out(self._here, self._there, length)
+        self._is_new = np.zeros(rows, dtype=bool)
         self._ready: _Ready | None = None
         self._made: dict[tuple[int, ...], _Ready] = {}
 
@@ -83,6 +97,16 @@ class Together:
         """Let a row be a member with these launches, once ``select`` is called again."""
         for table, one in zip(self._tables, launches, strict=True):
             table.put(row, one)
+        self._is_new[row] = True
+
+    def _send(self) -> None:
+        """Copy what was put into rows to the device."""
+        rows = np.flatnonzero(self._is_new)
+        if not len(rows):
+            return
+        first, end = int(rows[0]) * self._length, (int(rows[-1]) + 1) * self._length
+        wp.copy(self._there, self._here, first, first, end - first)
+        self._is_new[:] = False
 
     def select(self, rows: np.ndarray, particles: np.ndarray) -> None:
         """Let some members take part from now on, and no others.
@@ -100,20 +124,19 @@ class Together:
         listed = [_blocks_of(rows, *one) for one in lists]
         room = [_rounded(len(one)) for one in listed]
         key = (*numbers, *room)
+        ends = np.cumsum(room)
         if key not in self._made:
             if len(self._made) >= _MOST:
                 self._made.clear()
             empty = wp.empty(sum(room), dtype=wp.vec3i, device=self._device)
-            self._made[key] = _Ready(empty, {})
+            parts = [empty[end - size : end] for end, size in zip(ends, room, strict=True)]
+            self._made[key] = _Ready(empty, [parts[number] for number in numbers], {})
         self._ready = self._made[key]
-        ends = np.cumsum(room)
         blocks = np.full((ends[-1], 3), -1, dtype=np.int32)
         for one, end, size in zip(listed, ends, room, strict=True):
             blocks[end - size : end - size + len(one)] = one
         self._ready.blocks.assign(blocks)
-        for table, number in zip(self._tables, numbers, strict=True):
-            table.send()
-            table.blocks = self._ready.blocks[ends[number] - room[number] : ends[number]]
+        self._send()
 
     def launch(self, times: int = 1) -> None:
         """Make all launches some times, on a GPU as a graph."""
@@ -132,15 +155,23 @@ class Together:
         wp.capture_launch(graphs[times])
 
     def _launch(self, times: int) -> None:
+        assert self._ready is not None
         for _ in range(times):
-            for table in self._tables:
-                table.launch()
+            for table, blocks in zip(self._tables, self._ready.of_tables, strict=True):
+                table.launch(blocks)
 
 
 class _Ready(NamedTuple):
-    """A list of blocks on the device, and graphs of the launches with it, by how often."""
+    """Lists of blocks on the device: row, first thread and end of the threads of each.
+
+    Attributes:
+        blocks: All of them.
+        of_tables: The part of each table.
+        graphs: Graphs of the launches with them, by how often.
+    """
 
     blocks: Any
+    of_tables: list[Any]
     graphs: dict[int, Any]
 
 
@@ -149,30 +180,32 @@ class _Table:
 
     Attributes:
         kernel: The kernel.
-        blocks: Member, first thread and end of the threads of each block.
+        first, end: Bytes of a member's row before its arguments, and up to their end.
     """
 
-    def __init__(self, launch: Launch, rows: int, device: Any) -> None:
+    def __init__(self, launch: Launch, rows: int, first: int) -> None:
         self._size = launch.block_dim or (_BLOCK if launch.dim > 1 else _WARP)
         # blocks are fewer where the last threads have no particle yet
         self._takes_turns = launch.is_over_particles and launch.block_dim is None
         self._arguments, self.kernel = launch.kernel.for_many(self._size, self._takes_turns)
-        self._device = device
-        self._members = wp.zeros(rows, dtype=self._arguments, device=device)
-        # Warp looks at each field of what it packs, which takes a hundred times as long
-        self._packed = (self._arguments.ctype * rows)()
-        size = ctypes.sizeof(self._packed)
-        self._there = wp.array(
-            ptr=self._members.ptr, dtype=wp.uint8, shape=size, device=device
-        )
-        self._here = wp.array(
-            ptr=ctypes.addressof(self._packed), dtype=wp.uint8, shape=size, device='cpu'
-        )
+        self.first, size = first, ctypes.sizeof(self._arguments.ctype)
+        self.end = first + _ALIGNED * -(-size // _ALIGNED)
         self._threads = np.zeros(rows, dtype=np.int64)
-        self._is_new = np.zeros(rows, dtype=bool)
         # the arrays must live as long as they may be launched with
         self._kept: list[Any] = [None] * rows
-        self.blocks: Any = None
+
+    def lay_out(self, here: Any, there: Any, length: int) -> None:
+        """Place the arguments in rows of ``length`` bytes on the host and on the device."""
+        self._device, count = there.device, len(self._kept)
+        self._members = wp.array(
+            ptr=there.ptr + self.first, dtype=self._arguments, shape=(count,), strides=(length,),
+            device=there.device,
+        )
+        # Warp looks at each field of what it packs, which takes a hundred times as long
+        self._packed = [
+            self._arguments.ctype.from_address(here.ptr + row * length + self.first)
+            for row in range(count)
+        ]
 
     def put(self, row: int, launch: Launch) -> None:
         packed = self._packed[row]
@@ -182,17 +215,6 @@ class _Table:
             setattr(packed, name, value.__ctype__() if hasattr(value, '__ctype__') else value)
         self._kept[row] = launch.arguments
         self._threads[row] = launch.dim
-        self._is_new[row] = True
-
-    def send(self) -> None:
-        """Copy what was put into rows to the device."""
-        rows = np.flatnonzero(self._is_new)
-        if not len(rows):
-            return
-        size = ctypes.sizeof(self._arguments.ctype)
-        first, end = int(rows[0]) * size, (int(rows[-1]) + 1) * size
-        wp.copy(self._there, self._here, first, first, end - first)
-        self._is_new[:] = False
 
     def blocks_of(self, rows: np.ndarray, particles: np.ndarray) -> tuple[int, bytes, bytes]:
         """Threads to a block; blocks and threads of each of some rows, as bytes of int64."""
@@ -201,11 +223,11 @@ class _Table:
         blocks = np.maximum(-(-needed // self._size), 1)
         return self._size, blocks.tobytes(), threads.tobytes()
 
-    def launch(self) -> None:
+    def launch(self, blocks: Any) -> None:
         wp.launch(
             self.kernel,
-            dim=self.blocks.shape[0] * self._size,
-            inputs=[self._members, self.blocks],
+            dim=blocks.shape[0] * self._size,
+            inputs=[self._members, blocks],
             device=self._device,
             block_dim=self._size,
         )
