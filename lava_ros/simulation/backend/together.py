@@ -22,6 +22,7 @@ of each block which member it belongs to.
 
 from collections.abc import Sequence
 import ctypes
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,6 +34,10 @@ from lava_ros.simulation.backend.streams import capture_lock
 
 #: Threads of a block where a launch does not say, and where it has one thread.
 _BLOCK, _WARP = 256, 32
+
+#: Times that a graph makes all launches: to capture one takes as long as to launch it many times,
+#: and members that grow need another one often.
+_CAPTURED = 4
 
 #: Bytes between two structs in a row are a multiple of it.
 _ALIGNED = 16
@@ -144,15 +149,16 @@ class Together:
         if not self._device.is_cuda:
             self._launch(times)
             return
-        graphs = self._ready.graphs
-        if times not in graphs:
+        graphs, captured = self._ready.graphs, math.gcd(times, _CAPTURED)
+        if captured not in graphs:
             for table in self._tables:
                 table.load()
             with capture_lock, wp.ScopedCapture(device=self._device) as capture:
-                self._launch(times)
+                self._launch(captured)
             overlap(capture.graph, {table.kernel for table in self._tables})
-            graphs[times] = capture.graph
-        wp.capture_launch(graphs[times])
+            graphs[captured] = capture.graph
+        for _ in range(times // captured):
+            wp.capture_launch(graphs[captured])
 
     def _launch(self, times: int) -> None:
         assert self._ready is not None
