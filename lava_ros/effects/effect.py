@@ -92,7 +92,6 @@ class Array:
         is_carried: Whether particles take it along from step to step.
         is_total: Whether it is a sum that goes on when effects are chosen anew.
         is_saved: Whether a checkpoint has it; what is carried and totals always are in it.
-        has_spare: Whether sums over neighbours read it, some items beyond the last.
     """
 
     dtype: str
@@ -100,7 +99,6 @@ class Array:
     is_carried: bool = False
     is_total: bool = False
     is_saved: bool = False
-    has_spare: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

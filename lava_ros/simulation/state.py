@@ -26,7 +26,7 @@ from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
-from lava_ros.simulation.backend.memory import forget_failure
+from lava_ros.simulation.backend.memory import forget_failure, zeros
 from lava_ros.simulation.backend.streams import Look, read
 
 # Places in State.clock.
@@ -141,6 +141,21 @@ class State:
     What effects keep besides is declared in their files (``Effect.arrays``).
     """
 
+    clock: Any
+    counts: Any
+    chosen: Any
+    rates: Any
+    stage: Any
+    left: Any
+    particle: Any
+    ordered: Any
+    flow: Any
+    share: Any
+    home: Any
+    cell: Any
+    rank: Any
+    base: Any
+    drift: Any
     arrived: Any
     #: Arrays of effects that others read: inertia, green.
     velocity: Any
@@ -176,67 +191,46 @@ class State:
         # with inertia the pairs of the energy's gradient keep the momentum: a bore needs that
         self.has_surface = accuracy.gradient != 'energy' and 'inertia' not in effects
         self.device = device
-        self.clock = wp.zeros(5, dtype=wp.float64, device=device)
-        self.counts = wp.zeros(11, dtype=wp.int32, device=device)
+        numbers = {'clock': (wp.float64, 5), 'counts': (wp.int32, 11), 'chosen': (wp.int32, 1)}
+        numbers |= {'rates': (self.real, 2), 'stage': (self.real, 4), 'left': (wp.float64, 2)}
+        vars(self).update(zeros(numbers, device))
         if not device.is_cuda:
             # it sees what is there: to make it anew takes 10 us
             self._seen_counts = self.counts.numpy()
         self._target = self.clock[TARGET : TARGET + 1]
         self._looks = [Look((self.clock, self.counts))]
-        self.chosen = wp.zeros(1, dtype=wp.int32, device=device)
-        self.rates = wp.zeros(2, dtype=self.real, device=device)
-        self.stage = wp.zeros(4, dtype=self.real, device=device)
         self.top = wp.full(1, -FAR, dtype=self.real, device=device)
-        self.left = wp.zeros(2, dtype=wp.float64, device=device)
         self.launches = Launches(device)
         self.capacity = 0
         self._allocate(capacity)
 
     def _allocate(self, capacity: int) -> None:
+        """Make room for as many particles; arrays that do not depend on them are kept."""
         self.launches.forget()
         self.capacity = capacity
-        self.particle = wp.zeros(capacity, dtype=self.vec4, device=self.device)
-        self.ordered = self._with_spare(self.vec4)
-        self.flow = wp.zeros(capacity, dtype=self.vec3, device=self.device)
-        self.share = wp.zeros(capacity, dtype=self.real, device=self.device)
-        self.home = wp.zeros(capacity, dtype=wp.int32, device=self.device)
-        self.cell = wp.zeros(capacity, dtype=wp.int32, device=self.device)
-        self.rank = wp.zeros(capacity, dtype=wp.int32, device=self.device)
+        kinds = {'particle': self.vec4, 'ordered': self.vec4, 'flow': self.vec3}
+        kinds |= {'share': self.real} | dict.fromkeys(('home', 'cell', 'rank'), wp.int32)
         if self.is_ranked_again:
-            self.members = wp.zeros(capacity, dtype=wp.int32, device=self.device)
+            kinds['members'] = wp.int32
         if self.has_remainder:
-            self.remainder = wp.zeros(capacity, dtype=self.vec2, device=self.device)
-            self.ordered_remainder = wp.zeros(capacity, dtype=self.vec2, device=self.device)
+            kinds |= dict.fromkeys(('remainder', 'ordered_remainder'), self.vec2)
         if self.has_age:
-            self.age = wp.zeros(capacity, dtype=self.real, device=self.device)
-            self.ordered_age = wp.zeros(capacity, dtype=self.real, device=self.device)
+            kinds |= dict.fromkeys(('age', 'ordered_age'), self.real)
         if self.is_staged:
-            self.base = wp.zeros(capacity, dtype=self.vec4, device=self.device)
-            self.drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
-            self.ordered_base = wp.zeros(capacity, dtype=self.vec4, device=self.device)
-            self.ordered_drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
+            kinds |= dict.fromkeys(('base', 'drift', 'ordered_base', 'ordered_drift'), self.vec4)
         if self.has_surface:
-            self.surface = wp.zeros(capacity, dtype=self.vec2, device=self.device)
-        self._allocate_for_effects()
-
-    def _allocate_for_effects(self) -> None:
-        """Make what the effects declare; what does not depend on the particles is kept."""
-        kinds = {'real': self.real, 'int32': wp.int32, 'float64': wp.float64}
+            kinds['surface'] = self.vec2
+        items = {name: (kind, capacity) for name, kind in kinds.items()}
+        named = {'real': self.real, 'int32': wp.int32, 'float64': wp.float64}
         for name, array in self.effects.arrays.items():
-            dtype = kinds.get(array.dtype) or getattr(self, array.dtype)
-            if array.has_spare:
-                setattr(self, name, self._with_spare(dtype))
-            elif array.count is None:
-                setattr(self, name, wp.zeros(self.capacity, dtype=dtype, device=self.device))
+            dtype = named.get(array.dtype) or getattr(self, array.dtype)
+            if array.count is None:
+                items[name] = dtype, capacity
             elif not hasattr(self, name):
-                setattr(self, name, wp.zeros(array.count, dtype=dtype, device=self.device))
+                items[name] = dtype, array.count
             if array.is_carried:
-                twin = wp.zeros(self.capacity, dtype=dtype, device=self.device)
-                setattr(self, f'ordered_{name}', twin)
-
-    def _with_spare(self, dtype: Any) -> Any:
-        """An array of an item for each particle, behind which more can be read."""
-        return wp.zeros(self.capacity + SPARE, dtype=dtype, device=self.device)[: self.capacity]
+                items[f'ordered_{name}'] = dtype, capacity
+        vars(self).update(zeros(items, self.device, spare=SPARE))
 
     @property
     def extent(self) -> int:

@@ -29,8 +29,8 @@ EFFECT = Effect(
     excludes={'inertia': 'the lateral stress is part of the local balance'},
     arrays={
         # x, y [m], and volume times local velocity, x and y [m4/s], of each ordered particle
-        'source': Array('vec4', has_spare=True),
+        'source': Array('vec4'),
         # V / h [m2] of each ordered particle
-        'area': Array('real', has_spare=True),
+        'area': Array('real'),
     },
 )
