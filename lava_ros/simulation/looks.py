@@ -34,7 +34,7 @@ from lava_ros.simulation.state import State, TIME
 
 #: Sweeps over the cells in a launch, and launches between two questions whether the last one has
 #: changed anything; by whether it is a GPU, whose threads see what others change meanwhile.
-_SWEEPS = {True: (64, 3), False: (1, 16)}
+_SWEEPS = {True: (192, 1), False: (1, 16)}
 
 # Places in Looks.count.
 _LOOKS = wp.constant(0)
