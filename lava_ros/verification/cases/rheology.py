@@ -25,6 +25,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import (
     Case,
+    distributed,
     FLAT,
     GRAVITY,
     half_width,
@@ -110,7 +111,7 @@ def _run_critical(accuracy: Accuracy, device: str) -> Run:
         )
 
     def moves(trial: Trial) -> bool:
-        return bool(trial.middle(MIDDLE)['velocity'][:, 0].any())
+        return bool(trial.middle('velocity', MIDDLE)[:, 0].any())
 
     for degrees in (3.0, 10.0, 25.0):
         slope = math.radians(degrees)
@@ -132,9 +133,9 @@ def _run_critical(accuracy: Accuracy, device: str) -> Run:
         found = Measurement(f'thickness at {degrees:g} degrees', 0.5 * (low + high), right, 'm')
         runs.append(trial.run(found))
     trial = sheet(0.99, SLOPE)
-    start = np.sort(trial.middle(MIDDLE)['position'][:, 0])
+    start = np.sort(trial.middle('position', MIDDLE)[:, 0])
     trial.advance(1e5)
-    end = np.sort(trial.middle(MIDDLE)['position'][:, 0])
+    end = np.sort(trial.middle('position', MIDDLE)[:, 0])
     way = float(np.abs(end - start).max()) if len(end) == len(start) else math.nan
     creep = Measurement('creep of 0.99 of it', way, 0.0, 'm', scale=1.0)
     return joined([*runs, trial.run(creep)])
@@ -156,14 +157,15 @@ def _run_dome(accuracy: Accuracy, device: str) -> Run:
     window = square(half)
     trial = Trial(
         Scene(plane(window, 0.05 * half), lava=lava),
+        accuracy,
+        device,
         effects=replace(FLAT, yielding=True),
-        accuracy=replace(
-            accuracy, spacing=math.sqrt(area / count), thickness=volume / area, longest_step=1e6
-        ),
         particles=Particles(
             solution.particles(count, SQUEEZE * radius), volume / count, REFERENCE
         ),
-        device=device,
+        spacing=math.sqrt(area / count),
+        thickness=volume / area,
+        longest_step=1e6,
     )
     trial.advance(SLUMP * lava.viscosity / strength)
     sample = trial.simulation.sample()
@@ -193,19 +195,18 @@ def _run_ridge(accuracy: Accuracy, device: str) -> Run:
     held = solution.section / math.cos(slope)
     spacing = half / 14.0 / accuracy.refinement
     share, x = strip(length, max(20, round(2.0 * half * length / spacing**2)))
-    places = np.linspace(-half, half, 20001)
-    density = solution.thickness(np.abs(places))
-    beyond = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
-    y = SQUEEZE * np.interp(share, beyond / beyond[-1], places)
+    place = np.linspace(-half, half, 20001)
+    y = SQUEEZE * distributed(share, place, solution.thickness(np.abs(place)))
+    window = (-0.6 * length, -2.0 * half, 0.7 * length, 2.0 * half)
     trial = Trial(
-        Scene(
-            plane((-0.6 * length, -2.0 * half, 0.7 * length, 2.0 * half), half / 8.0, slope),
-            lava=lava,
-        ),
+        Scene(plane(window, half / 8.0, slope), lava=lava),
+        accuracy,
+        device,
         effects=replace(SLOPING, yielding=True),
-        accuracy=replace(accuracy, spacing=spacing, thickness=0.5 * held / half, longest_step=1e6),
         particles=Particles(np.column_stack([x, y]), held * length / len(x), REFERENCE),
-        device=device,
+        spacing=spacing,
+        thickness=0.5 * held / half,
+        longest_step=1e6,
     )
     trial.advance(SLUMP * lava.viscosity / strength)
     sample = trial.simulation.sample()

@@ -48,6 +48,7 @@ from lava_ros.verification.cases.case import (
     GRAVITY,
     ISOTHERMAL,
     joined,
+    lattice,
     layer,
     Measurement,
     plane,
@@ -137,20 +138,19 @@ def sheet_speed(
     speeds = []
     for time in (0.0, duration or 1.0 / right):
         trial.advance(time)
-        speeds.append(trial.middle(MIDDLE)['velocity'][:, 0].mean())
+        speeds.append(trial.middle('velocity', MIDDLE)[:, 0].mean())
     measured = float(np.mean(speeds)) / math.cos(slope)
     return trial.run(Measurement(quantity, measured, right, 'm/s'))
 
 
 def _run_sheet(accuracy: Accuracy, device: str) -> Run:
-    runs = [
+    return joined([
         sheet_speed(
             f'speed at {degrees:g} degrees', ISOTHERMAL, accuracy, device,
             slope=math.radians(degrees),
         )
         for degrees in SLOPES
-    ]
-    return joined(runs)
+    ])
 
 
 def response(
@@ -181,14 +181,12 @@ def response(
     least = 2 * math.ceil((spacing + margin) / spacing)
     rows = max(least, round(PARTICLES * accuracy.refinement**2 / columns))
     sides = (columns * spacing, rows * spacing)
-    ticks = [(np.arange(number) - 0.5 * (number - 1)) * spacing for number in (columns, rows)]
-    places = np.stack(np.meshgrid(*ticks), axis=-1).reshape(-1, 2)
     simulations = [
         Simulation(
             Scene(_waves(sides, q, spacing), lava=ISOTHERMAL),
             effects=replace(FLAT, **({} if name == 'local' else {name: True})),
             accuracy=replace(accuracy, spacing=spacing, thickness=1.0),
-            particles=Particles(places, spacing**2, 1400.0),
+            particles=Particles(lattice(columns, rows, spacing), spacing**2, 1400.0),
             device=device,
         )
         for name in (form, 'local')
