@@ -30,7 +30,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import replacing, write_output
 from lava_ros.files.npz import read_arrays
 from lava_ros.hindcast.case import Case
-from lava_ros.hindcast.coarse import coarsened, refined
+from lava_ros.hindcast.coarse import coarsened, GRIDS, refined
 from lava_ros.scene import scene_to_dict
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
@@ -330,7 +330,7 @@ def simulate(case: Case, settings: Settings) -> Result:
 
 
 def _write(path: Path, snapshot: Snapshot) -> None:
-    more = {'frozen': snapshot.frozen, 'arrived': snapshot.arrived}
+    grids = {name: getattr(snapshot, name) for name in GRIDS}
     plain: dict[str, Any] = {
         'time': snapshot.time,
         'budget': asdict(snapshot.budget),
@@ -340,10 +340,8 @@ def _write(path: Path, snapshot: Snapshot) -> None:
     with replacing(path) as partial:
         np.savez_compressed(
             partial,
-            thickness=snapshot.thickness,
-            temperature=snapshot.temperature,
             plain=np.frombuffer(json.dumps(plain).encode(), np.uint8),
-            **{name: grid for name, grid in more.items() if grid is not None},  # type: ignore[arg-type]
+            **{name: grid for name, grid in grids.items() if grid is not None},
         )
 
 

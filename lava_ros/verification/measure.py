@@ -85,15 +85,11 @@ def measure(
             runs = [case.run(item.accuracy, device)]
             if cost > known and item.accuracy.fixed_step is None:
                 pace, known = runs[0].wall_time / cost, cost
-            while len(runs) < repetitions and _total(runs) < REPEATED_BELOW:
+            while len(runs) < repetitions and sum(run.wall_time for run in runs) < REPEATED_BELOW:
                 runs.append(case.run(item.accuracy, device))
             rows += _rows(runs, item, device=device, machine=machine, command=command)
         yield rows
     on_progress('done', 1.0)
-
-
-def _total(runs: Sequence[Run]) -> float:
-    return sum(run.wall_time for run in runs)
 
 
 def _rows(
@@ -101,7 +97,7 @@ def _rows(
 ) -> list[Row]:
     run = runs[0]
     times = [item.wall_time for item in runs]
-    wall = median(times)
+    wall, hours = median(times), run.simulated_time / 3600.0
     return [
         Row(
             case=run.case,
@@ -117,7 +113,8 @@ def _rows(
             evaluations=run.evaluations,
             simulated_s=float(run.simulated_time),
             wall_s=wall,
-            wall_s_per_simulated_hour=_per_hour(wall, run.simulated_time),
+            # a case that takes a look without letting time pass has none
+            wall_s_per_simulated_hour=wall / hours if hours else math.nan,
             device=device,
             machine=machine,
             command=command,
@@ -127,11 +124,6 @@ def _rows(
         )
         for item in run.measurements
     ]
-
-
-def _per_hour(wall: float, simulated: float) -> float:
-    """Wall time for an hour [s]; NaN for a case that takes a look without letting time pass."""
-    return wall * 3600.0 / simulated if simulated > 0.0 else math.nan
 
 
 def machine_name(device: str) -> str:

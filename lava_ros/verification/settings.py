@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 import math
 
@@ -84,33 +85,29 @@ class Setting:
 
 def all_settings(*, quick: bool = False) -> list[Setting]:
     """The settings of a report, each accuracy once, from cheap to expensive."""
-    refinements, ratios = (QUICK_REFINEMENTS, QUICK_RATIOS) if quick else (REFINEMENTS, RATIOS)
-    chosen = {
-        PRESETS[name].accuracy: name for name in (QUICK_PRESETS if quick else tuple(PRESETS))
-    }
-    tried: list[tuple[Accuracy, tuple[str, ...] | None]] = [
-        (Accuracy(refinement=refinement, ratio=ratio), None)
-        for refinement in refinements
-        for ratio in ratios
-    ]
-    tried += [
-        (item, None if item.formulation == 'corrected' else KNOB_CASES) for item in chosen
-    ]
-    tried += [(item, KNOB_CASES) for item in knobs(quick=quick)]
-    tried += [(item, GRADIENT_CASES) for item in gradients().values()]
+    refinements: Sequence[float] = REFINEMENTS
+    ratios: Sequence[float] = RATIOS
+    names: Sequence[str] = tuple(PRESETS)
+    studied = [*convergence(), *stepping(), *from_paper().values()]
     if quick:
-        tried += [(item, KNOB_CASES) for item in convergence() if item.refinement <= 1.0]
-    else:
-        tried += [(item, KNOB_CASES) for item in (*convergence(), *stepping())]
-        tried += [(item, KNOB_CASES) for item in from_paper().values()]
-    cases: dict[Accuracy, tuple[str, ...] | None] = {}
-    for accuracy, names in tried:
-        known = cases.setdefault(accuracy, names)
-        if known is not None and names is not None:
-            cases[accuracy] = tuple(dict.fromkeys((*known, *names)))
+        refinements, ratios, names = QUICK_REFINEMENTS, QUICK_RATIOS, QUICK_PRESETS
+        studied = [item for item in convergence() if item.refinement <= 1.0]
+    presets = {PRESETS[name].accuracy: name for name in names}
+    grid = [Accuracy(refinement=size, ratio=ratio) for size in refinements for ratio in ratios]
+    everywhere = {*grid, *(item for item in presets if item.formulation == 'corrected')}
+    some: dict[Accuracy, tuple[str, ...]] = {}
+    for accuracy in (*presets, *knobs(quick=quick), *studied):
+        some[accuracy] = KNOB_CASES
+    for accuracy in gradients().values():
+        some[accuracy] = tuple(dict.fromkeys((*some.get(accuracy, ()), *GRADIENT_CASES)))
     settings = [
-        Setting(name_of(accuracy), accuracy, chosen.get(accuracy, ''), names)
-        for accuracy, names in cases.items()
+        Setting(
+            name_of(accuracy),
+            accuracy,
+            presets.get(accuracy, ''),
+            None if accuracy in everywhere else some[accuracy],
+        )
+        for accuracy in dict.fromkeys((*grid, *some))
     ]
     return sorted(settings, key=lambda item: expected_cost(item.accuracy))
 
