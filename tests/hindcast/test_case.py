@@ -224,11 +224,11 @@ def _vents(text: str) -> Callable[[Path], object]:
 
 
 def test_a_long_table_of_rates_is_read_once() -> None:
-    """300,000 rows: each one looked at for each other would take hours."""
-    rates = tuple(Interval(float(time), time + 1.0, 1.0 + time % 2) for time in range(300_000))
+    """30,000 rows: each one looked at for each other would take minutes."""
+    rates = tuple(Interval(float(time), time + 1.0, 1.0 + time % 2) for time in range(30_000))
     (series,) = series_of((VentRow('', (0.0, 0.0)),), rates)
     assert series[:3] == ((0.0, 1.0), (1.0, 2.0), (2.0, 1.0))
-    assert series[-1] == (300_000.0, 0.0)
+    assert series[-1] == (30_000.0, 0.0)
     gap = (Interval(0.0, 1.0, 2.0), Interval(3.0, 4.0, 2.0))
     (series,) = series_of((VentRow('', (0.0, 0.0)),), gap)
     assert series == ((0.0, 2.0), (1.0, 0.0), (3.0, 2.0), (4.0, 0.0))
