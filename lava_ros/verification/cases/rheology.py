@@ -227,58 +227,38 @@ def _run_ridge(accuracy: Accuracy, device: str) -> Run:
 
 def _run_laws(accuracy: Accuracy, device: str) -> Run:
     """Sheets at several temperatures, whose speed says what viscosity and strength are there."""
-    runs = []
-
-    def compare(
-        quantity: str,
-        lava: Lava,
-        temperature: float,
-        viscosity: float,
-        strength: float = 0.0,
-        **switched: bool,
-    ) -> None:
-        runs.append(
-            sheet_speed(
-                quantity,
-                lava,
-                accuracy,
-                device,
-                slope=SLOPE,
-                viscosity=viscosity,
-                strength=strength,
-                duration=None,
-                temperature=temperature,
-                effects=replace(SLOPING, **switched),
-            )
-        )
-
-    a, b, c = VFT
-    for temperature in (1400.0, 1200.0):
-        compare(
-            f'VFT, {temperature:g} K',
-            replace(ISOTHERMAL, vft_a=a, vft_b=b, vft_c=c),
-            temperature,
-            exact.vft_viscosity(temperature, a, b, c),
-            vft=True,
-        )
+    molten = replace(ISOTHERMAL, vft_a=VFT[0], vft_b=VFT[1], vft_c=VFT[2])
+    # quantity, lava, temperature, and the viscosity and the strength that it has there
+    sheets: list[tuple[str, Lava, float, float, float]] = [
+        (f'VFT, {hot:g} K', molten, hot, exact.vft_viscosity(hot, *VFT), 0.0)
+        for hot in (1400.0, 1200.0)
+    ]
     for law, exponent in CRYSTAL_EXPONENTS.items():
         lava = replace(ISOTHERMAL, solidus=1273.0, liquidus=1473.0, crystal_law=law, crystals=0.5)
         # three quarters of the way to the solidus
         factor = exact.crystal_factor(0.375, lava.packing, exponent)
-        compare(law, lava, 1323.0, lava.viscosity * factor, crystals=True)
-    lava = replace(
-        ISOTHERMAL, yield_strength=0.2 * WEIGHT * math.sin(SLOPE), yield_rate=math.log(2.0) / 100.0
-    )
+        sheets.append((law, lava, 1323.0, lava.viscosity * factor, 0.0))
+    weak = 0.2 * WEIGHT * math.sin(SLOPE)
     # twice as strong, at a hundred kelvin less
-    compare(
-        'strength',
-        lava,
-        REFERENCE - 100.0,
-        lava.viscosity,
-        2.0 * lava.yield_strength,
-        yielding=True,
-    )
-    return joined(runs)
+    lava = replace(ISOTHERMAL, yield_strength=weak, yield_rate=math.log(2.0) / 100.0)
+    sheets.append(('strength', lava, REFERENCE - 100.0, lava.viscosity, 2.0 * weak))
+    return joined([
+        sheet_speed(
+            quantity,
+            lava,
+            accuracy,
+            device,
+            slope=SLOPE,
+            viscosity=viscosity,
+            strength=strength,
+            duration=None,
+            temperature=temperature,
+            effects=replace(
+                SLOPING, vft=lava is molten, crystals=lava.crystals > 0.0, yielding=strength > 0.0
+            ),
+        )
+        for quantity, lava, temperature, viscosity, strength in sheets
+    ])
 
 
 CASES = (
