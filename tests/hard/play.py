@@ -43,7 +43,6 @@ import numpy as np
 from hard.case import HardScene, PHYSICS
 from hard.invariants import Violation, Watch
 from lava_ros.effects import Effects
-from lava_ros.scene import Scene
 from lava_ros.simulation import Particles, Simulation, Snapshot
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy, PRESETS
@@ -317,9 +316,7 @@ def _shaken(item: HardScene, share: float, *, seed: int = 0) -> HardScene:
 
     return replace(
         item,
-        scene=Scene(
-            terrain, tuple(vents), scene.lava, scene.ambient_temperature, scene.gravity
-        ),
+        scene=replace(scene, vents=tuple(vents)),
         lava=None if lava is None else shaken_lava,
     )
 

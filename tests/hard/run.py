@@ -24,7 +24,6 @@ import argparse
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
-from dataclasses import dataclass
 import json
 import math
 import multiprocessing
@@ -45,26 +44,18 @@ from lava_ros.verification.rows import write_csv
 
 PUBLISHED = 'as-published'
 
-@dataclass(frozen=True)
-class Task:
-    """A scene at a preset, where it runs, and how long it may take [s]."""
+#: A scene, a preset, the device that it runs on, and how long it may take [s].
+Task = tuple[str, str, str, float | None]
 
-    scene: str
-    preset: str
-    device: str
-    wall_limit: float | None
 
-    def run(self) -> Outcome:
-        """Play it; what it raises is an outcome too, and says so."""
-        compare = self.preset != PUBLISHED
-        try:
-            return play(
-                SCENES[self.scene], self.preset, device=self.device, compare=compare,
-                wall_limit=self.wall_limit,
-            )
-        except Exception as error:
-            raised = Violation('exception', math.nan, 0.0, math.nan, repr(error))
-            return Outcome(self.scene, self.preset, violations=[raised])
+def _played(scene: str, preset: str, device: str, wall_limit: float | None) -> Outcome:
+    """Play a scene; what it raises is an outcome too, and says so."""
+    compare = preset != PUBLISHED
+    try:
+        return play(SCENES[scene], preset, device=device, compare=compare, wall_limit=wall_limit)
+    except Exception as error:
+        raised = Violation('exception', math.nan, 0.0, math.nan, repr(error))
+        return Outcome(scene, preset, violations=[raised])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -122,7 +113,7 @@ def _run_on(
     """Run what is asked for on a device."""
     # the dearest first, lest one of them is left for the end
     tasks = [
-        Task(name, preset, device, options.limit if preset == PUBLISHED else None)
+        (name, preset, device, options.limit if preset == PUBLISHED else None)
         for preset in reversed(presets)
         for name in names
     ]
@@ -152,11 +143,11 @@ def run(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
     context = multiprocessing.get_context('spawn')
     pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=use_threads, initargs=(1,))
     with Progress() as progress, pool:
-        futures = {pool.submit(task.run): task for task in tasks}
+        futures = {pool.submit(_played, *task): task for task in tasks}
         for future in as_completed(futures):
             outcomes.append(future.result())
-            last = futures[future]
-            progress.show(f'{last.scene} {last.preset}', len(outcomes) / len(tasks))
+            scene, preset, *_ = futures[future]
+            progress.show(f'{scene} {preset}', len(outcomes) / len(tasks))
     return outcomes
 
 
