@@ -59,10 +59,11 @@ def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
         f'# Accuracy against time: {machines}',
         '',
         f'Made by {", ".join(commands)}; every measurement is in [{stem}.csv]({stem}.csv). '
-        'The error of a case is the largest of its quantities; the cost is wall time for an '
-        'hour of the flow, kernels compiled, median of the repetitions. What would have taken too '
-        'long was left out. Settings on the front are bold: nothing is both faster and better. '
-        'What has no result is `none`, and in the chart a triangle at the errors it does have.',
+        'The error of a case is the largest error of its quantities. The cost is the wall time '
+        'for an hour of the flow with compiled kernels, the median of the repetitions. Runs that '
+        'would have taken too long were left out. Bold settings are on the Pareto front: no other '
+        'setting is both faster and more accurate. An error without a result is `none`; the chart '
+        'then shows a triangle at the largest error that is known.',
         '',
         *_charts(rows, stem),
         *_preset_table(points(rows), titles),
@@ -206,7 +207,7 @@ def _order(spacing: Sequence[float], errors: Sequence[float]) -> str:
 
 
 def _stepping(rows: Sequence[Row]) -> list[str]:
-    """What the second-order integrator saves over Euler's, and whether it errs more."""
+    """What the second-order integrator saves over Euler's, and which errors are larger."""
     found = _results(rows)
     body: list[list[str]] = []
     head: list[str] = []
@@ -281,7 +282,7 @@ def _from_paper(rows: Sequence[Row]) -> list[str]:
 
 
 def _dominated(rows: Sequence[Row], paper: Result) -> str:
-    """How much less the best setting errs in no more time."""
+    """The errors of the paper's settings and of the best that takes no longer."""
     worst = max(
         (row for row in paper.values() if math.isfinite(row.error)),
         key=lambda row: row.error,
@@ -293,10 +294,11 @@ def _dominated(rows: Sequence[Row], paper: Result) -> str:
         return ''
     best = front[-1]
     return (
-        f'In no more time than `as-published` takes, {best.preset or best.setting} errs by '
-        f'{percent(best.error)} at most, in {seconds(best.cost)} instead of {seconds(limit)} for '
-        f'an hour of the flow; `as-published` errs by {percent(worst.error)} '
-        f'({worst.quantity}): the ratio of the errors is {best.error / worst.error:.2g}.'
+        f'The best setting that takes no longer than `as-published` is '
+        f'{best.preset or best.setting}: its largest error is {percent(best.error)}, in '
+        f'{seconds(best.cost)} instead of {seconds(limit)} for an hour of the flow. The largest '
+        f'error of `as-published` is {percent(worst.error)} ({worst.quantity}), so the ratio of '
+        f'the errors is {best.error / worst.error:.2g}.'
     )
 
 

@@ -287,7 +287,7 @@ def _run_thacker(accuracy: Accuracy, device: str) -> Run:
 
 
 CASES = (
-    Case('inertial_sheet', 'sheet that is let go on a slope', 'exponential', _run_sheet),
+    Case('inertial_sheet', 'sheet released on a slope', 'exponential', _run_sheet),
     Case('ritter', 'dam break onto a dry bed, with inertia', 'Ritter 1892', _run_ritter),
     Case('stoker', 'dam break onto a wet bed, with inertia', 'Stoker 1957', _run_stoker),
     Case('thacker', 'oscillation in a paraboloid', 'Thacker 1981', _run_thacker),

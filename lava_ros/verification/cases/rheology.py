@@ -268,13 +268,13 @@ CASES = (
         'Herschel & Bulkley 1926',
         _run_sheets,
     ),
-    Case('critical_thickness', 'sheets about to move', 'Hulme 1974', _run_critical),
+    Case('critical_thickness', 'sheets at the critical thickness', 'Hulme 1974', _run_critical),
     Case(
         'material_laws',
         'viscosity and strength at several temperatures',
         'Giordano et al. 2008; Roscoe 1952; Maron & Pierce 1956',
         _run_laws,
     ),
-    Case('bingham_dome', 'dome that a volume leaves', 'Nye 1952; Blake 1990', _run_dome),
-    Case('ridge', 'ridge that a strip down a slope leaves', 'after Hulme 1974', _run_ridge),
+    Case('bingham_dome', 'dome left by a fixed volume', 'Nye 1952; Blake 1990', _run_dome),
+    Case('ridge', 'ridge left by a strip on a slope', 'after Hulme 1974', _run_ridge),
 )

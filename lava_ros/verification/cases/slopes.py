@@ -279,5 +279,5 @@ CASES = (
     Case('slope_flux', 'constant flux down a slope', 'Huppert 1982 (Nature)', _run_flux),
     Case('lister', 'point source on a slope', 'Lister 1992', _run_lister),
     Case('smith', 'steady point source on a slope', 'Smith 1973', _run_smith),
-    Case('look_ahead', 'arrival times said ahead', 'Huppert 1982 (Nature)', _run_ahead),
+    Case('look_ahead', 'forecast of arrival times', 'Huppert 1982 (Nature)', _run_ahead),
 )
