@@ -61,9 +61,9 @@ def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
         f'Made by {", ".join(commands)}; every measurement is in [{stem}.csv]({stem}.csv). '
         'The error of a case is the largest error of its quantities. The cost is the wall time '
         'for an hour of the flow with compiled kernels, the median of the repetitions. Runs that '
-        'would have taken too long were left out. Bold settings are on the Pareto front: no other '
-        'setting is both faster and more accurate. An error without a result is `none`; the chart '
-        'then shows a triangle at the largest error that is known.',
+        'would have taken too long were left out. Bold settings are on the Pareto front: nothing '
+        'is both faster and more accurate. An error without a result is `none`; the chart then '
+        'shows a triangle at the largest error that is known.',
         '',
         *_charts(rows, stem),
         *_preset_table(points(rows), titles),
