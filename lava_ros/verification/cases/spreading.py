@@ -25,6 +25,7 @@ from lava_ros.verification import exact
 from lava_ros.verification.cases.case import (
     Case,
     distributed,
+    FLAT,
     FRONT,
     GRAVITY,
     half_width,
@@ -114,6 +115,7 @@ def _run_constant_flux(accuracy: Accuracy, device: str) -> Run:
         Scene(plane(window, 8.0), (Vent((0.0, 0.0), discharge, radius=10.0),), ISOTHERMAL),
         accuracy,
         device,
+        effects=FLAT,
         spacing=2.8 / accuracy.refinement,
         thickness=1.15,
     )
