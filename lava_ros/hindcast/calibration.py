@@ -26,7 +26,7 @@ far each unknown spreads in it, and which unknowns the score does not depend on.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 import csv
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from io import StringIO, TextIOWrapper
 from pathlib import Path
 import time
@@ -39,7 +39,7 @@ from lava_ros.files import open_input, write_output
 from lava_ros.files.optional import require
 from lava_ros.forecast.pool import Pool
 from lava_ros.hindcast.case import Case, load_case
-from lava_ros.hindcast.replicates import agreement, directions, run_together
+from lava_ros.hindcast.replicates import agreement, Direction, directions, run_together
 from lava_ros.hindcast.run import Result, Settings
 from lava_ros.hindcast.unknowns import changed, Unknown
 
@@ -271,7 +271,7 @@ class Evaluator:
         runs: int = 1,
         **options: Any,
     ) -> None:
-        """Set up the evaluation, without starting a process yet.
+        """Read the cases, without starting a process yet.
 
         Args:
             directories: Folders of the cases.
@@ -281,8 +281,8 @@ class Evaluator:
                 cells that at least half of them cover are compared.
             options: Further arguments of ``load_case``.
         """
-        job = (tuple(map(str, directories)), tuple(sorted(options.items())), settings, runs)
-        self._evaluate = partial(_evaluate, job)
+        cases = [load_case(folder, **options) for folder in directories]
+        self._evaluate = partial(_evaluate, cases, replace(settings, maps=1), directions(runs))
         self._pool = Pool(self._evaluate, workers) if workers > 1 else None
 
     def __call__(self, sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
@@ -298,20 +298,12 @@ class Evaluator:
             self._pool.close()
 
 
-@lru_cache
-def _case(directory: str, options: tuple[tuple[str, Any], ...]) -> Case:
-    return load_case(directory, **dict(options))
-
-
-_Job = tuple[tuple[str, ...], tuple[tuple[str, Any], ...], Settings, int]
-
-
-def _evaluate(job: _Job, sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
-    """Run sets of values; what cannot flow covers nothing."""
-    directories, options, settings, runs = job
-    settings = replace(settings, maps=1)
-    cases = [_case(directory, options) for directory in directories]
-    ways = directions(runs)
+def _evaluate(
+    cases: Sequence[Case],
+    settings: Settings,
+    ways: Sequence[Direction],
+    sets: Sequence[Mapping[str, float]],
+) -> list[Numbers]:
     try:
         # all of them at once: few runs do not keep a GPU busy
         jobs = [
@@ -323,7 +315,8 @@ def _evaluate(job: _Job, sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
     except LavaError as error:
         said = '; '.join(map(str, sets))
         raise LavaError('calibrate', said, f'values that can be run ({error})') from error
-    parts = iter([results[first : first + runs] for first in range(0, len(results), runs)])
+    size = len(ways)
+    parts = iter([results[first : first + size] for first in range(0, len(results), size)])
     # they run at the same time on a GPU: each has the same share of it
     count = len(sets) * len(cases)
     return [
