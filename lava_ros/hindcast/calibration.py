@@ -314,7 +314,7 @@ def _evaluate(
         taken = time.perf_counter() - begun
     except LavaError as error:
         said = '; '.join(map(str, sets))
-        raise LavaError('calibrate', said, f'values that can be run ({error})') from error
+        raise LavaError('the unknowns', said, f'values that can be simulated ({error})') from error
     size = len(ways)
     parts = iter([results[first : first + size] for first in range(0, len(results), size)])
     # they run at the same time on a GPU: each has the same share of it

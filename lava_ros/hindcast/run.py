@@ -185,7 +185,7 @@ class Run:
             snapshot = self._snapshot(simulation)
             flaw = snapshot.flaw()
             if flaw:
-                raise LavaError('hindcast', flaw, 'a flow of finite numbers')
+                raise LavaError('the simulated flow', flaw, 'finite numbers')
             self._add(snapshot)
             self._wall_time += wall_clock.monotonic() - started
             if self._folder is not None:
@@ -286,15 +286,15 @@ class Run:
         try:
             plain = json.loads((folder / 'run.json').read_text(encoding='utf-8'))
             if plain['identity'] != self._identity():
-                right = 'another folder, or --fresh: it has an unfinished run of another case, or '
-                right += 'with other settings'
+                right = 'a folder without an unfinished run of another case or of other settings; '
+                right += '--fresh starts anew'
                 raise LavaError('output', str(folder.parent), right)
             maps = int(plain['maps'])
             checkpoint = from_bytes((folder / f'checkpoint_{maps:04d}').read_bytes())
         except (OSError, KeyError, ValueError) as error:
             if isinstance(error, LavaError):
                 raise
-            right = f'what an unfinished run has left, or --fresh ({error})'
+            right = f'a complete unfinished run; --fresh starts anew ({error})'
             raise LavaError('output', str(folder), right) from error
         self._wall_time = float(plain['wall_time'])
         self._most_particles = int(plain['most_particles'])
@@ -344,4 +344,5 @@ def _read(path: Path, terrain: Any) -> Snapshot:
             arrived=arrays.get('arrived'),
         )
     except (OSError, KeyError, ValueError) as error:
-        raise LavaError('output', str(path), f'what a run has written ({error})') from error
+        right = f'a map of an earlier run; --fresh starts anew ({error})'
+        raise LavaError('output', str(path), right) from error

@@ -74,6 +74,11 @@ class VentRow:
     share: float = 1.0
     discharge: float | None = None
 
+    @property
+    def places(self) -> tuple[tuple[float, float], ...]:
+        """Its centre, or both ends of a fissure (x, y) [m]."""
+        return (self.place,) if self.other_end is None else (self.place, self.other_end)
+
 
 def read_rates(path: Path) -> tuple[Interval, ...]:
     """Read ``effusion_rate.csv``.

@@ -188,7 +188,8 @@ def _starts(device: str, repetitions: int) -> list[float]:
             subprocess.run(command, check=True, capture_output=True, timeout=_PATIENCE, text=True)
         except subprocess.SubprocessError as error:
             output = getattr(error, 'stderr', None) or str(error)
-            raise LavaError('start', device, f'a snapshot ({output[-500:]})') from error
+            right = f'a device on which a new process takes a snapshot ({output[-500:]})'
+            raise LavaError('--device', device, right) from error
         times.append(wall_clock.perf_counter() - start)
     return times[1:]
 
