@@ -55,12 +55,10 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class Direction:
-    """How a run lies to the case.
+    """How a run lies to the case: turned by 90 degrees counterclockwise, ``quarters`` times.
 
-    Attributes:
-        quarters: How often it is turned by 90 degrees, counterclockwise.
-        mirror: Whether east and west are exchanged before.
-        moved: How far its vents are moved along the rows as they lie then [m].
+    With ``mirror``, east and west are exchanged before. Then its vents are moved along the rows by
+    ``moved`` [m].
     """
 
     quarters: int
@@ -93,13 +91,10 @@ def directions(runs: int) -> list[Direction]:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """The results of several runs.
+    """The comparisons of several runs with the map, and of what the majority of them covers.
 
-    Attributes:
-        scores: The comparison of each run with the map.
-        share: Share of the runs that cover each cell, float64, shape [rows, columns].
-        thickness: Mean thickness, where at least half of the runs cover a cell, 0 elsewhere [m].
-        majority: The comparison of where at least half of them do.
+    ``share`` is that of the runs that cover each cell, float64, shape [rows, columns];
+    ``thickness`` is the mean where at least half of the runs do, 0 elsewhere [m].
     """
 
     scores: tuple[Score, ...]

@@ -63,13 +63,10 @@ UNFINISHED = '.unfinished'
 class Settings:
     """How a case is run.
 
-    Attributes:
-        preset: Accuracy by name.
-        spacing: Distance between particles [m] in place of the preset's, None for that.
-        device: Name of the Warp device, None for the best there is.
-        forced: Effects forced on or off, by name; the others are chosen from the scene.
-        maps: Number of maps, evenly over the simulated time.
-        courant: Largest displacement in a step over a cell, where the preset has the usual one.
+    A spacing [m] takes the place of the preset's; a device of None is the best there is. Effects
+    that are not forced on or off are chosen from the scene. Maps are even over the simulated time.
+    ``courant`` is the largest displacement in a step over a cell, where the preset has the usual
+    one.
     """
 
     preset: str = DEFAULT
@@ -98,18 +95,11 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """The result of a run.
+    """The result of a run: the flow at its end, and how it was simulated.
 
-    Attributes:
-        snapshot: The flow at its end.
-        peak: Largest thickness in any map [m], float32, shape [rows, columns].
-        wall_time: Wall time of the run [s], without file access. Of one of several runs on a GPU
-            it is only what the host did for it.
-        most_particles: Largest number of particles at any look.
-        effects: The effects that were on at the end.
-        accuracy: The resolution, with every automatic value filled in.
-        resolution: Number of particles across the flow.
-        device: Name of the Warp device.
+    ``peak`` is the largest thickness in any map [m], float32, shape [rows, columns]. The wall time
+    [s] is without file access; of one of several runs on a GPU it is only what the host did for
+    it. ``accuracy`` has every automatic value filled in.
     """
 
     snapshot: Snapshot
@@ -123,13 +113,7 @@ class Result:
 
 
 class Run:
-    """A case on its way, from its start or from where it was cut off.
-
-    Attributes:
-        case: The case.
-        settings: How it is run.
-        is_resumed: Whether it goes on from an earlier run that was cut off.
-    """
+    """A case on its way, from its start or, if ``is_resumed``, from where it was cut off."""
 
     def __init__(self, case: Case, settings: Settings, *, folder: Path | None = None) -> None:
         """Start a run, or resume the one whose state is in ``folder``; None keeps nothing.

@@ -48,16 +48,9 @@ _LOGARITHMIC = ('viscosity', 'yield_strength')
 
 @dataclass(frozen=True)
 class Unknown:
-    """A number that is not known well.
+    """A number that is not known well, with its published range and its value without calibration.
 
-    Attributes:
-        name: What it is called.
-        unit: Its unit.
-        low: Its smallest value.
-        high: Its largest value.
-        usual: Its value without calibration.
-        source: Who has published the range.
-        is_log: Whether it is searched by its logarithm.
+    With ``is_log`` it is searched by its logarithm.
     """
 
     name: str

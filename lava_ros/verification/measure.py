@@ -53,16 +53,11 @@ def measure(
     longest: float = LONGEST,
     on_progress: Callable[[str, float], None] = lambda what, share: None,
 ) -> Iterator[list[Row]]:
-    """Run every pair that does not take too long, case by case.
+    """Run every pair that does not take too long, case by case and each from cheap to dear.
 
-    Args:
-        pairs: Cases and settings; those of a case from cheap to dear.
-        device: Warp device.
-        command: What the rows say made them.
-        repetitions: How many times a run shorter than ``REPEATED_BELOW`` is timed.
-        longest: Runs that are expected to take longer than this are left out [s]; presets may
-            take ``PRESET_PATIENCE`` times as long.
-        on_progress: Told what begins, and the share of the work that is done, from 0 to 1.
+    Runs that are expected to take longer than ``longest`` [s] are left out; presets may take
+    ``PRESET_PATIENCE`` times as long. Runs shorter than ``REPEATED_BELOW`` are timed several
+    times. ``command`` is what the rows say made them.
 
     Yields:
         The rows of each case, once it is done.

@@ -58,12 +58,7 @@ Lot = Callable[[float], Particles]
 
 @dataclass(frozen=True)
 class Event:
-    """Something done to a running simulation.
-
-    Attributes:
-        time: When [s].
-        act: What.
-    """
+    """Something done to a running simulation at a time [s]."""
 
     time: float
     act: Callable[[Simulation], Any]
@@ -71,12 +66,9 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class HardScene:
-    """A scene that tries the solver.
+    """A scene that tries the solver, with its title in a few words.
 
     Attributes:
-        name: Its name.
-        title: What it is, in a few words.
-        scene: Terrain, vents and lava.
         until: Time to simulate [s].
         physics: Name of the effects, a key of ``PHYSICS``; empty: chosen from the scene.
         frames: Moments at which the invariants are checked, evenly spaced.

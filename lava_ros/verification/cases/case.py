@@ -70,16 +70,10 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a case.
+    """One run of a case, by its name: what was compared, and what it took.
 
-    Attributes:
-        case: Name of the case.
-        measurements: What was compared.
-        particles: Particles at the end.
-        steps: Time steps.
-        evaluations: Velocity evaluations.
-        simulated_time: Time that was simulated [s].
-        wall_time: Time it took [s], without compiling the kernels and without measuring.
+    ``particles`` are those at the end, ``evaluations`` those of the velocity. Times are in
+    seconds; ``wall_time`` is without compiling the kernels and without measuring.
     """
 
     case: str
@@ -98,14 +92,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Case:
-    """A flow whose exact solution is known.
+    """A flow whose exact solution is known, with the reference of the solution.
 
-    Attributes:
-        name: Name on the command line.
-        title: The flow, in a phrase.
-        source: Reference of the exact solution.
-        measure: Runs the case at an accuracy on a Warp device. The spacing is the case's own over
-            ``accuracy.refinement``.
+    ``measure`` runs the case at an accuracy on a Warp device. The spacing is the case's own over
+    ``accuracy.refinement``.
     """
 
     name: str
@@ -120,12 +110,9 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Thickness on a grid of square cells.
+    """Thickness on square cells [m], shape [rows, columns].
 
-    Attributes:
-        thickness: Thickness [m], shape [rows, columns].
-        cell: Side of a cell [m].
-        origin: Position (x, y) [m] of the lower-left corner of cell [0, 0].
+    ``cell`` is the side of a cell, ``origin`` the lower-left corner (x, y) of cell [0, 0] [m].
     """
 
     thickness: np.ndarray
@@ -327,18 +314,10 @@ def layer(
     slope: float = 0.0,
     temperature: float = 1400.0,
 ) -> Trial:
-    """A square layer of uniform thickness around (0, 0) on an even slope.
+    """A square layer of uniform vertical thickness [m] around (0, 0) on an even slope [rad].
 
-    Args:
-        lava: The lava of the layer.
-        effects: The physics.
-        accuracy: Resolution; its spacing and thickness are set here.
-        device: Warp device.
-        thickness: Vertical thickness [m].
-        spacing: Distance between particles at a refinement of 1 [m].
-        side: Side of the layer [m]; the ground's is twice as long.
-        slope: Angle of the slope [rad].
-        temperature: Temperature [K].
+    ``side`` is that of the layer [m]; the ground's is twice as long. The spacing [m] is that at a
+    refinement of 1. The temperature is in kelvin.
     """
     spacing /= accuracy.refinement
     # keeps the middle of a coarse layer away from its edge

@@ -103,19 +103,10 @@ def sheet_speed(
     temperature: float = ISOTHERMAL.reference_temperature,
     effects: Effects = SLOPING,
 ) -> Run:
-    """Measure the speed of a sheet 1 m thick along a slope, with known viscosity and strength.
+    """Measure the speed of a sheet 1 m thick along a slope [rad], and call it ``quantity``.
 
-    Args:
-        quantity: Name of the speed.
-        lava: The lava of the sheet.
-        accuracy: Resolution; its spacing and thickness are set here.
-        device: Warp device.
-        slope: Angle of the slope [rad].
-        viscosity: Viscosity at the temperature [Pa s], by default the lava's own.
-        strength: Yield strength at the temperature [Pa].
-        duration: Simulated time [s]; None for the time to move by one thickness.
-        temperature: Temperature of the sheet [K].
-        effects: The physics.
+    ``viscosity`` [Pa s], by default the lava's own, and ``strength`` [Pa] are those at the
+    temperature [K]. A ``duration`` [s] of None is the time to move by one thickness.
     """
     right = exact.herschel_bulkley_velocity(
         1.0,
@@ -162,15 +153,10 @@ def response(
 ) -> Run:
     """Velocity amplitude relative to that of ``local``, in a layer 1 m thick on ground A sin(q x).
 
-    No simulated time passes; the wall time is that of the velocity evaluations, neighbour search
+    ``form`` is one of ``FORMS``, ``radius`` that of the kernel and ``wavelength`` 2 pi / q [m].
+    The ratio of the accuracy gives the spacing, its refinement the number of particles. No
+    simulated time passes; the wall time is that of the velocity evaluations, neighbour search
     included.
-
-    Args:
-        form: One of ``FORMS``.
-        radius: Kernel radius [m].
-        wavelength: 2 pi / q [m].
-        accuracy: Its ratio gives the spacing, its refinement the number of particles.
-        device: Warp device.
     """
     spacing = radius / accuracy.ratio
     q = 2.0 * math.pi / wavelength
