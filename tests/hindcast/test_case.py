@@ -413,9 +413,8 @@ def test_footprint_of_another_system(tmp_path: Path) -> None:
     assert 'data on the terrain' in str(caught.value)
 
 
-@pytest.mark.parametrize('flip', ['elevation', 'footprint', 'both'])
 @pytest.mark.skipif(not ETNA.is_dir(), reason='the data of Etna 2001 are not here')
-def test_etna_upside_down_is_caught(flip: str, tmp_path: Path) -> None:
+def test_etna_upside_down_is_caught(tmp_path: Path) -> None:
     """Real grids with their rows in the wrong order are refused, right ones are not."""
     folder = tmp_path / 'etna'
     folder.mkdir()
@@ -424,9 +423,10 @@ def test_etna_upside_down_is_caught(flip: str, tmp_path: Path) -> None:
     case = load_case(folder)
     assert case.volume == pytest.approx(21.4e6, rel=1e-3)
     assert case.footprint.sum() == 18_509
-    for name in ('elevation', 'footprint') if flip == 'both' else (flip,):
+    # one of them, both, the other one
+    for name in ('elevation', 'footprint', 'elevation'):
         path = folder / f'{name}.asc'
         lines = path.read_text().splitlines()
         path.write_text('\n'.join([*lines[:6], *reversed(lines[6:])]) + '\n')
-    with pytest.raises(LavaError, match='upside down'):
-        load_case(folder)
+        with pytest.raises(LavaError, match='upside down'):
+            load_case(folder)

@@ -163,7 +163,7 @@ def test_dam_break_coefficients():
     assert exact.DamBreak.PASSED == pytest.approx(passed, abs=2e-5)
     solution = exact.DamBreak(2.0, NU, GRAVITY)
     time = solution.time_of_reach(15.0)
-    assert solution.front(time) == pytest.approx(
+    assert solution.front_of_thickness(0.0, time) == pytest.approx(
         0.28430 * 2.0 * math.sqrt(GRAVITY * 2.0 * time / NU)
     )
 
