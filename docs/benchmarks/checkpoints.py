@@ -24,12 +24,11 @@ from pathlib import Path
 import statistics
 import sys
 import tempfile
-import time
 
 from lava_ros.bag import BagWriter
 from lava_ros.bag.checkpoints import NAME
 from lava_ros.simulation.checkpoint import from_bytes, MEDIA_TYPE
-from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
+from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, timed
 
 REPETITIONS = 5
 
@@ -41,12 +40,7 @@ EFFECTS = ('bare', 'everything with inertia')
 
 def median(action):
     """Median time of an action [ms]."""
-    times = []
-    for _ in range(REPETITIONS):
-        begin = time.perf_counter()
-        action()
-        times.append(1e3 * (time.perf_counter() - begin))
-    return statistics.median(times)
+    return statistics.median(1e3 * timed('cpu', action) for _ in range(REPETITIONS))
 
 
 def measure(effects, particles, directory):

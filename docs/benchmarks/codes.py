@@ -29,7 +29,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
-import csv
 import ctypes
 from dataclasses import dataclass
 from functools import lru_cache
@@ -44,6 +43,7 @@ import time
 from typing import NamedTuple
 
 import numpy as np
+from tables import lines_of
 
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
@@ -51,6 +51,7 @@ from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import FLAT, FRONT, GRAVITY, ISOTHERMAL, NU
 from lava_ros.verification.measure import machine_name
+from lava_ros.verification.rows import write_csv
 
 FOLDER = Path(__file__).parent
 TABLE = FOLDER / 'codes.csv'
@@ -357,11 +358,8 @@ def main():
     chosen = parser.parse_args()
     if 'lava2d' in chosen.group and chosen.lava2d is None:
         parser.error('lava2d takes --lava2d FOLDER')
-    rows = {}
-    if TABLE.exists():
-        with TABLE.open(newline='', encoding='utf-8') as file:
-            for row in csv.DictReader(file):
-                rows[tuple(row[column] for column in COLUMNS[:4])] = row
+    known = lines_of(TABLE) if TABLE.exists() else []
+    rows = {tuple(row[column] for column in COLUMNS[:4]): row for row in known}
     for group, name, code, cell, run in codes(chosen.lava2d):
         if group not in chosen.group:
             continue
@@ -378,11 +376,7 @@ def main():
             print(*key, *fields[:3], flush=True)
     # rows of what is no longer run are dropped
     order = [(name, code, f'{cell:g}') for _, name, code, cell, _ in codes('')]
-    with TABLE.open('w', newline='', encoding='utf-8') as file:
-        table = csv.DictWriter(file, COLUMNS, lineterminator='\n')
-        table.writeheader()
-        for made in order:
-            table.writerows(row for key, row in rows.items() if key[:3] == made)
+    write_csv([row for made in order for key, row in rows.items() if key[:3] == made], TABLE)
 
 
 if __name__ == '__main__':

@@ -28,7 +28,7 @@ import time
 import matplotlib
 import numpy as np
 
-from lava_ros import validation
+from lava_ros.files import file_to_write
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh
 from lava_ros.forecast.members import make_plan, run_members
 from lava_ros.forecast.probability import footprint_of, reached_by, Tally
@@ -157,7 +157,7 @@ def main() -> None:
     machine = sys.argv[1]
     table, picture = FOLDER / 'ensemble.csv', FOLDER / 'ensemble.png'
     for path in (table, picture):
-        validation.file_to_write('output', path)
+        file_to_write('output', path)
     rows, diagrams = measure()
     with table.open('w', newline='', encoding='utf-8') as file:
         writer = csv.writer(file, lineterminator='\n')

@@ -25,7 +25,7 @@ they come; a set that the table has at that preset is not run again. Sets of a c
 import argparse
 from collections.abc import Mapping
 import csv
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 import platform
 import subprocess
@@ -41,6 +41,7 @@ from lava_ros.hindcast.run import Settings
 from lava_ros.hindcast.unknowns import changed, unknowns_of
 from lava_ros.simulation.defaults import device_of
 from lava_ros.simulation.presets import PRESETS
+from lava_ros.verification.rows import write_csv
 
 #: A lava of ``lava materials`` and constants in place of its own, by the name of the set.
 SETS: dict[str, tuple[str, Mapping[str, float]]] = {
@@ -165,7 +166,6 @@ def main() -> None:
     chosen = {name: SETS[name] for name in named}
     if args.calibration:
         chosen |= sets_of(args.calibration, args.case)
-    names = [field.name for field in fields(Row)]
     rows: list[dict[str, object]] = []
     if args.output.is_file():
         with args.output.open(newline='', encoding='utf-8') as file:
@@ -186,10 +186,7 @@ def main() -> None:
                 flush=True,
             )
             rows.append(vars(row))
-        with args.output.open('w', newline='', encoding='utf-8') as file:
-            writer = csv.DictWriter(file, names, lineterminator='\n')
-            writer.writeheader()
-            writer.writerows(rows)
+        write_csv(rows, args.output)
 
 
 if __name__ == '__main__':

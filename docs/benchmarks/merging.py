@@ -89,9 +89,11 @@ def huppert(refinement, merging, device):
                 ISOTHERMAL,
                 gravity=GRAVITY,
             ),
+            preset_accuracy('standard'),
+            device,
             effects=replace(FLAT, merging=merging),
-            accuracy=replace(preset_accuracy('standard'), spacing=spacing, thickness=1.15),
-            device=device,
+            spacing=spacing,
+            thickness=1.15,
         )
         steps, fronts = 0.0, []
         for time in np.geomspace(0.25 * end, end, 7):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Writes the tables of docs/accuracy/other_codes.md from the CSV files, as validation.py does.
+"""Writes the tables of docs/accuracy/other_codes.md from the CSV files, as tables.py does.
 
 python docs/benchmarks/other_codes.py
 """

@@ -46,9 +46,9 @@ import time
 import numpy as np
 from plan_scenes import held_out
 
-from lava_ros import validation
 from lava_ros.cli.output import write_json
 from lava_ros.errors import LavaError
+from lava_ros.files import file_to_write
 from lava_ros.forecast.members import make_plan, run_members
 from lava_ros.forecast.pilots import accuracy_at, run_at
 from lava_ros.forecast.planning import afford, sampling_error
@@ -353,7 +353,7 @@ def arguments():
     args = parser.parse_args()
     for name in ('output', 'json'):
         if getattr(args, name):
-            validation.file_to_write(f'--{name}', getattr(args, name))
+            file_to_write(f'--{name}', getattr(args, name))
     return args
 
 

@@ -25,7 +25,7 @@ again goes on. OUT.png is the reliability diagram of the last rows.
 
 import argparse
 import csv
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 import platform
@@ -45,6 +45,7 @@ from lava_ros.forecast.store import Store
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings
+from lava_ros.verification.rows import write_csv
 
 matplotlib.use('Agg')
 
@@ -207,14 +208,7 @@ def main() -> None:
             )
             same = {name: str(vars(row)[name]) for name in ('case', 'members')}
             rows = [old for old in rows if {k: str(old[k]) for k in same} != same] + [vars(row)]
-            with args.output.open('w', newline='', encoding='utf-8') as file:
-                names = [field.name for field in fields(Row)]
-                writer = csv.DictWriter(file, names, lineterminator='\n')
-                writer.writeheader()
-                writer.writerows(
-                    {k: f'{v:.6g}' if isinstance(v, float) else v for k, v in item.items()}
-                    for item in rows
-                )
+            write_csv(rows, args.output)
             with args.output.open(newline='', encoding='utf-8') as file:
                 draw(list(csv.DictReader(file)), args.output.with_suffix('.png'))
 

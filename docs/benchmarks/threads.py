@@ -25,10 +25,9 @@ import argparse
 import csv
 from statistics import median
 import sys
-import time
 
 from lava_ros.simulation.backend.threads import threads
-from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
+from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP, timed
 
 #: Sets of effects, by their names in the benchmark, and particles.
 SETS, PARTICLES = ('bare', 'green'), (1000, 10_000, 100_000)
@@ -50,9 +49,8 @@ def main():
             simulation = lava_field(particles, effect_sets()[name], 'cpu')
 
             def each(steps, simulation=simulation):
-                start = time.perf_counter()
-                simulation.advance(simulation.time + steps * STEP)
-                return (time.perf_counter() - start) / steps
+                until = simulation.time + steps * STEP
+                return timed('cpu', lambda: simulation.advance(until)) / steps
 
             each(3)
             steps = 1 + int(LEAST / each(2))

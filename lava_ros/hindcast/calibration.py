@@ -26,7 +26,7 @@ far each unknown spreads in it, and which unknowns the score does not depend on.
 from collections.abc import Callable, Iterable, Mapping, Sequence
 import csv
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from io import StringIO, TextIOWrapper
 from pathlib import Path
 import time
@@ -39,7 +39,7 @@ from lava_ros.files import open_input, write_output
 from lava_ros.files.optional import require
 from lava_ros.forecast.pool import Pool
 from lava_ros.hindcast.case import Case, load_case
-from lava_ros.hindcast.replicates import agreement, directions, run_together
+from lava_ros.hindcast.replicates import agreement, Direction, directions, run_together
 from lava_ros.hindcast.run import Result, Settings
 from lava_ros.hindcast.unknowns import changed, Unknown
 
@@ -68,12 +68,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class Trial:
-    """A set of values, and what it gives.
-
-    Attributes:
-        values: The unknowns, by name.
-        numbers: By the name of each case, its results by the names of ``COLUMNS``.
-    """
+    """A set of values of the unknowns, and for each case its results by ``COLUMNS``."""
 
     values: Mapping[str, float]
     numbers: Mapping[str, Mapping[str, float]]
@@ -90,16 +85,11 @@ class Trial:
 
 @dataclass(frozen=True)
 class Finding:
-    """What a search tells about an unknown.
+    """What a search tells about an unknown: its value in the best run, and in near-best runs.
 
-    Attributes:
-        unknown: The unknown.
-        best: Its value in the best run.
-        low: Its smallest value in near-best runs.
-        high: Its largest value in near-best runs.
-        spread: Share of its range that they spread over.
-        correlation: Rank correlation of its value with the score, over all runs.
-        is_sensitive: Whether the search fixes it: near-best runs agree, or the score follows it.
+    ``spread`` is the share of its range that near-best runs spread over, ``correlation`` the rank
+    correlation of its value with the score over all runs. It is sensitive where near-best runs
+    agree or the score follows it.
     """
 
     unknown: Unknown
@@ -128,14 +118,9 @@ def search(
 ) -> list[Trial]:
     """Search for good values: points spread evenly, then differential evolution from the best.
 
-    Args:
-        unknowns: What to change.
-        evaluate: Runs many sets of values and gives their numbers.
-        runs: How many runs there are.
-        seed: Of the random numbers.
-        batch: Sets at once.
-        known: Runs of an earlier search of the same unknowns, which are not run again.
-        progress: Is told of each run.
+    ``evaluate`` gives the numbers of many sets of values, ``batch`` of them at once. Runs of an
+    earlier search of the same unknowns, ``known``, are not run again. ``progress`` is told the
+    number of each run and what it gave.
 
     Returns:
         All runs, the usual values first.
@@ -234,11 +219,8 @@ def can_tell(trials: Sequence[Trial]) -> bool:
 class LeftOut:
     """How well constants foretell a case that they have not been fitted to.
 
-    Attributes:
-        case: The case.
-        values: The set that is best for the others, by name of the unknown.
-        jaccard: What that set scores on the case.
-        best: The best score on the case of any set.
+    ``values`` are the set that is best for the others, ``jaccard`` is its score on the case, and
+    ``best`` the best score on the case of any set.
     """
 
     case: str
@@ -271,18 +253,14 @@ class Evaluator:
         runs: int = 1,
         **options: Any,
     ) -> None:
-        """Set up the evaluation, without starting a process yet.
+        """Read the cases, without starting a process yet.
 
-        Args:
-            directories: Folders of the cases.
-            settings: Settings of every run.
-            workers: Number of processes; several share one GPU.
-            runs: Runs for each set of constants, turned and mirrored. With more than one, the
-                cells that at least half of them cover are compared.
-            options: Further arguments of ``load_case``.
+        Several ``workers``, processes, share one GPU. With more than one of ``runs`` for each set
+        of constants, turned and mirrored, the cells that at least half of them cover are compared.
+        ``options`` are those of ``load_case``.
         """
-        job = (tuple(map(str, directories)), tuple(sorted(options.items())), settings, runs)
-        self._evaluate = partial(_evaluate, job)
+        cases = [load_case(folder, **options) for folder in directories]
+        self._evaluate = partial(_evaluate, cases, replace(settings, maps=1), directions(runs))
         self._pool = Pool(self._evaluate, workers) if workers > 1 else None
 
     def __call__(self, sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
@@ -298,20 +276,12 @@ class Evaluator:
             self._pool.close()
 
 
-@lru_cache
-def _case(directory: str, options: tuple[tuple[str, Any], ...]) -> Case:
-    return load_case(directory, **dict(options))
-
-
-_Job = tuple[tuple[str, ...], tuple[tuple[str, Any], ...], Settings, int]
-
-
-def _evaluate(job: _Job, sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
-    """Run sets of values; what cannot flow covers nothing."""
-    directories, options, settings, runs = job
-    settings = replace(settings, maps=1)
-    cases = [_case(directory, options) for directory in directories]
-    ways = directions(runs)
+def _evaluate(
+    cases: Sequence[Case],
+    settings: Settings,
+    ways: Sequence[Direction],
+    sets: Sequence[Mapping[str, float]],
+) -> list[Numbers]:
     try:
         # all of them at once: few runs do not keep a GPU busy
         jobs = [
@@ -322,8 +292,9 @@ def _evaluate(job: _Job, sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
         taken = time.perf_counter() - begun
     except LavaError as error:
         said = '; '.join(map(str, sets))
-        raise LavaError('calibrate', said, f'values that can be run ({error})') from error
-    parts = iter([results[first : first + runs] for first in range(0, len(results), runs)])
+        raise LavaError('the unknowns', said, f'values that can be simulated ({error})') from error
+    size = len(ways)
+    parts = iter([results[first : first + size] for first in range(0, len(results), size)])
     # they run at the same time on a GPU: each has the same share of it
     count = len(sets) * len(cases)
     return [

@@ -74,13 +74,7 @@ KEYS = (
 
 @dataclass(frozen=True)
 class Event:
-    """Ground that changes in mid-eruption.
-
-    Attributes:
-        time: When [s].
-        terrain: The ground from then on, without lava.
-        text: What happens, in a few words.
-    """
+    """Ground that is another from a time [s] on, and what has happened, in a few words."""
 
     time: float
     terrain: Terrain
@@ -89,11 +83,9 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """An eruption, and what it covered.
+    """An eruption, and what it covered; its name is that of its folder.
 
     Attributes:
-        name: Name of its folder.
-        title: What it is.
         source: Where the data are from; may be empty.
         scene: Ground, vents and lava. The map frame's origin is the grid's lower-left corner.
         material: The lava that the constants started from, None where the file names none.
@@ -101,7 +93,6 @@ class Case:
         start: When the simulation begins [s].
         end: When it ends [s].
         volume: Volume that comes out between [m3].
-        events: Changes of the ground, by time.
         low_pass: Width of the filter that the ground went through [m]; 0: none.
     """
 

@@ -44,7 +44,7 @@ def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Pl
         LavaError: The case has events, or an argument is not usable.
     """
     if case.events:
-        right = 'none beside an ensemble: its members all run on the first ground'
+        right = 'none in an ensemble: all members run on the ground before the first event'
         raise LavaError('case.events', len(case.events), right)
     scene = case.scene
     if scene.uncertainty == Uncertainty():

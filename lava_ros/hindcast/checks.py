@@ -74,9 +74,7 @@ def check_vent_rows(vents: Sequence[VentRow], ground: Terrain) -> None:
         LavaError: A vent is outside the grid, or on a cell without data.
     """
     for vent in vents:
-        for place in (vent.place, vent.other_end):
-            if place is None:
-                continue
+        for place in vent.places:
             cell = ground.cell_at(*ground.to_map(*place))
             name = f'{vent.name!r} of vent.csv'
             if cell is None:
@@ -97,12 +95,7 @@ def check_rows(vents: Sequence[VentRow], ground: Terrain, footprint: np.ndarray)
         LavaError: Vents and grids do not go together.
     """
     cells = np.array(
-        [
-            ground.cell_at(*ground.to_map(*place))
-            for vent in vents
-            for place in (vent.place, vent.other_end)
-            if place is not None
-        ]
+        [ground.cell_at(*ground.to_map(*place)) for vent in vents for place in vent.places]
     )
     distance = _distance(cells, footprint)
     turned = _distance(cells, footprint[::-1])

@@ -19,12 +19,17 @@ What is smaller than the distance of particles they do not feel, and a step may 
 than a cell: cells of half that distance cost four times as much and change nothing.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from lava_ros.scene import Terrain
 from lava_ros.simulation.snapshot import Snapshot
+
+#: The maps of a snapshot.
+GRIDS = ('thickness', 'temperature', 'frozen', 'arrived')
 
 
 def coarsened(terrain: Terrain, factor: int) -> Terrain:
@@ -66,19 +71,24 @@ def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
         mean = np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), np.nan)
         return np.where(terrain.has_data, mean, np.nan).astype(np.float32)
 
-    arrived = snapshot.arrived
-    if arrived is not None:
-        # lava that reaches less than half of a cell does not cover it
-        reached = quarters(np.isfinite(arrived).astype(float)) >= 2.0
-        arrived = np.where(reached, spread(arrived), np.float32(np.nan))
-    return replace(
-        snapshot,
-        terrain=terrain,
-        arrived=arrived,
-        thickness=spread(snapshot.thickness),
-        temperature=spread(snapshot.temperature),
-        frozen=None if snapshot.frozen is None else spread(snapshot.frozen),
-    )
+    fine = regridded(snapshot, terrain, spread)
+    if snapshot.arrived is None:
+        return fine
+    # lava that reaches less than half of a cell does not cover it
+    reached = quarters(np.isfinite(snapshot.arrived).astype(float)) >= 2.0
+    arrived = np.where(reached, spread(snapshot.arrived), np.float32(np.nan))
+    return replace(fine, arrived=arrived)
+
+
+def regridded(
+    snapshot: Snapshot, terrain: Terrain, change: Callable[[np.ndarray], np.ndarray]
+) -> Snapshot:
+    """Change every map of a snapshot into one on the cells of another terrain."""
+    grids = {name: getattr(snapshot, name) for name in GRIDS}
+    changed: dict[str, Any] = {
+        name: change(grid) for name, grid in grids.items() if grid is not None
+    }
+    return replace(snapshot, terrain=terrain, **changed)
 
 
 def _halves(side: int, factor: int) -> tuple[np.ndarray, np.ndarray]:

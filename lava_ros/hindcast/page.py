@@ -156,7 +156,7 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
         'elevation': f'{terrain.shape[0]} x {terrain.shape[1]} cells of {terrain.resolution:g} m'
         + (f', smoothed over {case.low_pass:g} m' if case.low_pass else '')
         + (f', simulated on cells of {cell:g} m' if cell != terrain.resolution else ''),
-        'covered means': 'lava at least 0.1 m thick came there',
+        'covered means': 'lava at least 0.1 m thick reached the cell',
         'events': events or 'none',
         'preset': f'{settings.preset}: particles {accuracy.spacing:g} m apart where the flow is '
         f'{accuracy.thickness:.2g} m thick, kernel radius {accuracy.ratio:g} times that',

@@ -32,9 +32,10 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.hindcast.case import Case
+from lava_ros.hindcast.coarse import regridded
 from lava_ros.hindcast.run import Result, Run, Settings
 from lava_ros.hindcast.score import covered_by, judge, Score
-from lava_ros.scene import Terrain
+from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.batch import side_by_side
 from lava_ros.simulation.defaults import device_of
 from lava_ros.simulation.snapshot import Snapshot
@@ -45,7 +46,6 @@ MOST = 64
 #: How far vents are moved for runs beyond the eight directions [m]: any length is a new draw.
 _MOVED = 1e-3
 
-
 #: Places are multiples of it [m], so that turning back and forth loses no digit: a flow that forks
 #: would tell.
 _STEP = 2.0**-20
@@ -55,17 +55,33 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class Direction:
-    """How a run lies to the case.
+    """How a run lies to the case: turned by 90 degrees counterclockwise, ``quarters`` times.
 
-    Attributes:
-        quarters: How often it is turned by 90 degrees, counterclockwise.
-        mirror: Whether east and west are exchanged before.
-        moved: How far its vents are moved along the rows as they lie then [m].
+    With ``mirror``, east and west are exchanged before. Then its vents are moved along the rows by
+    ``moved`` [m].
     """
 
     quarters: int
-    mirror: bool
-    moved: float
+    mirror: bool = False
+    moved: float = 0.0
+
+    def turn(self, case: Case) -> Case:
+        """Turn ground, vents and footprint of a case; the map frame's origin stays a corner."""
+        if self.mirror:
+            case = _changed(case, lambda x, y, width, _: (width - x, y), _mirror)
+        else:
+            case = _changed(case, lambda x, y, *_: (x, y), np.ascontiguousarray)
+        for _ in range(self.quarters % 4):
+            case = _changed(case, lambda x, y, _, height: (height - y, x), _quarter)
+        if self.moved:
+            vents = _vents_at(case, lambda place: (place[0] + self.moved, place[1]))
+            case = replace(case, scene=replace(case.scene, vents=vents))
+        return case
+
+    def restore(self, values: np.ndarray) -> np.ndarray:
+        """Put a map of the turned case back, shape [rows, columns] of the case."""
+        values = np.rot90(values, self.quarters)
+        return np.ascontiguousarray(_mirror(values) if self.mirror else values)
 
 
 def directions(runs: int) -> list[Direction]:
@@ -75,13 +91,10 @@ def directions(runs: int) -> list[Direction]:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """The results of several runs.
+    """The comparisons of several runs with the map, and of what the majority of them covers.
 
-    Attributes:
-        scores: The comparison of each run with the map.
-        share: Share of the runs that cover each cell, float64, shape [rows, columns].
-        thickness: Mean thickness, where at least half of the runs cover a cell, 0 elsewhere [m].
-        majority: The comparison of where at least half of them do.
+    ``share`` is that of the runs that cover each cell, float64, shape [rows, columns];
+    ``thickness`` is the mean where at least half of the runs do, 0 elsewhere [m].
     """
 
     scores: tuple[Score, ...]
@@ -143,39 +156,21 @@ def run_together(
         kept = None if folder is None else folder / f'run_{number:02d}'
         # the spacing is that of the case, whichever way it lies
         same = replace(settings, spacing=settings.accuracy(case).spacing)
-        run = Run(directed(case, direction), same, folder=kept)
+        run = Run(direction.turn(case), same, folder=kept)
         for snapshot in run.parts():
             if snapshot is not None:
                 shares[number] = snapshot.time / case.duration
                 if progress is not None:
                     progress(float(shares.mean()))
             yield
-        results[number] = _put_back(case, run.result(), direction)
+        result = run.result()
+        snapshot = regridded(result.snapshot, case.scene.terrain, direction.restore)
+        results[number] = replace(result, snapshot=snapshot, peak=direction.restore(result.peak))
 
     routes = (route(number, *job) for number, job in enumerate(jobs))
     for _ in side_by_side(routes, str(device_of(settings.device))):
         pass
     return [results[number] for number in range(len(jobs))]
-
-
-def turned(case: Case, quarters: int, *, mirror: bool = False) -> Case:
-    """Turn terrain, vents and footprint counterclockwise by ``quarters`` times 90 degrees.
-
-    ``mirror`` exchanges east and west first. The map frame's origin stays a corner.
-    """
-    if mirror:
-        case = _changed(case, lambda x, y, width, _: (width - x, y), _mirror)
-    else:
-        case = _changed(case, lambda x, y, *_: (x, y), np.ascontiguousarray)
-    for _ in range(quarters % 4):
-        case = _changed(case, lambda x, y, _, height: (height - y, x), _quarter)
-    return case
-
-
-def restored(values: np.ndarray, quarters: int, *, mirror: bool = False) -> np.ndarray:
-    """Put a map of a turned case back, shape [rows, columns] of the case."""
-    values = np.rot90(values, quarters)
-    return np.ascontiguousarray(_mirror(values) if mirror else values)
 
 
 def _changed(
@@ -194,19 +189,21 @@ def _changed(
     def terrain(ground: Terrain) -> Terrain:
         return replace(ground, elevation=grid(ground.elevation))
 
-    vents = tuple(
-        replace(
-            vent,
-            position=place(vent.position),
-            end=None if vent.end is None else place(vent.end),
-        )
-        for vent in case.scene.vents
+    scene = replace(
+        case.scene, terrain=terrain(case.scene.terrain), vents=_vents_at(case, place)
     )
     return replace(
         case,
-        scene=replace(case.scene, terrain=terrain(case.scene.terrain), vents=vents),
+        scene=scene,
         footprint=grid(case.footprint),
         events=tuple(replace(event, terrain=terrain(event.terrain)) for event in case.events),
+    )
+
+
+def _vents_at(case: Case, place: Callable[[Place], Place]) -> tuple[Vent, ...]:
+    return tuple(
+        replace(vent, position=place(vent.position), end=vent.end and place(vent.end))
+        for vent in case.scene.vents
     )
 
 
@@ -221,43 +218,6 @@ def _quarter(values: np.ndarray) -> np.ndarray:
 
 def _mirror(values: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(values[:, ::-1])
-
-
-def directed(case: Case, direction: Direction) -> Case:
-    """A case as a run of it lies: a turned case has the same runs, in another order."""
-    case = turned(case, direction.quarters, mirror=direction.mirror)
-    if not direction.moved:
-        return case
-    vents = tuple(
-        replace(
-            vent,
-            position=(vent.position[0] + direction.moved, vent.position[1]),
-            end=vent.end and (vent.end[0] + direction.moved, vent.end[1]),
-        )
-        for vent in case.scene.vents
-    )
-    return replace(case, scene=replace(case.scene, vents=vents))
-
-
-def _put_back(case: Case, result: Result, direction: Direction) -> Result:
-    """A result on the cells of the case."""
-
-    def back(values: np.ndarray) -> np.ndarray:
-        return restored(values, direction.quarters, mirror=direction.mirror)
-
-    snapshot = result.snapshot
-    return replace(
-        result,
-        snapshot=replace(
-            snapshot,
-            terrain=case.scene.terrain,
-            thickness=back(snapshot.thickness),
-            temperature=back(snapshot.temperature),
-            frozen=None if snapshot.frozen is None else back(snapshot.frozen),
-            arrived=None if snapshot.arrived is None else back(snapshot.arrived),
-        ),
-        peak=back(result.peak),
-    )
 
 
 def agreement(case: Case, snapshots: Sequence[Snapshot]) -> Agreement:

@@ -30,7 +30,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import replacing, write_output
 from lava_ros.files.npz import read_arrays
 from lava_ros.hindcast.case import Case
-from lava_ros.hindcast.coarse import coarsened, refined
+from lava_ros.hindcast.coarse import coarsened, GRIDS, refined
 from lava_ros.scene import scene_to_dict
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
@@ -63,13 +63,10 @@ UNFINISHED = '.unfinished'
 class Settings:
     """How a case is run.
 
-    Attributes:
-        preset: Accuracy by name.
-        spacing: Distance between particles [m] in place of the preset's, None for that.
-        device: Name of the Warp device, None for the best there is.
-        forced: Effects forced on or off, by name; the others are chosen from the scene.
-        maps: Number of maps, evenly over the simulated time.
-        courant: Largest displacement in a step over a cell, where the preset has the usual one.
+    A spacing [m] takes the place of the preset's; a device of None is the best there is. Effects
+    that are not forced on or off are chosen from the scene. Maps are even over the simulated time.
+    ``courant`` is the largest displacement in a step over a cell, where the preset has the usual
+    one.
     """
 
     preset: str = DEFAULT
@@ -98,18 +95,11 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """The result of a run.
+    """The result of a run: the flow at its end, and how it was simulated.
 
-    Attributes:
-        snapshot: The flow at its end.
-        peak: Largest thickness in any map [m], float32, shape [rows, columns].
-        wall_time: Wall time of the run [s], without file access. Of one of several runs on a GPU
-            it is only what the host did for it.
-        most_particles: Largest number of particles at any look.
-        effects: The effects that were on at the end.
-        accuracy: The resolution, with every automatic value filled in.
-        resolution: Number of particles across the flow.
-        device: Name of the Warp device.
+    ``peak`` is the largest thickness in any map [m], float32, shape [rows, columns]. The wall time
+    [s] is without file access; of one of several runs on a GPU it is only what the host did for
+    it. ``accuracy`` has every automatic value filled in.
     """
 
     snapshot: Snapshot
@@ -122,29 +112,8 @@ class Result:
     device: str
 
 
-@dataclass
-class _History:
-    """What a run gathers beside the simulation itself."""
-
-    peak: np.ndarray
-    wall_time: float = 0.0
-    most_particles: int = 0
-    maps: int = 0
-
-    def add(self, snapshot: Snapshot) -> None:
-        thickness = np.nan_to_num(snapshot.thickness)
-        np.maximum(self.peak, thickness, out=self.peak)
-        self.maps += 1
-
-
 class Run:
-    """A case on its way, from its start or from where it was cut off.
-
-    Attributes:
-        case: The case.
-        settings: How it is run.
-        is_resumed: Whether it goes on from an earlier run that was cut off.
-    """
+    """A case on its way, from its start or, if ``is_resumed``, from where it was cut off."""
 
     def __init__(self, case: Case, settings: Settings, *, folder: Path | None = None) -> None:
         """Start a run, or resume the one whose state is in ``folder``; None keeps nothing.
@@ -156,10 +125,10 @@ class Run:
         self.case, self.settings = case, settings
         self._coarseness = settings.coarseness(case)
         self._folder = folder
-        shape = case.scene.terrain.shape
-        self._history = _History(np.zeros(shape, np.float32))
         self._simulation: Simulation | None = None
-        self._done_events = 0
+        self._peak = np.zeros(case.scene.terrain.shape, np.float32)
+        self._wall_time = 0.0
+        self._most_particles = self._maps = self._done_events = 0
         self.is_resumed = folder is not None and (folder / 'run.json').is_file()
         if folder is not None and self.is_resumed:
             self._go_on(folder)
@@ -187,7 +156,7 @@ class Run:
         simulation = self._prepared()
         maps = self.settings.maps
         times = [duration * (index + 1) / maps for index in range(maps)]
-        for time in times[self._history.maps :]:
+        for time in times[self._maps :]:
             changes = [
                 (event.time - case.start, event) for event in case.events[self._done_events :]
             ]
@@ -200,24 +169,22 @@ class Run:
             snapshot = self._snapshot(simulation)
             flaw = snapshot.flaw()
             if flaw:
-                raise LavaError('hindcast', flaw, 'a flow of finite numbers')
-            self._history.add(snapshot)
-            self._history.wall_time += wall_clock.monotonic() - started
+                raise LavaError('the simulated flow', flaw, 'finite numbers')
+            self._add(snapshot)
+            self._wall_time += wall_clock.monotonic() - started
             if self._folder is not None:
-                self._keep(simulation, snapshot)
+                self._keep(self._folder, simulation, snapshot)
             yield snapshot
 
     def result(self) -> Result:
         """The result so far."""
         simulation = self._prepared()
-        on = tuple(name for name, value in asdict(simulation.effects).items() if value)
-        history = self._history
         return Result(
             snapshot=self._snapshot(simulation),
-            peak=history.peak,
-            wall_time=history.wall_time,
-            most_particles=history.most_particles,
-            effects=on,
+            peak=self._peak,
+            wall_time=self._wall_time,
+            most_particles=self._most_particles,
+            effects=tuple(simulation.effects),
             accuracy=simulation.accuracy,
             resolution=simulation.resolution,
             device=simulation.device,
@@ -226,11 +193,15 @@ class Run:
     def kept(self) -> list[Snapshot]:
         """The snapshots that were kept in the folder, by time."""
         assert self._folder is not None
-        return list(self._read_maps(self._folder, self._history.maps))
+        return list(self._read_maps(self._folder, self._maps))
 
     def _read_maps(self, folder: Path, count: int) -> Iterator[Snapshot]:
         for index in range(count):
             yield _read(folder / f'map_{index:04d}.npz', self.case.scene.terrain)
+
+    def _add(self, snapshot: Snapshot) -> None:
+        np.maximum(self._peak, np.nan_to_num(snapshot.thickness), out=self._peak)
+        self._maps += 1
 
     def _snapshot(self, simulation: Simulation) -> Snapshot:
         return refined(simulation.snapshot(), self.case.scene.terrain, self._coarseness)
@@ -247,18 +218,17 @@ class Run:
                 horizon=self.case.duration,
                 notes_arrival=True,
             )
-            self._history.wall_time += wall_clock.monotonic() - started
+            self._wall_time += wall_clock.monotonic() - started
         return self._simulation
 
     def _advancing(self, simulation: Simulation, until: float) -> Iterator[None]:
-        history = self._history
         started = wall_clock.monotonic()
         for _ in simulation.advancing(until):
-            history.wall_time += wall_clock.monotonic() - started
+            self._wall_time += wall_clock.monotonic() - started
             yield
             started = wall_clock.monotonic()
-        history.wall_time += wall_clock.monotonic() - started
-        history.most_particles = max(history.most_particles, simulation.most_particles)
+        self._wall_time += wall_clock.monotonic() - started
+        self._most_particles = max(self._most_particles, simulation.most_particles)
 
     def _identity(self) -> str:
         """What tells this run from any other."""
@@ -277,25 +247,22 @@ class Run:
         digest.update(json.dumps(plain, sort_keys=True).encode())
         return digest.hexdigest()
 
-    def _keep(self, simulation: Simulation, snapshot: Snapshot) -> None:
+    def _keep(self, folder: Path, simulation: Simulation, snapshot: Snapshot) -> None:
         """Write what is needed to go on; the last file to be replaced makes it count."""
-        folder = self._folder
-        assert folder is not None
-        history = self._history
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            _write(folder / f'map_{history.maps - 1:04d}.npz', snapshot)
-            name = f'checkpoint_{history.maps:04d}'
+            _write(folder / f'map_{self._maps - 1:04d}.npz', snapshot)
+            name = f'checkpoint_{self._maps:04d}'
             write_output('output', folder / name, simulation.checkpoint().to_bytes())
             plain = {
                 'identity': self._identity(),
-                'maps': history.maps,
+                'maps': self._maps,
                 'events': self._done_events,
-                'wall_time': history.wall_time,
-                'most_particles': history.most_particles,
+                'wall_time': self._wall_time,
+                'most_particles': self._most_particles,
             }
             write_output('output', folder / 'run.json', json.dumps(plain))
-            (folder / f'checkpoint_{history.maps - 1:04d}').unlink(missing_ok=True)
+            (folder / f'checkpoint_{self._maps - 1:04d}').unlink(missing_ok=True)
         except OSError as error:
             raise LavaError('output', str(folder), f'a folder to write to ({error})') from error
 
@@ -303,20 +270,20 @@ class Run:
         try:
             plain = json.loads((folder / 'run.json').read_text(encoding='utf-8'))
             if plain['identity'] != self._identity():
-                right = 'another folder, or --fresh: it has an unfinished run of another case, or '
-                right += 'with other settings'
+                right = 'a folder without an unfinished run of another case or of other settings; '
+                right += '--fresh starts anew'
                 raise LavaError('output', str(folder.parent), right)
             maps = int(plain['maps'])
             checkpoint = from_bytes((folder / f'checkpoint_{maps:04d}').read_bytes())
         except (OSError, KeyError, ValueError) as error:
             if isinstance(error, LavaError):
                 raise
-            right = f'what an unfinished run has left, or --fresh ({error})'
+            right = f'a complete unfinished run; --fresh starts anew ({error})'
             raise LavaError('output', str(folder), right) from error
-        self._history.wall_time = float(plain['wall_time'])
-        self._history.most_particles = int(plain['most_particles'])
+        self._wall_time = float(plain['wall_time'])
+        self._most_particles = int(plain['most_particles'])
         for snapshot in self._read_maps(folder, maps):
-            self._history.add(snapshot)
+            self._add(snapshot)
         self._done_events = int(plain['events'])
         self._simulation = Simulation.resume(checkpoint, device=self.settings.device)
 
@@ -330,7 +297,7 @@ def simulate(case: Case, settings: Settings) -> Result:
 
 
 def _write(path: Path, snapshot: Snapshot) -> None:
-    more = {'frozen': snapshot.frozen, 'arrived': snapshot.arrived}
+    grids = {name: getattr(snapshot, name) for name in GRIDS}
     plain: dict[str, Any] = {
         'time': snapshot.time,
         'budget': asdict(snapshot.budget),
@@ -340,10 +307,8 @@ def _write(path: Path, snapshot: Snapshot) -> None:
     with replacing(path) as partial:
         np.savez_compressed(
             partial,
-            thickness=snapshot.thickness,
-            temperature=snapshot.temperature,
             plain=np.frombuffer(json.dumps(plain).encode(), np.uint8),
-            **{name: grid for name, grid in more.items() if grid is not None},  # type: ignore[arg-type]
+            **{name: grid for name, grid in grids.items() if grid is not None},
         )
 
 
@@ -363,4 +328,5 @@ def _read(path: Path, terrain: Any) -> Snapshot:
             arrived=arrays.get('arrived'),
         )
     except (OSError, KeyError, ValueError) as error:
-        raise LavaError('output', str(path), f'what a run has written ({error})') from error
+        right = f'a map of an earlier run; --fresh starts anew ({error})'
+        raise LavaError('output', str(path), right) from error

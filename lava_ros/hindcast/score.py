@@ -40,23 +40,11 @@ _STEPS = tuple(
 class Score:
     """A comparison of a simulated flow with a mapped one.
 
-    Attributes:
-        jaccard: Cells in both over cells in either.
-        recall: Share of the mapped cells that the simulation covers.
-        precision: Share of the simulated cells that are mapped.
-        fit: Square root of ``jaccard``, e1 of the literature.
-        hits: Cells in both.
-        misses: Mapped cells that the simulation leaves free.
-        false_alarms: Simulated cells that were not mapped.
-        area: Area that the simulation covers [m2].
-        mapped_area: Area that was mapped [m2].
-        length: Length of the longest way from a vent along the simulated flow [m].
-        mapped_length: The same along the mapped flow [m].
-        volume: Volume of the simulated flow [m3].
-        mean_thickness: Mean thickness of what the simulation covers [m].
-        median_thickness: Median of the same [m].
-        thickest: Its largest thickness [m].
-        mapped_thickness: Volume that came out over the mapped area [m].
+    ``jaccard`` is cells in both over cells in either and ``fit`` its square root, e1 of the
+    literature; ``recall`` is the share of the mapped cells that the simulation covers,
+    ``precision`` that of the simulated cells that are mapped. Lengths are those of the longest way
+    from a vent along a flow [m]. Thicknesses are of what the simulation covers [m];
+    ``mapped_thickness`` is the volume that came out over the mapped area.
     """
 
     jaccard: float
@@ -107,15 +95,11 @@ def score(
     vents: Sequence[tuple[int, int]],
     emitted: float,
 ) -> Score:
-    """Compare a simulated flow with a mapped one.
+    """Compare a simulated flow with a mapped one, on cells of a side [m].
 
-    Args:
-        thickness: Thickness of the simulated lava [m], NaN without data, shape [rows, columns].
-        covered: Cells that count as covered, bool, same shape.
-        footprint: Cells of the mapped lava, bool, same shape.
-        resolution: Side of a cell [m].
-        vents: Row and column of each vent.
-        emitted: Emitted volume [m3].
+    ``thickness`` is that of the simulated lava [m], NaN without data, shape [rows, columns].
+    ``covered`` and ``footprint`` are the cells of the simulated and of the mapped lava, bool.
+    ``vents`` are rows and columns; the emitted volume is in m3.
     """
     thickness = np.nan_to_num(thickness)
     hits = int((covered & footprint).sum())
@@ -173,14 +157,10 @@ def distances(mask: np.ndarray, sources: Sequence[tuple[int, int]]) -> np.ndarra
     """Length of the shortest way over the cells of a mask, in cells.
 
     A source off the mask starts from the nearest of its cells; parts of the mask that no source
-    is connected to are reached in a straight line.
-
-    Args:
-        mask: Where a way may go, bool, shape [rows, columns].
-        sources: Row and column of each place where ways begin.
+    is connected to are reached in a straight line. ``sources`` are rows and columns.
 
     Returns:
-        Distances, float64, same shape; infinite off the mask.
+        Distances, float64, shape of the mask [rows, columns]; infinite off it.
     """
     require('scipy.sparse', 'the length of the flow')
     from scipy.sparse import coo_matrix

@@ -39,13 +39,7 @@ _OVERLAP = 1e-6
 
 @dataclass(frozen=True)
 class Interval:
-    """A time with one discharge.
-
-    Attributes:
-        start: When it begins [s].
-        end: When it ends [s].
-        discharge: Volume flux of all vents together [m3/s].
-    """
+    """A time [s] with one discharge of all vents together [m3/s]."""
 
     start: float
     end: float
@@ -54,14 +48,11 @@ class Interval:
 
 @dataclass(frozen=True)
 class VentRow:
-    """A vent, in the coordinates of the elevation.
+    """A vent, in the coordinates of the elevation, and when it opens and closes [s].
 
     Attributes:
-        name: What it is called.
         place: Its centre, or one end of a fissure (x, y) [m].
         other_end: The other end of a fissure (x, y) [m], None for a point.
-        start: When it opens [s].
-        end: When it closes [s].
         share: Its part of the discharge, over the shares of all that are open.
         discharge: Its own [m3/s] as long as it is open, in place of a share; None: the share.
     """
@@ -73,6 +64,11 @@ class VentRow:
     end: float = math.inf
     share: float = 1.0
     discharge: float | None = None
+
+    @property
+    def places(self) -> tuple[tuple[float, float], ...]:
+        """Its centre, or both ends of a fissure (x, y) [m]."""
+        return (self.place,) if self.other_end is None else (self.place, self.other_end)
 
 
 def read_rates(path: Path) -> tuple[Interval, ...]:

@@ -15,7 +15,7 @@
 
 """What a calibration may change, and how far: the ranges are those that have been published."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 import math
 
@@ -23,28 +23,34 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case
 from lava_ros.scene.lava import Lava
+from lava_ros.scene.materials import Constant
 from lava_ros.scene.uncertainty import Distribution, FACTORS, Uncertainty
 
-#: Factor on the discharge where the case does not say how well it is known, and its source.
-DISCHARGE = (0.5, 1.5)
-DISCHARGE_SOURCE = (
+#: Factor on the discharge, where the case does not say how well it is known.
+DISCHARGE = Constant(
+    1.0,
+    'effusion_rate.csv',
+    (0.5, 1.5),
     'Harris, A. J. L., Dehn, J. and Calvari, S. (2007). Lava effusion rate definition and '
-    'measurement: a review. Bulletin of Volcanology 70, 1-22: errors of up to 50 %'
+    'measurement: a review. Bulletin of Volcanology 70, 1-22: errors of up to 50 %',
 )
+
+#: The numbers of ``Lava`` and what else may be unknown, with their units, in the order in which
+#: they are put into a case.
+UNITS = {
+    **{item.name: item.metadata['unit'] for item in fields(Lava) if 'limits' in item.metadata},
+    'discharge': '',
+    'vent_temperature': 'K',
+}
+
+_LOGARITHMIC = ('viscosity', 'yield_strength')
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """A number that is not known well.
+    """A number that is not known well, with its published range and its value without calibration.
 
-    Attributes:
-        name: What it is called.
-        unit: Its unit.
-        low: Its smallest value.
-        high: Its largest value.
-        usual: Its value without calibration.
-        source: Who has published the range.
-        is_log: Whether it is searched by its logarithm.
+    With ``is_log`` it is searched by its logarithm.
     """
 
     name: str
@@ -68,37 +74,6 @@ class Unknown:
         return (value - self.low) / (self.high - self.low)
 
 
-def _viscosity(case: Case, value: float) -> Case:
-    """Shift the law so that lava has this viscosity at the temperature of its constants."""
-    lava = case.scene.lava
-    if lava.is_vft:
-        now = lava.viscosity_at(_hottest(case))
-        return case.with_lava({'vft_a': lava.vft_a + math.log10(value / now)})
-    return case.with_lava({'viscosity': value})
-
-
-def _constant(name: str) -> Callable[[Case, float], Case]:
-    return lambda case, value: case.with_lava({name: value})
-
-
-#: The numbers of ``Lava`` and their units.
-_CONSTANTS = {
-    item.name: item.metadata['unit'] for item in fields(Lava) if 'limits' in item.metadata
-}
-
-#: How each unknown is put into a case, in this order.
-CHANGES: Mapping[str, Callable[[Case, float], Case]] = {
-    **{name: _constant(name) for name in _CONSTANTS},
-    'viscosity': _viscosity,
-    'discharge': lambda case, value: case.with_lava({}, discharge=value),
-    'vent_temperature': lambda case, value: case.with_lava({}, temperature=value),
-}
-
-_UNITS = {**_CONSTANTS, 'discharge': '', 'vent_temperature': 'K'}
-
-_LOGARITHMIC = ('viscosity', 'yield_strength')
-
-
 def unknowns_of(
     case: Case,
     names: tuple[str, ...] = (),
@@ -114,7 +89,7 @@ def unknowns_of(
     ranges = dict(ranges or {})
     chosen = tuple(dict.fromkeys((*names, *ranges)))
     for name in chosen:
-        validation.choice('--unknown', name, CHANGES)
+        validation.choice('--unknown', name, UNITS)
     if not names:
         chosen = tuple(dict.fromkeys((*_known(case), *chosen)))
     if not chosen:
@@ -124,10 +99,22 @@ def unknowns_of(
 
 def changed(case: Case, values: Mapping[str, float]) -> Case:
     """A case with values for unknowns."""
-    for name, change in CHANGES.items():
+    for name in UNITS:
         if name in values:
-            case = change(case, values[name])
+            case = _with(case, name, values[name])
     return case
+
+
+def _with(case: Case, name: str, value: float) -> Case:
+    lava = case.scene.lava
+    if name == 'discharge':
+        return case.with_lava({}, discharge=value)
+    if name == 'vent_temperature':
+        return case.with_lava({}, temperature=value)
+    if name == 'viscosity' and lava.is_vft:
+        # the law is shifted so that lava has this viscosity at the vent
+        return case.with_lava({'vft_a': lava.vft_a + math.log10(value / _usual(case, name))})
+    return case.with_lava({name: value})
 
 
 def published_uncertainty(case: Case) -> Uncertainty:
@@ -158,39 +145,35 @@ def published_uncertainty(case: Case) -> Uncertainty:
 
 def _known(case: Case) -> tuple[str, ...]:
     """The constants of the case's material with a published range."""
-    return tuple(name for name in CHANGES if name != 'discharge' and _published(case, name))
+    return tuple(name for name in UNITS if name != 'discharge' and _published(case, name))
+
+
+def _published(case: Case, name: str) -> Constant | None:
+    """What has been published about an unknown, None where it has no range."""
+    material = case.material
+    assert material is not None
+    others = {'discharge': DISCHARGE, 'vent_temperature': material.vent_temperature}
+    known = {**material.constants, **others}.get(name)
+    return known if known is not None and known.range is not None else None
 
 
 def _unknown(
     case: Case, name: str, ranges: Mapping[str, tuple[float, float]]
 ) -> Unknown:
-    published = _published(case, name)
-    if name in ranges:
-        (low, high), source = ranges[name], 'given by the user'
-    elif published is not None:
-        (low, high), source = published
-    else:
+    known = _published(case, name)
+    source = 'given by the user'
+    span = ranges.get(name)
+    if span is None and known is not None:
+        span, source = known.range, known.range_source
+    if span is None:
         right = f'a range ({name}=LOW:HIGH): none has been published for this material'
         raise LavaError('--unknown', name, right)
-    low = validation.number(f'{name}, lowest', low, at_least=0.0)
-    high = validation.number(f'{name}, highest', high, above=low)
     is_log = name in _LOGARITHMIC
+    low = validation.number(f'{name}, lowest', span[0], at_least=0.0)
+    high = validation.number(f'{name}, highest', span[1], above=low)
     if is_log:
         validation.number(f'{name}, lowest', low, above=0.0)
-    return Unknown(name, _UNITS[name], low, high, _usual(case, name), source, is_log)
-
-
-def _published(case: Case, name: str) -> tuple[tuple[float, float], str] | None:
-    if name == 'discharge':
-        return DISCHARGE, DISCHARGE_SOURCE
-    material = case.material
-    assert material is not None
-    known = material.constants.get(name)
-    if name == 'vent_temperature':
-        known = material.vent_temperature
-    if known is None or known.range is None:
-        return None
-    return known.range, known.range_source
+    return Unknown(name, UNITS[name], low, high, _usual(case, name), source, is_log)
 
 
 def _usual(case: Case, name: str) -> float:

@@ -68,24 +68,16 @@ def draw(rows: Sequence[Row], titles: dict[str, str], output: Path) -> None:
             axes.set_ylabel('largest relative error', fontsize=9, color=_INK)
         if index + columns >= len(cases):
             axes.set_xlabel('wall time for an hour of the flow', fontsize=9, color=_INK)
-    if not cases:
-        figure.text(0.5, 0.45, 'No time was simulated: there is no cost to show', ha='center',
-                    color='#555555')
-    top = 0.62 / height
-    figure.text(
-        0.012,
-        1.0 - 0.2 / height,
-        'What accuracy costs',
-        fontsize=14,
-        weight='bold',
-        color=_INK,
-        va='center',
-    )
+    figure.text(0.012, 1.0 - 0.2 / height, 'What accuracy costs', fontsize=14, weight='bold',
+                color=_INK, va='center')
     figure.text(0.988, 1.0 - 0.2 / height, rows[0].machine, fontsize=9, color='#555555',
                 va='center', ha='right')
     _draw_legend(figure, colours, height)
-    if cases:
-        figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - top), w_pad=1.2, h_pad=1.2)
+    if not cases:
+        figure.text(0.5, 0.45, 'No time was simulated: there is no cost to show', ha='center',
+                    color='#555555')
+    else:
+        figure.tight_layout(rect=(0.0, 0.0, 1.0, 1.0 - 0.62 / height), w_pad=1.2, h_pad=1.2)
     save_picture(figure, output)
 
 
@@ -117,11 +109,7 @@ def _draw_case(axes: Any, found: Sequence[Point], colours: dict[str, str]) -> No
 
 
 def _places(found: Sequence[Point]) -> tuple[list[float], list[float]]:
-    return [point.cost for point in found], [_height(point) for point in found]
-
-
-def _height(point: Point) -> float:
-    return max(point.least, FLOOR)
+    return [point.cost for point in found], [max(point.least, FLOOR) for point in found]
 
 
 def _set_limits(axes: Any, found: Sequence[Point]) -> None:

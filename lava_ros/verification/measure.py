@@ -53,16 +53,11 @@ def measure(
     longest: float = LONGEST,
     on_progress: Callable[[str, float], None] = lambda what, share: None,
 ) -> Iterator[list[Row]]:
-    """Run every pair that does not take too long, case by case.
+    """Run every pair that does not take too long, case by case and each from cheap to dear.
 
-    Args:
-        pairs: Cases and settings; those of a case from cheap to dear.
-        device: Warp device.
-        command: What the rows say made them.
-        repetitions: How many times a run shorter than ``REPEATED_BELOW`` is timed.
-        longest: Runs that are expected to take longer than this are left out [s]; presets may
-            take ``PRESET_PATIENCE`` times as long.
-        on_progress: Told what begins, and the share of the work that is done, from 0 to 1.
+    Runs that are expected to take longer than ``longest`` [s] are left out; presets may take
+    ``PRESET_PATIENCE`` times as long. Runs shorter than ``REPEATED_BELOW`` are timed several
+    times. ``command`` is what the rows say made them.
 
     Yields:
         The rows of each case, once it is done.
@@ -85,15 +80,11 @@ def measure(
             runs = [case.run(item.accuracy, device)]
             if cost > known and item.accuracy.fixed_step is None:
                 pace, known = runs[0].wall_time / cost, cost
-            while len(runs) < repetitions and _total(runs) < REPEATED_BELOW:
+            while len(runs) < repetitions and sum(run.wall_time for run in runs) < REPEATED_BELOW:
                 runs.append(case.run(item.accuracy, device))
             rows += _rows(runs, item, device=device, machine=machine, command=command)
         yield rows
     on_progress('done', 1.0)
-
-
-def _total(runs: Sequence[Run]) -> float:
-    return sum(run.wall_time for run in runs)
 
 
 def _rows(
@@ -101,7 +92,7 @@ def _rows(
 ) -> list[Row]:
     run = runs[0]
     times = [item.wall_time for item in runs]
-    wall = median(times)
+    wall, hours = median(times), run.simulated_time / 3600.0
     return [
         Row(
             case=run.case,
@@ -117,7 +108,8 @@ def _rows(
             evaluations=run.evaluations,
             simulated_s=float(run.simulated_time),
             wall_s=wall,
-            wall_s_per_simulated_hour=_per_hour(wall, run.simulated_time),
+            # a case that takes a look without letting time pass has none
+            wall_s_per_simulated_hour=wall / hours if hours else math.nan,
             device=device,
             machine=machine,
             command=command,
@@ -127,11 +119,6 @@ def _rows(
         )
         for item in run.measurements
     ]
-
-
-def _per_hour(wall: float, simulated: float) -> float:
-    """Wall time for an hour [s]; NaN for a case that takes a look without letting time pass."""
-    return wall * 3600.0 / simulated if simulated > 0.0 else math.nan
 
 
 def machine_name(device: str) -> str:

@@ -22,7 +22,6 @@ import math
 import numpy as np
 
 from lava_ros.maps.numbers import percent, seconds, table
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import DEFAULT
 from lava_ros.verification.cases import EFFECT_CASES
 from lava_ros.verification.cases.case import slope_of
@@ -35,7 +34,6 @@ from lava_ros.verification.settings import (
     gradients,
     KNOB_CASES,
     name_of,
-    STEPPED,
     stepping,
 )
 
@@ -61,10 +59,11 @@ def markdown(rows: Sequence[Row], titles: dict[str, str], *, stem: str) -> str:
         f'# Accuracy against time: {machines}',
         '',
         f'Made by {", ".join(commands)}; every measurement is in [{stem}.csv]({stem}.csv). '
-        'The error of a case is the largest of its quantities; the cost is wall time for an '
-        'hour of the flow, kernels compiled, median of the repetitions. What would have taken too '
-        'long was left out. Settings on the front are bold: nothing is both faster and better. '
-        'What has no result is `none`, and in the chart a triangle at the errors it does have.',
+        'The error of a case is the largest error of its quantities. The cost is the wall time '
+        'for an hour of the flow with compiled kernels, the median of the repetitions. Runs that '
+        'would have taken too long were left out. Bold settings are on the Pareto front: nothing '
+        'is both faster and more accurate. An error without a result is `none`; the chart then '
+        'shows a triangle at the largest error that is known.',
         '',
         *_charts(rows, stem),
         *_preset_table(points(rows), titles),
@@ -135,22 +134,18 @@ def studies(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
     """The sections of all studies whose settings were measured, as lines of Markdown."""
     knob = [row for row in rows if row.case in KNOB_CASES]
     return [
-        *_section('Convergence', _convergence(knob)),
-        *_section('Super-time-stepping', _stepping(knob)),
-        *_section("From the paper's settings to ours", _from_paper(knob)),
-        *_section('Gradient forms', _gradients(rows, titles)),
-        *_section('Lateral stress', _lateral([row for row in rows if row.case == LATERAL])),
+        *_convergence(knob),
+        *_stepping(knob),
+        *_from_paper(knob),
+        *_gradients(rows, titles),
+        *_lateral([row for row in rows if row.case == LATERAL]),
     ]
 
 
-#: Text of a section, column titles and rows of its table; without rows it is left out.
-Section = tuple[str, Sequence[str], Sequence[Sequence[str]]]
-
-_NONE: Section = ('', (), ())
-
-
-def _section(title: str, section: Section) -> list[str]:
-    text, head, body = section
+def _section(
+    title: str, text: str, head: Sequence[str], body: Sequence[Sequence[str]]
+) -> list[str]:
+    """A section with a table, nothing where the table has no rows."""
     return [f'## {title}', '', text, '', *table(head, body), ''] if body else []
 
 
@@ -160,12 +155,6 @@ def _results(rows: Iterable[Row]) -> dict[str, Result]:
     for row in rows:
         found.setdefault(row.setting, {})[row.quantity] = row
     return found
-
-
-def _of(rows: Iterable[Row], settings: Iterable[Accuracy]) -> list[Result]:
-    """The results of those settings that were measured."""
-    found = _results(rows)
-    return [found[name_of(item)] for item in settings if name_of(item) in found]
 
 
 def _any(result: Result) -> Row:
@@ -181,11 +170,12 @@ def _errors(result: Result, quantities: Iterable[str]) -> list[str]:
     return [errors.get(name, '') for name in quantities]
 
 
-def _convergence(rows: Sequence[Row]) -> Section:
+def _convergence(rows: Sequence[Row]) -> list[str]:
     """The errors at every doubling, and how fast they fall with the distance of particles."""
-    results = _of(rows, convergence())
+    found = _results(rows)
+    results = [found[name] for name in map(name_of, convergence()) if name in found]
     if len(results) < 2:
-        return _NONE
+        return []
     quantities = list(results[0])
     spacing = [_any(result).particles ** -0.5 for result in results]
     errors = {name: [result[name].error for result in results] for name in quantities}
@@ -207,7 +197,7 @@ def _convergence(rows: Sequence[Row]) -> Section:
         'the slope of log error against log distance between particles, from one line to the next '
         'and through all of them.'
     )
-    return text, head, [*body, [*last, '']]
+    return _section('Convergence', text, head, [*body, [*last, '']])
 
 
 def _order(spacing: Sequence[float], errors: Sequence[float]) -> str:
@@ -216,46 +206,45 @@ def _order(spacing: Sequence[float], errors: Sequence[float]) -> str:
     return f'{slope_of(np.log(spacing), np.log(errors)):.2f}'
 
 
-def _stepping(rows: Sequence[Row]) -> Section:
-    """What the second-order integrator saves over Euler's, and whether it errs more."""
+def _stepping(rows: Sequence[Row]) -> list[str]:
+    """What the second-order integrator saves over Euler's, and which errors are larger."""
+    found = _results(rows)
     body: list[list[str]] = []
     head: list[str] = []
-    for refinement in STEPPED:
-        chosen = [item for item in stepping() if item.refinement == refinement]
-        euler = next(iter(_of(rows, chosen[:1])), None)
-        for accuracy in chosen:
-            result = next(iter(_of(rows, [accuracy])), None)
-            if result is None:
-                continue
-            quantities = list(result)
-            head = ['particles', 'integrator', 'Courant number', 'steps', 'evaluations']
-            head += ["Euler's over these", *quantities, "larger than Euler's", 'a run took']
-            one = _any(result)
-            saved, larger = '', ''
-            if accuracy.integrator != 'euler':
-                saved = f'{_any(euler).evaluations / one.evaluations:.1f}' if euler else '-'
-                larger = _larger(result, euler) if euler else '-'
-            body.append(
-                [
-                    f'{one.particles:,}',
-                    'Euler' if accuracy.integrator == 'euler' else 'RKL2',
-                    f'{accuracy.courant_number:g}',
-                    f'{one.steps:,}',
-                    f'{one.evaluations:,}',
-                    saved,
-                    *_errors(result, quantities),
-                    larger,
-                    seconds(one.wall_s),
-                ]
-            )
-    if len(body) < 2:
-        return _NONE
+    euler: Result | None = None
+    for accuracy in stepping():
+        result = found.get(name_of(accuracy))
+        is_euler = accuracy.integrator == 'euler'
+        euler = result if is_euler else euler
+        if result is None:
+            continue
+        quantities = list(result)
+        head = ['particles', 'integrator', 'Courant number', 'steps', 'evaluations']
+        head += ["Euler's over these", *quantities, "larger than Euler's", 'a run took']
+        one = _any(result)
+        saved = larger = '' if is_euler else '-'
+        if euler and not is_euler:
+            saved = f'{_any(euler).evaluations / one.evaluations:.1f}'
+            larger = _larger(result, euler)
+        body.append(
+            [
+                f'{one.particles:,}',
+                'Euler' if is_euler else 'RKL2',
+                f'{accuracy.courant_number:g}',
+                f'{one.steps:,}',
+                f'{one.evaluations:,}',
+                saved,
+                *_errors(result, quantities),
+                larger,
+                seconds(one.wall_s),
+            ]
+        )
     text = (
         'The fixed volume with second-order super-time-stepping (RKL2) and with Euler steps, all '
         f'else as in `{DEFAULT}`: velocity evaluations, and the quantities whose error is larger '
         f"than Euler's by more than {100.0 * ALIKE:.0f} %."
     )
-    return text, head, body
+    return _section('Super-time-stepping', text, head, body if len(body) > 1 else [])
 
 
 def _larger(result: Result, reference: Result) -> str:
@@ -268,17 +257,13 @@ def _larger(result: Result, reference: Result) -> str:
     return ', '.join(larger) or 'none'
 
 
-def _from_paper(rows: Sequence[Row]) -> Section:
+def _from_paper(rows: Sequence[Row]) -> list[str]:
     """The way from the paper's settings to the default, one correction after another."""
     found = _results(rows)
-    ways = {
-        label: found[name_of(accuracy)]
-        for label, accuracy in from_paper().items()
-        if name_of(accuracy) in found
-    }
-    paper = found.get(name_of(next(iter(from_paper().values()))))
+    ways = {label: found.get(name_of(accuracy)) for label, accuracy in from_paper().items()}
+    paper = next(iter(ways.values()))
     if paper is None:
-        return _NONE
+        return []
     quantities = list(paper)
     body = [
         [
@@ -289,13 +274,15 @@ def _from_paper(rows: Sequence[Row]) -> Section:
             seconds(_any(result).wall_s),
         ]
         for label, result in ways.items()
+        if result is not None
     ]
     head = ['setting', *quantities, 'particles', 'evaluations', 'a run took']
-    return f'The fixed volume. {_dominated(rows, paper)}', head, body
+    text = f'The fixed volume. {_dominated(rows, paper)}'
+    return _section("From the paper's settings to ours", text, head, body)
 
 
 def _dominated(rows: Sequence[Row], paper: Result) -> str:
-    """How much less the best setting errs in no more time."""
+    """The errors of the paper's settings and of the best that takes no longer."""
     worst = max(
         (row for row in paper.values() if math.isfinite(row.error)),
         key=lambda row: row.error,
@@ -307,14 +294,15 @@ def _dominated(rows: Sequence[Row], paper: Result) -> str:
         return ''
     best = front[-1]
     return (
-        f'In no more time than `as-published` takes, {best.preset or best.setting} errs by '
-        f'{percent(best.error)} at most, in {seconds(best.cost)} instead of {seconds(limit)} for '
-        f'an hour of the flow; `as-published` errs by {percent(worst.error)} '
-        f'({worst.quantity}): the ratio of the errors is {best.error / worst.error:.2g}.'
+        f'The best setting that takes no longer than `as-published` is '
+        f'{best.preset or best.setting}: its largest error is {percent(best.error)}, in '
+        f'{seconds(best.cost)} instead of {seconds(limit)} for an hour of the flow. The largest '
+        f'error of `as-published` is {percent(worst.error)} ({worst.quantity}), so the ratio of '
+        f'the errors is {best.error / worst.error:.2g}.'
     )
 
 
-def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> Section:
+def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> list[str]:
     """The forms of the surface's gradient, quantity by quantity."""
     forms = {form: name_of(accuracy) for form, accuracy in gradients().items()}
     body = []
@@ -330,20 +318,21 @@ def _gradients(rows: Sequence[Row], titles: dict[str, str]) -> Section:
         ]
         body.append([title, 'a run took', *(seconds(_any(item).wall_s) for item in results)])
     text = f'`Accuracy.gradient` with all else as in `{DEFAULT}`.'
-    return text, ['case', 'quantity', *forms], body
+    return _section('Gradient forms', text, ['case', 'quantity', *forms], body)
 
 
-def _lateral(rows: Sequence[Row]) -> Section:
+def _lateral(rows: Sequence[Row]) -> list[str]:
     """Errors and time of each kind of lateral stress, by the particles' radius over the depth."""
-    found = {_kind_and_radius(name): result for name, result in _results(rows).items()}
-    kinds = list(dict.fromkeys(kind for kind, _ in found))
-    radii = sorted({radius for _, radius in found})
+    cells: dict[tuple[str, float], dict[str, str]] = {}
+    for name, result in _results(rows).items():
+        kind, radius = name.removesuffix(' h').split(', l = ')
+        cells[kind, float(radius)] = {**_percents(result), TIME: _pace(result)}
+    kinds = list(dict.fromkeys(kind for kind, _ in cells))
     quantities = list(dict.fromkeys(row.quantity for row in rows))
-    cells = {place: {**_percents(result), TIME: _pace(result)} for place, result in found.items()}
     body = [
         [name, f'{radius:g}', *(cells.get((kind, radius), {}).get(name, '') for kind in kinds)]
         for name in (*quantities, TIME)
-        for radius in radii
+        for radius in sorted({radius for _, radius in cells})
         if any(name in cells.get((kind, radius), {}) for kind in kinds)
     ]
     text = (
@@ -351,20 +340,11 @@ def _lateral(rows: Sequence[Row]) -> Section:
         'relative error at each wavelength that the particles resolve, and wall time of a '
         'velocity evaluation over the particles. `local` has no lateral stress.'
     )
-    return text, ['quantity', 'l/h', *kinds], body
-
-
-def _kind_and_radius(setting: str) -> tuple[str, float]:
-    """Take apart the name of an experiment: what is solved, and at which l/h."""
-    kind, radius = setting.split(', l = ')
-    return kind, float(radius.removesuffix(' h'))
+    return _section('Lateral stress', text, ['quantity', 'l/h', *kinds], body)
 
 
 def _pace(result: Result) -> str:
     """Wall time over evaluations and particles [ns]."""
     row = _any(result)
     work = row.evaluations * row.particles
-    time = 1e9 * row.wall_s / work if work else math.nan
-    if math.isnan(time):
-        return '-'
-    return f'{float(f"{time:.2g}"):,g} ns'
+    return f'{float(f"{1e9 * row.wall_s / work:.2g}"):,g} ns' if work else '-'

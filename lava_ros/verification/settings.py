@@ -16,13 +16,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 import math
+from typing import Any
 
 from lava_ros.simulation.accuracy import Accuracy, GRADIENTS
 from lava_ros.simulation.presets import DEFAULT, PRESETS
 from lava_ros.verification.cases import Case, CASES
 from lava_ros.verification.cases.sheets import EXPERIMENTS
+
+#: What a study changes single settings of.
+STANDARD = PRESETS[DEFAULT].accuracy
 
 #: Refinements of the grid: 500, 2,000, 8,000 and 32,000 particles in the fixed volume's case.
 REFINEMENTS = (0.25, 0.5, 1.0, 2.0)
@@ -84,40 +89,36 @@ class Setting:
 
 def all_settings(*, quick: bool = False) -> list[Setting]:
     """The settings of a report, each accuracy once, from cheap to expensive."""
-    refinements, ratios = (QUICK_REFINEMENTS, QUICK_RATIOS) if quick else (REFINEMENTS, RATIOS)
-    chosen = {
-        PRESETS[name].accuracy: name for name in (QUICK_PRESETS if quick else tuple(PRESETS))
-    }
-    tried: list[tuple[Accuracy, tuple[str, ...] | None]] = [
-        (Accuracy(refinement=refinement, ratio=ratio), None)
-        for refinement in refinements
-        for ratio in ratios
-    ]
-    tried += [
-        (item, None if item.formulation == 'corrected' else KNOB_CASES) for item in chosen
-    ]
-    tried += [(item, KNOB_CASES) for item in knobs(quick=quick)]
-    tried += [(item, GRADIENT_CASES) for item in gradients().values()]
+    refinements: Sequence[float] = REFINEMENTS
+    ratios: Sequence[float] = RATIOS
+    names: Sequence[str] = tuple(PRESETS)
+    studied = [*convergence(), *stepping(), *from_paper().values()]
     if quick:
-        tried += [(item, KNOB_CASES) for item in convergence() if item.refinement <= 1.0]
-    else:
-        tried += [(item, KNOB_CASES) for item in (*convergence(), *stepping())]
-        tried += [(item, KNOB_CASES) for item in from_paper().values()]
-    cases: dict[Accuracy, tuple[str, ...] | None] = {}
-    for accuracy, names in tried:
-        known = cases.setdefault(accuracy, names)
-        if known is not None and names is not None:
-            cases[accuracy] = tuple(dict.fromkeys((*known, *names)))
+        refinements, ratios, names = QUICK_REFINEMENTS, QUICK_RATIOS, QUICK_PRESETS
+        studied = [item for item in convergence() if item.refinement <= 1.0]
+    presets = {PRESETS[name].accuracy: name for name in names}
+    grid = [Accuracy(refinement=size, ratio=ratio) for size in refinements for ratio in ratios]
+    everywhere = {*grid, *(item for item in presets if item.formulation == 'corrected')}
+    some: dict[Accuracy, tuple[str, ...]] = {}
+    for accuracy in (*presets, *knobs(quick=quick), *studied):
+        some[accuracy] = KNOB_CASES
+    for accuracy in gradients().values():
+        some[accuracy] = tuple(dict.fromkeys((*some.get(accuracy, ()), *GRADIENT_CASES)))
     settings = [
-        Setting(name_of(accuracy), accuracy, chosen.get(accuracy, ''), names)
-        for accuracy, names in cases.items()
+        Setting(
+            name_of(accuracy),
+            accuracy,
+            presets.get(accuracy, ''),
+            None if accuracy in everywhere else some[accuracy],
+        )
+        for accuracy in dict.fromkeys((*grid, *some))
     ]
     return sorted(settings, key=lambda item: expected_cost(item.accuracy))
 
 
 def knobs(*, quick: bool = False) -> list[Accuracy]:
     """The default preset with one knob turned."""
-    turned: list[dict[str, object]] = [{'integrator': 'euler'}, {'kernel': 'poly6'}]
+    turned: list[dict[str, Any]] = [{'integrator': 'euler'}, {'kernel': 'poly6'}]
     if not quick:
         turned += [
             {'kernel': 'spiky'},
@@ -127,7 +128,7 @@ def knobs(*, quick: bool = False) -> list[Accuracy]:
             {'courant_number': 0.25},
             {'courant_number': 0.125},
         ]
-    return [replace(_standard(), **knob) for knob in turned]  # type: ignore[arg-type]
+    return [replace(STANDARD, **knob) for knob in turned]
 
 
 def convergence() -> list[Accuracy]:
@@ -137,29 +138,25 @@ def convergence() -> list[Accuracy]:
     sign and takes off a part of that of the particles, a different one at each refinement.
     """
     return [
-        replace(_standard(), refinement=refinement, courant_number=0.25)
+        replace(STANDARD, refinement=refinement, courant_number=0.25)
         for refinement in DOUBLINGS
     ]
 
 
 def stepping() -> list[Accuracy]:
     """Euler, then the second-order integrator at several Courant numbers, few particles first."""
+    integrators: list[dict[str, Any]] = [{'integrator': 'euler'}]
+    integrators += [{'courant_number': number} for number in COURANT_NUMBERS]
     return [
-        item
+        replace(STANDARD, refinement=refinement, **integrator)
         for refinement in STEPPED
-        for item in (
-            replace(_standard(), refinement=refinement, integrator='euler'),
-            *(
-                replace(_standard(), refinement=refinement, courant_number=number)
-                for number in COURANT_NUMBERS
-            ),
-        )
+        for integrator in integrators
     ]
 
 
 def gradients() -> dict[str, Accuracy]:
     """The default preset by the form of its gradient."""
-    return {form: replace(_standard(), gradient=form) for form in GRADIENTS}
+    return {form: replace(STANDARD, gradient=form) for form in GRADIENTS}
 
 
 def from_paper() -> dict[str, Accuracy]:
@@ -168,9 +165,9 @@ def from_paper() -> dict[str, Accuracy]:
     corrected = replace(paper, formulation='corrected')
     wendland = replace(corrected, kernel='wendland', ratio=2.5)
     free = replace(wendland, fixed_step=None)
-    wide = replace(_standard(), refinement=paper.refinement)
+    wide = replace(STANDARD, refinement=paper.refinement)
     stepped = replace(wide, ratio=wendland.ratio)
-    more = (_standard().refinement / paper.refinement) ** 2
+    more = (STANDARD.refinement / paper.refinement) ** 2
     return {
         '`as-published`': paper,
         'l = 1 m, as in table 3.1': replace(paper, refinement=LITERAL),
@@ -179,16 +176,12 @@ def from_paper() -> dict[str, Accuracy]:
         'and steps that follow the limits': free,
         'and super-time-stepping': stepped,
         f'and {_neighbours(wide)} neighbours': wide,
-        f'and {more:.0f} times the particles: `{DEFAULT}`': _standard(),
+        f'and {more:.0f} times the particles: `{DEFAULT}`': STANDARD,
     }
 
 
 def _neighbours(accuracy: Accuracy) -> str:
     return f'{math.pi * accuracy.ratio**2:.0f}'
-
-
-def _standard() -> Accuracy:
-    return PRESETS[DEFAULT].accuracy
 
 
 def name_of(accuracy: Accuracy) -> str:
@@ -231,7 +224,7 @@ def all_pairs(*, quick: bool = False) -> list[tuple[Case, Setting]]:
         (case, item) for case in CASES.values() for item in settings if _is_run(item, case.name)
     ]
     return pairs + [
-        (case, Setting(name, _standard()))
+        (case, Setting(name, STANDARD))
         for name, case in EXPERIMENTS.items()
         if not quick or name.endswith(QUICK_RADII)
     ]

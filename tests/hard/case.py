@@ -52,15 +52,13 @@ STEADY = Lava(viscosity=1e3, emissivity=0.0, convection=0.0)
 
 Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
+#: Lava at the start, from the distance of particles [m].
+Lot = Callable[[float], Particles]
+
 
 @dataclass(frozen=True)
 class Event:
-    """Something done to a running simulation.
-
-    Attributes:
-        time: When [s].
-        act: What.
-    """
+    """Something done to a running simulation at a time [s]."""
 
     time: float
     act: Callable[[Simulation], Any]
@@ -68,16 +66,13 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class HardScene:
-    """A scene that tries the solver.
+    """A scene that tries the solver, with its title in a few words.
 
     Attributes:
-        name: Its name.
-        title: What it is, in a few words.
-        scene: Terrain, vents and lava.
         until: Time to simulate [s].
         physics: Name of the effects, a key of ``PHYSICS``; empty: chosen from the scene.
         frames: Moments at which the invariants are checked, evenly spaced.
-        lava: Lava at the start, from the distance of particles [m].
+        lava: Lava at the start.
         thickness: Expected thickness, from which a particle's volume follows [m]; None: automatic.
         events: What happens to it, in the order of time.
         mirrored: Whether scene and events are the same seen from left to right.
@@ -102,7 +97,7 @@ class HardScene:
     until: float
     physics: str = 'plain'
     frames: int = 10
-    lava: Callable[[float], Particles] | None = None
+    lava: Lot | None = None
     thickness: float | None = None
     events: tuple[Event, ...] = field(default=())
     mirrored: bool = False
@@ -145,7 +140,7 @@ def block(
     *,
     centre: tuple[float, float] = (0.0, 0.0),
     temperature: float | Callable[[np.ndarray], np.ndarray] = 1423.0,
-) -> Callable[[float], Particles]:
+) -> Lot:
     """Lava of an even thickness on a rectangle, on a lattice that is symmetric left to right.
 
     Args:
@@ -164,6 +159,17 @@ def block(
         volume = width * depth * thickness / len(places)
         heat = temperature(places) if callable(temperature) else temperature
         return Particles(places, volume, heat)
+
+    return lava
+
+
+def both(one: Lot, other: Lot) -> Lot:
+    """Two lots of lava together."""
+
+    def lava(spacing: float) -> Particles:
+        lots = (one(spacing), other(spacing))
+        names = ('position', 'volume', 'temperature')
+        return Particles(*(np.concatenate([getattr(lot, name) for lot in lots]) for name in names))
 
     return lava
 

@@ -22,7 +22,7 @@ follows the slope, and lava that breaks loose for a moment, or has run off by th
 shown it at neither (measured: 17 evaluations by the ends, 6,887 in the frame). Nor has lava that
 came out and left the map within the frame. A frame that took more than its ends call for is
 therefore played again, and what the lava at the start of each of its steps calls for is what
-counts (along.py).
+counts (``ground.along``).
 """
 
 from __future__ import annotations
@@ -32,8 +32,7 @@ import math
 
 import numpy as np
 
-from hard.along import along
-from hard.ground import Bound, Moment
+from hard.ground import along, Bound, Moment
 from lava_ros.simulation.kernels import smoothing_kernel
 from lava_ros.simulation.state import EVALUATIONS, STEPS
 from lava_ros.simulation.timestep import longest_step, MOST_STAGES

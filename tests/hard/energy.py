@@ -22,10 +22,10 @@ energy       E = sum V (h / 2 + H), over rho g and from the lowest ground, plus 
              than the thickest lava. With inertia speeds are half a step older than places and
              brought up with the acceleration a, good to V (a dt)^2 / 8g: the tolerance there.
              Two equations do not conserve it, and a frame that gained more is played again for
-             what they let it gain (along.py). Lava on a map has no vertical speed: on ``steep``
-             ground of slope s it climbs against 1 / (1 + s^2) of g, and gains the rest. The mean
-             of the Green's function is not symmetric where neighbours differ in thickness or
-             viscosity, and may push lava up its own slope: counted is what the formula of
+             what they let it gain (``ground.along``). Lava on a map has no vertical speed: on
+             ``steep`` ground of slope s it climbs against 1 / (1 + s^2) of g, and gains the rest.
+             The mean of the Green's function is not symmetric where neighbours differ in thickness
+             or viscosity, and may push lava up its own slope: counted is what the formula of
              docs/MODEL.md, evaluated here, pushes up.
 heat         With viscous heating, the heat of what is warmer than the hottest vent is no more
              than the energy below that is gone since the start: rho c sum V (T - hottest). Lateral
@@ -51,8 +51,7 @@ import math
 import numpy as np
 from scipy.special import k0, k1
 
-from hard.along import along
-from hard.ground import Bound, lift, Moment
+from hard.ground import along, Bound, lift, Moment
 from lava_ros.simulation.kernels import SQUARED_SUPPORT
 from lava_ros.simulation.state import STEPS
 

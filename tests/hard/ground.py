@@ -16,6 +16,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from functools import cached_property
 import math
 
@@ -23,9 +24,14 @@ import numpy as np
 
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation import Simulation
+from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.state import STAGE, STEPS
 
 #: What a check says: the invariant, what was found, what it may be at most, more about it.
 Bound = tuple[str, float, float, str]
+
+#: Steps of a frame that are looked at, about: each takes a few milliseconds.
+MOST_LOOKS = 4000
 
 
 class Ground:
@@ -143,6 +149,36 @@ class Moment:
     def surface(self) -> np.ndarray:
         """Height of the lava's surface [m], shape [count]."""
         return self.lava.thickness + self.ground.height(self.lava.position)
+
+
+def along(
+    start: Checkpoint, simulation: Simulation, steps: int, rate: Callable[[Moment], float]
+) -> Iterator[tuple[float, float, float]]:
+    """A rate at the start and at the end of each step, and the step's length [s].
+
+    The frame is played again from its start, step by step: lava that comes out and runs off,
+    breaks loose for a moment, or falls and climbs, shows that at neither end of a frame.
+
+    Args:
+        start: The frame's start.
+        simulation: The simulation at the frame's end.
+        steps: How many there were; of many only one in so many is taken, as long as all of them.
+        rate: What is asked of a moment.
+    """
+    again = Simulation.resume(start, device=simulation.device)
+    if start.scene.vents != simulation.scene.vents:
+        again.set_vents(simulation.scene.vents)
+    counts, every = again._state.counts, 1 + steps // MOST_LOOKS
+    begun, step, former = start.time, int(counts.numpy()[STEPS]), rate(Moment(again))
+    is_taken = True
+    for _ in again.advancing(simulation.time):
+        stage, reached = (int(counts.numpy()[count]) for count in (STAGE, STEPS))
+        if stage == 0 and reached > step:
+            was_taken, is_taken = is_taken, reached % every == 0
+            now = rate(Moment(again)) if was_taken or is_taken else 0.0
+            if was_taken:
+                yield former, now, every * (again.time - begun)
+            begun, step, former = again.time, reached, now
 
 
 def _spline(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

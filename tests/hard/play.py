@@ -43,7 +43,6 @@ import numpy as np
 from hard.case import HardScene, PHYSICS
 from hard.invariants import Violation, Watch
 from lava_ros.effects import Effects
-from lava_ros.scene import Scene
 from lava_ros.simulation import Particles, Simulation, Snapshot
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy, PRESETS
@@ -68,24 +67,17 @@ STUDENT = 2.998 * math.sqrt(1.0 + 1.0 / DRAWS)
 
 @dataclass
 class Outcome:
-    """How a scene went at a preset.
+    """How a scene went at a preset, both by name; times are in seconds.
 
     Attributes:
-        scene: Its name.
-        preset: The preset's.
-        time: Simulated time reached [s].
-        until: Simulated time of the scene's end [s].
-        particles: Particles at the end.
-        steps: Time steps.
+        time: Simulated time reached, of ``until``.
         evaluations: Velocity evaluations.
-        smallest_step: Smallest mean step of a frame [s].
-        cost: Most evaluations in a simulated second of a frame [1/s].
+        smallest_step: Smallest mean step of a frame.
+        cost: Most evaluations in a simulated second of a frame.
         volume_error: Largest share of the volume that is unaccounted for.
         footprint_change: Change of the footprint's radius with steps half as long, over it.
         footprint_bound: What it may be.
         asymmetry: Difference from the mirror image over the largest thickness; NaN if not asked.
-        violations: What did not hold.
-        wall_time: What it took [s].
         is_cut: Whether it was cut off before its end.
     """
 
@@ -123,14 +115,9 @@ def play(
     compare: bool = True,
     wall_limit: float | None = None,
 ) -> Outcome:
-    """Run a scene at a preset under watch.
+    """Run a scene at a preset under watch, and cut it off after a wall time [s].
 
-    Args:
-        item: The scene.
-        preset: The preset's name.
-        device: Warp device.
-        compare: Whether to run it again with steps half as long.
-        wall_limit: Cut it off after so much wall time [s].
+    ``compare`` runs it again with steps half as long.
     """
     start = wall_clock.monotonic()
     outcome = Outcome(item.name, preset, until=item.until)
@@ -317,9 +304,7 @@ def _shaken(item: HardScene, share: float, *, seed: int = 0) -> HardScene:
 
     return replace(
         item,
-        scene=Scene(
-            terrain, tuple(vents), scene.lava, scene.ambient_temperature, scene.gravity
-        ),
+        scene=replace(scene, vents=tuple(vents)),
         lava=None if lava is None else shaken_lava,
     )
 

@@ -24,8 +24,6 @@ import argparse
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
-import csv
-from dataclasses import dataclass
 import json
 import math
 import multiprocessing
@@ -37,42 +35,27 @@ import warp as wp
 from hard.invariants import Violation
 from hard.play import KEPT, Outcome, play
 from hard.scenes import FAMILIES, SCENES
-from lava_ros.cli.output import Progress
+from lava_ros.cli.output import Progress, table_lines
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from lava_ros.simulation.backend.threads import use_threads
 from lava_ros.verification.measure import file_stem, machine_name
+from lava_ros.verification.rows import write_csv
 
 PUBLISHED = 'as-published'
 
-#: Columns of a CSV file; seconds and shares unless the name says otherwise.
-COLUMNS = (
-    'case', 'family', 'preset', 'verdict', 'simulated_s', 'until_s', 'particles', 'steps',
-    'smallest_step_s', 'stages_per_simulated_s', 'volume_error', 'footprint_change',
-    'footprint_bound', 'asymmetry', 'wall_s', 'what', 'machine', 'command',
-)
+#: A scene, a preset, the device that it runs on, and how long it may take [s].
+Task = tuple[str, str, str, float | None]
 
 
-@dataclass(frozen=True)
-class Task:
-    """A scene at a preset, where it runs, and how long it may take [s]."""
-
-    scene: str
-    preset: str
-    device: str
-    wall_limit: float | None
-
-    def run(self) -> Outcome:
-        """Play it; what it raises is an outcome too, and says so."""
-        compare = self.preset != PUBLISHED
-        try:
-            return play(
-                SCENES[self.scene], self.preset, device=self.device, compare=compare,
-                wall_limit=self.wall_limit,
-            )
-        except Exception as error:
-            raised = Violation('exception', math.nan, 0.0, math.nan, repr(error))
-            return Outcome(self.scene, self.preset, violations=[raised])
+def _played(scene: str, preset: str, device: str, wall_limit: float | None) -> Outcome:
+    """Play a scene; what it raises is an outcome too, and says so."""
+    compare = preset != PUBLISHED
+    try:
+        return play(SCENES[scene], preset, device=device, compare=compare, wall_limit=wall_limit)
+    except Exception as error:
+        raised = Violation('exception', math.nan, 0.0, math.nan, repr(error))
+        return Outcome(scene, preset, violations=[raised])
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -109,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     devices = options.device or [str(device) for device in wp.get_devices()]
     found = {device: _run_on(device, options, names, presets) for device in devices}
     if options.json:
-        rows = [_plain(item, device) for device in devices for item in found[device]]
+        rows = [_row(item, device) for device in devices for item in found[device]]
         options.json.write_text(json.dumps(rows, indent=1), encoding='utf-8')
     outcomes = [item for items in found.values() for item in items]
     return int(not options.published and any(item.verdict != 'holds' for item in outcomes))
@@ -130,7 +113,7 @@ def _run_on(
     """Run what is asked for on a device."""
     # the dearest first, lest one of them is left for the end
     tasks = [
-        Task(name, preset, device, options.limit if preset == PUBLISHED else None)
+        (name, preset, device, options.limit if preset == PUBLISHED else None)
         for preset in reversed(presets)
         for name in names
     ]
@@ -143,7 +126,8 @@ def _run_on(
     print(table(f'{title}, {device}', outcomes))
     print(summary(outcomes))
     if options.csv:
-        write_csv(options.csv / f'{name}_{file_stem(device)}.csv', outcomes, device)
+        rows = [_row(item, device) for item in outcomes]
+        write_csv(rows, options.csv / f'{name}_{file_stem(device)}.csv')
     return outcomes
 
 
@@ -159,11 +143,11 @@ def run(tasks: Sequence[Task], jobs: int) -> list[Outcome]:
     context = multiprocessing.get_context('spawn')
     pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=use_threads, initargs=(1,))
     with Progress() as progress, pool:
-        futures = {pool.submit(task.run): task for task in tasks}
+        futures = {pool.submit(_played, *task): task for task in tasks}
         for future in as_completed(futures):
             outcomes.append(future.result())
-            last = futures[future]
-            progress.show(f'{last.scene} {last.preset}', len(outcomes) / len(tasks))
+            scene, preset, *_ = futures[future]
+            progress.show(f'{scene} {preset}', len(outcomes) / len(tasks))
     return outcomes
 
 
@@ -182,14 +166,7 @@ def table(title: str, outcomes: Iterable[Outcome]) -> str:
         )
         for item in outcomes
     ]
-    widths = [max(len(row[k]) for row in [head, *rows]) for k in range(len(head))]
-    lines = [
-        '  '.join(
-            text.ljust(width) if k in (0, 1, 6) else text.rjust(width)
-            for k, (text, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in [head, *rows]
-    ]
+    lines = table_lines([head, *rows], '<<>>>><')
     return '\n'.join([f'\n{title}', '', lines[0], '-' * len(lines[0]), *lines[1:]])
 
 
@@ -221,39 +198,34 @@ def summary(outcomes: Sequence[Outcome]) -> str:
     return '\n'.join(lines)
 
 
-def _row(item: Outcome, device: str) -> tuple[object, ...]:
+def _row(item: Outcome, device: str) -> dict[str, object]:
+    """An outcome by the columns of a file, in seconds and shares; None: it was not measured."""
     family = next(name for name in FAMILIES if SCENES[item.scene] in FAMILIES[name])
-    return (
-        item.scene, family, item.preset, item.verdict, item.time, item.until, item.particles,
-        item.steps, item.smallest_step, item.cost, item.volume_error, item.footprint_change,
-        item.footprint_bound, item.asymmetry, round(item.wall_time, 2),
-        '; '.join(map(str, item.violations)), machine_name(device),
-        ('make hard-published' if item.preset == PUBLISHED else 'make hard')
-        + ('' if device == 'cpu' else f' ARGS=\'--device {device}\''),
-    )
-
-
-def _plain(item: Outcome, device: str) -> dict[str, object]:
-    """A row by its columns; what was not measured is None."""
-    values = zip(COLUMNS, _row(item, device), strict=True)
+    command = 'make hard-published' if item.preset == PUBLISHED else 'make hard'
+    row = {
+        'case': item.scene,
+        'family': family,
+        'preset': item.preset,
+        'verdict': item.verdict,
+        'simulated_s': item.time,
+        'until_s': item.until,
+        'particles': item.particles,
+        'steps': item.steps,
+        'smallest_step_s': item.smallest_step,
+        'stages_per_simulated_s': item.cost,
+        'volume_error': item.volume_error,
+        'footprint_change': item.footprint_change,
+        'footprint_bound': item.footprint_bound,
+        'asymmetry': item.asymmetry,
+        'wall_s': round(item.wall_time, 2),
+        'what': '; '.join(map(str, item.violations)),
+        'machine': machine_name(device),
+        'command': command + ('' if device == 'cpu' else f" ARGS='--device {device}'"),
+    }
     return {
         name: None if isinstance(value, float) and not math.isfinite(value) else value
-        for name, value in values
+        for name, value in row.items()
     }
-
-
-def _cell(value: object) -> object:
-    if not isinstance(value, float):
-        return value
-    return f'{value:.6g}' if math.isfinite(value) else ''
-
-
-def write_csv(path: Path, outcomes: Iterable[Outcome], device: str) -> None:
-    """Write the outcomes; what was not measured is empty."""
-    with path.open('w', newline='', encoding='utf-8') as file:
-        writer = csv.writer(file, lineterminator='\n')
-        writer.writerow(COLUMNS)
-        writer.writerows(map(_cell, _row(item, device)) for item in outcomes)
 
 
 if __name__ == '__main__':

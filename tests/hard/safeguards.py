@@ -34,17 +34,10 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @dataclass(frozen=True)
 class Safeguard:
-    """A line that something depends on.
+    """A line that something depends on: what it keeps from happening, and its file.
 
-    Attributes:
-        name: Its name, and that of its test.
-        what: What it keeps from happening.
-        file: Where it is, from the root of the repository.
-        line: The line, or the part of it that makes the difference; there once.
-        without: The line without the safeguard.
-        scene: The hard scene that misses it.
-        preset: The preset at which it does.
-        invariant: What then does not hold.
+    ``line``, or the part of it that makes the difference, is there once, and is ``without`` when
+    it is taken out. Then the hard scene breaks the invariant at the preset.
     """
 
     name: str

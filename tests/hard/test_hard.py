@@ -160,7 +160,7 @@ def test_the_watch_sees_steps_that_lava_does_not_call_for(effects, monkeypatch):
         accuracy=Accuracy(thickness=0.001), device='cpu', particles=item.lava(5.0),
     )
     watch = Watch(simulation)
-    simulation.advance(600.0)
+    simulation.advance(300.0)
     with pytest.raises(InvariantError, match=r'cost .* > .*evaluations in the frame'):
         watch.check()
 
@@ -194,7 +194,6 @@ def test_the_command_makes_the_folder_of_its_table(tmp_path):
         (row,) = csv.DictReader(table)
     (same,) = json.loads(plain.read_text())
     assert list(same) == list(row) and same['verdict'] == row['verdict']
-    assert tuple(row) == run.COLUMNS
     assert (row['case'], row['verdict'], row['asymmetry']) == ('no_particles', 'holds', '')
 
 

@@ -224,11 +224,11 @@ def _vents(text: str) -> Callable[[Path], object]:
 
 
 def test_a_long_table_of_rates_is_read_once() -> None:
-    """300,000 rows: each one looked at for each other would take hours."""
-    rates = tuple(Interval(float(time), time + 1.0, 1.0 + time % 2) for time in range(300_000))
+    """30,000 rows: each one looked at for each other would take minutes."""
+    rates = tuple(Interval(float(time), time + 1.0, 1.0 + time % 2) for time in range(30_000))
     (series,) = series_of((VentRow('', (0.0, 0.0)),), rates)
     assert series[:3] == ((0.0, 1.0), (1.0, 2.0), (2.0, 1.0))
-    assert series[-1] == (300_000.0, 0.0)
+    assert series[-1] == (30_000.0, 0.0)
     gap = (Interval(0.0, 1.0, 2.0), Interval(3.0, 4.0, 2.0))
     (series,) = series_of((VentRow('', (0.0, 0.0)),), gap)
     assert series == ((0.0, 2.0), (1.0, 0.0), (3.0, 2.0), (4.0, 0.0))
@@ -413,9 +413,8 @@ def test_footprint_of_another_system(tmp_path: Path) -> None:
     assert 'data on the terrain' in str(caught.value)
 
 
-@pytest.mark.parametrize('flip', ['elevation', 'footprint', 'both'])
 @pytest.mark.skipif(not ETNA.is_dir(), reason='the data of Etna 2001 are not here')
-def test_etna_upside_down_is_caught(flip: str, tmp_path: Path) -> None:
+def test_etna_upside_down_is_caught(tmp_path: Path) -> None:
     """Real grids with their rows in the wrong order are refused, right ones are not."""
     folder = tmp_path / 'etna'
     folder.mkdir()
@@ -424,9 +423,10 @@ def test_etna_upside_down_is_caught(flip: str, tmp_path: Path) -> None:
     case = load_case(folder)
     assert case.volume == pytest.approx(21.4e6, rel=1e-3)
     assert case.footprint.sum() == 18_509
-    for name in ('elevation', 'footprint') if flip == 'both' else (flip,):
+    # one of them, both, the other one
+    for name in ('elevation', 'footprint', 'elevation'):
         path = folder / f'{name}.asc'
         lines = path.read_text().splitlines()
         path.write_text('\n'.join([*lines[:6], *reversed(lines[6:])]) + '\n')
-    with pytest.raises(LavaError, match='upside down'):
-        load_case(folder)
+        with pytest.raises(LavaError, match='upside down'):
+            load_case(folder)

@@ -24,14 +24,7 @@ import pytest
 from eruption import write_case
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, Event, load_case
-from lava_ros.hindcast.replicates import (
-    agreement,
-    directed,
-    directions,
-    restored,
-    run_several,
-    turned,
-)
+from lava_ros.hindcast.replicates import agreement, Direction, directions, run_several
 from lava_ros.hindcast.run import Run, Settings, simulate
 
 SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=2)
@@ -62,17 +55,15 @@ def test_each_run_is_what_it_would_be_alone(valley: Case) -> None:
     results = run_several(valley, settings, 5, progress=told.append)
     assert told == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
     for direction, result in zip(directions(5), results, strict=True):
-        alone = simulate(directed(valley, direction), settings)
+        alone = simulate(direction.turn(valley), settings)
         thickness = result.snapshot.thickness
-        own = restored(alone.snapshot.thickness, direction.quarters, mirror=direction.mirror)
-        np.testing.assert_array_equal(thickness, own)
+        np.testing.assert_array_equal(thickness, direction.restore(alone.snapshot.thickness))
         np.testing.assert_array_equal(np.isnan(thickness), ~valley.scene.terrain.has_data)
         assert result.snapshot.terrain is valley.scene.terrain
         assert result.peak.shape == valley.footprint.shape
         arrived = alone.snapshot.arrived
         assert arrived is not None
-        own = restored(arrived, direction.quarters, mirror=direction.mirror)
-        np.testing.assert_array_equal(result.snapshot.arrived, own)
+        np.testing.assert_array_equal(result.snapshot.arrived, direction.restore(arrived))
         assert result.snapshot.budget.emitted == pytest.approx(valley.volume)
         assert result.snapshot.budget.error < 1e-5
         assert result.effects == alone.effects
@@ -91,7 +82,8 @@ def test_a_turned_case_has_the_same_runs(
     vent = replace(vent, position=(x + 1e-3 / 3.0, y - 1e-3 / 7.0))
     case = replace(valley, scene=replace(valley.scene, vents=(vent,)))
     scores = []
-    for one in (case, turned(case, quarters, mirror=mirror)):
+    direction = Direction(quarters, mirror)
+    for one in (case, direction.turn(case)):
         results = run_several(one, settings, 16)
         scores.append(agreement(one, [item.snapshot for item in results]))
     found, other = scores
@@ -99,7 +91,7 @@ def test_a_turned_case_has_the_same_runs(
         item.jaccard for item in other.scores
     )
     assert found.majority.jaccard == other.majority.jaccard
-    np.testing.assert_array_equal(restored(other.share, quarters, mirror=mirror), found.share)
+    np.testing.assert_array_equal(direction.restore(other.share), found.share)
 
 
 def test_changes_of_the_ground_reach_each_run(valley: Case) -> None:
@@ -155,7 +147,7 @@ def test_runs_that_are_cut_off_go_on(valley: Case, tmp_path: Path) -> None:
     with pytest.raises(CutOffError):
         run_several(valley, SETTINGS, 2, folder=tmp_path, progress=cut_off)
     kept = tmp_path / 'run_01'
-    assert Run(directed(valley, directions(2)[1]), SETTINGS, folder=kept).is_resumed
+    assert Run(directions(2)[1].turn(valley), SETTINGS, folder=kept).is_resumed
     told: list[float] = []
     again = run_several(valley, SETTINGS, 3, folder=tmp_path, progress=told.append)
     assert len(told) == SETTINGS.maps * 3 - 3
@@ -180,26 +172,25 @@ def test_turned_and_mirrored_places_are_on_the_same_ground(valley: Case, mirror:
     before = valley.scene.terrain
     here = before.cell_at(*vent.position)
     for quarters in range(4):
-        case = turned(valley, quarters, mirror=mirror)
+        direction = Direction(quarters, mirror)
+        case = direction.turn(valley)
         ground, (moved,) = case.scene.terrain, case.scene.vents
         cell = ground.cell_at(*moved.position)
         assert cell is not None
         assert ground.elevation[cell] == before.elevation[here]
         assert case.footprint[cell] == valley.footprint[here]
-        back = restored(ground.elevation, quarters, mirror=mirror)
-        np.testing.assert_array_equal(back, before.elevation)
-        back = restored(case.footprint, quarters, mirror=mirror)
-        np.testing.assert_array_equal(back, valley.footprint)
+        np.testing.assert_array_equal(direction.restore(ground.elevation), before.elevation)
+        np.testing.assert_array_equal(direction.restore(case.footprint), valley.footprint)
 
 
 def test_turns_are_counterclockwise_after_the_mirror(valley: Case) -> None:
     """A valley that falls to the south falls to the east; four turns are none."""
     (vent,) = valley.scene.vents
-    once = turned(valley, 1)
+    once = Direction(1).turn(valley)
     assert np.median(np.diff(once.scene.terrain.elevation, axis=1)) < 0.0
-    again = turned(once, 3)
+    again = Direction(3).turn(once)
     np.testing.assert_array_equal(again.scene.terrain.elevation, valley.scene.terrain.elevation)
     assert again.scene.vents[0].position == pytest.approx(vent.position)
-    mirrored = turned(valley, 0, mirror=True)
+    mirrored = Direction(0, mirror=True).turn(valley)
     x0, _, x1, _ = valley.scene.terrain.extent
     assert mirrored.scene.vents[0].position[0] - x0 == pytest.approx(x1 - vent.position[0])

@@ -33,13 +33,14 @@ from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.replicates import run_several
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import judge, Score
-from lava_ros.scene import Scene, Terrain, Vent
+from lava_ros.scene import Scene, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.reshaping import finer
 from lava_ros.scene.terrain_files import ridge_terrain
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.presets import PRESETS
 from lava_ros.simulation.resolution import resolution_of
+from lava_ros.verification.benchmarks.scenes import ground
 from lava_ros.verification.benchmarks.selection import jaccard, noise
 from lava_ros.verification.rows import OnProgress
 
@@ -84,35 +85,34 @@ def _coarse() -> Case:
     return case_of('coarse_ridge', Scene(finer(wide, 6), (_CREST,), _TONGUES), 3.0 * _HOUR)
 
 
-def _grid(columns: int, rows: int, cell: float) -> tuple[np.ndarray, np.ndarray]:
-    """Places of the cells' middles: x from the western border, y from the middle [m]."""
-    x, y = np.meshgrid((np.arange(columns) + 0.5) * cell, (np.arange(rows) + 0.5) * cell)
-    return x, y - 0.5 * rows * cell
-
-
 def _hill() -> Case:
     """A vent 60 m from the top of a Gaussian hill 150 m high."""
-    x, y = _grid(400, 400, 5.0)
-    height = 150.0 * np.exp(-((x - 1000.0) ** 2 + y**2) / (2.0 * 250.0**2))
-    vent = Vent((1060.0, 1000.0), 10.0)
-    return case_of('hill', Scene(Terrain(height, 5.0), (vent,), _LAVA), 2.0 * _HOUR)
+    terrain = ground(
+        (0.0, 2000.0), (0.0, 2000.0), 5.0,
+        lambda x, y: 150.0
+        * np.exp(-((x - 1000.0) ** 2 + (y - 1000.0) ** 2) / (2.0 * 250.0**2)),
+    )
+    return case_of('hill', Scene(terrain, (Vent((1060.0, 1000.0), 10.0),), _LAVA), 2.0 * _HOUR)
 
 
 def _valley() -> Case:
     """A V-shaped valley, 5 degrees steep, with walls of 1:10."""
-    x, y = _grid(440, 60, 5.0)
-    height = 500.0 - math.tan(math.radians(5.0)) * x + 0.1 * np.abs(y)
-    vent = Vent((150.0, 150.0), 10.0)
-    return case_of('valley', Scene(Terrain(height, 5.0), (vent,), _LAVA), 2.0 * _HOUR)
+    terrain = ground(
+        (0.0, 2200.0), (0.0, 300.0), 5.0,
+        lambda x, y: 500.0 - math.tan(math.radians(5.0)) * x + 0.1 * np.abs(y - 150.0),
+    )
+    return case_of('valley', Scene(terrain, (Vent((150.0, 150.0), 10.0),), _LAVA), 2.0 * _HOUR)
 
 
 def _cliff() -> Case:
     """A slope of 5 degrees with a drop of 200 m in one cell."""
-    x, y = _grid(160, 81, 25.0)
-    height = 2000.0 - math.tan(math.radians(5.0)) * x - 200.0 * (x > 1000.0) + 0.0 * y
+    terrain = ground(
+        (0.0, 4000.0), (0.0, 2025.0), 25.0,
+        lambda x, y: 2000.0 - math.tan(math.radians(5.0)) * x - 200.0 * (x > 1000.0),
+    )
     vent = Vent((500.0, 1012.5), 20.0, radius=30.0)
     lava = replace(_LAVA, viscosity=5e3)
-    return case_of('cliff', Scene(finer(Terrain(height, 25.0), 2), (vent,), lava), 6.0 * _HOUR)
+    return case_of('cliff', Scene(finer(terrain, 2), (vent,), lava), 6.0 * _HOUR)
 
 
 def _footprint(

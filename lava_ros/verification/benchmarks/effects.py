@@ -20,7 +20,7 @@ paid in full in each of them, and no effect changes how many steps there are.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import time as wall_clock
 from typing import Any
 
@@ -153,9 +153,15 @@ def step_times(
 
 def _elapsed(simulation: Simulation, steps: int) -> float:
     """Wall time of some steps [s]."""
-    before = simulation.steps
-    start = wall_clock.perf_counter()
-    simulation.advance(simulation.time + steps * STEP)
-    wp.synchronize_device(simulation.device)
-    elapsed = wall_clock.perf_counter() - start
+    before, until = simulation.steps, simulation.time + steps * STEP
+    elapsed = timed(simulation.device, lambda: simulation.advance(until))
     return elapsed * steps / max(1, simulation.steps - before)
+
+
+def timed(device: str, action: Callable[[], object]) -> float:
+    """Wall time of an action with all that it launches on a device [s]."""
+    wp.synchronize_device(device)
+    start = wall_clock.perf_counter()
+    action()
+    wp.synchronize_device(device)
+    return wall_clock.perf_counter() - start

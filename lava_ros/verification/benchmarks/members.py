@@ -20,14 +20,13 @@ The lava is that of ``benchmarks/effects.py``, in steps of fixed length of one s
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-import time as wall_clock
 from typing import Any
 
 import warp as wp
 
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.batch import Batch
-from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
+from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP, timed
 from lava_ros.verification.benchmarks.steps import memory_of, used_memory
 from lava_ros.verification.rows import OnProgress, row_of
 
@@ -77,11 +76,7 @@ def measure(
 def _rate(simulations: Sequence[Simulation], count: int, steps: int, device: str) -> float:
     """Particle-steps a second of all members [1e6/s]."""
     before = sum(item.steps for item in simulations)
-    start = wall_clock.perf_counter()
-    Batch(at_once=len(simulations)).run(
-        item.advancing(item.time + steps * STEP) for item in simulations
-    )
-    wp.synchronize_device(device)
-    elapsed = wall_clock.perf_counter() - start
+    ways = (item.advancing(item.time + steps * STEP) for item in simulations)
+    elapsed = timed(device, lambda: Batch(at_once=len(simulations)).run(ways))
     taken = sum(item.steps for item in simulations) - before
     return 1e-6 * taken * count / len(simulations) / elapsed

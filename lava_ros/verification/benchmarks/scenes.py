@@ -28,16 +28,14 @@ import numpy as np
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 
+Surface = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
 
 @dataclass(frozen=True, eq=False)
 class BenchScene:
-    """A scene, a short description, and the horizon [s].
-
-    The scene is simulated up to the horizon, and its effects are chosen for it.
-    """
+    """A scene, and the horizon [s] up to which it is simulated and its effects are chosen."""
 
     name: str
-    title: str
     scene: Scene
     horizon: float
 
@@ -72,137 +70,121 @@ MELT = Lava(
 )
 
 
+#: Where most vents are, off the lattice of the cells [m].
+VENT = (0.3, 0.2)
+
+
 def scenes() -> tuple[BenchScene, ...]:
     """Build the scenes."""
     return (
-        BenchScene(
-            'plain',
-            'fluid lava on a plain',
-            Scene(_terrain((-200.0, 200.0), (-200.0, 200.0), 4.0, _plane(0.0)),
-                  (Vent((0.3, 0.2), 20.0),), FLUID),
-            1000.0,
+        # fluid lava on a plain
+        bench_scene(
+            'plain', 1000.0, ground((-200.0, 200.0), (-200.0, 200.0), 4.0, _plane(0.0)),
+            FLUID, Vent(VENT, 20.0),
         ),
-        BenchScene(
-            'gentle_slope',
-            'basalt on a slope of 3 degrees that radiates and stiffens',
-            Scene(_terrain((-300.0, 100.0), (-200.0, 200.0), 3.2, _plane(0.052)),
-                  (Vent((0.3, 0.2), 10.0),), BASALT),
-            2400.0,
+        # basalt on a slope of 3 degrees that radiates and stiffens
+        bench_scene(
+            'gentle_slope', 2400.0, ground((-300.0, 100.0), (-200.0, 200.0), 3.2, _plane(0.052)),
+            BASALT, Vent(VENT, 10.0),
         ),
-        BenchScene(
-            'valley',
-            'melt with crystals down a valley with sides of 22 degrees',
-            Scene(_terrain((-1200.0, 100.0), (-100.0, 100.0), 3.0, _valley(0.14, 0.4)),
-                  (Vent((0.3, 0.2), 20.0),), MELT),
-            1200.0,
+        # melt with crystals down a valley with sides of 22 degrees
+        bench_scene(
+            'valley', 1200.0, ground((-1200.0, 100.0), (-100.0, 100.0), 3.0, _valley(0.14, 0.4)),
+            MELT, Vent(VENT, 20.0),
         ),
-        BenchScene(
-            'ridge',
-            'basalt on the crest of a ridge with flanks of 11 degrees',
-            Scene(_terrain((-400.0, 400.0), (-200.0, 200.0), 3.0, _ridge(0.2, 30.0)),
-                  (Vent((0.3, 0.2), 20.0),), replace(BASALT, viscosity=5000.0)),
-            1200.0,
+        # basalt on the crest of a ridge with flanks of 11 degrees
+        bench_scene(
+            'ridge', 1200.0, ground((-400.0, 400.0), (-200.0, 200.0), 3.0, _ridge(0.2, 30.0)),
+            replace(BASALT, viscosity=5000.0), Vent(VENT, 20.0),
         ),
-        BenchScene(
-            'rough',
-            'lava that thins under shear on rough ground',
-            Scene(_terrain((-350.0, 100.0), (-200.0, 200.0), 3.2, _rough(0.08, 1.5)),
-                  (Vent((0.3, 0.2), 15.0),),
-                  replace(BASALT, viscosity=4000.0, flow_index=0.8, arrhenius=0.02)),
-            1800.0,
+        # lava that thins under shear on rough ground
+        bench_scene(
+            'rough', 1800.0, ground((-350.0, 100.0), (-200.0, 200.0), 3.2, _rough(0.08, 1.5)),
+            replace(BASALT, viscosity=4000.0, flow_index=0.8, arrhenius=0.02), Vent(VENT, 15.0),
         ),
-        BenchScene(
-            'crater',
-            'fluid lava that fills a crater',
-            Scene(_terrain((-120.0, 120.0), (-120.0, 120.0), 3.0, _crater(100.0, 15.0)),
-                  (Vent((60.3, 0.2), 30.0),), FLUID),
-            600.0,
+        # fluid lava that fills a crater
+        bench_scene(
+            'crater', 600.0, ground((-120.0, 120.0), (-120.0, 120.0), 3.0, _crater(100.0, 15.0)),
+            FLUID, Vent((60.3, 0.2), 30.0),
         ),
-        BenchScene(
-            'fast',
-            'fluid lava down a slope of 8 degrees',
-            Scene(_terrain((-900.0, 100.0), (-150.0, 150.0), 2.2, _plane(0.14)),
-                  (Vent((0.3, 0.2), 20.0),), FLUID),
-            400.0,
+        # fluid lava down a slope of 8 degrees
+        bench_scene(
+            'fast', 400.0, ground((-900.0, 100.0), (-150.0, 150.0), 2.2, _plane(0.14)),
+            FLUID, Vent(VENT, 20.0),
         ),
-        BenchScene(
-            'dome',
-            'stiff, thick lava above its liquidus, finely resolved',
-            Scene(_terrain((-100.0, 60.0), (-80.0, 80.0), 2.0, _plane(0.1)),
-                  (Vent((0.3, 0.2), 50.0),),
-                  replace(MELT, vft_b=0.0, viscosity=1e6, liquidus=1400.0)),
-            600.0,
+        # stiff, thick lava above its liquidus, finely resolved
+        bench_scene(
+            'dome', 600.0, ground((-100.0, 60.0), (-80.0, 80.0), 2.0, _plane(0.1)),
+            replace(MELT, vft_b=0.0, viscosity=1e6, liquidus=1400.0), Vent(VENT, 50.0),
         ),
-        BenchScene(
-            'strong',
-            'lava with a yield strength that grows as it cools, on a slope of 6 degrees',
-            Scene(_terrain((-400.0, 100.0), (-200.0, 200.0), 4.0, _plane(0.105)),
-                  (Vent((0.3, 0.2), 15.0),),
-                  replace(BASALT, viscosity=1e4, yield_strength=500.0, yield_rate=0.02)),
-            3600.0,
+        # lava with a yield strength that grows as it cools, on a slope of 6 degrees
+        bench_scene(
+            'strong', 3600.0, ground((-400.0, 100.0), (-200.0, 200.0), 4.0, _plane(0.105)),
+            replace(BASALT, viscosity=1e4, yield_strength=500.0, yield_rate=0.02),
+            Vent(VENT, 15.0),
         ),
-        BenchScene(
-            'lobe',
-            'a toe with a crust that freezes',
-            Scene(_terrain((-20.0, 12.0), (-16.0, 16.0), 0.4, _plane(0.05)),
-                  (Vent((0.03, 0.02), 0.0002, radius=0.4),),
-                  replace(BASALT, viscosity=1e4, conductivity=3.0, crust=True)),
-            16000.0,
+        # a toe with a crust that freezes
+        bench_scene(
+            'lobe', 16000.0, ground((-20.0, 12.0), (-16.0, 16.0), 0.4, _plane(0.05)),
+            replace(BASALT, viscosity=1e4, conductivity=3.0, crust=True),
+            Vent((0.03, 0.02), 0.0002, radius=0.4),
         ),
-        BenchScene(
-            'fissure',
-            'a fissure and two vents on rough ground',
-            Scene(_terrain((-350.0, 100.0), (-250.0, 250.0), 3.0, _rough(0.06, 1.0)),
-                  (Vent((0.3, -80.2), 15.0, end=(20.3, 80.2), radius=5.0),
-                   Vent((40.3, 120.2), 8.0), Vent((-120.3, -90.2), 5.0, temperature=1400.0)),
-                  replace(BASALT, viscosity=3000.0)),
-            1200.0,
+        # a fissure and two vents on rough ground
+        bench_scene(
+            'fissure', 1200.0, ground((-350.0, 100.0), (-250.0, 250.0), 3.0, _rough(0.06, 1.0)),
+            replace(BASALT, viscosity=3000.0),
+            Vent((0.3, -80.2), 15.0, end=(20.3, 80.2), radius=5.0),
+            Vent((40.3, 120.2), 8.0),
+            Vent((-120.3, -90.2), 5.0, temperature=1400.0),
         ),
-        BenchScene(
-            'mountain',
-            'basalt down 2000 m at 27 degrees',
-            Scene(_terrain((-4000.0, 200.0), (-200.0, 200.0), 4.5, _valley(0.5, 0.1)),
-                  (Vent((0.3, 0.2), 60.0),),
-                  replace(BASALT, viscosity=5000.0, crust_cover=0.9, crust_cover_decay=0.16)),
-            1500.0,
+        # basalt down 2000 m at 27 degrees
+        bench_scene(
+            'mountain', 1500.0, ground((-4000.0, 200.0), (-200.0, 200.0), 4.5, _valley(0.5, 0.1)),
+            replace(BASALT, viscosity=5000.0, crust_cover=0.9, crust_cover_decay=0.16),
+            Vent(VENT, 60.0),
         ),
     )
 
 
-def _terrain(
-    x_range: tuple[float, float],
-    y_range: tuple[float, float],
-    resolution: float,
-    surface: Callable[[np.ndarray, np.ndarray], np.ndarray],
+def bench_scene(
+    name: str, horizon: float, terrain: Terrain, lava: Lava, *vents: Vent
+) -> BenchScene:
+    """Put a scene together; the horizon is in seconds."""
+    return BenchScene(name, Scene(terrain, vents, lava), horizon)
+
+
+def ground(
+    x_range: tuple[float, float], y_range: tuple[float, float], resolution: float, surface: Surface
 ) -> Terrain:
     """Terrain of a surface z(x, y) over a rectangle [m]."""
     x, y = (
         np.arange(first + 0.5 * resolution, last, resolution) for first, last in (x_range, y_range)
     )
-    return Terrain(surface(*np.meshgrid(x, y)), resolution, (x_range[0], y_range[0]))
+    height = surface(*np.meshgrid(x, y))
+    return Terrain(height, resolution, (x_range[0], y_range[0]))
 
 
-def _plane(slope: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+def _plane(slope: float) -> Surface:
     """A plane that falls towards -x."""
     return lambda x, y: slope * x + 0.0 * y
 
 
-def _valley(slope: float, sides: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+def _valley(slope: float, sides: float) -> Surface:
     """A valley that falls towards -x, its floor 10 m round."""
     return lambda x, y: slope * x + sides * np.hypot(y, 10.0)
 
 
-def _ridge(flanks: float, radius: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+def _ridge(flanks: float, radius: float) -> Surface:
     """A ridge along y, its crest as round as a radius [m]."""
     return lambda x, y: -flanks * np.hypot(x, radius) + 0.0 * y
 
 
-def _crater(radius: float, depth: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+def _crater(radius: float, depth: float) -> Surface:
     """A bowl with a rim, level outside."""
     return lambda x, y: depth * np.minimum((x**2 + y**2) / radius**2, 1.0)
 
 
-def _rough(slope: float, height: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+def _rough(slope: float, height: float) -> Surface:
     """A plane that falls towards -x with bumps of a root mean square height [m]."""
     random = np.random.default_rng(1)
     lengths = random.uniform(30.0, 120.0, 24)

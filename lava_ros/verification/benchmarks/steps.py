@@ -34,7 +34,13 @@ import warp as wp
 
 from lava_ros.errors import LavaError
 from lava_ros.simulation import Simulation
-from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP, step_times
+from lava_ros.verification.benchmarks.effects import (
+    effect_sets,
+    lava_field,
+    STEP,
+    step_times,
+    timed,
+)
 from lava_ros.verification.benchmarks.reference import Reference
 from lava_ros.verification.rows import OnProgress, row_of
 
@@ -106,7 +112,6 @@ def _steps(
     before = used_memory(device)
     show(SETS[0], 0.0)
     simulation = lava_field(number, sets[SETS[0]], device)
-    reference: Sequence[float] = ()
     for index, name in enumerate(SETS):
         show(name, index / (len(SETS) + 1))
         # the same lava: to make ten million particles takes longer than to measure them
@@ -145,11 +150,7 @@ def _reference_times(simulation: Simulation, repetitions: int) -> list[float]:
     reference = Reference(simulation, STEP)
 
     def elapsed(steps: int) -> float:
-        wp.synchronize_device(simulation.device)
-        start = wall_clock.perf_counter()
-        reference.advance(steps)
-        wp.synchronize_device(simulation.device)
-        return wall_clock.perf_counter() - start
+        return timed(simulation.device, lambda: reference.advance(steps))
 
     elapsed(2)
     steps = 1 + int(LEAST / max(elapsed(4) / 4.0, 1e-9))
@@ -160,11 +161,7 @@ def _snapshots(cells: int, device: str, repetitions: int) -> tuple[list[float], 
     """Times of a snapshot [ms] of which lava covers nearly every cell, and the particles."""
     simulation = lava_field(COVERED_BY, effect_sets()['bare'], device, cells=cells)
     simulation.snapshot()
-    times = []
-    for _ in range(repetitions):
-        start = wall_clock.perf_counter()
-        simulation.snapshot()
-        times.append(1e3 * (wall_clock.perf_counter() - start))
+    times = [1e3 * timed(device, simulation.snapshot) for _ in range(repetitions)]
     return times, simulation.particle_count
 
 
@@ -191,7 +188,8 @@ def _starts(device: str, repetitions: int) -> list[float]:
             subprocess.run(command, check=True, capture_output=True, timeout=_PATIENCE, text=True)
         except subprocess.SubprocessError as error:
             output = getattr(error, 'stderr', None) or str(error)
-            raise LavaError('start', device, f'a snapshot ({output[-500:]})') from error
+            right = f'a device on which a new process takes a snapshot ({output[-500:]})'
+            raise LavaError('--device', device, right) from error
         times.append(wall_clock.perf_counter() - start)
     return times[1:]
 

@@ -22,7 +22,6 @@ from lava_ros.verification.cases import (
     sheets,
     silicone,
     slopes,
-    solid,
     spreading,
 )
 from lava_ros.verification.cases.case import Case as Case
@@ -35,11 +34,11 @@ from lava_ros.verification.cases.spreading import (
 #: Every case by its name, from the simplest.
 CASES: dict[str, Case] = {
     case.name: case
-    for module in (sheets, heat, silicone, rheology, confined, spreading, slopes, solid, inertia)
+    for module in (sheets, heat, silicone, rheology, confined, spreading, slopes, inertia)
     for case in module.CASES
 }
 
 #: Cases of what lava does beside flowing and spreading: they have a chart of their own.
 EFFECT_CASES = frozenset(
-    case.name for module in (heat, silicone, rheology, solid, inertia) for case in module.CASES
+    case.name for module in (heat, silicone, rheology, inertia) for case in module.CASES
 )

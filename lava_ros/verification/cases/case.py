@@ -16,8 +16,10 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 import math
 import time as wall_clock
+from typing import Any
 
 import numpy as np
 
@@ -68,16 +70,10 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a case.
+    """One run of a case, by its name: what was compared, and what it took.
 
-    Attributes:
-        case: Name of the case.
-        measurements: What was compared.
-        particles: Particles at the end.
-        steps: Time steps.
-        evaluations: Velocity evaluations.
-        simulated_time: Time that was simulated [s].
-        wall_time: Time it took [s], without compiling the kernels and without measuring.
+    ``particles`` are those at the end, ``evaluations`` those of the velocity. Times are in
+    seconds; ``wall_time`` is without compiling the kernels and without measuring.
     """
 
     case: str
@@ -96,14 +92,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Case:
-    """A flow whose exact solution is known.
+    """A flow whose exact solution is known, with the reference of the solution.
 
-    Attributes:
-        name: Name on the command line.
-        title: The flow, in a phrase.
-        source: Reference of the exact solution.
-        measure: Runs the case at an accuracy on a Warp device. The spacing is the case's own over
-            ``accuracy.refinement``.
+    ``measure`` runs the case at an accuracy on a Warp device. The spacing is the case's own over
+    ``accuracy.refinement``.
     """
 
     name: str
@@ -118,12 +110,9 @@ class Case:
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Thickness on a grid of square cells.
+    """Thickness on square cells [m], shape [rows, columns].
 
-    Attributes:
-        thickness: Thickness [m], shape [rows, columns].
-        cell: Side of a cell [m].
-        origin: Position (x, y) [m] of the lower-left corner of cell [0, 0].
+    ``cell`` is the side of a cell, ``origin`` the lower-left corner (x, y) of cell [0, 0] [m].
     """
 
     thickness: np.ndarray
@@ -202,25 +191,24 @@ class Trial:
     def __init__(
         self,
         scene: Scene,
-        *,
         accuracy: Accuracy,
         device: str,
+        *,
         effects: Effects = FLAT,
         particles: Particles | None = None,
+        **knobs: Any,
     ) -> None:
-        """Compile the kernels, create the simulation; ``accuracy`` sets spacing and thickness."""
-        # the kernels are compiled for the effects and the accuracy, whatever the scene
-        few = None
-        if particles is not None:
-            volume, temperature = np.asarray(particles.volume), np.asarray(particles.temperature)
-            few = Particles(particles.position[:2], volume[:2], temperature[:2])
-        Simulation(
-            scene, effects=effects, accuracy=accuracy, device=device, particles=few
-        ).advance(1e-3)
-        self.simulation = Simulation(
-            scene, effects=effects, accuracy=accuracy, device=device, particles=particles
+        """Compile the kernels, create the simulation; ``knobs`` replace those of ``accuracy``."""
+        simulation = partial(
+            Simulation, scene, effects=effects, accuracy=replace(accuracy, **knobs), device=device
         )
-        self._device = device
+        # the kernels are compiled for the effects and the accuracy, whatever the scene
+        few = particles
+        if few is not None:
+            every = (few.position, few.volume, few.temperature)
+            few = Particles(*(np.asarray(values)[:2] for values in every))
+        simulation(particles=few).advance(1e-3)
+        self.simulation = simulation(particles=particles)
         self._wall_time = 0.0
 
     def advance(self, until: float) -> None:
@@ -249,7 +237,7 @@ class Trial:
             replace(self.simulation.scene, terrain=fine, vents=()),
             effects=self.simulation.effects,
             accuracy=self.simulation.accuracy,
-            device=self._device,
+            device=self.simulation.device,
             particles=Particles(
                 sample.position[inside], sample.volume[inside], sample.temperature[inside]
             ),
@@ -257,19 +245,11 @@ class Trial:
         thickness = copy.snapshot().thickness
         return Field(thickness[beyond:-beyond, beyond:-beyond], cell, (x0, y0))
 
-    def middle(self, half: float) -> dict[str, np.ndarray]:
-        """Sample the particles in a square of side 2 ``half`` [m] around (0, 0).
-
-        Returns:
-            Their position [m], velocity [m/s] and temperature [K] by name.
-        """
+    def middle(self, quantity: str, half: float) -> np.ndarray:
+        """An attribute of the particles in a square of side 2 ``half`` [m] around (0, 0)."""
         sample = self.simulation.sample()
-        inside = np.abs(sample.position).max(axis=1) < half
-        return {
-            'position': sample.position[inside],
-            'velocity': sample.velocity[inside],
-            'temperature': sample.temperature[inside],
-        }
+        values: np.ndarray = getattr(sample, quantity)
+        return values[np.abs(sample.position).max(axis=1) < half]
 
     def run(self, *measurements: Measurement) -> Run:
         """End the trial; the result has the measurements, but no name of a case yet."""
@@ -311,13 +291,15 @@ def square(half: float) -> Window:
     return (-half, -half, half, half)
 
 
-def lattice(length: float, width: float, spacing: float) -> np.ndarray:
-    """Points [m] of a square lattice that fill a rectangle around (0, 0), shape [count, 2]."""
-    ticks = [
-        (np.arange(count) - 0.5 * (count - 1)) * spacing
-        for count in (max(2, int(length / spacing)), max(2, int(width / spacing)))
-    ]
-    return np.stack(np.meshgrid(*ticks), axis=-1).reshape(-1, 2)
+def places(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """All points (x, y) of some columns and rows [m], shape [count, 2]."""
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def lattice(columns: int, rows: int, spacing: float) -> np.ndarray:
+    """Points of a square lattice around (0, 0) [m], shape [count, 2]."""
+    x, y = ((np.arange(count) - 0.5 * (count - 1)) * spacing for count in (columns, rows))
+    return places(x, y)
 
 
 def layer(
@@ -331,29 +313,24 @@ def layer(
     side: float = 120.0,
     slope: float = 0.0,
     temperature: float = 1400.0,
-) -> 'Trial':
-    """A square layer of uniform thickness around (0, 0) on an even slope.
+) -> Trial:
+    """A square layer of uniform vertical thickness [m] around (0, 0) on an even slope [rad].
 
-    Args:
-        lava: The lava of the layer.
-        effects: The physics.
-        accuracy: Resolution; its spacing and thickness are set here.
-        device: Warp device.
-        thickness: Vertical thickness [m].
-        spacing: Distance between particles at a refinement of 1 [m].
-        side: Side of the layer [m]; the ground's is twice as long.
-        slope: Angle of the slope [rad].
-        temperature: Temperature [K].
+    ``side`` is that of the layer [m]; the ground's is twice as long. The spacing [m] is that at a
+    refinement of 1. The temperature is in kelvin.
     """
     spacing /= accuracy.refinement
     # keeps the middle of a coarse layer away from its edge
     side = max(side, 8.0 * spacing)
+    count = max(2, int(side / spacing))
     return Trial(
         Scene(plane(square(side), 5.0, slope), lava=lava),
+        accuracy,
+        device,
         effects=effects,
-        accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
-        particles=Particles(lattice(side, side, spacing), thickness * spacing**2, temperature),
-        device=device,
+        particles=Particles(lattice(count, count, spacing), thickness * spacing**2, temperature),
+        spacing=spacing,
+        thickness=thickness,
     )
 
 
@@ -381,3 +358,9 @@ def strip(width: float, count: int) -> tuple[np.ndarray, np.ndarray]:
     index = np.arange(count)
     turn = np.modf(index * 0.5 * (np.sqrt(5.0) - 1.0))[0]
     return (index + 0.5) / count, (turn - 0.5) * width
+
+
+def distributed(share: np.ndarray, place: np.ndarray, density: np.ndarray) -> np.ndarray:
+    """Places up to which lies a share of what is distributed with a density, by trapezoids."""
+    held = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
+    return np.interp(share, held / held[-1], place)

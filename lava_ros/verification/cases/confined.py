@@ -31,6 +31,7 @@ from lava_ros.verification.cases.case import (
     joined,
     Measurement,
     NU,
+    places,
     Run,
     Trial,
 )
@@ -87,13 +88,13 @@ def channel_velocity(
         (np.arange(round(side / spacing)) + 0.5) * spacing - 0.5 * side
         for side in (LENGTH, across)
     ]
-    places = np.stack(np.meshgrid(*ticks), axis=-1).reshape(-1, 2)
     trial = Trial(
         Scene(terrain, lava=ISOTHERMAL),
+        accuracy,
+        device,
         effects=replace(FLAT, **{effect: True}),
-        accuracy=replace(accuracy, thickness=1.0),
-        particles=Particles(places, spacing**2, 1400.0),
-        device=device,
+        particles=Particles(places(*ticks), spacing**2, 1400.0),
+        thickness=1.0,
     )
     sample = trial.simulation.sample()
     inside = np.abs(sample.position) < (0.5 * MIDDLE, 0.5 * width)
@@ -182,14 +183,16 @@ def pond(accuracy: Accuracy, device: str = 'cpu') -> Trial:
     spacing = 2.0 / accuracy.refinement
     # off the grid of the terrain's cells
     ticks = np.arange(-0.4 * SIDE, 0.4 * SIDE, spacing) + 0.15 * CELL
-    places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
-    depth = LEVEL - ground_at(terrain, places)
+    position = places(ticks, ticks)
+    depth = LEVEL - ground_at(terrain, position)
     wet = depth > 0.05
     return Trial(
         Scene(terrain, lava=ISOTHERMAL),
-        accuracy=replace(accuracy, spacing=spacing, thickness=float(depth[wet].mean())),
-        particles=Particles(places[wet], depth[wet] * spacing**2, 1400.0),
-        device=device,
+        accuracy,
+        device,
+        particles=Particles(position[wet], depth[wet] * spacing**2, 1400.0),
+        spacing=spacing,
+        thickness=float(depth[wet].mean()),
     )
 
 

@@ -13,19 +13,19 @@
 # limitations under the License.
 
 
-"""Cases of lava that gains and loses heat.
+"""Cases of lava that gains and loses heat, and freezes.
 
 Errors of temperatures are relative to what the lava has cooled or warmed by.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 import math
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
-from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Vent
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
@@ -38,8 +38,10 @@ from lava_ros.verification.cases.case import (
     joined,
     lattice,
     layer,
+    mean_difference,
     Measurement,
     NU,
+    places,
     plane,
     Run,
     SLOPING,
@@ -57,74 +59,51 @@ HOT, COLD, THICKNESS = 1423.0, 300.0, 2.0
 HOURS = (1.0, 10.0, 100.0)
 
 
-class _Cooling(Protocol):
-    """An exact solution for the temperature of a cooling sheet."""
+#: Too stiff to flow, it cools by convection alone and freezes.
+FREEZING = Lava(
+    density=2600.0, viscosity=1e9, arrhenius=0.0, emissivity=0.0, convection=25.0, solidus=1300.0
+)
 
-    def temperature(self, time: float) -> float: ...
+#: Half the side of the freezing lens's terrain [m], and shares of the time until all is frozen at
+#: which the frozen lava is measured.
+HALF, SHARES = 90.0, (0.3, 0.6, 0.9)
 
 
 def _cooling_sheet(
-    lava: Lava,
-    effects: Effects,
-    solution: _Cooling,
     accuracy: Accuracy,
     device: str,
+    *,
+    lava: Lava,
+    solution: Callable[..., Any],
     hours: Sequence[float] = HOURS,
     is_of_loss: bool = True,
+    **switched: bool,
 ) -> Run:
     """Compare temperatures in the middle of a sheet at rest with the solution.
 
     Errors are relative to the loss of temperature if ``is_of_loss``, else to the temperature.
     """
-    accuracy = replace(accuracy, longest_step=600.0)
     trial = layer(
-        lava, effects, accuracy, device, thickness=THICKNESS, spacing=4.0, side=80.0,
+        lava,
+        replace(FLAT, **switched),
+        replace(accuracy, longest_step=600.0),
+        device,
+        thickness=THICKNESS,
+        spacing=4.0,
+        side=80.0,
         temperature=HOT,
     )
+    temperature = solution(lava, initial=HOT, thickness=THICKNESS).temperature
     measurements = []
     for hour in hours:
         trial.advance(3600.0 * hour)
-        right = solution.temperature(3600.0 * hour)
-        found = float(trial.middle(16.0)['temperature'].mean())
+        right = temperature(3600.0 * hour)
+        found = float(trial.middle('temperature', 16.0).mean())
         scale = HOT - right if is_of_loss else None
         measurements.append(
             Measurement(f'temperature after {hour:g} h', found, right, 'K', scale)
         )
     return trial.run(*measurements)
-
-
-def _run_radiating(accuracy: Accuracy, device: str) -> Run:
-    lava = replace(STILL, emissivity=0.9)
-    solution = exact.RadiatingSheet(lava, initial=HOT, ambient=COLD, thickness=THICKNESS)
-    effects = replace(FLAT, cooling=True)
-    hours = (1.0, 10.0, 24.0)
-    return _cooling_sheet(
-        lava, effects, solution, accuracy, device, hours, is_of_loss=False
-    )
-
-
-def _run_ground(accuracy: Accuracy, device: str) -> Run:
-    lava = replace(STILL, ground_conductivity=2.0)
-    solution = exact.ColumnOnGround(lava, initial=HOT, ground=COLD, thickness=THICKNESS)
-    effects = replace(FLAT, ground=True)
-    return _cooling_sheet(lava, effects, solution, accuracy, device)
-
-
-def _run_crust(accuracy: Accuracy, device: str) -> Run:
-    lava = replace(STILL, convection=50.0, conductivity=2.0, crust=True)
-    solution = exact.ConvectingSlab(lava, initial=HOT, ambient=COLD, thickness=THICKNESS)
-    effects = replace(FLAT, crust=True)
-    return _cooling_sheet(lava, effects, solution, accuracy, device)
-
-
-def _run_latent(accuracy: Accuracy, device: str) -> Run:
-    # 16 kW/m2 at first: solid after two days
-    lava = replace(STILL, convection=50.0, latent_heat=3.5e5, liquidus=1400.0, solidus=1250.0)
-    solution = exact.CrystallisingSheet(
-        lava, initial=HOT, ambient=COLD, thickness=THICKNESS
-    )
-    effects = replace(FLAT, cooling=True, latent_heat=True)
-    return _cooling_sheet(lava, effects, solution, accuracy, device)
 
 
 def _run_viscous(accuracy: Accuracy, device: str) -> Run:
@@ -136,14 +115,12 @@ def _run_viscous(accuracy: Accuracy, device: str) -> Run:
         lava, effects, accuracy, device, thickness=thickness, slope=slope, temperature=HOT
     )
     trial.advance(duration)
-    warmed = float(trial.middle(24.0)['temperature'].mean()) - HOT
+    warmed = float(trial.middle('temperature', 24.0).mean()) - HOT
     speed = exact.sheet_velocity(thickness * math.cos(slope), slope, NU, GRAVITY)
     rise = exact.warming_by_descent(
         speed * math.sin(slope) * duration, gravity=GRAVITY, specific_heat=lava.specific_heat
     )
-    sheet = trial.run(
-        Measurement('warming', warmed, rise, 'K'),
-    )
+    sheet = trial.run(Measurement('warming', warmed, rise, 'K'))
     return joined([sheet, _spreading(lava, accuracy, device)])
 
 
@@ -154,12 +131,12 @@ def _spreading(lava: Lava, accuracy: Accuracy, device: str) -> Run:
     start, end = solution.time_of_radius(100.0), solution.time_of_radius(160.0)
     trial = Trial(
         Scene(plane(square(250.0), 10.0), lava=lava),
+        accuracy,
+        device,
         effects=replace(FLAT, viscous_heating=True),
-        accuracy=replace(
-            accuracy, spacing=math.sqrt(math.pi * 100.0**2 / count), thickness=volume / 3e4
-        ),
         particles=Particles(solution.particles(count, start), volume / count, HOT),
-        device=device,
+        spacing=math.sqrt(math.pi * 100.0**2 / count),
+        thickness=volume / 3e4,
     )
     trial.advance(end - start)
     sample = trial.simulation.sample()
@@ -183,14 +160,16 @@ def _run_conduction(accuracy: Accuracy, device: str) -> Run:
     length, width = 60.0, 14.0
     # as many columns on either side of the step
     spacing = 0.5 * length / round(length * accuracy.refinement)
-    places = lattice(length, width, spacing)
-    cold = places[:, 0] < 0.0
+    position = lattice(int(length / spacing), int(width / spacing), spacing)
+    first = np.where(position[:, 0] < 0.0, 1000.0, 1400.0)
     trial = Trial(
         Scene(plane((-40.0, -15.0, 40.0, 15.0), 1.0), lava=lava),
+        accuracy,
+        device,
         effects=replace(FLAT, conduction=True),
-        accuracy=replace(accuracy, spacing=spacing, thickness=THICKNESS),
-        particles=Particles(places, THICKNESS * spacing**2, np.where(cold, 1000.0, 1400.0)),
-        device=device,
+        particles=Particles(position, THICKNESS * spacing**2, first),
+        spacing=spacing,
+        thickness=THICKNESS,
     )
     trial.advance(time)
     sample = trial.simulation.sample()
@@ -206,7 +185,7 @@ def _run_conduction(accuracy: Accuracy, device: str) -> Run:
         Measurement(
             'heat',
             float(sample.volume @ sample.temperature / sample.volume.sum()),
-            float(np.where(cold, 1000.0, 1400.0).mean()),
+            float(first.mean()),
             'K',
         ),
     )
@@ -227,9 +206,10 @@ def _run_current(accuracy: Accuracy, device: str) -> Run:
             lava=lava,
             ambient_temperature=COLD,
         ),
+        accuracy,
+        device,
         effects=replace(FLAT, cooling=True),
-        accuracy=replace(accuracy, spacing=8.0 / accuracy.refinement),
-        device=device,
+        spacing=8.0 / accuracy.refinement,
     )
     trial.advance((4.0 * solution.thermal_radius / spread.coefficient) ** 2)
     sample = trial.simulation.sample()
@@ -253,13 +233,98 @@ def _run_current(accuracy: Accuracy, device: str) -> Run:
     )
 
 
+def _run_freezing(accuracy: Accuracy, device: str) -> Run:
+    lens = exact.FreezingLens(FREEZING, depth=3.0, radius=60.0, first=HOT, ambient=COLD)
+    spacing = 3.0 / accuracy.refinement
+    terrain = plane(square(HALF), spacing)
+    ticks = np.arange(-HALF, HALF, spacing) + 0.5 * spacing
+    position = places(ticks, ticks)
+    thickness = lens.thickness(np.hypot(*position.T))
+    wet = thickness > 0.0
+    trial = Trial(
+        Scene(terrain, lava=FREEZING, ambient_temperature=COLD),
+        accuracy,
+        device,
+        effects=replace(FLAT, cooling=True, solidification=True),
+        particles=Particles(position[wet], thickness[wet] * spacing**2, HOT),
+        spacing=spacing,
+        thickness=0.5 * lens.depth,
+    )
+
+    def frozen(when: str, share: float, scale: float | None = None) -> Measurement:
+        budget = trial.simulation.budget()
+        return Measurement(f'frozen {when}', budget.frozen / budget.emitted, share, '', scale)
+
+    measured = []
+    for share in SHARES:
+        trial.advance(share * lens.end)
+        right = lens.frozen_share(share * lens.end)
+        measured.append(frozen(f'after {share:g} of the time', right, scale=1.0))
+    trial.advance(1.2 * lens.end)
+    measured.append(frozen('in the end', 1.0))
+    x0, y0 = terrain.origin
+    rows, columns = terrain.shape
+    x, y = np.meshgrid(
+        x0 + (np.arange(columns) + 0.5) * spacing, y0 + (np.arange(rows) + 0.5) * spacing
+    )
+    deposit = trial.simulation.snapshot().frozen
+    assert deposit is not None
+    measured.append(mean_difference(deposit, lens.thickness(np.hypot(x, y)), 'deposit'))
+    # all has frozen, no particle is left
+    return replace(trial.run(*measured), particles=int(wet.sum()))
+
+
 CASES = (
     Case(
-        'radiating_sheet', 'sheet that cools by radiation', 'Stefan-Boltzmann law', _run_radiating
+        'radiating_sheet',
+        'sheet that cools by radiation',
+        'Stefan-Boltzmann law',
+        partial(
+            _cooling_sheet,
+            lava=replace(STILL, emissivity=0.9),
+            solution=partial(exact.RadiatingSheet, ambient=COLD),
+            hours=(1.0, 10.0, 24.0),
+            is_of_loss=False,
+            cooling=True,
+        ),
     ),
-    Case('ground', 'sheet that warms the ground', 'Carslaw & Jaeger 1959', _run_ground),
-    Case('crust', 'sheet that cools under a crust', 'Carslaw & Jaeger 1959', _run_crust),
-    Case('latent_heat', 'sheet that crystallises', 'enthalpy balance', _run_latent),
+    Case(
+        'ground',
+        'sheet that warms the ground',
+        'Carslaw & Jaeger 1959',
+        partial(
+            _cooling_sheet,
+            lava=replace(STILL, ground_conductivity=2.0),
+            solution=partial(exact.ColumnOnGround, ground=COLD),
+            ground=True,
+        ),
+    ),
+    Case(
+        'crust',
+        'sheet that cools under a crust',
+        'Carslaw & Jaeger 1959',
+        partial(
+            _cooling_sheet,
+            lava=replace(STILL, convection=50.0, conductivity=2.0, crust=True),
+            solution=partial(exact.ConvectingSlab, ambient=COLD),
+            crust=True,
+        ),
+    ),
+    Case(
+        'latent_heat',
+        'sheet that crystallises',
+        'enthalpy balance',
+        partial(
+            _cooling_sheet,
+            # 16 kW/m2 at first: solid after two days
+            lava=replace(
+                STILL, convection=50.0, latent_heat=3.5e5, liquidus=1400.0, solidus=1250.0
+            ),
+            solution=partial(exact.CrystallisingSheet, ambient=COLD),
+            cooling=True,
+            latent_heat=True,
+        ),
+    ),
     Case('viscous_heating', 'lava that warms as it descends', 'energy balance', _run_viscous),
     Case('conduction', 'step of temperature', 'error function', _run_conduction),
     Case(
@@ -267,5 +332,8 @@ CASES = (
         'steady current that cools as it spreads',
         'heat balance; Garel et al. 2012',
         _run_current,
+    ),
+    Case(
+        'freezing_lens', 'lava at rest that freezes from its rim', 'Newton cooling', _run_freezing
     ),
 )

@@ -30,6 +30,7 @@ from lava_ros.verification.cases.case import (
     GRAVITY,
     mean_difference,
     Measurement,
+    places,
     plane,
     Run,
     strip,
@@ -67,20 +68,17 @@ def _run_sheet(accuracy: Accuracy, device: str) -> Run:
     pace = math.sqrt(GRAVITY * thickness)
     half = 1.5 * pace * times[-1] + 5.0 * spacing
     ticks = np.arange(-half, half, spacing)
-    places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
     run_out = sheet.final_speed * times[-1]
     window = (-2.0 * half, -2.0 * half, 2.0 * half + run_out, 2.0 * half)
     trial = Trial(
         Scene(plane(window, 0.05 * half, slope), lava=lava),
+        accuracy,
+        device,
         effects=replace(INERTIAL, steep=True),
-        accuracy=replace(
-            accuracy,
-            spacing=spacing,
-            thickness=thickness,
-            longest_step=0.02 / sheet.rate / accuracy.refinement,
-        ),
-        particles=Particles(places, thickness * spacing**2, 1400.0),
-        device=device,
+        particles=Particles(places(ticks, ticks), thickness * spacing**2, 1400.0),
+        spacing=spacing,
+        thickness=thickness,
+        longest_step=0.02 / sheet.rate / accuracy.refinement,
     )
     measured = []
     for time, name in zip(times, ('half', 'one', 'three'), strict=True):
@@ -134,19 +132,21 @@ def broken_dams(bed: float, ahead: float, *, accuracy: Accuracy, device: str = '
         ]
     area = sum((end - start) * fineness**2 for start, end, _, fineness in parts) * 2.0 * side
     spacing = math.sqrt(area / PARTICLES) / accuracy.refinement
-    places, volumes = [], []
+    position, volumes = [], []
     for start, end, thickness, fineness in parts:
         count = max(2, round((end - start) * 2.0 * side * (fineness / spacing) ** 2))
         share, y = strip(2.0 * side, count)
-        places.append(np.column_stack([start + share * (end - start), y]))
+        position.append(np.column_stack([start + share * (end - start), y]))
         volumes.append(np.full(count, thickness * (end - start) * 2.0 * side / count))
     far = max(outer, half + 2.2 * REACH)
     trial = Trial(
         Scene(plane((-far, -2.0 * side, far, 2.0 * side), 1.0), lava=THIN),
+        accuracy,
+        device,
         effects=INERTIAL,
-        accuracy=replace(accuracy, spacing=spacing, thickness=HEIGHT),
-        particles=Particles(np.concatenate(places), np.concatenate(volumes), 1400.0),
-        device=device,
+        particles=Particles(np.concatenate(position), np.concatenate(volumes), 1400.0),
+        spacing=spacing,
+        thickness=HEIGHT,
     )
     trial.advance(time)
     field = trial.field((-far, -2.0 * BAND, far, 2.0 * BAND))
@@ -244,19 +244,17 @@ def swing(
     thickness = solution.thickness(distance, 0.0)
     trial = Trial(
         Scene(Terrain(bowl, cell, origin=(-half, -half)), lava=THIN),
+        accuracy,
+        device,
         effects=INERTIAL,
-        accuracy=replace(
-            accuracy,
-            spacing=spacing,
-            thickness=0.5 * float(thickness.max()),
-            longest_step=solution.period / STEPS,
-        ),
         particles=Particles(
             np.column_stack([distance * np.cos(angle), distance * np.sin(angle)]),
             thickness * spacing**2,
             1400.0,
         ),
-        device=device,
+        spacing=spacing,
+        thickness=0.5 * float(thickness.max()),
+        longest_step=solution.period / STEPS,
     )
     times = solution.period * np.arange(1 + round(periods * looks)) / looks
     # velocities are those of the middle of a step: what is looked at comes after a very short one
@@ -289,7 +287,7 @@ def _run_thacker(accuracy: Accuracy, device: str) -> Run:
 
 
 CASES = (
-    Case('inertial_sheet', 'sheet that is let go on a slope', 'exponential', _run_sheet),
+    Case('inertial_sheet', 'sheet released on a slope', 'exponential', _run_sheet),
     Case('ritter', 'dam break onto a dry bed, with inertia', 'Ritter 1892', _run_ritter),
     Case('stoker', 'dam break onto a wet bed, with inertia', 'Stoker 1957', _run_stoker),
     Case('thacker', 'oscillation in a paraboloid', 'Thacker 1981', _run_thacker),

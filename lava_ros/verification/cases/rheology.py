@@ -25,6 +25,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import (
     Case,
+    distributed,
     FLAT,
     GRAVITY,
     half_width,
@@ -110,7 +111,7 @@ def _run_critical(accuracy: Accuracy, device: str) -> Run:
         )
 
     def moves(trial: Trial) -> bool:
-        return bool(trial.middle(MIDDLE)['velocity'][:, 0].any())
+        return bool(trial.middle('velocity', MIDDLE)[:, 0].any())
 
     for degrees in (3.0, 10.0, 25.0):
         slope = math.radians(degrees)
@@ -132,9 +133,9 @@ def _run_critical(accuracy: Accuracy, device: str) -> Run:
         found = Measurement(f'thickness at {degrees:g} degrees', 0.5 * (low + high), right, 'm')
         runs.append(trial.run(found))
     trial = sheet(0.99, SLOPE)
-    start = np.sort(trial.middle(MIDDLE)['position'][:, 0])
+    start = np.sort(trial.middle('position', MIDDLE)[:, 0])
     trial.advance(1e5)
-    end = np.sort(trial.middle(MIDDLE)['position'][:, 0])
+    end = np.sort(trial.middle('position', MIDDLE)[:, 0])
     way = float(np.abs(end - start).max()) if len(end) == len(start) else math.nan
     creep = Measurement('creep of 0.99 of it', way, 0.0, 'm', scale=1.0)
     return joined([*runs, trial.run(creep)])
@@ -156,14 +157,15 @@ def _run_dome(accuracy: Accuracy, device: str) -> Run:
     window = square(half)
     trial = Trial(
         Scene(plane(window, 0.05 * half), lava=lava),
+        accuracy,
+        device,
         effects=replace(FLAT, yielding=True),
-        accuracy=replace(
-            accuracy, spacing=math.sqrt(area / count), thickness=volume / area, longest_step=1e6
-        ),
         particles=Particles(
             solution.particles(count, SQUEEZE * radius), volume / count, REFERENCE
         ),
-        device=device,
+        spacing=math.sqrt(area / count),
+        thickness=volume / area,
+        longest_step=1e6,
     )
     trial.advance(SLUMP * lava.viscosity / strength)
     sample = trial.simulation.sample()
@@ -193,19 +195,18 @@ def _run_ridge(accuracy: Accuracy, device: str) -> Run:
     held = solution.section / math.cos(slope)
     spacing = half / 14.0 / accuracy.refinement
     share, x = strip(length, max(20, round(2.0 * half * length / spacing**2)))
-    places = np.linspace(-half, half, 20001)
-    density = solution.thickness(np.abs(places))
-    beyond = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
-    y = SQUEEZE * np.interp(share, beyond / beyond[-1], places)
+    place = np.linspace(-half, half, 20001)
+    y = SQUEEZE * distributed(share, place, solution.thickness(np.abs(place)))
+    window = (-0.6 * length, -2.0 * half, 0.7 * length, 2.0 * half)
     trial = Trial(
-        Scene(
-            plane((-0.6 * length, -2.0 * half, 0.7 * length, 2.0 * half), half / 8.0, slope),
-            lava=lava,
-        ),
+        Scene(plane(window, half / 8.0, slope), lava=lava),
+        accuracy,
+        device,
         effects=replace(SLOPING, yielding=True),
-        accuracy=replace(accuracy, spacing=spacing, thickness=0.5 * held / half, longest_step=1e6),
         particles=Particles(np.column_stack([x, y]), held * length / len(x), REFERENCE),
-        device=device,
+        spacing=spacing,
+        thickness=0.5 * held / half,
+        longest_step=1e6,
     )
     trial.advance(SLUMP * lava.viscosity / strength)
     sample = trial.simulation.sample()
@@ -226,58 +227,38 @@ def _run_ridge(accuracy: Accuracy, device: str) -> Run:
 
 def _run_laws(accuracy: Accuracy, device: str) -> Run:
     """Sheets at several temperatures, whose speed says what viscosity and strength are there."""
-    runs = []
-
-    def compare(
-        quantity: str,
-        lava: Lava,
-        temperature: float,
-        viscosity: float,
-        strength: float = 0.0,
-        **switched: bool,
-    ) -> None:
-        runs.append(
-            sheet_speed(
-                quantity,
-                lava,
-                accuracy,
-                device,
-                slope=SLOPE,
-                viscosity=viscosity,
-                strength=strength,
-                duration=None,
-                temperature=temperature,
-                effects=replace(SLOPING, **switched),
-            )
-        )
-
-    a, b, c = VFT
-    for temperature in (1400.0, 1200.0):
-        compare(
-            f'VFT, {temperature:g} K',
-            replace(ISOTHERMAL, vft_a=a, vft_b=b, vft_c=c),
-            temperature,
-            exact.vft_viscosity(temperature, a, b, c),
-            vft=True,
-        )
+    molten = replace(ISOTHERMAL, vft_a=VFT[0], vft_b=VFT[1], vft_c=VFT[2])
+    # quantity, lava, temperature, and the viscosity and the strength that it has there
+    sheets: list[tuple[str, Lava, float, float, float]] = [
+        (f'VFT, {hot:g} K', molten, hot, exact.vft_viscosity(hot, *VFT), 0.0)
+        for hot in (1400.0, 1200.0)
+    ]
     for law, exponent in CRYSTAL_EXPONENTS.items():
         lava = replace(ISOTHERMAL, solidus=1273.0, liquidus=1473.0, crystal_law=law, crystals=0.5)
         # three quarters of the way to the solidus
         factor = exact.crystal_factor(0.375, lava.packing, exponent)
-        compare(law, lava, 1323.0, lava.viscosity * factor, crystals=True)
-    lava = replace(
-        ISOTHERMAL, yield_strength=0.2 * WEIGHT * math.sin(SLOPE), yield_rate=math.log(2.0) / 100.0
-    )
+        sheets.append((law, lava, 1323.0, lava.viscosity * factor, 0.0))
+    weak = 0.2 * WEIGHT * math.sin(SLOPE)
     # twice as strong, at a hundred kelvin less
-    compare(
-        'strength',
-        lava,
-        REFERENCE - 100.0,
-        lava.viscosity,
-        2.0 * lava.yield_strength,
-        yielding=True,
-    )
-    return joined(runs)
+    lava = replace(ISOTHERMAL, yield_strength=weak, yield_rate=math.log(2.0) / 100.0)
+    sheets.append(('strength', lava, REFERENCE - 100.0, lava.viscosity, 2.0 * weak))
+    return joined([
+        sheet_speed(
+            quantity,
+            lava,
+            accuracy,
+            device,
+            slope=SLOPE,
+            viscosity=viscosity,
+            strength=strength,
+            duration=None,
+            temperature=temperature,
+            effects=replace(
+                SLOPING, vft=lava is molten, crystals=lava.crystals > 0.0, yielding=strength > 0.0
+            ),
+        )
+        for quantity, lava, temperature, viscosity, strength in sheets
+    ])
 
 
 CASES = (
@@ -287,13 +268,13 @@ CASES = (
         'Herschel & Bulkley 1926',
         _run_sheets,
     ),
-    Case('critical_thickness', 'sheets about to move', 'Hulme 1974', _run_critical),
+    Case('critical_thickness', 'sheets at the critical thickness', 'Hulme 1974', _run_critical),
     Case(
         'material_laws',
         'viscosity and strength at several temperatures',
         'Giordano et al. 2008; Roscoe 1952; Maron & Pierce 1956',
         _run_laws,
     ),
-    Case('bingham_dome', 'dome that a volume leaves', 'Nye 1952; Blake 1990', _run_dome),
-    Case('ridge', 'ridge that a strip down a slope leaves', 'after Hulme 1974', _run_ridge),
+    Case('bingham_dome', 'dome left by a fixed volume', 'Nye 1952; Blake 1990', _run_dome),
+    Case('ridge', 'ridge left by a strip on a slope', 'after Hulme 1974', _run_ridge),
 )

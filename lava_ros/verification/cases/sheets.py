@@ -48,6 +48,7 @@ from lava_ros.verification.cases.case import (
     GRAVITY,
     ISOTHERMAL,
     joined,
+    lattice,
     layer,
     Measurement,
     plane,
@@ -102,19 +103,10 @@ def sheet_speed(
     temperature: float = ISOTHERMAL.reference_temperature,
     effects: Effects = SLOPING,
 ) -> Run:
-    """Measure the speed of a sheet 1 m thick along a slope, with known viscosity and strength.
+    """Measure the speed of a sheet 1 m thick along a slope [rad], and call it ``quantity``.
 
-    Args:
-        quantity: Name of the speed.
-        lava: The lava of the sheet.
-        accuracy: Resolution; its spacing and thickness are set here.
-        device: Warp device.
-        slope: Angle of the slope [rad].
-        viscosity: Viscosity at the temperature [Pa s], by default the lava's own.
-        strength: Yield strength at the temperature [Pa].
-        duration: Simulated time [s]; None for the time to move by one thickness.
-        temperature: Temperature of the sheet [K].
-        effects: The physics.
+    ``viscosity`` [Pa s], by default the lava's own, and ``strength`` [Pa] are those at the
+    temperature [K]. A ``duration`` [s] of None is the time to move by one thickness.
     """
     right = exact.herschel_bulkley_velocity(
         1.0,
@@ -137,20 +129,19 @@ def sheet_speed(
     speeds = []
     for time in (0.0, duration or 1.0 / right):
         trial.advance(time)
-        speeds.append(trial.middle(MIDDLE)['velocity'][:, 0].mean())
+        speeds.append(trial.middle('velocity', MIDDLE)[:, 0].mean())
     measured = float(np.mean(speeds)) / math.cos(slope)
     return trial.run(Measurement(quantity, measured, right, 'm/s'))
 
 
 def _run_sheet(accuracy: Accuracy, device: str) -> Run:
-    runs = [
+    return joined([
         sheet_speed(
             f'speed at {degrees:g} degrees', ISOTHERMAL, accuracy, device,
             slope=math.radians(degrees),
         )
         for degrees in SLOPES
-    ]
-    return joined(runs)
+    ])
 
 
 def response(
@@ -162,15 +153,10 @@ def response(
 ) -> Run:
     """Velocity amplitude relative to that of ``local``, in a layer 1 m thick on ground A sin(q x).
 
-    No simulated time passes; the wall time is that of the velocity evaluations, neighbour search
+    ``form`` is one of ``FORMS``, ``radius`` that of the kernel and ``wavelength`` 2 pi / q [m].
+    The ratio of the accuracy gives the spacing, its refinement the number of particles. No
+    simulated time passes; the wall time is that of the velocity evaluations, neighbour search
     included.
-
-    Args:
-        form: One of ``FORMS``.
-        radius: Kernel radius [m].
-        wavelength: 2 pi / q [m].
-        accuracy: Its ratio gives the spacing, its refinement the number of particles.
-        device: Warp device.
     """
     spacing = radius / accuracy.ratio
     q = 2.0 * math.pi / wavelength
@@ -181,14 +167,12 @@ def response(
     least = 2 * math.ceil((spacing + margin) / spacing)
     rows = max(least, round(PARTICLES * accuracy.refinement**2 / columns))
     sides = (columns * spacing, rows * spacing)
-    ticks = [(np.arange(number) - 0.5 * (number - 1)) * spacing for number in (columns, rows)]
-    places = np.stack(np.meshgrid(*ticks), axis=-1).reshape(-1, 2)
     simulations = [
         Simulation(
             Scene(_waves(sides, q, spacing), lava=ISOTHERMAL),
             effects=replace(FLAT, **({} if name == 'local' else {name: True})),
             accuracy=replace(accuracy, spacing=spacing, thickness=1.0),
-            particles=Particles(places, spacing**2, 1400.0),
+            particles=Particles(lattice(columns, rows, spacing), spacing**2, 1400.0),
             device=device,
         )
         for name in (form, 'local')

@@ -74,9 +74,11 @@ def _run_oil(accuracy: Accuracy, device: str) -> Run:
             ),
             ambient_temperature=COLD,
         ),
+        accuracy,
+        device,
         effects=replace(FLAT, cooling=True),
-        accuracy=replace(accuracy, spacing=0.0035 / accuracy.refinement, thickness=2e-3),
-        device=device,
+        spacing=0.0035 / accuracy.refinement,
+        thickness=2e-3,
     )
     measured = []
     for radius in (1.0, 2.0, 3.0):

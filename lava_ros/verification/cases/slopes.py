@@ -71,11 +71,13 @@ def _run_fixed_area(accuracy: Accuracy, device: str) -> Run:
     window = (-8.0 * run_out, -width, (last + 8.0 * run_out) * cosine, width)
     trial = Trial(
         Scene(plane(window, 1.5 * run_out, slope), lava=ISOTHERMAL),
+        accuracy,
+        device,
         effects=SLOPING,
-        accuracy=replace(accuracy, spacing=spacing, thickness=mean),
         # a plan area holds as much as the slope's: h_vertical dx_plan = h dx
         particles=Particles(np.column_stack([x, y]), area * width / len(share), 1400.0),
-        device=device,
+        spacing=spacing,
+        thickness=mean,
     )
     trial.advance(end - start)
     grid = trial.field(window)
@@ -97,13 +99,11 @@ def _fissure(
     vent = Vent((0.0, -0.5 * width), flux * width, radius=0.2 * run_out, end=(0.0, 0.5 * width))
     trial = Trial(
         Scene(plane(window, 0.6 * run_out, slope), (vent,), ISOTHERMAL),
+        accuracy,
+        device,
         effects=SLOPING,
-        accuracy=replace(
-            accuracy,
-            spacing=0.2 * run_out / accuracy.refinement,
-            thickness=solution.thickness / cosine,
-        ),
-        device=device,
+        spacing=0.2 * run_out / accuracy.refinement,
+        thickness=solution.thickness / cosine,
     )
     return solution, window, trial
 
@@ -197,13 +197,11 @@ def _source_trial(
     vent = Vent((0.0, 0.0), DISCHARGE, radius=radius * unit)
     return Trial(
         Scene(plane(_scaled(window, unit), cell * unit, slope), (vent,), ISOTHERMAL),
+        accuracy,
+        device,
         effects=SLOPING,
-        accuracy=replace(
-            accuracy,
-            spacing=spacing * unit / accuracy.refinement,
-            thickness=0.5 * scales.thickness / math.cos(slope),
-        ),
-        device=device,
+        spacing=spacing * unit / accuracy.refinement,
+        thickness=0.5 * scales.thickness / math.cos(slope),
     )
 
 
@@ -281,5 +279,5 @@ CASES = (
     Case('slope_flux', 'constant flux down a slope', 'Huppert 1982 (Nature)', _run_flux),
     Case('lister', 'point source on a slope', 'Lister 1992', _run_lister),
     Case('smith', 'steady point source on a slope', 'Smith 1973', _run_smith),
-    Case('look_ahead', 'arrival times said ahead', 'Huppert 1982 (Nature)', _run_ahead),
+    Case('look_ahead', 'forecast of arrival times', 'Huppert 1982 (Nature)', _run_ahead),
 )

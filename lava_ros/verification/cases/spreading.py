@@ -14,7 +14,6 @@
 
 """Cases of lava that spreads on a plane."""
 
-from dataclasses import replace
 import math
 
 import numpy as np
@@ -25,6 +24,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.case import (
     Case,
+    distributed,
     FLAT,
     FRONT,
     GRAVITY,
@@ -65,10 +65,11 @@ def spread_of_fixed_volume(
     window = square(half)
     trial = Trial(
         Scene(plane(window, 0.05 * half), lava=ISOTHERMAL),
-        effects=FLAT,
-        accuracy=replace(accuracy, spacing=math.sqrt(area / count), thickness=volume / area),
+        accuracy,
+        device,
         particles=Particles(solution.particles(count, start), volume / count, 1400.0),
-        device=device,
+        spacing=math.sqrt(area / count),
+        thickness=volume / area,
     )
     trial.advance(end - start)
     sample = trial.simulation.sample()
@@ -110,12 +111,13 @@ def _run_constant_flux(accuracy: Accuracy, device: str) -> Run:
     solution = exact.ConstantFluxSpread(discharge, NU, GRAVITY)
     half = 1.3 * solution.radius(end)
     window = square(half)
-    spacing = 2.8 / accuracy.refinement
     trial = Trial(
         Scene(plane(window, 8.0), (Vent((0.0, 0.0), discharge, radius=10.0),), ISOTHERMAL),
+        accuracy,
+        device,
         effects=FLAT,
-        accuracy=replace(accuracy, spacing=spacing, thickness=1.15),
-        device=device,
+        spacing=2.8 / accuracy.refinement,
+        thickness=1.15,
     )
     times = np.geomspace(0.25 * end, end, 7)
     radii = []
@@ -145,16 +147,16 @@ def _run_plane_fixed_area(accuracy: Accuracy, device: str) -> Run:
     spacing = length / 33.0 / accuracy.refinement
     thickness = area / length
     share, y = strip(width, round(2.0 * area * width / (thickness * spacing**2)))
-    # the inverse of the profile's integral, from one front to the other
-    places = np.linspace(-1.0, 1.0, 20001)
-    density = np.cbrt(1.0 - places**2)
-    held = np.concatenate([[0.0], np.cumsum(0.5 * (density[1:] + density[:-1]))])
-    x = first * np.interp(share, held / held[-1], places)
+    # from one front to the other
+    place = np.linspace(-1.0, 1.0, 20001)
+    x = first * distributed(share, place, np.cbrt(1.0 - place**2))
     trial = Trial(
         Scene(plane(window, 0.05 * length), lava=ISOTHERMAL),
-        accuracy=replace(accuracy, spacing=spacing, thickness=thickness),
+        accuracy,
+        device,
         particles=Particles(np.column_stack([x, y]), 2.0 * area * width / len(share), 1400.0),
-        device=device,
+        spacing=spacing,
+        thickness=thickness,
     )
     trial.advance(end - start)
     sample = trial.simulation.sample()
@@ -183,13 +185,14 @@ def _run_dam_break(accuracy: Accuracy, device: str) -> Run:
     x = (2.0 * share - 1.0) * half
     outer = half + reach
     window = square(outer)
+    volume = height * (2.0 * half) ** 2 / len(share)
     trial = Trial(
         Scene(plane(window, 3.0), lava=ISOTHERMAL),
-        accuracy=replace(accuracy, spacing=spacing, thickness=height),
-        particles=Particles(
-            np.column_stack([x, y]), height * (2.0 * half) ** 2 / len(share), 1400.0
-        ),
-        device=device,
+        accuracy,
+        device,
+        particles=Particles(np.column_stack([x, y]), volume, 1400.0),
+        spacing=spacing,
+        thickness=height,
     )
     trial.advance(end)
     grid = trial.field(window)

@@ -258,14 +258,8 @@ class FreezingLens:
         integral over 0..s of D (1 - s') pi R^2 ds' = pi R^2 D (s - s^2 / 2),
 
     which is the share 2 s - s^2 of the total, pi R^2 D / 2. So the share (1 - s)^2 = (t / t(D))^2
-    is frozen.
-
-    Attributes:
-        lava: rho, c, lambda and Ts.
-        depth: Thickness D in the middle [m].
-        radius: Radius R of the rim [m].
-        first: Temperature T0 at the start [K].
-        ambient: Temperature Ta of the air [K].
+    is frozen. ``lava`` has rho, c, lambda and Ts; lengths are in metres, T0 (``first``) and Ta in
+    kelvin.
     """
 
     lava: Lava

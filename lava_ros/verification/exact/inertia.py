@@ -31,13 +31,7 @@ class AcceleratingSheet:
 
     h du/dt = g h tan(b) cos^2(b) - gamma h u with gamma = 3 nu / (h cos b)^2, all on the map: from
     rest u = u_eq (1 - exp(-gamma t)), u_eq = g h^2 tan(b) cos^4(b) / (3 nu). A sheet without
-    inertia is ahead by u_eq (1 - exp(-gamma t)) / gamma.
-
-    Attributes:
-        thickness: h, vertical [m].
-        slope: b [rad].
-        nu: Kinematic viscosity [m2/s].
-        gravity: g [m/s2].
+    inertia is ahead by u_eq (1 - exp(-gamma t)) / gamma. h is vertical [m], b in rad.
     """
 
     thickness: float
@@ -71,10 +65,7 @@ class RitterDamBreak:
 
     Along dx/dt = u - c, c = sqrt(g h), the invariant u + 2 c keeps its value 2 c0 behind the dam.
     In the fan from the dam x / t = u - c, so c = (2 c0 - x / t) / 3 between x = -c0 t and 2 c0 t.
-
-    Attributes:
-        height: Thickness behind the dam [m].
-        gravity: g [m/s2].
+    ``height`` is the thickness behind the dam [m].
     """
 
     height: float
@@ -134,12 +125,7 @@ class OscillatingBowl:
     continuity for any q(t). With R = q^(-1/2) it is u = r R' / R, and Du/Dt = r R'' / R =
     -2 g h0 r / a^2 (1 - q^2) asks for R'' = w^2 / 4 (R^-3 - R), w^2 = 8 g h0 / a^2. With y = R^2
     that is y'' + w^2 y = const, so y swings at w: from rest q = sqrt(1 - A^2) / (1 - A cos(w t)).
-
-    Attributes:
-        depth: h0, thickness in the middle at rest [m].
-        radius: a, radius at rest [m].
-        swing: A, between 0 and 1.
-        gravity: g [m/s2].
+    ``depth`` is h0 and ``radius`` a at rest [m]; ``swing`` is A, between 0 and 1.
     """
 
     depth: float

@@ -38,16 +38,8 @@ def herschel_bulkley_velocity(
     K (du/dz)^n = rho g s (Y - z) below Y = h - tau_y / (rho g s), s = sin b, and 0 above. Twice
     integrated from no slip, the flux is
     q = n / ((n + 1)(2 n + 1)) (rho g s / K)^(1/n) Y^(1 + 1/n) ((1 + 2 n) h - n Y), and the speed
-    q / h. With tau_y = 0 and n = 1 it is rho g s h^2 / (3 K).
-
-    Args:
-        thickness: h, normal to the slope [m].
-        slope: b [rad].
-        density: rho [kg/m3].
-        consistency: K [Pa s^n].
-        strength: tau_y [Pa].
-        index: n.
-        gravity: g [m/s2].
+    q / h. With tau_y = 0 and n = 1 it is rho g s h^2 / (3 K). h is normal to the slope [m], b in
+    rad, K (``consistency``) in Pa s^n and tau_y (``strength``) in Pa.
     """
     weight, n = density * gravity * math.sin(slope), index
     sheared = thickness - strength / weight

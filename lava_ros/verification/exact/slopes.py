@@ -75,10 +75,6 @@ class SlopeFlux:
         self.speed = flux / self.thickness
         self.run_out = self.thickness / math.tan(slope)
 
-    def toe(self, time: float) -> float:
-        """Where the thickness is 0 [m], the source at x = 0, at a time [s]."""
-        return self.speed * time + (math.log(2.0) - 1.0) * self.run_out
-
     def behind_toe(self, thickness: float) -> float:
         """Distance from the toe [m] at which the front has a thickness [m]."""
         ratio = thickness / self.thickness
@@ -162,6 +158,7 @@ LISTER_REFERENCE: dict[float, tuple[float, float]] = {
     100.0: (29.20, 4.60),
     200.0: (49.9, 5.9),
 }
+
 
 def bisection(is_below: Callable[[Any], Any], low: Any, high: Any) -> Any:
     """Find where ``is_below`` turns from true to false between two numbers, or two arrays."""

@@ -235,12 +235,8 @@ class DamBreak:
         """Time [s] at which the diffusive length sqrt(alpha h0^3 t) has a value [m]."""
         return reach**2 / self._diffusivity
 
-    def front(self, time: float) -> float:
-        """x_f [m] at a time [s] after the release."""
-        return self.FRONT * math.sqrt(self._diffusivity * time)
-
     def front_of_thickness(self, thickness: float, time: float) -> float:
-        """Distance from the dam [m] at which the front has a thickness [m]."""
+        """Distance from the dam [m] at which the front has a thickness [m]: 0 at x_f."""
         behind = (thickness / self.height) ** 3 / (1.5 * self.FRONT)
         return (self.FRONT - behind) * math.sqrt(self._diffusivity * time)
 

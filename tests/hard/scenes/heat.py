@@ -18,26 +18,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from hard.case import block, CELL, HardScene, material, plane, scene, vent
+from hard.case import block, both, CELL, HardScene, material, plane, scene, vent
 from lava_ros.scene.lava import Lava
-from lava_ros.simulation import Particles
 
 #: A basalt that freezes, with a crust and ground that takes heat.
 BASALT = Lava(
     density=2600.0, viscosity=1000.0, arrhenius=0.04, solidus=1223.0, latent_heat=3.5e5,
     conductivity=1.5, ground_conductivity=2.0, crust=True,
 )
-
-
-def _hot_on_cold(spacing: float) -> Particles:
-    """A cold layer on which a hot one lies."""
-    cold = block(60.0, 60.0, 1.0, temperature=900.0)(spacing)
-    hot = block(60.0, 60.0, 1.0)(0.83 * spacing)
-    return Particles(
-        np.concatenate([cold.position, hot.position]),
-        np.concatenate([cold.volume, hot.volume]),
-        np.concatenate([cold.temperature, hot.temperature]),
-    )
 
 
 def _cliff(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -73,7 +61,9 @@ SCENES = (
     HardScene(
         'reheated', 'hot lava onto cold, then cold onto hot',
         scene(None, (), replace(BASALT, solidus=0.0, latent_heat=0.0, crust=False)), 300.0,
-        lava=_hot_on_cold, thickness=1.0,
+        lava=both(block(60.0, 60.0, 1.0, temperature=900.0),
+                  lambda spacing: block(60.0, 60.0, 1.0)(0.83 * spacing)),
+        thickness=1.0,
     ),
     HardScene(
         'as_cold_as_the_air', 'lava that has the temperature of the air',

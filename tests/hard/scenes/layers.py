@@ -16,8 +16,7 @@
 
 import numpy as np
 
-from hard.case import block, HardScene, material, plane, scene, vent
-from lava_ros.simulation import Particles
+from hard.case import block, both, HardScene, material, plane, scene, vent
 
 #: Arrhenius rate with which 345 K are a factor of a million.
 MILLION = 0.04
@@ -37,17 +36,6 @@ def _halves(places: np.ndarray) -> np.ndarray:
 def _mixed(places: np.ndarray) -> np.ndarray:
     """Every particle hot or cold by chance."""
     return np.where(np.random.default_rng(3).random(len(places)) < 0.5, HOT, COLD)
-
-
-def _dam_and_film(spacing: float) -> Particles:
-    """50 m thick behind the dam, 1 mm before it."""
-    dam = block(60.0, 40.0, 50.0, centre=(0.0, 30.0))(spacing)
-    film = block(60.0, 60.0, 0.001, centre=(0.0, -30.0))(spacing)
-    return Particles(
-        np.concatenate([dam.position, film.position]),
-        np.concatenate([dam.volume, film.volume]),
-        1423.0,
-    )
 
 
 VISCOSITY = (
@@ -157,7 +145,9 @@ THICKNESS = (
     HardScene(
         'dam_onto_film', 'a dam of 50 m breaks onto a film of a millimetre',
         scene(None, (), material(viscosity=1e5)), 5.0,
-        lava=_dam_and_film, thickness=50.0, mirrored=True, mirrored_until=1.0,
+        lava=both(block(60.0, 40.0, 50.0, centre=(0.0, 30.0)),
+                  block(60.0, 60.0, 0.001, centre=(0.0, -30.0))),
+        thickness=50.0, mirrored=True, mirrored_until=1.0,
     ),
     HardScene(
         'column_200_m', 'a column as wide as a cell, 200 m high',
