@@ -206,8 +206,6 @@ class State:
 
     def _allocate(self, capacity: int) -> None:
         """Make room for as many particles; arrays that do not depend on them are kept."""
-        self.launches.forget()
-        self.capacity = capacity
         kinds = {'particle': self.vec4, 'ordered': self.vec4, 'flow': self.vec3}
         kinds |= {'share': self.real} | dict.fromkeys(('home', 'cell', 'rank'), wp.int32)
         if self.is_ranked_again:
@@ -230,7 +228,9 @@ class State:
                 items[name] = dtype, array.count
             if array.is_carried:
                 items[f'ordered_{name}'] = dtype, capacity
-        vars(self).update(zeros(items, self.device, spare=SPARE))
+        arrays = zeros(items, self.device, spare=SPARE)
+        self.launches.forget()
+        vars(self).update(arrays, capacity=capacity)
 
     @property
     def extent(self) -> int:
@@ -325,7 +325,6 @@ class State:
         Raises:
             RuntimeError: There is no memory for as many; the state stays as it was.
         """
-        former = dict(vars(self))
         names = ['particle', 'cell', 'rank', *self._carried]
         names += ['base', 'drift'] if self.is_staged else []
         kept = {name: getattr(self, name) for name in names}
@@ -333,7 +332,6 @@ class State:
         try:
             self._allocate(capacity)
         except RuntimeError as error:
-            vars(self).update(former)
             forget_failure(self.device)
             raise RuntimeError(f'room for {capacity} particles: {error}') from error
         # nobody waits for how many there are
