@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Let lava flow down a mountain, live in ROS 2, and record it.
+"""Simulate a lava flow on a mountain, live in ROS 2, and record it.
 
-Start the node on a scene, watch the flow over DDS, record it, draw it, and end.
+The command starts the node on a scene, receives its maps over DDS, records them in a bag, draws a
+picture of the last ones, and ends the node.
 """
 
 from __future__ import annotations
@@ -33,6 +34,8 @@ from lava_ros.cli.output import Progress, terminal, write_json
 from lava_ros.cli.ros import Child, ChildError, domain_of, require_ros, start_node
 from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
 from lava_ros.errors import LavaError, printable
+from lava_ros.maps.plot import duration as words
+from lava_ros.pages.pictures import draw_runs
 from lava_ros.scene import Scene
 from lava_ros.simulation.budget import VolumeBudget
 
@@ -61,11 +64,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--output', default='bags/demo', metavar='DIR',
-        help='bag to record; an earlier demo there is replaced (default: bags/demo)',
+        help='bag to record; it replaces an earlier demo there (default: %(default)s)',
     )
     parser.add_argument(
         '--max-speed', type=float, metavar='X',
-        help=f'run at most X times as fast as real time (default: {LEAST_WALL_TIME:g} s in all)',
+        help='run at most X times as fast as real time (default: as fast as takes '
+        f'{LEAST_WALL_TIME:g} s in all)',
     )
     add_options(parser, '--preset', '--spacing', '--device', '--domain', '--json')
 
@@ -77,16 +81,15 @@ def run(args: argparse.Namespace) -> int:
         0, or 1 when the node fails.
     """
     require_ros()
-    from lava_ros.pages.pictures import draw_runs
-
     duration = seconds_of('--duration', args.duration)
-    spacing = args.spacing
-    if spacing is not None:
-        spacing = validation.number('--spacing', spacing, above=0.0, unit='m')
-    speed = min(max(duration / LEAST_WALL_TIME, SPEED_RANGE[0]), SPEED_RANGE[1])
+    if args.spacing is not None:
+        validation.number('--spacing', args.spacing, above=0.0, unit='m')
+    slowest, fastest = SPEED_RANGE
+    speed = min(max(duration / LEAST_WALL_TIME, slowest), fastest)
     if args.max_speed is not None:
-        low, high = SPEED_RANGE
-        speed = validation.number('--max-speed', args.max_speed, at_least=low, at_most=high)
+        speed = validation.number(
+            '--max-speed', args.max_speed, at_least=slowest, at_most=fastest
+        )
     domain = domain_of(args.domain)
     # for this process and for the node
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -97,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
         'record': True,
         'bag_directory': str(output),
         'preset': args.preset,
-        'spacing': spacing or 0.0,
+        'spacing': args.spacing or 0.0,
         'device': args.device or '',
         'epsg': scene.terrain.epsg or 0,
         'offset_easting': scene.terrain.offset[0],
@@ -172,8 +175,6 @@ def _flow(
 
 def _watch(monitor: Monitor, node: Child, duration: float) -> Observation:
     """Show the progress until the flow has reached its end."""
-    from lava_ros.maps.plot import duration as words
-
     heard_at, heard = time.monotonic(), (0.0, '')
     with Progress() as progress:
         while True:
@@ -221,8 +222,6 @@ def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
 
 def _print_table(result: dict[str, Any]) -> None:
     from rich.table import Table
-
-    from lava_ros.maps.plot import duration as words
 
     held = ' (held back to watch: --max-speed)' if result['speed_is_limited'] else ''
     table = Table(show_header=False, box=None, pad_edge=False)

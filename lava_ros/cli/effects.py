@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Say which physics a scene calls for, and why.
+"""Print which physical effects a scene needs, and why.
 
-Decide about every effect by a dimensionless number of the scene, and print the number, its
-threshold, what the effect costs and what leaving it out would cost.
+A dimensionless number of the scene decides about each effect. The command prints the number, its
+threshold, what the effect costs in time, and what leaving it out costs in accuracy.
 """
 
 from __future__ import annotations

@@ -12,14 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Run a scene many times, and map how likely lava comes, and when.
+"""Run a scene many times, and map the probability and the time of lava inundation.
 
-Draw what is uncertain about a scene (its section `uncertainty`) for each member, run the members
-on all cores or GPUs, and write the probability that lava comes, the times by which 10, 50 and 90 %
-of the members had lava, and the expected thickness, as GeoTIFF and as a bag. The same command
-again goes on where it was interrupted; with more members it adds to them. In place of a scene it
-takes the folder of a mapped eruption (lava hindcast): it then draws from the published ranges of
-the lava, where case.yaml has no `uncertainty`, and scores the probability against the map.
+The command draws a value of each uncertain quantity of a scene (its section `uncertainty`) for
+each member and runs the members on all cores or GPUs. It writes the probability of inundation, the
+times by which lava has reached a cell in 10, 50 and 90 % of the members, and the expected
+thickness, as GeoTIFF and as a bag. The same command continues an interrupted ensemble, and adds
+members to a finished one. SCENE may also be the folder of a mapped eruption, as for lava hindcast:
+the command then draws from the published ranges of the lava, unless case.yaml has a section
+`uncertainty`, and scores the probability against the mapped flow.
 """
 
 from __future__ import annotations
@@ -30,22 +31,39 @@ import json
 from pathlib import Path
 import sys
 import time
-from typing import Any, TYPE_CHECKING
+from typing import Any
+
+import numpy as np
 
 from lava_ros import validation
 from lava_ros.cli.export import add_formats_argument
 from lava_ros.cli.options import add_options, device_named, seconds_of
+from lava_ros.cli.output import Progress, write_json
 from lava_ros.cli.ros import missing_package
 from lava_ros.cli.scenes import add_scene_arguments, scene_as_given
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
+from lava_ros.forecast.assimilation import Outline
+from lava_ros.forecast.atlas import write_atlas
+from lava_ros.forecast.cluster import DaskRunner
+from lava_ros.forecast.ensemble import (
+    default_workers,
+    Ensemble,
+    run_ensemble,
+    run_here,
+    run_in_processes,
+)
+from lava_ros.forecast.members import check_members, make_plan, Plan
+from lava_ros.forecast.rasters import raster_on, seen_in_file
+from lava_ros.forecast.sampling import draw_members, Susceptibility
+from lava_ros.forecast.store import Store
+from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
+from lava_ros.hindcast.run import Settings
+from lava_ros.maps.forecast import HazardMaps
+from lava_ros.maps.gis import coordinate_system, require_formats
+from lava_ros.scene.uncertainty import uncertainty_to_dict
 from lava_ros.simulation import presets
-
-if TYPE_CHECKING:
-    from lava_ros.forecast.ensemble import Ensemble
-    from lava_ros.forecast.members import Plan
-    from lava_ros.hindcast.case import Case
-    from lava_ros.maps.forecast import HazardMaps
 
 #: How far ahead members run by default.
 HORIZON = '6h'
@@ -62,11 +80,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='folder for members and maps: new, empty, or of the same ensemble',
     )
     parser.add_argument(
-        '--members', type=int, default=64, metavar='N', help='members (default: %(default)s)'
+        '--members', type=int, default=64, metavar='N',
+        help='number of members (default: %(default)s)',
     )
     parser.add_argument(
         '--horizon', metavar='TIME',
-        help='how far ahead each runs: 6h, 90min (default: 6h; of a case its end, always)',
+        help='simulated time of each member: 6h, 90min (default: 6h); not with a mapped '
+        'eruption, which has its end',
     )
     add_options(
         parser, '--preset', '--spacing', '--seed', '--threshold', '--device', '--json',
@@ -74,38 +94,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--susceptibility', metavar='FILE',
-        help='raster of where the vent may open, in place of its position',
+        help='raster of the relative likelihood that the vent opens in a cell; replaces the '
+        'position of the vent',
     )
     parser.add_argument(
         '--observed', metavar='FILE',
-        help='where lava was seen, a raster (above 0) or areas (.geojson, .gpkg): members weigh '
-        'by how well they agree',
+        help='observed lava: a raster with values above 0, or areas (.geojson, .gpkg); the better '
+        'a member agrees with it, the more it counts',
     )
     parser.add_argument(
-        '--observed-at', metavar='TIME', help='when that was, after the start of the scene'
+        '--observed-at', metavar='TIME',
+        help='time of the observation, counted from the start of the scene',
     )
     parser.add_argument(
         '--workers', type=int, metavar='N',
-        help='processes (default: one for each GPU, else for each core)',
+        help='number of processes (default: one for each GPU, else one for each core)',
     )
     parser.add_argument(
-        '--scheduler', metavar='ADDRESS', help='a Dask scheduler to use, tcp://host:8786'
+        '--scheduler', metavar='ADDRESS',
+        help='address of a Dask scheduler that runs the members: tcp://host:8786',
     )
-    add_formats_argument(parser, 'probabilities from 10, 50 and 90 %% on, isochrones', None)
+    add_formats_argument(parser, 'areas of 10, 50 and 90 %% probability, isochrones', None)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the ensemble."""
-    from lava_ros.cli.output import Progress, write_json
-    from lava_ros.forecast.assimilation import Outline
-    from lava_ros.forecast.ensemble import run_ensemble
-    from lava_ros.forecast.members import check_members
-    from lava_ros.forecast.rasters import raster_on, seen_in_file
-    from lava_ros.forecast.sampling import draw_members, Susceptibility
-    from lava_ros.forecast.store import Store
-    from lava_ros.maps.gis import coordinate_system, require_formats
-    from lava_ros.scene.uncertainty import uncertainty_to_dict
-
     if (args.observed is None) != (args.observed_at is None):
         raise LavaError('--observed-at', args.observed_at, 'a time beside --observed, not without')
     require('rasterio', 'GeoTIFF', str(args.output))
@@ -152,8 +165,6 @@ def run(args: argparse.Namespace) -> int:
         lengths = [member.eruption[0] for member in members if member.eruption]
         report['eruptions_cut_off'] = sum(length > plan.horizon for length in lengths)
     if case is not None:
-        from lava_ros.hindcast.chances import chances_of, mapped_on
-
         report |= {'case': case.name, 'uncertainty': uncertainty_to_dict(scene.uncertainty)}
         report['score'] = chances_of(ensemble.maps.probability, mapped_on(case, plan))
     report['files'] = _write(args, plan, ensemble, report)
@@ -164,8 +175,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
     """What the members have in common; of a folder the case that it holds."""
-    from lava_ros.forecast.members import make_plan
-
     if args.scene is None or not Path(args.scene).is_dir():
         return make_plan(
             scene_as_given(args),
@@ -173,10 +182,6 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
             accuracy=presets.preset_accuracy(args.preset, spacing=args.spacing),
             threshold=args.threshold,
         ), None
-    from lava_ros.hindcast.case import load_case
-    from lava_ros.hindcast.chances import plan_of
-    from lava_ros.hindcast.run import Settings
-
     for name in ('terrain', 'vent', 'vents', 'discharge', 'horizon', 'fill_holes'):
         if getattr(args, name) not in (None, False):
             right = f'absent beside {args.scene}, a case, which says it'
@@ -188,9 +193,6 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
 
 def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
     """What runs the members, and how to say so."""
-    from lava_ros.forecast.cluster import DaskRunner
-    from lava_ros.forecast.ensemble import default_workers, run_here, run_in_processes
-
     workers = args.workers
     if workers is not None:
         workers = validation.whole('--workers', workers, at_least=1, at_most=1024)
@@ -211,8 +213,6 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
 def _report(
     args: argparse.Namespace, plan: Plan, ensemble: Ensemble, wall: float, where: dict[str, Any]
 ) -> dict[str, Any]:
-    import numpy as np
-
     maps, area = ensemble.maps, plan.scene.terrain.resolution**2
     ran = maps.members - ensemble.resumed
     likely = np.nan_to_num(maps.probability)
@@ -270,8 +270,6 @@ def _write(
 
 
 def _write_maps(args: argparse.Namespace, plan: Plan, maps: HazardMaps) -> list[str]:
-    from lava_ros.forecast.atlas import write_atlas
-
     name = Path(args.scene or args.terrain or 'demo').name
     tags = {'scene': name, 'seed': str(args.seed), 'preset': args.preset}
     folder = Path(args.output)

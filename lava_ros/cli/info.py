@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Say what a bag holds.
+"""Print what a bag contains.
 
-Print the scene, the topics and the state of a bag. Bags whose recording was cut off are read up to
-the last whole message.
+The command prints the scene, the topics and the state of a bag. It reads a bag whose recording was
+cut off up to the last complete message.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from datetime import datetime, timezone
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from lava_ros.bag.checkpoints import checkpoints_of
+from lava_ros.bag.decoding import Decoder, last_moment, Moment
+from lava_ros.bag.mcap_file import McapFile
+from lava_ros.bag.reader import BagReader, Topic
 from lava_ros.cli.options import add_options
 from lava_ros.cli.output import table_lines, write_json
 from lava_ros.errors import LavaError
+from lava_ros.pages.report.description import plain
 from lava_ros.simulation.budget import VolumeBudget
-
-if TYPE_CHECKING:
-    from lava_ros.bag.decoding import Moment
-    from lava_ros.bag.mcap_file import McapFile
-    from lava_ros.bag.reader import BagReader, Topic
 
 _SHOWN_CHECKPOINTS = 5
 
@@ -45,8 +45,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Describe the bag that the arguments name."""
-    from lava_ros.bag.reader import BagReader
-
     bag = BagReader(args.bag)
     if args.json is None:
         print('\n'.join(_lines(bag)))
@@ -56,8 +54,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _as_dict(bag: BagReader) -> dict[str, Any]:
-    from lava_ros.bag.checkpoints import checkpoints_of
-
     return {
         'path': str(bag.path),
         'files': [
@@ -97,8 +93,6 @@ def _as_dict(bag: BagReader) -> dict[str, Any]:
 
 def _known(bag: BagReader) -> dict[str, Any]:
     """The parts of the description that are shown in words; None where missing or malformed."""
-    from lava_ros.pages.report.description import plain
-
     told = plain(bag.custom_data)
     return {name: told[name] for name in ('scene', 'effects', 'resumed_from')}
 
@@ -153,8 +147,6 @@ def _simulation(bag: BagReader) -> dict[str, Any] | None:
 
 
 def _last_moment(bag: BagReader) -> Moment | None:
-    from lava_ros.bag.decoding import Decoder, last_moment
-
     try:
         return last_moment(bag, Decoder(bag))
     except LavaError:
@@ -198,8 +190,6 @@ def _topic_lines(topics: list[Topic]) -> list[str]:
 
 def _checkpoint_lines(bag: BagReader) -> list[str]:
     """The newest checkpoints, each a moment that `lava node --resume` can go on from."""
-    from lava_ros.bag.checkpoints import checkpoints_of
-
     refused: list[LavaError] = []
     stored = checkpoints_of(bag.path, refused.append)
     lines = [f'  cannot be read: {item}' for item in refused]

@@ -14,10 +14,10 @@
 
 """Publish a recorded bag into the ROS graph.
 
-Topics have the QoS they were recorded with, and /clock has the time of the bag. Bags whose
-recording was cut off are played up to the last whole message. Keys in a terminal: space holds it
-and lets it go on, left and right go back and ahead by 5 s (of bag time times the rate), up and
-down double and halve the speed, q ends it.
+Each topic has the QoS with which it was recorded, and /clock has the time of the bag. A bag whose
+recording was cut off is played up to its last complete message. Keys in a terminal: space pauses
+and resumes, left and right jump 5 s back and ahead (in bag time, times the rate), up and down
+double and halve the speed, q quits.
 """
 
 from __future__ import annotations
@@ -25,26 +25,27 @@ from __future__ import annotations
 import argparse
 from contextlib import ExitStack
 import sys
-from typing import TYPE_CHECKING
 
+from lava_ros.bag.reader import BagReader
+from lava_ros.bag.replay import Step, Transport
 from lava_ros.cli.keys import is_at_terminal, keys_of
 from lava_ros.cli.options import add_options, seconds_of
 from lava_ros.cli.output import terminal
 from lava_ros.cli.ros import require_ros
 from lava_ros.errors import printable
 
-if TYPE_CHECKING:
-    from lava_ros.bag.replay import Step, Transport
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     add_options(parser, 'bag')
-    parser.add_argument('--rate', type=float, default=1.0, help='speed, 2 is twice as fast')
-    parser.add_argument('--loop', action='store_true', help='start over at the end')
+    parser.add_argument(
+        '--rate', type=float, default=1.0, metavar='X',
+        help='play X times as fast as it was recorded (default: 1)',
+    )
+    parser.add_argument('--loop', action='store_true', help='start again at the end')
     parser.add_argument(
         '--start-offset', default='0s', metavar='TIME',
-        help='skip so much: 90s, 2min; latched maps from before are still published',
+        help='time to skip at the start: 90s, 2min; latched maps of that time are still published',
     )
     parser.add_argument(
         '--clock', action=argparse.BooleanOptionalAction, default=True,
@@ -52,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--wait-for-subscribers', default='0s', metavar='TIME',
-        help='wait up to so long until every topic has a subscriber',
+        help='longest time to wait for a subscriber to each topic (default: %(default)s)',
     )
 
 
@@ -60,8 +61,6 @@ def run(args: argparse.Namespace) -> int:
     """Replay the bag that the arguments name."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from lava_ros.bag.reader import BagReader
-    from lava_ros.bag.replay import Transport
 
     offset = seconds_of('--start-offset', args.start_offset, may_be_zero=True)
     wait = seconds_of('--wait-for-subscribers', args.wait_for_subscribers, may_be_zero=True)

@@ -67,12 +67,12 @@ def add_scene_arguments(parser: argparse.ArgumentParser, *, positional: bool = F
         parser.add_argument('--scene', metavar='FILE', help=text)
     parser.add_argument(
         '--terrain', metavar='FILE',
-        help="GeoTIFF, ESRI ASCII grid or npz; with a scene in place of the scene's own "
-        '(default: Mount St. Helens, 7.8 x 7.8 km)',
+        help="elevation: GeoTIFF, ESRI ASCII grid or npz; replaces the scene's terrain "
+        '(default without a scene: Mount St. Helens, 7.8 x 7.8 km)',
     )
     parser.add_argument(
         '--fill-holes', action='store_true',
-        help='fill cells without data inside the terrain, and pits, from what is around',
+        help='fill pits and inner cells without data from the cells around them',
     )
     add_vent_arguments(parser)
 
@@ -81,23 +81,23 @@ def add_vent_arguments(parser: argparse.ArgumentParser, of: str = 'scene') -> No
     """Add the arguments that replace vents and lava of a scene, or of what else has some."""
     parser.add_argument(
         '--vent', action='append', metavar='LON,LAT',
-        help=f"where lava comes out, in place of the {of}'s vents: longitude,latitude or "
-        'easting,northing; may be repeated'
+        help='position of a vent: longitude,latitude or easting,northing; replaces the vents of '
+        f'the {of}; may be repeated'
         + (' (default without a scene: the summit)' if of == 'scene' else ''),
     )
     parser.add_argument(
         '--vents', metavar='FILE',
-        help='points and lines (fissures) where lava comes out: .geojson, .gpkg, or .csv with '
-        'x,y or lon,lat (a fissure also x_end,y_end or lon_end,lat_end); name and discharge '
-        '[m3/s] of each where the file has them',
+        help=f'file of points and lines (fissures), which replace the vents of the {of}: '
+        '.geojson, .gpkg, or .csv with x,y or lon,lat (of a fissure also x_end,y_end or '
+        'lon_end,lat_end); it may give the name and the discharge [m3/s] of each',
     )
     parser.add_argument(
-        '--discharge', type=float, metavar='Q', help='volume flux of each vent [m3/s]'
+        '--discharge', type=float, metavar='Q', help='discharge of each vent [m3/s]'
     )
     parser.add_argument(
         '--material', metavar='NAME',
-        help=f"lava in place of the {of}'s (lava materials"
-        + (f'; default: {DEFAULT_MATERIAL})' if of == 'scene' else ')'),
+        help=f"lava by name ('lava materials' lists them); replaces the lava of the {of}"
+        + (f' (default where it names none: {DEFAULT_MATERIAL})' if of == 'scene' else ''),
     )
 
 

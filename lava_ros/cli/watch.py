@@ -14,9 +14,9 @@
 
 """Show a running node, or a bag, live in the browser.
 
-Serve one page with the maps of a running node over shaded relief, and a slider over what was heard
-so far; of a bag, also one that is being recorded, over all that it has. The page needs no
-internet. ROS_DOMAIN_ID says which graph to join.
+The command serves a page with the maps of a running node over shaded relief and a slider over the
+maps received so far. Of a bag, even of one that is being recorded, the slider covers all maps. The
+page needs no internet. ROS_DOMAIN_ID selects the ROS graph.
 """
 
 from __future__ import annotations
@@ -24,15 +24,12 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
-from typing import TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.ros import require_ros
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
-
-if TYPE_CHECKING:
-    from lava_ros.watch.frames import Frames
+from lava_ros.watch.frames import BagFrames, Frames
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,11 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--address', default='127.0.0.1',
-        help='where to serve; 0.0.0.0 shows it to the whole network (default: %(default)s, '
-        'this machine alone)',
+        help='address of the server; 0.0.0.0 shows the page to the whole network (default: '
+        '%(default)s, to this machine only)',
     )
     parser.add_argument(
-        '--port', type=int, default=5006, help='port, 0 for a free one (default: %(default)s)'
+        '--port', type=int, default=5006,
+        help='port of the server; 0 takes a free one (default: %(default)s)',
     )
 
 
@@ -72,8 +70,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _frames(args: argparse.Namespace) -> Frames:
-    from lava_ros.watch.frames import BagFrames
-
     if args.bag is None:
         require_ros()
         from lava_ros.ros.live_frames import LiveFrames

@@ -164,7 +164,7 @@ def test_an_interrupted_run_says_how_to_go_on(scene, tmp_path, monkeypatch, caps
     def interrupted(*args: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr('lava_ros.forecast.ensemble.run_ensemble', interrupted)
+    monkeypatch.setattr('lava_ros.cli.ensemble.run_ensemble', interrupted)
     words = ['ensemble', str(scene), '-o', str(tmp_path / 'out'), '--workers', '1']
     assert cli.main([*words, '--device', 'cpu']) == 130
     assert 'the same command' in capsys.readouterr().err

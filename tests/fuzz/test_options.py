@@ -32,7 +32,7 @@ import yaml
 
 from eruption import write_case
 from lava_ros.cli import main as cli
-from lava_ros.cli import scenes
+from lava_ros.cli import manual, scenes
 from lava_ros.scene import scene_files, terrain_checks
 
 #: What a command may take beside what this process has [bytes].
@@ -102,13 +102,8 @@ class BegunError(BaseException):
 @cache
 def options(command: str) -> list[argparse.Action]:
     """The options of a command, as its parser has them."""
-    subparsers = next(item for item in cli._parser()._actions if item.dest == 'command')
-    assert isinstance(subparsers.choices, dict)
-    return [
-        action
-        for action in subparsers.choices[command]._actions
-        if action.option_strings and action.dest != 'help'
-    ]
+    actions = manual.parser_of(command)._actions
+    return [item for item in actions if item.option_strings and item.dest != 'help']
 
 
 @st.composite
@@ -164,7 +159,7 @@ def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for name in WORK:
         monkeypatch.setattr(name, begin)
     # a process of its own makes it once too; of a line in this one it is a third of the time
-    monkeypatch.setattr(cli, '_parser', cache(cli._parser))
+    monkeypatch.setattr(manual, 'parser_of', cache(manual.parser_of))
     # what has been read is told before what is wrong
     for module in (terrain_checks, scene_files, scenes):
         monkeypatch.setattr(module._LOG, 'disabled', True)
