@@ -44,7 +44,6 @@ from lava_ros.cli.scenes import add_scene_arguments, scene_as_given
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import Outline
-from lava_ros.forecast.atlas import write_atlas
 from lava_ros.forecast.cluster import DaskRunner
 from lava_ros.forecast.ensemble import (
     default_workers,
@@ -52,11 +51,11 @@ from lava_ros.forecast.ensemble import (
     run_ensemble,
     run_here,
     run_in_processes,
+    Store,
 )
 from lava_ros.forecast.members import check_members, make_plan, Plan
-from lava_ros.forecast.rasters import raster_on, seen_in_file
+from lava_ros.forecast.rasters import raster_on, seen_in_file, write_atlas
 from lava_ros.forecast.sampling import draw_members, Susceptibility
-from lava_ros.forecast.store import Store
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings

@@ -23,7 +23,7 @@ from importlib import import_module, resources
 import re
 import sys
 import textwrap
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import lava_ros
 from lava_ros.errors import LONGEST_EXPECTED, one_line
@@ -104,11 +104,9 @@ class Parser(argparse.ArgumentParser):
         print(f'{self.prog}: {message}; {hint}', file=sys.stderr)
         sys.exit(2)
 
-    def parse_args(  # type: ignore[override]
-        self, args: Any = None, namespace: Any = None
-    ) -> argparse.Namespace:
+    def parse(self, words: list[str]) -> argparse.Namespace:
         """Parse, and name the option that is closest to one that is unknown."""
-        parsed, unknown = self.parse_known_args(args, namespace)
+        parsed, unknown = self.parse_known_args(words)
         if unknown:
             self.refuse(unknown[0])
         return parsed
@@ -168,12 +166,12 @@ def parser_of(name: str) -> Parser:
 def parsed(words: list[str]) -> argparse.Namespace:
     """Parse a command line; exits with status 2 where a word is wrong."""
     if words[:1] and words[0] in COMMANDS:
-        return parser_of(words[0]).parse_args(words[1:])
+        return parser_of(words[0]).parse(words[1:])
     manual = Manual()
     if words[:1] and words[0].startswith('-') and words[0] not in manual._option_string_actions:
         # without this the error would be that there is no command
         manual.refuse(words[0])
-    return manual.parse_args(words)
+    return manual.parse(words)
 
 
 def _module(name: str) -> str:

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Members on a cluster: on the workers of a Dask scheduler that somebody else has started.
+"""Members on the workers of a Dask scheduler that somebody else has started.
 
-Workers keep nothing: a member goes to one as a few numbers and comes back as its footprint. What a
-worker that dies was about, another one does again.
+Workers keep nothing: a member goes to one as a few numbers and comes back as its footprint.
+Another worker runs the members of one that dies again.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -54,7 +54,7 @@ class DaskRunner:
         self._device = device
 
     def __call__(self, plan: Plan, members: Sequence[Member]) -> Iterable[Footprint]:
-        """Run members, and give what each did as they finish, in any order.
+        """Run members, and give their footprints as they finish, in any order.
 
         Raises:
             LavaError: The scheduler is out of reach, or a member fails.
@@ -80,7 +80,7 @@ class DaskRunner:
         except LavaError:
             raise
         except KilledWorker as error:
-            right = f'a worker that survives it; {DEATHS + 1} died of it, for want of memory?'
+            right = f'a worker that survives it; {DEATHS + 1} died of it (too little memory?)'
             raise LavaError(f'member {index}', str(error), right) from error
         except (ImportError, OSError) as error:
             raise LavaError(
@@ -126,7 +126,6 @@ def _version() -> str:
 
 
 def _run(plan: Plan, device: str | None, members: Sequence[Member]) -> list[Footprint]:
-    """Run a batch on a worker, which is as much as a core does."""
     from lava_ros.simulation.backend.threads import use_threads
 
     use_threads(1)

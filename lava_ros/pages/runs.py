@@ -30,7 +30,7 @@ from lava_ros.files import open_input
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import open_raster
 from lava_ros.files.yaml import parse_json
-from lava_ros.forecast.store import MANIFEST
+from lava_ros.forecast.ensemble import MANIFEST
 from lava_ros.maps.arrival import Arrival
 from lava_ros.maps.frames import Frame, Recording
 from lava_ros.maps.gis import coordinate_system

@@ -39,11 +39,11 @@ from lava_ros.forecast.ensemble import (
     run_ensemble,
     run_here,
     run_in_processes,
+    Store,
 )
 from lava_ros.forecast.members import make_plan, Plan
 from lava_ros.forecast.probability import Footprint, footprint_of
 from lava_ros.forecast.sampling import draw_members, Member
-from lava_ros.forecast.store import Store
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
