@@ -198,13 +198,13 @@ def test_keys_in_a_terminal(replay, terminal, heard):
     heard.until(lambda: len(heard.places) > 5, timeout=60.0)
     press(' ')
     heard.until(lambda: 'held' in screen.shown)
-    heard.during(0.5)
-    assert heard.during(1.0) == []
+    heard.during(0.3)
+    assert heard.during(0.6) == []
     place = heard.places[-1]
 
     press(RIGHT)
     press(RIGHT)
-    heard.during(0.5)
+    heard.during(0.3)
     press(' ')
     heard.until(lambda: heard.places[-1] > place + 10.5)
     # by two jumps of five seconds; of what lies between at most the place of the first

@@ -16,11 +16,10 @@
 
 import argparse
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from functools import cache
 import io
 from pathlib import Path
-import resource
 import tempfile
 from typing import Any
 
@@ -31,6 +30,7 @@ import pytest
 import yaml
 
 from eruption import write_case
+from fuzz.conftest import bounded
 from lava_ros.cli import main as cli
 from lava_ros.cli import manual, scenes
 from lava_ros.scene import scene_files, terrain_checks
@@ -124,22 +124,10 @@ def command_lines(draw: st.DrawFn) -> list[str]:
     return words
 
 
-@contextmanager
-def bounded_memory() -> Iterator[None]:
-    """What takes more than ``MEMORY`` gets a MemoryError."""
-    before = resource.getrlimit(resource.RLIMIT_AS)
-    now = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (now + MEMORY, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, before)
-
-
 def outcome(words: list[str]) -> tuple[int | None, str]:
     """The status of a command and what it said on stderr; None where its work began."""
     said = io.StringIO()
-    with bounded_memory(), redirect_stderr(said), redirect_stdout(io.StringIO()):
+    with bounded(MEMORY), redirect_stderr(said), redirect_stdout(io.StringIO()):
         try:
             status = cli.main(words)
         except SystemExit as end:
