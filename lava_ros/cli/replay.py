@@ -23,16 +23,35 @@ double and halve the speed, q quits.
 from __future__ import annotations
 
 import argparse
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import contextmanager, ExitStack
+import os
+import select
+import signal
 import sys
+import termios
+import time
+import tty
 
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.replay import Step, Transport
-from lava_ros.cli.keys import is_at_terminal, keys_of
 from lava_ros.cli.options import add_options, seconds_of
 from lava_ros.cli.output import terminal
 from lava_ros.cli.ros import require_ros
 from lava_ros.errors import printable
+
+#: Names of keys; terminals send arrows in either of two modes.
+_NAMES = {
+    b' ': 'space',
+    **{
+        lead + letter: name
+        for lead in (b'\x1b[', b'\x1bO')
+        for letter, name in ((b'A', 'up'), (b'B', 'down'), (b'C', 'right'), (b'D', 'left'))
+    },
+}
+
+#: How long the rest of an arrow may take [s].
+_REST = 0.05
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
         )
         task = progress.add_task('', total=total, state='')
         transport = None
-        if is_at_terminal():
+        if sys.stdin.isatty() and sys.stdout.isatty():
             keys = stack.enter_context(keys_of(sys.stdin.fileno()))
             transport = Transport(
                 keys.read, on_change=lambda item: progress.update(task, state=_state(item))
@@ -113,3 +132,65 @@ def run(args: argparse.Namespace) -> int:
 def _state(transport: Transport) -> str:
     speed = f'x{transport.speed:g}' if transport.speed != 1.0 else ''
     return ' '.join(filter(None, ['held' if transport.is_paused else '', speed]))
+
+
+class Keys:
+    """Reads keys from a terminal that ``keys_of`` has set up."""
+
+    def __init__(self, descriptor: int) -> None:
+        """Read from a file descriptor."""
+        self._descriptor = descriptor
+        self._bytes = b''
+
+    def read(self, timeout: float) -> str:
+        """Wait for a key, for at most a time [s].
+
+        It is ``space``, ``up``, ``down``, ``left``, ``right`` or the character; empty when there
+        was none, or one without a name.
+        """
+        if not self._bytes:
+            self._fetch(timeout)
+        if self._bytes in (b'\x1b', b'\x1b[', b'\x1bO'):
+            self._fetch(_REST)
+        is_sequence = self._bytes[:2] in (b'\x1b[', b'\x1bO')
+        length = 3 if is_sequence else 1
+        key, self._bytes = self._bytes[:length], self._bytes[length:]
+        return _NAMES.get(key, key.decode('ascii', 'ignore') if key.isalnum() else '')
+
+    def _fetch(self, timeout: float) -> None:
+        if not _is_in_foreground(self._descriptor):
+            # to read now would stop the process
+            time.sleep(timeout)
+        elif select.select([self._descriptor], [], [], timeout)[0]:
+            self._bytes += os.read(self._descriptor, 64)
+
+
+@contextmanager
+def keys_of(descriptor: int) -> Iterator[Keys]:
+    """Have a terminal give its keys at once and without echo, and restore it afterwards.
+
+    Call it from the main thread. In the background the terminal is left alone.
+    """
+    saved = termios.tcgetattr(descriptor)
+
+    def set_up(*_: object) -> None:
+        if _is_in_foreground(descriptor):
+            tty.setcbreak(descriptor, termios.TCSADRAIN)
+
+    set_up()
+    # after Ctrl+Z the shell has restored the terminal
+    previous = signal.signal(signal.SIGCONT, set_up)
+    try:
+        yield Keys(descriptor)
+    finally:
+        signal.signal(signal.SIGCONT, previous)
+        if _is_in_foreground(descriptor):
+            termios.tcsetattr(descriptor, termios.TCSADRAIN, saved)
+
+
+def _is_in_foreground(descriptor: int) -> bool:
+    try:
+        return os.tcgetpgrp(descriptor) == os.getpgrp()
+    except OSError:
+        # the terminal of another session has no jobs
+        return True

@@ -32,7 +32,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from lava_ros.bag import BagWriter, LATCHED, QosProfile
-from lava_ros.cli.keys import Keys, keys_of
+from lava_ros.cli.replay import Keys, keys_of
 from lava_ros.ros.spinning import Watcher
 from ros_domain import own_domain
 
