@@ -202,17 +202,16 @@ def _print(
     left_out: Sequence[LeftOut],
 ) -> None:
     usual, best = trials[0].jaccard, near[0].jaccard
-    print(f'Jaccard {usual:.3f} with the usual values, {best:.3f} at best of {len(trials)} sets')
+    print(f'Jaccard {usual:.3f} with the default values, {best:.3f} with the best of '
+          f'{len(trials)} sets')
     for case in left_out:
         print(
             f'{case.case}: {near[0].mean([case.case]):.3f} with the best set, {case.jaccard:.3f} '
             f'with the set that is best for the others, {case.best:.3f} with its own best set'
         )
     print(f'{len(near)} sets are within {best - near[-1].jaccard:.3f} of the best; in them')
-    head = f'{"":17} {"usual":>9} {"best":>9} {"from":>9} {"to":>9}  of its range  correlation'
-    print(head)
-    is_enough = can_tell(trials)
-    absent = '  the fit does not depend on it' if is_enough else '  too few sets to tell'
+    print(f'{"":17} {"default":>9} {"best":>9} {"from":>9} {"to":>9}  of its range  correlation')
+    absent = '  the fit does not depend on it' if can_tell(trials) else '  too few sets to tell'
     for item in found:
         unknown = item.unknown
         numbers = (unknown.usual, item.best, item.low, item.high)

@@ -97,4 +97,4 @@ def _print(decisions: tuple[Decision, ...], costs: Mapping[str, float]) -> None:
         switch, name = 'on' if item.is_on else '-', item.name
         cost = f'x {costs[name]:.2f}' if name in costs else '?'
         print(f'{name:16} {switch:3} {reason:{width}}  {cost:>6}  {item.effect.admits}')
-    print(f'step: time of a step with this effect alone over the bare step ({COSTS}), ? unknown')
+    print(f'step: time of a step with this effect alone over one without ({COSTS}); ?: unknown')

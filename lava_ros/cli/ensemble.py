@@ -119,7 +119,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the ensemble."""
     if (args.observed is None) != (args.observed_at is None):
-        raise LavaError('--observed-at', args.observed_at, 'a time beside --observed, not without')
+        right = 'a time together with --observed, and neither without the other'
+        raise LavaError('--observed-at', args.observed_at, right)
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
     scene = plan.scene
@@ -156,7 +157,7 @@ def run(args: argparse.Namespace) -> int:
                 on_maps=lambda maps: _write_maps(args, plan, maps),
             )
     except KeyboardInterrupt:
-        print('lava ensemble: interrupted; the same command goes on from here', file=sys.stderr)
+        print('lava ensemble: interrupted; the same command continues', file=sys.stderr)
         raise
     wall = time.monotonic() - started
     report = _report(args, plan, ensemble, wall, where)
@@ -183,8 +184,9 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
         ), None
     for name in ('terrain', 'vent', 'vents', 'discharge', 'horizon', 'fill_holes'):
         if getattr(args, name) not in (None, False):
-            right = f'absent beside {args.scene}, a case, which says it'
-            raise LavaError(f'--{name.replace("_", "-")}', getattr(args, name), right)
+            option = f'--{name.replace("_", "-")}'
+            right = f'no {option} for {args.scene}, a mapped eruption'
+            raise LavaError(option, getattr(args, name), right)
     case = load_case(args.scene, material=args.material)
     settings = Settings(args.preset, args.spacing, args.device)
     return plan_of(case, settings, threshold=args.threshold), case
@@ -196,12 +198,12 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
     if workers is not None:
         workers = validation.whole('--workers', workers, at_least=1, at_most=1024)
         if args.scheduler is not None:
-            raise LavaError('--workers', workers, 'absent beside --scheduler, which has its own')
+            raise LavaError('--workers', workers, 'no --workers together with --scheduler')
     if args.scheduler is not None:
         runner = DaskRunner(args.scheduler, device=args.device)
         return runner, {'scheduler': args.scheduler, 'device': args.device}
     if workers is None:
-        # one that is named is shared by nobody
+        # a GPU that is named has one process
         workers = 1 if args.device not in (None, 'cpu') else default_workers()
     where = {'workers': workers, 'device': device_named(args.device)}
     if workers == 1:
@@ -251,7 +253,7 @@ def _write(
     files = _write_maps(args, plan, ensemble.maps)
     if missing_package():
         print(
-            "lava ensemble: no bag without ROS 2; pip install 'lava_ros[ros]' brings it",
+            "lava ensemble: wrote no bag, which needs ROS 2: pip install 'lava_ros[ros]'",
             file=sys.stderr,
         )
         return files
@@ -278,27 +280,24 @@ def _write_maps(args: argparse.Namespace, plan: Plan, maps: HazardMaps) -> list[
 def _print(report: dict[str, Any]) -> None:
     ran = report['members'] - report['resumed']
     pace = f', {report["members_per_s"]:.3g} a second' if ran else ''
-    print(f'{ran} members run in {report["wall_s"]:.0f} s{pace}, {report["resumed"]} there before')
-    print(
-        f'probability from {report["members"]} members'
-        + (
-            f' that count like {report["effective_members"]:.1f}; they agree in '
-            f'{100 * report["observed"]["jaccard_mean"]:.0f} % on average with what was seen'
-            if 'observed' in report
-            else ''
-        )
-        + f': within {report["sampling_error_percent"]:.2g} percentage points at even odds'
-    )
-    print(f'arrival times within {report["arrival_error_s"]:g} s')
-    if report['members_beyond']:
+    print(f'{ran} members run in {report["wall_s"]:.0f} s{pace}, {report["resumed"]} from before')
+    if 'observed' in report:
+        mean = 100 * report['observed']['jaccard_mean']
         print(
-            f'lava of {report["members_beyond"]} members left the map: what it covers there is '
-            'not known'
+            f'the members agree with the observed lava by {mean:.0f} % on average, and count like '
+            f'{report["effective_members"]:.1f} of equal weight'
         )
+    print(
+        f'standard error of a probability of 50 %: {report["sampling_error_percent"]:.2g} '
+        f'percentage points, from {report["members"]} members'
+    )
+    print(f'error of the arrival times: up to {report["arrival_error_s"]:g} s')
+    if report['members_beyond']:
+        print(f'lava of {report["members_beyond"]} members left the map: no map shows that part')
     if report.get('eruptions_cut_off'):
         print(
-            f'{report["eruptions_cut_off"]} of the eruptions last longer than the horizon: what '
-            'comes later is on no map'
+            f'{report["eruptions_cut_off"]} of the eruptions last longer than the horizon: no map '
+            'shows what comes later'
         )
     for name, area in report['area_m2'].items():
         print(f'{name:>13}: {1e-6 * area:8.3f} km2')
@@ -308,6 +307,6 @@ def _print(report: dict[str, Any]) -> None:
             f'against the map: Brier score {score["brier_score"]:.3f}, skill '
             f'{score["brier_skill"]:.2f} over the {score["cells"]} cells with lava in a member or '
             f'on the map ({score["brier_skill_of_terrain"]:.2f} over the terrain)'
-            + ('' if gap is None else f'; largest gap of reliability {100.0 * gap:.0f} points')
+            + ('' if gap is None else f'; largest error of reliability {100.0 * gap:.0f} points')
         )
     print('\n'.join(f'written to {path}' for path in report['files']))

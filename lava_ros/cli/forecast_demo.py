@@ -318,8 +318,6 @@ def _print(result: dict[str, Any]) -> None:
         ('Brier score against what came', 'brier_score', 1.0, ''),
     ):
         print(f'{name:>30}: {scale * before[key]:.3f} -> {scale * after[key]:.3f} {unit}')
-    print(
-        f'{"members":>30}: {result["members"]} that count like '
-        f'{result["members_effective"]:.1f}'
-    )
+    effective = result['members_effective']
+    print(f'{"members":>30}: {result["members"]}, effective number {effective:.1f}')
     print(f'written to {result["picture"]}')

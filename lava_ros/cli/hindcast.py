@@ -193,7 +193,7 @@ def _write_bag(case: Case, hindcast: Run, result: Result, bag: Path) -> list[Pat
     try:
         from lava_ros.ros.offline_bags import write_snapshots
     except ImportError:
-        print('lava hindcast: no bag: ROS 2 is not installed', file=sys.stderr)
+        print('lava hindcast: wrote no bag, which needs ROS 2', file=sys.stderr)
         return []
     shutil.rmtree(bag, ignore_errors=True)
     try:

@@ -70,12 +70,13 @@ def run(args: argparse.Namespace) -> int:
     )
     print(f'preset {plan.preset}, spacing {plan.spacing:.3g} m')
     for name, is_on in plan.forced.items():
-        print(f'effect {name} {"on" if is_on else "off"}: what this spacing calls for is too dear')
+        state = 'on' if is_on else 'off'
+        print(f'effect {name} {state}: what the scene calls for takes too long at this spacing')
     print(
         f'{plan.members} run{"s" * (plan.members > 1)} in about {plan.wall_time:.2g} s of '
         f'{within:g} s' + ('; more time would not help' if plan.is_finest else '')
     )
-    print(f'error for being coarse: about {100.0 * plan.error:.2g} % of the covered area')
+    print(f'numerical error: about {100.0 * plan.error:.2g} % of the covered area')
     if plan.members > 1:
         print(f'error of a probability of 50 %: {100.0 * plan.sampling_error:.2g} %')
     write_json(asdict(plan), args.json)

@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
         words = Words(overlays=args.overlay, observed=args.observed)
         size = write_comparison(args.bag, args.output, words)
     elif args.overlay or args.observed:
-        right = 'absent: the page of a single bag draws none; lava plot does'
+        right = 'neither for a single bag; lava plot draws them'
         raise LavaError('--overlay, --observed', [*args.overlay, args.observed][0], right)
     else:
         with in_terminal() as progress:

@@ -48,13 +48,10 @@ DEMO_VENTS = (
     (5300.0, 4200.0, 20.0),
 )
 
-#: Discharge of a vent that comes without [m3/s].
-SUMMIT_DISCHARGE = 50.0
+#: Default discharge [m3/s] and largest default radius [m] of a vent.
+SUMMIT_DISCHARGE, SUMMIT_RADIUS = 50.0, 20.0
 
-#: Largest radius of such a vent [m].
-SUMMIT_RADIUS = 20.0
-
-#: Side of the cells of maps over the spacing of particles, and most cells after a division.
+#: Largest side of a map's cells over the spacing of particles, and most cells after a division.
 CELL, MOST_CELLS = 3.0, 1_000_000
 
 
@@ -102,13 +99,13 @@ def add_vent_arguments(parser: argparse.ArgumentParser, of: str = 'scene') -> No
 
 
 def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
-    """The vents that the arguments name; an empty list where they name none.
+    """The vents that the arguments name, if any.
 
     Raises:
         LavaError: An argument or a file cannot be used.
     """
     if args.vent and args.vents:
-        raise LavaError('--vent', args.vent[0], 'absent beside --vents')
+        raise LavaError('--vent', args.vent[0], 'no --vent together with --vents')
     if args.vents:
         return list(_vents_of(args.vents, args.discharge, terrain))
     return [
@@ -125,7 +122,8 @@ def _vents_of(path: str, discharge: float | None, terrain: Terrain) -> Iterator[
         own = feature.properties.get('discharge')
         if own is not None:
             if discharge is not None:
-                raise LavaError('--discharge', discharge, f'absent: {path} has its own')
+                right = f'no --discharge, since {path} has its own'
+                raise LavaError('--discharge', discharge, right)
             # a table has texts
             own = validation.number(f'{feature.where}, discharge', own, at_least=0.0, unit='m3/s')
         places = [(float(x), float(y)) for x, y in feature.rings[0]]
@@ -150,14 +148,18 @@ def _vents_of(path: str, discharge: float | None, terrain: Terrain) -> Iterator[
 
 
 def scene_from_arguments(args: argparse.Namespace) -> Scene:
-    """Make the scene that the arguments choose, on cells that are fine enough to show the flow.
+    """Make the scene that the arguments choose, with cells that are fine enough for the flow.
 
-    Cells that are wider than the flow's particles are apart are divided.
+    Cells are divided until they are no wider than ``CELL`` times the spacing of the particles.
 
     Raises:
         LavaError: A file or an argument cannot be used.
     """
-    return _with_fine_cells(scene_as_given(args))
+    scene = scene_as_given(args)
+    spacing = resolution_of(scene, preset_accuracy(DEFAULT)).spacing
+    factor = math.ceil(scene.terrain.resolution / (CELL * spacing))
+    most = math.isqrt(MOST_CELLS // scene.terrain.elevation.size)
+    return replace(scene, terrain=finer(scene.terrain, max(min(factor, most), 1)))
 
 
 def scene_as_given(args: argparse.Namespace) -> Scene:
@@ -168,11 +170,11 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     Raises:
         LavaError: A file or an argument cannot be used.
     """
-    options = {'fill_holes': args.fill_holes}
-    terrain = load_terrain(args.terrain, **options) if args.terrain else None
+    fill = args.fill_holes
+    terrain = load_terrain(args.terrain, fill_holes=fill) if args.terrain else None
     data: dict[str, Any] = {}
     if args.scene:
-        data, terrain = read_scene(args.scene, terrain=terrain, **options)
+        data, terrain = read_scene(args.scene, terrain=terrain, fill_holes=fill)
     elif terrain is None:
         terrain = demo_terrain()
         data['vents'] = [
@@ -189,7 +191,8 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     scene = scene_from_dict(data, terrain)
     if args.discharge is not None and not vents:
         if not scene.vents:
-            raise LavaError('--discharge', args.discharge, 'absent without vents, or --vent')
+            right = 'no --discharge for a scene without vents, or --vent'
+            raise LavaError('--discharge', args.discharge, right)
         changed = (replace(vent, discharge=args.discharge) for vent in scene.vents)
         scene = replace(scene, vents=tuple(changed))
     _tell(scene)
@@ -227,15 +230,6 @@ def _tell(scene: Scene) -> None:
             f'{terrain.elevation[cell]:.0f} m high, {vent.peak:g} m3/s at most, '
             f'{vent.temperature - KELVIN:.0f} Celsius'
         )
-
-
-def _with_fine_cells(scene: Scene) -> Scene:
-    """Divide the terrain's cells until they are no wider than ``CELL`` particles are apart."""
-    usual = preset_accuracy(DEFAULT)
-    spacing = resolution_of(scene, usual).spacing
-    factor = math.ceil(scene.terrain.resolution / (CELL * spacing))
-    most = math.isqrt(MOST_CELLS // scene.terrain.elevation.size)
-    return replace(scene, terrain=finer(scene.terrain, max(min(factor, most), 1)))
 
 
 def _usual_vent(terrain: Terrain) -> dict[str, Any]:

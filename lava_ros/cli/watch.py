@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
         signal.signal(
             number, lambda *_: server.io_loop.add_callback_from_signal(server.io_loop.stop)
         )
-    print(f'http://{args.address}:{server.port}/ shows it; Ctrl+C ends it', flush=True)
+    print(f'open http://{args.address}:{server.port}/ in a browser; Ctrl+C ends', flush=True)
     server.io_loop.start()
     server.stop()
     return 0
@@ -76,7 +76,7 @@ def _frames(args: argparse.Namespace) -> Frames:
 
         return LiveFrames(args.namespace)
     if args.namespace:
-        raise LavaError('--namespace', args.namespace, 'absent beside a bag')
+        raise LavaError('--namespace', args.namespace, 'no --namespace together with a bag')
     return BagFrames(args.bag)
 
 

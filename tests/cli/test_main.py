@@ -80,7 +80,7 @@ def test_version(capsys):
         ('bench steps --device cpu --particles 400 3', '--particles is'),
         ('watch nothing.mcap', 'nothing.mcap'),
         ('watch --port 70000', '--port is 70000'),
-        ('watch bag --namespace /etna', 'absent beside a bag'),
+        ('watch bag --namespace /etna', 'no --namespace together with a bag'),
         ('watch --namespace "/no good"', '--namespace is'),
         # a time has one spelling, whatever a command calls it
         ('demo --duration "1 hour"', TIME),
@@ -185,8 +185,8 @@ def test_vents_from_a_file(island, tmp_path):
     np.testing.assert_allclose(second.end, point.position)
     assert (point.end, point.discharge) == (None, 50.0)
     for more, named in (
-        (('--discharge', '5'), '--discharge is 5.0, expected absent'),
-        (('--vent', '365300,7650400'), 'absent beside --vents'),
+        (('--discharge', '5'), '--discharge is 5.0, expected no --discharge, since'),
+        (('--vent', '365300,7650400'), 'no --vent together with --vents'),
     ):
         with pytest.raises(LavaError, match=named):
             scene_of(*words, *more)
