@@ -21,17 +21,17 @@ picture of the last ones, and ends the node.
 from __future__ import annotations
 
 import argparse
+from contextlib import closing
 import os
 from pathlib import Path
 import sys
-import tempfile
 import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.options import add_options, seconds_of
 from lava_ros.cli.output import Progress, terminal, write_json
-from lava_ros.cli.ros import Child, ChildError, domain_of, require_ros, start_node
+from lava_ros.cli.ros import Child, ChildError, domain_of, require_ros, running_node
 from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
 from lava_ros.errors import LavaError, printable
 from lava_ros.maps.plot import duration as words
@@ -42,16 +42,16 @@ from lava_ros.simulation.budget import VolumeBudget
 if TYPE_CHECKING:
     from lava_ros.ros.monitor import Monitor, Observation
 
-#: Shortest the flow may take [s]: a GPU would be done before anybody saw it.
+#: Default wall time of the flow [s]: a GPU would be done before anybody saw it.
 LEAST_WALL_TIME = 25.0
 
-#: What the node takes as time_scale.
+#: Limits of the node's time_scale.
 SPEED_RANGE = (1e-3, 1e6)
 
-#: Silence of the node after which it is taken for dead [s]; a first run compiles before it speaks.
+#: Longest time without progress of the node [s]; a first run compiles kernels.
 LONGEST_SILENCE = 120.0
 
-#: What the demo leaves in the bag's folder beside the bag; the first marks it as the demo's own.
+#: Files beside the bag; the first marks the folder as that of a demo.
 RESULT, PICTURE = 'demo.json', 'demo.png'
 
 
@@ -116,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
         print(f'lava demo: {error}', file=sys.stderr)
         return 1
     finally:
-        # Whatever happened, what lies there now is the demo's to replace.
+        # also after a failure the next demo may replace what is there
         if output.is_dir():
             write_json({}, output / RESULT)
     result = _result(seen, speed)
@@ -157,20 +157,10 @@ def _flow(
     """
     from lava_ros.ros.monitor import Monitor
 
-    print(f'ROS domain {domain}; to watch: ROS_DOMAIN_ID={domain} lava watch (or rviz2)')
-    with tempfile.TemporaryDirectory(prefix='lava-demo-') as folder:
-        node = None
-        monitor = Monitor(domain)
-        try:
-            node = start_node(scene, parameters, domain, Path(folder))
-            watched = _watch(monitor, node, duration)
-            node.stop()
-            return watched
-        finally:
-            monitor.close()
-            # After a failure or Ctrl+C the node still gets the time to finish its bag.
-            if node is not None:
-                node.end()
+    with closing(Monitor(domain)) as monitor, running_node(scene, parameters, domain) as node:
+        watched = _watch(monitor, node, duration)
+        node.stop()
+        return watched
 
 
 def _watch(monitor: Monitor, node: Child, duration: float) -> Observation:

@@ -23,10 +23,10 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, replace
 import os
 from pathlib import Path
-import tempfile
 import time
 from typing import Any, TYPE_CHECKING
 
@@ -35,7 +35,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.cli.options import add_options
 from lava_ros.cli.output import write_json
-from lava_ros.cli.ros import ChildError, domain_of, require_ros, start_node
+from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
 from lava_ros.files import file_to_write, PICTURES
 from lava_ros.files.resources import share_path
 from lava_ros.forecast.picture import draw_narrowing
@@ -64,20 +64,20 @@ SPACING = 20.0
 VENT = Vent((4050.0, 3300.0), 60.0, radius=40.0, name='crater')
 LAVA = Lava(viscosity=2e4)
 
-#: What it is unsure of.
+#: The uncertainty that it assumes.
 UNCERTAINTY = Uncertainty(
     discharge=Distribution('lognormal', (1.0, 1.8)),
     viscosity=Distribution('loguniform', (0.4, 2.5)),
     position=Displacement(radius=60.0),
 )
 
-#: What it does not know: there is more lava, and it is thinner.
+#: Factors of the real flow, which it does not know: more lava, of lower viscosity.
 TRUE_DISCHARGE, TRUE_VISCOSITY = 1.7, 0.6
 
-#: How long anything may take [s].
+#: Longest wait for anything [s].
 PATIENCE = 300.0
 
-#: Probabilities between which nothing is decided.
+#: Probabilities [%] between which a cell is undecided.
 UNDECIDED = (5, 95)
 
 
@@ -110,7 +110,6 @@ def run(args: argparse.Namespace) -> int:
     domain = domain_of(args.domain)
     # for this process and for the node
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    # what cannot be written had better be known before
     file_to_write('--picture', args.picture, PICTURES)
     scene = Scene(demo_terrain(), (VENT,), LAVA, uncertainty=UNCERTAINTY)
     truth = _Truth(scene, args.device)
@@ -127,7 +126,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 class _Truth:
-    """The flow that really comes, which the node is not told.
+    """The real flow, which the node does not know.
 
     Attributes:
         seen: Where its lava is at ``SEEN_AT``, bool, shape [rows, columns].
@@ -175,27 +174,22 @@ class _Demo:
         """
         from lava_ros.ros.monitor import ForecastWatch
 
-        print(f'ROS domain {self.domain}; to watch: ROS_DOMAIN_ID={self.domain} rviz2')
-        with tempfile.TemporaryDirectory(prefix='lava-forecast-demo-') as folder:
-            self._watch = ForecastWatch(self.domain)
-            settings = {
-                'device': self.device or '',
-                'preset': 'draft',
-                'spacing': SPACING,
-                'time_scale': self.speed,
-                'forecast_horizon': HORIZON / 3600.0,
-                # a busy machine takes its time
-                'forecast_max_age': 4.0 * HORIZON,
-                'ensemble_members': self.members,
-            }
-            # it has no vent yet
-            bare = replace(self.scene, vents=())
-            self._node = start_node(bare, settings, self.domain, Path(folder))
-            try:
-                return self._hear()
-            finally:
-                self._watch.close()
-                self._node.end()
+        settings = {
+            'device': self.device or '',
+            'preset': 'draft',
+            'spacing': SPACING,
+            'time_scale': self.speed,
+            'forecast_horizon': HORIZON / 3600.0,
+            # a busy machine takes its time
+            'forecast_max_age': 4.0 * HORIZON,
+            'ensemble_members': self.members,
+        }
+        bare = replace(self.scene, vents=())
+        with (
+            closing(ForecastWatch(self.domain)) as self._watch,
+            running_node(bare, settings, self.domain) as self._node,
+        ):
+            return self._hear()
 
     def _hear(self) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]]]:
         watch = self._watch
