@@ -18,8 +18,6 @@ The command runs every case with an exact solution at many settings and at the p
 the errors and times as CSV, as Markdown tables and as a chart.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 

@@ -18,8 +18,6 @@ The animation shows a layer over shaded relief at a constant rate of simulated t
 ffmpeg.
 """
 
-from __future__ import annotations
-
 import argparse
 
 from lava_ros.cli.options import add_options, seconds_of

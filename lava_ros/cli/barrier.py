@@ -18,8 +18,6 @@ The command raises the elevation along a line and writes it as GeoTIFF. --low-pa
 elevation before that.
 """
 
-from __future__ import annotations
-
 import argparse
 
 from lava_ros.cli.options import add_options

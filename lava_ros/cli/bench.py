@@ -22,8 +22,6 @@ footprints at the presets from coarse to fine, of scenes or of mapped eruptions.
 of an ensemble, from one to many at once.
 """
 
-from __future__ import annotations
-
 import argparse
 from importlib import import_module
 from pathlib import Path

@@ -21,8 +21,6 @@ constant among them, the constants that do not affect the score, and how well co
 the other cases score on each case. The same command continues an interrupted search.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict

@@ -18,8 +18,6 @@ bash: add eval "$(lava completion bash)" to ~/.bashrc. zsh: run lava completion 
 DIRECTORY/_lava, where fpath contains DIRECTORY.
 """
 
-from __future__ import annotations
-
 import argparse
 
 from lava_ros.cli.manual import COMMANDS, parser_of, summary_of

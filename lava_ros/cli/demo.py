@@ -18,8 +18,6 @@ The command starts the node on a scene, receives its maps over DDS, records them
 picture of the last ones, and ends the node.
 """
 
-from __future__ import annotations
-
 import argparse
 from contextlib import closing
 import os
@@ -149,7 +147,7 @@ def _remove_earlier_demo(output: Path) -> None:
 
 def _flow(
     scene: Scene, parameters: dict[str, Any], domain: int, duration: float
-) -> Observation:
+) -> 'Observation':
     """Run the node until the flow has ended, and return the last observation.
 
     Raises:
@@ -163,7 +161,7 @@ def _flow(
         return watched
 
 
-def _watch(monitor: Monitor, node: Child, duration: float) -> Observation:
+def _watch(monitor: 'Monitor', node: Child, duration: float) -> 'Observation':
     """Show the progress until the flow has reached its end."""
     heard_at, heard = time.monotonic(), (0.0, '')
     with Progress() as progress:
@@ -187,7 +185,7 @@ def _watch(monitor: Monitor, node: Child, duration: float) -> Observation:
                 return seen
 
 
-def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
+def _result(seen: 'Observation', max_speed: float) -> dict[str, Any]:
     values = seen.values
     speed = float(values['mean_speed'])
     budget = VolumeBudget.from_texts(values)

@@ -19,8 +19,6 @@ out over the middleware and comes back, security, QoS of the layers, GPU, kernel
 clock. The exit status is 1 if something does not work.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import asdict

@@ -18,8 +18,6 @@ A dimensionless number of the scene decides about each effect. The command print
 threshold, what the effect costs in time, and what leaving it out costs in accuracy.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 import csv

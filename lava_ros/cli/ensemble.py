@@ -23,8 +23,6 @@ the command then draws from the published ranges of the lava, unless case.yaml h
 `uncertainty`, and scores the probability against the mapped flow.
 """
 
-from __future__ import annotations
-
 import argparse
 from functools import partial
 import json

@@ -19,8 +19,6 @@ height [m], north up, in the coordinate system of the terrain. If the terrain of
 --epsg and --offset give it; without them the files are in the map frame.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 

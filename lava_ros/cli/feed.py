@@ -17,8 +17,6 @@
 The command publishes the latched topics terrain, terrain_info and vents until it is interrupted.
 """
 
-from __future__ import annotations
-
 import argparse
 import signal
 

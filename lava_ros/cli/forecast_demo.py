@@ -19,8 +19,6 @@ how long the first forecast takes. It then sends the node the outline of a flow 
 viscosity the node does not know, and draws the probabilities before and after it.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from contextlib import closing
@@ -258,10 +256,10 @@ class _Demo:
             if time.monotonic() > end:
                 raise ChildError(self._node.failure(f'took more than {PATIENCE:g} s {what}'))
 
-    def _heard(self, grids: list[HeardGrid], since: float) -> HeardGrid:
+    def _heard(self, grids: list['HeardGrid'], since: float) -> 'HeardGrid':
         """The first grid with lava that came since a time [s]."""
 
-        def found() -> list[HeardGrid]:
+        def found() -> list['HeardGrid']:
             return [item for item in grids if item.heard > since and item.cells.max() > 0]
 
         self._wait('for a forecast', lambda: bool(found()))

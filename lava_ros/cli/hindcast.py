@@ -19,8 +19,6 @@ needed, case.yaml (docs/VALIDATION.md). The command compares the area that the s
 covers with the footprint. The same command continues an interrupted run.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict, replace
 from pathlib import Path

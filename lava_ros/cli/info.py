@@ -18,8 +18,6 @@ The command prints the scene, the topics and the state of a bag. It reads a bag 
 cut off up to the last complete message.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from datetime import datetime, timezone

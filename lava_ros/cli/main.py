@@ -14,8 +14,6 @@
 
 """`lava`: everything this package does, from a terminal."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
 import errno

@@ -14,8 +14,6 @@
 
 """The parsers of `lava`: help like a page of a manual, and errors in one sentence."""
 
-from __future__ import annotations
-
 import argparse
 import ast
 from difflib import get_close_matches

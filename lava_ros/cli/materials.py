@@ -17,8 +17,6 @@
 A scene file names one with lava: {material: NAME}, and a case with material: NAME.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict, fields
 import json

@@ -18,8 +18,6 @@ The command passes --ros-args and everything after it to ROS, for example: lava 
 -p scene:=scene.yaml -p time_scale:=60.0. The program lava_node does the same.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 

@@ -14,8 +14,6 @@
 
 """What commands print and write: progress, nothing that a terminal obeys, nothing over inputs."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -161,7 +159,7 @@ class Progress:
             )
             self._task = self._bar.add_task('compiling', total=1.0)
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> 'Progress':
         """Show the bar."""
         if self._bar is not None:
             self._bar.start()

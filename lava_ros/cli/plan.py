@@ -20,8 +20,6 @@ and the expected errors: the numerical error as a share of the covered area, and
 of a probability.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 

@@ -18,8 +18,6 @@ The maps lie over shaded relief, with coordinates, scale, north arrow, legend, a
 simulation. Several runs are drawn side by side, with the same colours and the same extent.
 """
 
-from __future__ import annotations
-
 import argparse
 
 from lava_ros.cli.options import add_options, seconds_of

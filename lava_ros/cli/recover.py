@@ -18,8 +18,6 @@ The command leaves out the damaged parts of the bag and prints where they are. T
 complete.
 """
 
-from __future__ import annotations
-
 import argparse
 
 from lava_ros.bag.reader import BagReader

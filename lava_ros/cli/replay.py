@@ -20,8 +20,6 @@ and resumes, left and right jump 5 s back and ahead (in bag time, times the rate
 double and halve the speed, q quits.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager, ExitStack

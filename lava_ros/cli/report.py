@@ -19,8 +19,6 @@ of volume, area, front and temperature, the effects, the contents of the recordi
 accuracy cost. Of an ensemble, or of several runs, it has the maps of lava plot.
 """
 
-from __future__ import annotations
-
 import argparse
 
 from lava_ros.cli.output import in_terminal

@@ -14,8 +14,6 @@
 
 """Helpers of commands that use ROS 2: whether it is installed, a domain, and a node as a child."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec

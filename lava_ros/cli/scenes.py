@@ -14,8 +14,6 @@
 
 """The scene that a command's arguments name, and the one there is without them."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from dataclasses import replace

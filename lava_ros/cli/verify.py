@@ -18,8 +18,6 @@ The command runs flows whose exact solution is known. It prints the quantity of 
 closest to its bound. The exit status is 1 if a quantity is outside its bound.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict

@@ -19,8 +19,6 @@ maps received so far. Of a bag, even of one that is being recorded, the slider c
 page needs no internet. ROS_DOMAIN_ID selects the ROS graph.
 """
 
-from __future__ import annotations
-
 import argparse
 import signal
 import sys

@@ -33,8 +33,6 @@ stopped; from there to the horizon differences grow as those of the coarser runs
 not tell p and q: values of a grid are weighed by their likelihood and by how usual they are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
@@ -159,7 +157,7 @@ def _line(sizes: np.ndarray, times: np.ndarray, weights: np.ndarray) -> tuple[fl
     return float(constant), float(slope)
 
 
-def error_law(pilots: Sequence[Pilot]) -> ErrorLaw:
+def error_law(pilots: Sequence[Pilot]) -> 'ErrorLaw':
     """Fit the law of errors to the finest pilots, at least two of which reached the horizon."""
     done = _apart([pilot for pilot in pilots if pilot.is_done])[-4:]
     begun = [pilot for pilot in pilots if not pilot.is_done and len(pilot.covered)]

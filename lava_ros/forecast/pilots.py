@@ -14,8 +14,6 @@
 
 """Runs of a scene that are timed and looked at on their way."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 import time as wall_clock
