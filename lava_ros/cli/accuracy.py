@@ -62,18 +62,18 @@ def run(args: argparse.Namespace) -> int:
     """Measure and write the report."""
     repetitions, longest = (1, measure.QUICK_LONGEST) if args.quick else (3, measure.LONGEST)
     if args.repetitions is not None:
-        most = 1000
-        repetitions = validation.whole('--repetitions', args.repetitions, at_least=1, at_most=most)
+        repetitions = args.repetitions
+    repetitions = validation.whole('--repetitions', repetitions, at_least=1, at_most=1000)
     if args.longest is not None:
         longest = seconds_of('--longest', args.longest)
+    order = [*CASES, LATERAL]
     for name in args.case or ():
-        validation.choice('--case', name, (*CASES, LATERAL))
+        validation.choice('--case', name, order)
     pairs = [
         (case, item)
         for case, item in settings.all_pairs(quick=args.quick)
         if not args.case or case.name in args.case
     ]
-    order = [*CASES, LATERAL]
     titles = {case.name: f'{case.title[0].upper()}{case.title[1:]}' for case in CASES.values()}
     device = device_named(args.device)
     folder, stem = made_folder(args.output), measure.file_stem(device)
@@ -98,10 +98,8 @@ def run(args: argparse.Namespace) -> int:
             write_csv(rows, folder / f'{stem}.csv')
             page = markdown(rows, titles, stem=stem)
             write_output('--output', folder / f'{stem}.md', page)
-    for name, shown in (
-        (f'{stem}.png', [row for row in rows if row.case not in EFFECT_CASES]),
-        (f'{stem}_effects.png', [row for row in rows if row.case in EFFECT_CASES]),
-    ):
+    for name, is_effect in ((f'{stem}.png', False), (f'{stem}_effects.png', True)):
+        shown = [row for row in rows if (row.case in EFFECT_CASES) == is_effect]
         if shown:
             draw(shown, titles, folder / name)
     write_json(as_plain(measured), args.json)

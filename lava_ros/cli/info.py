@@ -52,26 +52,19 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _as_dict(bag: BagReader) -> dict[str, Any]:
+    def parts(item: BagReader | McapFile, *names: str) -> dict[str, Any]:
+        return {name: getattr(item, name) for name in names}
+
+    span = ('start_ns', 'end_ns', 'message_count')
     return {
         'path': str(bag.path),
         'files': [
-            {
-                'name': item.path.name,
-                'size': item.size,
-                'finished': item.finished,
-                'start_ns': item.start_ns,
-                'end_ns': item.end_ns,
-                'message_count': item.message_count,
-            }
+            {'name': item.path.name, **parts(item, 'size', 'finished', *span)}
             for item in bag.contents
         ],
-        'size': bag.size,
-        'recovered': bag.recovered,
+        **parts(bag, 'size', 'recovered', *span),
         'damage': list(bag.damage),
-        'start_ns': bag.start_ns,
-        'end_ns': bag.end_ns,
         'duration': bag.duration_ns / 1e9,
-        'message_count': bag.message_count,
         'topics': [
             {
                 'name': topic.name,
@@ -97,13 +90,14 @@ def _known(bag: BagReader) -> dict[str, Any]:
 
 def _lines(bag: BagReader) -> list[str]:
     known = _known(bag)
-    lines = [f'bag        {bag.path}']
-    lines.append(f'files      {len(bag.files)}, {_size(bag.size)}')
+    lines = [f'bag        {bag.path}', f'files      {len(bag.files)}, {_size(bag.size)}']
     if len(bag.files) > 1:
         lines += [_file_line(item, bag.start_ns or 0) for item in bag.contents]
-    state = 'cut off; everything before that is there' if bag.recovered else 'finished'
+    state = 'cut off' if bag.recovered else 'finished'
     if bag.damage:
-        state = f'{state.split(";")[0]}; damaged in {len(bag.damage)} places'
+        state += f'; damaged in {len(bag.damage)} places'
+    elif bag.recovered:
+        state += '; everything before that is there'
     lines.append(f'recording  {state}')
     if bag.start_ns is not None:
         lines.append(f'start      {_moment(bag.start_ns)}')
@@ -120,18 +114,16 @@ def _lines(bag: BagReader) -> list[str]:
         lines += ['', 'scene', *_scene_lines(known['scene'])]
     if known['effects'] is not None:
         lines += ['', 'effects', *_effect_lines(known['effects'])]
-    rest = {
-        key: value
-        for key, value in sorted(bag.custom_data.items())
+    rest = [
+        f'  {key}: {_short(item)}'
+        for key, item in sorted(bag.custom_data.items())
         if known.get(key) is None
-    }
-    if rest:
-        lines += ['', 'custom data', *(f'  {key}: {_short(item)}' for key, item in rest.items())]
-    return lines
+    ]
+    return [*lines, '', 'custom data', *rest] if rest else lines
 
 
 def _simulation(bag: BagReader) -> dict[str, Any] | None:
-    """What the node said last: simulated time [s], volumes [m3], their error, and warnings."""
+    """The last diagnostics: simulated time [s], volumes [m3], their error, and warnings."""
     moment = _last_moment(bag)
     if moment is None:
         return None
@@ -148,7 +140,7 @@ def _last_moment(bag: BagReader) -> Moment | None:
     try:
         return last_moment(bag, Decoder(bag))
     except LavaError:
-        # Decoding takes a library that the rest does without.
+        # decoding needs a library that the rest does not
         return None
 
 
