@@ -140,7 +140,6 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _command(benchmark: str, device: str, options: dict[str, Any]) -> str:
-    """The command line that reproduces the rows."""
     words = [f'lava bench {benchmark} --device {device}']
     for name, value in options.items():
         if name == 'cases':

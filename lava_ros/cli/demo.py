@@ -66,8 +66,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--max-speed', type=float, metavar='X',
-        help='run at most X times as fast as real time (default: as fast as takes '
-        f'{LEAST_WALL_TIME:g} s in all)',
+        help='run at most X times as fast as real time (default: the speed '
+        f'that takes {LEAST_WALL_TIME:g} s in all)',
     )
     add_options(parser, '--preset', '--spacing', '--device', '--domain', '--json')
 
@@ -162,7 +162,6 @@ def _flow(
 
 
 def _watch(monitor: 'Monitor', node: Child, duration: float) -> 'Observation':
-    """Show the progress until the flow has reached its end."""
     heard_at, heard = time.monotonic(), (0.0, '')
     with Progress() as progress:
         while True:

@@ -247,7 +247,6 @@ def _report(
 def _write(
     args: argparse.Namespace, plan: Plan, ensemble: Ensemble, report: dict[str, Any]
 ) -> list[str]:
-    """Write the maps, and name the files."""
     files = _write_maps(args, plan, ensemble.maps)
     if missing_package():
         print(

@@ -108,7 +108,6 @@ def run(args: argparse.Namespace) -> int:
 def _vents(
     args: argparse.Namespace, rows: tuple[VentRow, ...], ground: Terrain
 ) -> tuple[VentRow, ...]:
-    """The vents of a case, or those of the arguments in place of them."""
     given = vents_as_given(args, ground)
     if not given:
         return tuple(replace(row, discharge=args.discharge) for row in rows)
@@ -187,7 +186,6 @@ def _write(
 
 
 def _write_bag(case: Case, hindcast: Run, result: Result, bag: Path) -> list[Path]:
-    """Write the maps as a bag, where ROS 2 is installed."""
     try:
         from lava_ros.ros.offline_bags import write_snapshots
     except ImportError:

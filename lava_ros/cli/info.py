@@ -209,7 +209,6 @@ def _scene_lines(scene: Mapping[str, Any]) -> list[str]:
 
 
 def _effect_lines(entries: list[dict[str, Any]]) -> list[str]:
-    """All effects at the start, then what went on or off."""
     lines = []
     for index, entry in enumerate(entries):
         if index:

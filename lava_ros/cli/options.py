@@ -34,7 +34,7 @@ _OPTIONS: dict[str, dict[str, Any]] = {
     '--device': {'help': 'computing device: cpu, cuda:0, ... (default: the first GPU, else cpu)'},
     '--domain': {
         'type': int,
-        'help': 'ROS domain ID (default: one that nobody uses)',
+        'help': 'ROS domain ID (default: a free one)',
     },
     '--epsg': {
         'type': int,

@@ -217,7 +217,6 @@ def _place(text: str, terrain: Terrain) -> tuple[float, float]:
 
 
 def _tell(scene: Scene) -> None:
-    """Log where the vents are and what comes out of them."""
     terrain = scene.terrain
     for vent in scene.vents:
         cell = terrain.cell_at(*vent.position)
@@ -231,7 +230,6 @@ def _tell(scene: Scene) -> None:
 
 
 def _usual_vent(terrain: Terrain) -> dict[str, Any]:
-    """Discharge and radius of a vent without its own."""
     radius = min(2.0 * terrain.resolution, SUMMIT_RADIUS)
     return {'discharge': SUMMIT_DISCHARGE, 'radius': radius}
 

@@ -107,7 +107,6 @@ class DaskRunner:
 
 
 def _check_workers(client: Any, scheduler: str) -> None:
-    """Refuse a cluster whose workers would run other code than this."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
         versions = client.run(_version)

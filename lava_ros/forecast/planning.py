@@ -294,7 +294,6 @@ class _Search:
         )
 
     def _with(self, refinement: float) -> float:
-        """Time of all pilots with one more [s]."""
         return self.spent + self.cost(refinement, self.pilots[-1].effects)
 
     def _guess(self, refinement: float, effects: Effects) -> float:
@@ -323,7 +322,6 @@ class _Search:
         return pilot.is_done
 
     def _effects(self, refinement: float) -> Effects:
-        """The effects that the scene calls for at a refinement."""
         return [effects for start, effects in self.bands if start <= refinement][-1]
 
     def _candidates(self, cost: _Cost) -> list[float]:

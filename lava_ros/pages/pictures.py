@@ -120,7 +120,6 @@ def _check_together(runs: Sequence[Run]) -> None:
 
 
 def _shown(runs: Sequence[Run], layers: Sequence[str]) -> Iterator[tuple[Run, Panel]]:
-    """The maps to draw, each with its run."""
     names = list(layers) or runs[0].usual
     if not layers and len(runs) > 1:
         names = [name for name in names if all(name in run.panels for run in runs)][:1]

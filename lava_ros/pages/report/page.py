@@ -100,7 +100,6 @@ def _data(
     maps: dict[str, Any],
     charts: list[Chart],
 ) -> dict[str, Any]:
-    """What the script needs."""
     frame = seen.frame
     place = placement_of(recording.scene)
     layers = [
