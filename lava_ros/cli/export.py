@@ -59,8 +59,8 @@ def add_formats_argument(
     """Add the argument that says what maps are written as, and their shapes."""
     parser.add_argument(
         '--formats', nargs='+', choices=FORMATS, default=default, metavar='FORMAT',
-        help=f'file formats: tif (with styles for QGIS), geojson and gpkg ({shapes}), nc (all maps, '
-        "by the CF conventions); gpkg and nc need pip install 'lava_ros[gis]' (default: "
+        help=f'file formats: tif (with styles for QGIS), geojson and gpkg ({shapes}), nc (all '
+        "maps, by the CF conventions); gpkg and nc need pip install 'lava_ros[gis]' (default: "
         + (' '.join(default) if default else 'tif, and geojson in a known coordinate system')
         + ')',
     )
