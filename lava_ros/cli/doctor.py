@@ -74,7 +74,7 @@ def _findings(args: argparse.Namespace) -> Iterator[Finding]:
     try:
         yield from _check_layers(args.msg_config)
     except ImportError as error:
-        yield Finding('qos', FAIL, f'not looked at: {error}', 'install what packages names')
+        yield Finding('qos', FAIL, f'not checked: {error}', 'install the missing packages')
     yield from machine.check_gpu()
     yield from machine.check_kernel_cache()
     yield from machine.check_disk(args.bags)

@@ -80,7 +80,7 @@ class DaskRunner:
         except LavaError:
             raise
         except KilledWorker as error:
-            right = f'a worker that survives it; {DEATHS + 1} died of it (too little memory?)'
+            right = f'one that does not end its worker; {DEATHS + 1} died (too little memory?)'
             raise LavaError(f'member {index}', str(error), right) from error
         except (ImportError, OSError) as error:
             raise LavaError(

@@ -261,7 +261,7 @@ def _weighed(
 def _check_complete(done: set[int], members: Sequence[Member]) -> None:
     missing = [member.index for member in members if member.index not in done]
     if missing:
-        raise LavaError('members', missing, 'every member; the same command again runs these')
+        raise LavaError('missing members', missing, 'none; the same command runs them')
 
 
 def run_here(

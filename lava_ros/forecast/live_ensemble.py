@@ -229,7 +229,8 @@ class LiveEnsembles:
         """Give up the ensemble in progress; finished ones stay."""
         self._ordered = self._at_hand = None
         waiting, self._waiting = self._waiting, []
-        error = LavaError('observed_outline', 'not weighed', 'a scene that stays as it is')
+        right = 'a scene that does not change until the members have run'
+        error = LavaError('observed_outline', 'not used', right)
         for number, _ in waiting:
             self._refuse(number, error)
 

@@ -162,7 +162,7 @@ def afford(
     refinement, count = best.refinement, best.members
     wall_time = count * search.cost(refinement, best.effects)
     if wall_time > within:
-        right = f'about {wall_time:.2g} s: that is what the coarsest {count} take'
+        right = f'about {wall_time:.2g} s or more, the time of the coarsest {count} runs'
         raise LavaError('within', within, right)
     return Affordable(
         preset=preset_below(refinement),
@@ -247,7 +247,7 @@ class _Search:
                 break
             refinement *= step
         if len(self.pilots) < 2:
-            raise LavaError('within', self.within, 'longer: the coarsest runs take more')
+            raise LavaError('within', self.within, 'more time: the coarsest runs take longer')
         self.bands = _bands(self.scene, self.horizon)
 
     def choose(self) -> _Choice:
@@ -315,7 +315,7 @@ class _Search:
         if not pilot.is_done:
             alike = [run for run in self.runs if run.is_done and run.effects == pilot.effects]
             if not self.pilots:
-                raise LavaError('within', self.within, 'longer: the coarsest run takes more')
+                raise LavaError('within', self.within, 'more time: the coarsest run takes longer')
             pilot = completed(pilot, (alike or self.pilots)[-1])
         self.runs.append(pilot)
         self.on_pilot(pilot)

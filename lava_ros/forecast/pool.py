@@ -76,7 +76,7 @@ class Pool(Generic[Job, Result]):
                 self.close()
                 deaths = deaths + 1 if len(left) == before else 0
             if deaths > DEATHS:
-                right = f'what a process survives; {deaths} died of it (too little memory?)'
+                right = f'jobs that do not end their process; {deaths} died (too little memory?)'
                 raise LavaError('jobs', list(left.values())[: self._processes], right)
 
     def close(self) -> None:
