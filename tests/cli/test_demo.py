@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava demo` and `lava forecast-demo`."""
+"""`lava demo` and `lava forecast-demo`, and the processes that commands start."""
 
 import json
 import os
@@ -32,6 +32,7 @@ import yaml
 
 from lava_ros.cli import main as cli
 from lava_ros.cli import ros
+from lava_ros.cli.ros import Child, ChildError, SHOWN_LINES
 from lava_ros.errors import LavaError
 from ros_domain import own_domain
 
@@ -168,3 +169,114 @@ def test_what_is_seen_narrows_the_forecast(tmp_path):
     for key in ('mean_entropy_bits', 'undecided_m2', 'brier_score'):
         assert 0.0 <= after[key] < before[key], key
     assert imread(tmp_path / 'out.png').shape[2] in (3, 4)
+
+
+#: Says that it is there, and takes SIGINT for nothing.
+STUBBORN = """
+import signal, time
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+print('here', flush=True)
+time.sleep(60)
+"""
+
+ENDS_WELL = """
+import time
+try:
+    print('here', flush=True)
+    time.sleep(60)
+except KeyboardInterrupt:
+    pass
+"""
+
+FAILS = """
+import signal, sys, time
+signal.signal(signal.SIGINT, lambda *_: sys.exit(3))
+print('\\n'.join(f'line {number}' for number in range(100)), flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.fixture
+def child_of(tmp_path):
+    """Starts a child of a program's text, and waits until it has said something."""
+
+    def begin(text: str) -> Child:
+        (tmp_path / 'a_program.py').write_text(text)
+        log = tmp_path / 'a.log'
+        env = os.environ | {'PYTHONPATH': str(tmp_path)}
+        child = Child('program', 'a_program', [], log=log, env=env)
+        end = time.monotonic() + 30.0
+        while not log.read_text():
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        return child
+
+    return begin
+
+
+def test_a_child_that_follows(child_of):
+    """It ends when it is asked to; asking again does no harm."""
+    child = child_of(ENDS_WELL)
+    child.check()
+    child.stop()
+    assert child.end() == 0
+    with pytest.raises(ChildError, match=r'the program ended by itself with status 0; its log'):
+        child.check()
+
+
+def test_a_child_that_does_not_follow_is_killed(child_of):
+    """That is an error for one that had to end well."""
+    child = child_of(STUBBORN)
+    with pytest.raises(ChildError, match=r'did not end within 0.2 s; its log ends with\n    here'):
+        child.stop(0.2)
+    assert child.end(0.2) == -9
+
+
+def test_a_child_that_fails_shows_the_end_of_its_log(child_of):
+    """Its last lines, and its status."""
+    child = child_of(FAILS)
+    with pytest.raises(ChildError, match='ended with status 3') as caught:
+        child.stop()
+    lines = str(caught.value).splitlines()
+    assert lines[-1] == '    line 99'
+    assert len(lines) == 1 + SHOWN_LINES
+
+
+#: A command with a child, which says whether it was ended.
+COMMAND = """
+import os
+from pathlib import Path
+import signal
+import sys
+import time
+from lava_ros.cli.ros import Child
+# whoever runs the tests may ignore it, as nohup does
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+child = Child('program', 'a_program', [], log=Path('a.log'), env=os.environ)
+try:
+    while not Path('a.log').read_text():
+        time.sleep(0.01)
+    os.kill(os.getpid(), getattr(signal, sys.argv[1]))
+    time.sleep(60.0)
+finally:
+    print('child', child.end(), flush=True)
+"""
+
+
+@pytest.mark.parametrize('name', ['SIGTERM', 'SIGHUP'])
+def test_children_end_with_their_command(tmp_path, name):
+    """One that is told to end, or loses its terminal, ends its children first."""
+    (tmp_path / 'a_program.py').write_text(ENDS_WELL)
+    (tmp_path / 'command.py').write_text(COMMAND)
+    env = os.environ | {'PYTHONPATH': f'{ROOT}{os.pathsep}{tmp_path}'}
+    ended = subprocess.run(
+        [sys.executable, 'command.py', name],
+        cwd=tmp_path,
+        env=env,
+        stdout=subprocess.PIPE,
+        text=True,
+        timeout=50.0,
+        check=False,
+    )
+    assert ended.stdout == 'child 0\n'
+    assert ended.returncode == 128 + getattr(signal, name)
