@@ -14,8 +14,9 @@
 
 """Print a script with which the shell completes commands and options.
 
-bash: add eval "$(lava completion bash)" to ~/.bashrc. zsh: run lava completion zsh >
-DIRECTORY/_lava, where fpath contains DIRECTORY.
+Write the script to a file that the shell reads when it needs it. bash: lava completion bash >
+~/.local/share/bash-completion/completions/lava. zsh: lava completion zsh > DIRECTORY/_lava, where
+fpath contains DIRECTORY.
 """
 
 import argparse
