@@ -42,7 +42,7 @@ from lava_ros.cli.scenes import add_scene_arguments, scene_as_given
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import Outline
-from lava_ros.forecast.cluster import DaskRunner
+from lava_ros.forecast.cluster import run_on_cluster
 from lava_ros.forecast.ensemble import (
     default_workers,
     Ensemble,
@@ -198,8 +198,9 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
         if args.scheduler is not None:
             raise LavaError('--workers', workers, 'no --workers together with --scheduler')
     if args.scheduler is not None:
-        runner = DaskRunner(args.scheduler, device=args.device)
-        return runner, {'scheduler': args.scheduler, 'device': args.device}
+        require('distributed', '--scheduler', args.scheduler)
+        where = {'scheduler': args.scheduler, 'device': args.device}
+        return partial(run_on_cluster, **where), where
     if workers is None:
         # a GPU that is named has one process
         workers = 1 if args.device not in (None, 'cpu') else default_workers()
