@@ -12,25 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Measure what accuracy costs in time.
+"""Measure error against computing time.
 
-Run every case with an exact solution at many settings and at the presets; write the errors and
-times as CSV, as Markdown tables and as a chart.
+The command runs every case with an exact solution at many settings and at the presets. It writes
+the errors and times as CSV, as Markdown tables and as a chart.
 """
-
-from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.options import add_options, device_named, seconds_of
 from lava_ros.cli.output import made_folder, Progress, table_lines, write_json
 from lava_ros.files import write_output
-
-if TYPE_CHECKING:
-    from lava_ros.verification.rows import Row
+from lava_ros.maps.numbers import percent, seconds
+from lava_ros.verification import measure, settings
+from lava_ros.verification.cases import CASES, EFFECT_CASES
+from lava_ros.verification.cases.sheets import LATERAL
+from lava_ros.verification.chart import draw
+from lava_ros.verification.report import markdown
+from lava_ros.verification.rows import as_plain, points, presets_of, read_csv, Row, write_csv
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -40,10 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--case', action='append', metavar='NAME',
-        help="only this case, or 'lateral'; may be given several times (default: all)",
+        help='case to run, or lateral; may be repeated (default: all)',
     )
     parser.add_argument(
-        '--repetitions', type=int, metavar='N', help='time a short run N times (default: 3)'
+        '--repetitions', type=int, metavar='N', help='time each short run N times (default: 3)'
     )
     parser.add_argument(
         '--longest', metavar='TIME',
@@ -51,34 +52,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--output', default='accuracy', metavar='DIR',
-        help="folder for the report, named after the device (default: 'accuracy')",
+        help='folder for the report, whose files are named after the device '
+        '(default: %(default)s)',
     )
     add_options(parser, '--device', '--json')
 
 
 def run(args: argparse.Namespace) -> int:
     """Measure and write the report."""
-    from lava_ros.verification import measure, settings
-    from lava_ros.verification.cases import CASES, EFFECT_CASES
-    from lava_ros.verification.cases.sheets import LATERAL
-    from lava_ros.verification.chart import draw
-    from lava_ros.verification.report import markdown
-    from lava_ros.verification.rows import as_plain, read_csv, write_csv
-
     repetitions, longest = (1, measure.QUICK_LONGEST) if args.quick else (3, measure.LONGEST)
     if args.repetitions is not None:
-        most = 1000
-        repetitions = validation.whole('--repetitions', args.repetitions, at_least=1, at_most=most)
+        repetitions = args.repetitions
+    repetitions = validation.whole('--repetitions', repetitions, at_least=1, at_most=1000)
     if args.longest is not None:
         longest = seconds_of('--longest', args.longest)
+    order = [*CASES, LATERAL]
     for name in args.case or ():
-        validation.choice('--case', name, (*CASES, LATERAL))
+        validation.choice('--case', name, order)
     pairs = [
         (case, item)
         for case, item in settings.all_pairs(quick=args.quick)
         if not args.case or case.name in args.case
     ]
-    order = [*CASES, LATERAL]
     titles = {case.name: f'{case.title[0].upper()}{case.title[1:]}' for case in CASES.values()}
     device = device_named(args.device)
     folder, stem = made_folder(args.output), measure.file_stem(device)
@@ -103,10 +98,8 @@ def run(args: argparse.Namespace) -> int:
             write_csv(rows, folder / f'{stem}.csv')
             page = markdown(rows, titles, stem=stem)
             write_output('--output', folder / f'{stem}.md', page)
-    for name, shown in (
-        (f'{stem}.png', [row for row in rows if row.case not in EFFECT_CASES]),
-        (f'{stem}_effects.png', [row for row in rows if row.case in EFFECT_CASES]),
-    ):
+    for name, is_effect in ((f'{stem}.png', False), (f'{stem}_effects.png', True)):
+        shown = [row for row in rows if (row.case in EFFECT_CASES) == is_effect]
         if shown:
             draw(shown, titles, folder / name)
     write_json(as_plain(measured), args.json)
@@ -129,9 +122,6 @@ def _command(args: argparse.Namespace, device: str) -> str:
 
 def _print_presets(rows: Sequence[Row], titles: dict[str, str]) -> None:
     """Print the presets' errors and costs, one line for each case."""
-    from lava_ros.maps.numbers import percent, seconds
-    from lava_ros.verification.rows import points, presets_of
-
     found = {(point.case, point.preset): point for point in points(rows) if point.preset}
     presets = presets_of(found.values())
     if not presets:

@@ -12,17 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Make a GIF or MP4 of a bag.
+"""Write an animation of a bag as GIF or MP4.
 
-Draw a layer of a bag over shaded relief as a moving picture, evenly over its simulated time. MP4
-needs ffmpeg.
+The animation shows a layer over shaded relief at a constant rate of simulated time. MP4 needs
+ffmpeg.
 """
-
-from __future__ import annotations
 
 import argparse
 
 from lava_ros.cli.options import add_options, seconds_of
+from lava_ros.cli.output import in_terminal
+from lava_ros.maps.animation import animate_bag
 
 #: As `lava_ros.maps.layers.SOURCES`, by the names of the topics people know.
 LAYERS = {'height': 'thickness', 'temperature': 'temperature', 'hazard': 'hazard'}
@@ -35,24 +35,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '-o', '--output', required=True, metavar='FILE', help='animation to write: .gif, .mp4'
     )
     parser.add_argument(
-        '--layer', choices=tuple(LAYERS), default='height', help='what to show (default: height)'
+        '--layer', choices=tuple(LAYERS), default='height', help='layer to show (default: height)'
     )
     parser.add_argument(
-        '--seconds', default='10s', metavar='TIME', help='how long it lasts (default: %(default)s)'
+        '--seconds', default='10s', metavar='TIME',
+        help='duration of the animation (default: %(default)s)',
     )
     parser.add_argument(
-        '--fps', type=float, default=12.0, metavar='N', help='pictures a second (default: 12)'
+        '--fps', type=float, default=12.0, metavar='N', help='frames per second (default: 12)'
     )
     parser.add_argument(
-        '--width', type=int, default=800, metavar='PIXELS', help='its width (default: 800)'
+        '--width', type=int, default=800, metavar='PIXELS',
+        help='width of the animation (default: %(default)s)',
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Animate the bag that the arguments name."""
-    from lava_ros.cli.output import in_terminal
-    from lava_ros.maps.animation import animate_bag
-
     with in_terminal() as progress:
         frames = animate_bag(
             args.bag,

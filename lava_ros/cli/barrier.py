@@ -12,20 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Raise a terrain along a line, into a new file.
+"""Add a barrier to a terrain, and write the result to a new file.
 
-Pile up a barrier along a line of an elevation and write the new elevation as GeoTIFF; --low-pass
-smooths the ground first.
+The command raises the elevation along a line and writes it as GeoTIFF. --low-pass smooths the
+elevation before that.
 """
-
-from __future__ import annotations
 
 import argparse
 
 from lava_ros.cli.options import add_options
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
-from lava_ros.scene.reshaping import Barrier, with_barrier
+from lava_ros.maps.gis import write_grid
+from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
+from lava_ros.scene.terrain_files import load_terrain
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,19 +39,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='easting and northing [m] of two or more places along the crest',
     )
     parser.add_argument('--height', type=float, metavar='M', help='height above the ground [m]')
-    parser.add_argument('--width', type=float, default=10.0, metavar='M', help='of its crest')
     parser.add_argument(
-        '--slope', type=float, default=1.0, metavar='S', help='of its sides (default: %(default)g)'
+        '--width', type=float, default=10.0, metavar='M',
+        help='width of the crest [m] (default: %(default)g)',
+    )
+    parser.add_argument(
+        '--slope', type=float, default=1.0, metavar='S',
+        help='slope of the sides, rise over run (default: %(default)g)',
     )
     add_options(parser, '--low-pass', '--epsg', low_pass=0.0)
 
 
 def run(args: argparse.Namespace) -> int:
     """Write the terrain."""
-    from lava_ros.maps.gis import write_grid
-    from lava_ros.scene.reshaping import low_pass
-    from lava_ros.scene.terrain_files import load_terrain
-
     if not args.line and not args.low_pass:
         raise LavaError('--line', None, 'the places of a barrier, or --low-pass')
     output = file_to_write('--output', args.output, ('.tif', '.tiff'))

@@ -12,17 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Measure what steps and effects cost.
+"""Measure computing time and memory.
 
-effects: the time of a step with each effect, and with all, over that of the bare step. steps:
-steps, memory and snapshots from few particles to many, beside a plain step. publishing: steps
-while grids are taken ten times a second, and memory on a large map. choice: twelve scenes with
-the effects they call for, and with all there are. convergence: footprints at presets from coarse
-to fine, of scenes or of mapped eruptions. members: simulations of an ensemble, from one to many at
-once.
+effects: time of a step with each effect, and with all effects, relative to a step without. steps:
+time of steps and snapshots, and memory, from few particles to many, beside a reference step.
+publishing: time of steps while maps are published ten times a second, and memory on a large map.
+choice: twelve scenes with the effects that they need, and with all effects. convergence:
+footprints at the presets from coarse to fine, of scenes or of mapped eruptions. members: members
+of an ensemble, from one to many at once.
 """
-
-from __future__ import annotations
 
 import argparse
 from importlib import import_module
@@ -35,6 +33,9 @@ from lava_ros.cli.options import add_options, device_named
 from lava_ros.cli.output import Progress, table_lines, write_json
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
+from lava_ros.hindcast.case import load_case
+from lava_ros.verification.measure import machine_name
+from lava_ros.verification.rows import as_plain, write_csv
 
 #: Heading, column and format of the statistics that are printed of repeated measurements.
 _SPREAD = (
@@ -72,28 +73,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_options(parser, '--device', '--preset', '--json')
     parser.add_argument(
         '--particles', type=int, nargs='+', metavar='N',
-        help='effects, steps, publishing, members: particles, of steps and members several '
-        '(default: by the device)',
+        help='number of particles, for effects, steps, publishing and members; steps and members '
+        'take several (default: by the device)',
     )
     parser.add_argument(
-        '--repetitions', type=int, default=5, metavar='N', help='not choice (default: 5)'
+        '--repetitions', type=int, default=5, metavar='N',
+        help='number of measurements, for all but choice and convergence (default: %(default)s)',
     )
     parser.add_argument(
         '--runs', type=int, metavar='N',
-        help='runs of a footprint (default: 24 of choice, 8 of convergence)',
+        help='number of runs of a footprint (default: 24 for choice, 8 for convergence)',
     )
     parser.add_argument(
         '--case', action='append', default=[], metavar='CASE_DIR',
-        help='convergence: a mapped eruption, as of lava hindcast, in place of the scenes',
+        help='folder of a mapped eruption, as for lava hindcast, which replaces the scenes of '
+        'convergence; may be repeated',
     )
     parser.add_argument('--output', metavar='FILE', help='write the table as CSV')
 
 
 def run(args: argparse.Namespace) -> int:
     """Run a benchmark."""
-    from lava_ros.verification.measure import machine_name
-    from lava_ros.verification.rows import as_plain, write_csv
-
     device = device_named(args.device)
     options = _options(args)
     if args.output:
@@ -128,8 +128,6 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
     if args.benchmark == 'choice':
         return {'preset': args.preset, 'runs': runs}
     if args.benchmark == 'convergence':
-        from lava_ros.hindcast.case import load_case
-
         return {'runs': runs, 'cases': [load_case(folder) for folder in args.case]}
     particles = args.particles
     for number in particles or ():
@@ -142,7 +140,6 @@ def _options(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _command(benchmark: str, device: str, options: dict[str, Any]) -> str:
-    """The command line that reproduces the rows."""
     words = [f'lava bench {benchmark} --device {device}']
     for name, value in options.items():
         if name == 'cases':

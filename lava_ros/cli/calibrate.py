@@ -12,32 +12,45 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Search for the constants that fit mapped eruptions.
+"""Search for the constants of the lava that fit mapped eruptions.
 
-Run one or more cases (docs/VALIDATION.md) with many sets of a few constants inside their published
-ranges, the same for all cases, and report the sets that are nearly as good as the best, how far
-each constant spreads in them, which ones the score does not depend on, and what constants fitted
-to the other cases score on each. The score is the mean over the cases. Started again it goes on
-with the runs it has.
+The command runs one or more cases (docs/VALIDATION.md) with many sets of values of a few constants
+inside their published ranges, the same set for all cases. The score of a set is the mean over the
+cases. The command reports the sets that score nearly as well as the best, the spread of each
+constant among them, the constants that do not affect the score, and how well constants fitted to
+the other cases score on each case. The same command continues an interrupted search.
 """
-
-from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from lava_ros import validation
 from lava_ros.cli.options import add_options
-from lava_ros.cli.output import made_folder, write_json
+from lava_ros.cli.output import made_folder, Progress, write_json
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
-
-if TYPE_CHECKING:
-    from lava_ros.hindcast.calibration import Finding, LeftOut, Trial
-    from lava_ros.hindcast.case import Case
+from lava_ros.hindcast.calibration import (
+    BATCH,
+    can_tell,
+    Evaluator,
+    Finding,
+    findings,
+    leave_one_out,
+    LeftOut,
+    near_best,
+    read_trials,
+    search,
+    Trial,
+    write_trials,
+)
+from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.replicates import MOST
+from lava_ros.hindcast.run import Settings
+from lava_ros.hindcast.unknowns import unknowns_of
+from lava_ros.simulation.defaults import device_of
 
 #: What a calibration leaves in its folder.
 TABLE, RESULT = 'runs.csv', 'calibration.json'
@@ -47,24 +60,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument('case', metavar='CASE_DIR', nargs='+', help='folder of a case')
     parser.add_argument(
-        '--runs', type=int, default=48, metavar='N', help='sets of values (default: %(default)s)'
+        '--runs', type=int, default=48, metavar='N',
+        help='number of sets of values (default: %(default)s)',
     )
     parser.add_argument(
         '--directions', type=int, default=1, metavar='N',
-        help='runs of each set, turned and mirrored (8 are all): what half of them cover is '
-        'compared, which chance moves less (default: %(default)s)',
+        help='number of runs of each set, rotated and mirrored, up to 8; the area that half of '
+        'them cover depends less on chance (default: %(default)s)',
     )
     parser.add_argument(
         '--unknown', action='append', default=[], metavar='NAME[=LOW:HIGH]',
-        help='what to search, and in which range: a constant of the lava (lava materials NAME), '
-        'vent_temperature [K] or discharge [1]; may be repeated (default: those with a published '
-        'range)',
+        help="constant to search, and its range: one of the lava ('lava materials NAME' lists "
+        'them), vent_temperature [K], or discharge, a factor; may be repeated (default: those '
+        'with a published range)',
     )
     parser.add_argument(
         '--workers', type=int, default=1, metavar='N',
-        help='runs at once, which share the GPU (default: %(default)s)',
+        help='number of simultaneous runs, which share the GPU (default: %(default)s)',
     )
-    parser.add_argument('--material', metavar='NAME', help="lava in place of the case's")
+    parser.add_argument(
+        '--material', metavar='NAME', help='lava by name; replaces the lava of the cases'
+    )
     parser.add_argument(
         '-o', '--output', metavar='DIR',
         help='folder for the table and the result (default: calibrations/<cases>_<preset>)',
@@ -77,23 +93,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the calibration."""
-    from lava_ros.cli.output import Progress
-    from lava_ros.hindcast.calibration import (
-        BATCH,
-        Evaluator,
-        findings,
-        leave_one_out,
-        near_best,
-        read_trials,
-        search,
-        write_trials,
-    )
-    from lava_ros.hindcast.case import load_case
-    from lava_ros.hindcast.replicates import MOST
-    from lava_ros.hindcast.run import Settings
-    from lava_ros.hindcast.unknowns import unknowns_of
-    from lava_ros.simulation.defaults import device_of
-
     runs = validation.whole('--runs', args.runs, at_least=4, at_most=10**6)
     workers = validation.whole('--workers', args.workers, at_least=1, at_most=64)
     directions = validation.whole('--directions', args.directions, at_least=1, at_most=MOST)
@@ -200,20 +199,17 @@ def _print(
     trials: Sequence[Trial],
     left_out: Sequence[LeftOut],
 ) -> None:
-    from lava_ros.hindcast.calibration import can_tell
-
     usual, best = trials[0].jaccard, near[0].jaccard
-    print(f'Jaccard {usual:.3f} with the usual values, {best:.3f} at best of {len(trials)} sets')
+    print(f'Jaccard {usual:.3f} with the default values, {best:.3f} with the best of '
+          f'{len(trials)} sets')
     for case in left_out:
         print(
             f'{case.case}: {near[0].mean([case.case]):.3f} with the best set, {case.jaccard:.3f} '
             f'with the set that is best for the others, {case.best:.3f} with its own best set'
         )
     print(f'{len(near)} sets are within {best - near[-1].jaccard:.3f} of the best; in them')
-    head = f'{"":17} {"usual":>9} {"best":>9} {"from":>9} {"to":>9}  of its range  correlation'
-    print(head)
-    is_enough = can_tell(trials)
-    absent = '  the fit does not depend on it' if is_enough else '  too few sets to tell'
+    print(f'{"":17} {"default":>9} {"best":>9} {"from":>9} {"to":>9}  of its range  correlation')
+    absent = '  the fit does not depend on it' if can_tell(trials) else '  too few sets to tell'
     for item in found:
         unknown = item.unknown
         numbers = (unknown.usual, item.best, item.low, item.high)

@@ -12,16 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Print a script that lets the shell complete commands and options.
+"""Print a script with which the shell completes commands and options.
 
-bash: eval "$(lava completion bash)" in ~/.bashrc. zsh: lava completion zsh > DIRECTORY/_lava,
-with DIRECTORY in fpath.
+Write the script to a file that the shell reads when it needs it. bash: lava completion bash >
+~/.local/share/bash-completion/completions/lava. zsh: lava completion zsh > DIRECTORY/_lava, where
+fpath contains DIRECTORY.
 """
-
-from __future__ import annotations
 
 import argparse
 
+from lava_ros.cli.manual import COMMANDS, parser_of, summary_of
 from lava_ros.files.optional import require
 
 #: Shells there is a script for.
@@ -35,7 +35,7 @@ _PATHS = frozenset(
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
-    parser.add_argument('shell', choices=SHELLS, help='the shell it is for')
+    parser.add_argument('shell', choices=SHELLS, help='shell that reads the script')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -43,9 +43,15 @@ def run(args: argparse.Namespace) -> int:
     require('shtab', 'lava completion')
     import shtab
 
-    for command in args.parser.commands.values():
+    parser = argparse.ArgumentParser('lava')
+    parser.add_argument('--version', action='store_true')
+    commands = parser.add_subparsers()
+    for name in COMMANDS:
+        command = commands.add_parser(
+            name, help=summary_of(name), parents=[parser_of(name)], add_help=False
+        )
         for action in command._actions:
             if action.dest in _PATHS or action.metavar in ('FILE', 'DIR', 'FOLDER'):
-                action.complete = shtab.FILE
-    print(shtab.complete(args.parser, shell=args.shell))
+                action.complete = shtab.FILE  # type: ignore[attr-defined]
+    print(shtab.complete(parser, shell=args.shell))
     return 0

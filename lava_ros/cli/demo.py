@@ -12,43 +12,44 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Let lava flow down a mountain, live in ROS 2, and record it.
+"""Simulate a lava flow on a mountain, live in ROS 2, and record it.
 
-Start the node on a scene, watch the flow over DDS, record it, draw it, and end.
+The command starts the node on a scene, receives its maps over DDS, records them in a bag, draws a
+picture of the last ones, and ends the node.
 """
 
-from __future__ import annotations
-
 import argparse
+from contextlib import closing
 import os
 from pathlib import Path
 import sys
-import tempfile
 import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.options import add_options, seconds_of
 from lava_ros.cli.output import Progress, terminal, write_json
-from lava_ros.cli.ros import Child, ChildError, domain_of, require_ros, start_node
+from lava_ros.cli.ros import Child, ChildError, domain_of, require_ros, running_node
 from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
 from lava_ros.errors import LavaError, printable
+from lava_ros.maps.plot import duration as words
+from lava_ros.pages.pictures import draw_runs
 from lava_ros.scene import Scene
 from lava_ros.simulation.budget import VolumeBudget
 
 if TYPE_CHECKING:
     from lava_ros.ros.monitor import Monitor, Observation
 
-#: Shortest the flow may take [s]: a GPU would be done before anybody saw it.
+#: Default wall time of the flow [s]: a GPU would be done before anybody saw it.
 LEAST_WALL_TIME = 25.0
 
-#: What the node takes as time_scale.
+#: Limits of the node's time_scale.
 SPEED_RANGE = (1e-3, 1e6)
 
-#: Silence of the node after which it is taken for dead [s]; a first run compiles before it speaks.
+#: Longest time without progress of the node [s]; a first run compiles kernels.
 LONGEST_SILENCE = 120.0
 
-#: What the demo leaves in the bag's folder beside the bag; the first marks it as the demo's own.
+#: Files beside the bag; the first marks the folder as that of a demo.
 RESULT, PICTURE = 'demo.json', 'demo.png'
 
 
@@ -61,11 +62,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--output', default='bags/demo', metavar='DIR',
-        help='bag to record; an earlier demo there is replaced (default: bags/demo)',
+        help='bag to record; it replaces an earlier demo there (default: %(default)s)',
     )
     parser.add_argument(
         '--max-speed', type=float, metavar='X',
-        help=f'run at most X times as fast as real time (default: {LEAST_WALL_TIME:g} s in all)',
+        help='run at most X times as fast as real time (default: the speed '
+        f'that takes {LEAST_WALL_TIME:g} s in all)',
     )
     add_options(parser, '--preset', '--spacing', '--device', '--domain', '--json')
 
@@ -77,16 +79,15 @@ def run(args: argparse.Namespace) -> int:
         0, or 1 when the node fails.
     """
     require_ros()
-    from lava_ros.pages.pictures import draw_runs
-
     duration = seconds_of('--duration', args.duration)
-    spacing = args.spacing
-    if spacing is not None:
-        spacing = validation.number('--spacing', spacing, above=0.0, unit='m')
-    speed = min(max(duration / LEAST_WALL_TIME, SPEED_RANGE[0]), SPEED_RANGE[1])
+    if args.spacing is not None:
+        validation.number('--spacing', args.spacing, above=0.0, unit='m')
+    slowest, fastest = SPEED_RANGE
+    speed = min(max(duration / LEAST_WALL_TIME, slowest), fastest)
     if args.max_speed is not None:
-        low, high = SPEED_RANGE
-        speed = validation.number('--max-speed', args.max_speed, at_least=low, at_most=high)
+        speed = validation.number(
+            '--max-speed', args.max_speed, at_least=slowest, at_most=fastest
+        )
     domain = domain_of(args.domain)
     # for this process and for the node
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
@@ -97,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
         'record': True,
         'bag_directory': str(output),
         'preset': args.preset,
-        'spacing': spacing or 0.0,
+        'spacing': args.spacing or 0.0,
         'device': args.device or '',
         'epsg': scene.terrain.epsg or 0,
         'offset_easting': scene.terrain.offset[0],
@@ -113,7 +114,7 @@ def run(args: argparse.Namespace) -> int:
         print(f'lava demo: {error}', file=sys.stderr)
         return 1
     finally:
-        # Whatever happened, what lies there now is the demo's to replace.
+        # also after a failure the next demo may replace what is there
         if output.is_dir():
             write_json({}, output / RESULT)
     result = _result(seen, speed)
@@ -146,7 +147,7 @@ def _remove_earlier_demo(output: Path) -> None:
 
 def _flow(
     scene: Scene, parameters: dict[str, Any], domain: int, duration: float
-) -> Observation:
+) -> 'Observation':
     """Run the node until the flow has ended, and return the last observation.
 
     Raises:
@@ -154,26 +155,13 @@ def _flow(
     """
     from lava_ros.ros.monitor import Monitor
 
-    print(f'ROS domain {domain}; to watch: ROS_DOMAIN_ID={domain} lava watch (or rviz2)')
-    with tempfile.TemporaryDirectory(prefix='lava-demo-') as folder:
-        node = None
-        monitor = Monitor(domain)
-        try:
-            node = start_node(scene, parameters, domain, Path(folder))
-            watched = _watch(monitor, node, duration)
-            node.stop()
-            return watched
-        finally:
-            monitor.close()
-            # After a failure or Ctrl+C the node still gets the time to finish its bag.
-            if node is not None:
-                node.end()
+    with closing(Monitor(domain)) as monitor, running_node(scene, parameters, domain) as node:
+        watched = _watch(monitor, node, duration)
+        node.stop()
+        return watched
 
 
-def _watch(monitor: Monitor, node: Child, duration: float) -> Observation:
-    """Show the progress until the flow has reached its end."""
-    from lava_ros.maps.plot import duration as words
-
+def _watch(monitor: 'Monitor', node: Child, duration: float) -> 'Observation':
     heard_at, heard = time.monotonic(), (0.0, '')
     with Progress() as progress:
         while True:
@@ -196,7 +184,7 @@ def _watch(monitor: Monitor, node: Child, duration: float) -> Observation:
                 return seen
 
 
-def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
+def _result(seen: 'Observation', max_speed: float) -> dict[str, Any]:
     values = seen.values
     speed = float(values['mean_speed'])
     budget = VolumeBudget.from_texts(values)
@@ -221,8 +209,6 @@ def _result(seen: Observation, max_speed: float) -> dict[str, Any]:
 
 def _print_table(result: dict[str, Any]) -> None:
     from rich.table import Table
-
-    from lava_ros.maps.plot import duration as words
 
     held = ' (held back to watch: --max-speed)' if result['speed_is_limited'] else ''
     table = Table(show_header=False, box=None, pad_edge=False)

@@ -12,14 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Look at Python, ROS, DDS, GPU, disk and clock, and say what to do.
+"""Check Python, ROS, DDS, GPU, disk and clock, and print what to correct.
 
-Look at what the package needs: Python, packages, ROS, the middleware by a message that goes out
-and comes back, discovery, security, delivery of the layers, GPU, kernel cache, disk and clock.
-Exit status 1 when something does not work.
+The command checks what the package needs: Python, packages, ROS, discovery, a message that goes
+out over the middleware and comes back, security, QoS of the layers, GPU, kernel cache, disk and
+clock. The exit status is 1 if something does not work.
 """
-
-from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterator
@@ -37,12 +35,12 @@ _STYLES = {OK: 'green', WARN: 'yellow', FAIL: 'bold red'}
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument(
-        '--bags', metavar='DIR', default='bags', help='where bags go (default: bags)'
+        '--bags', metavar='DIR', default='bags', help='folder for bags (default: %(default)s)'
     )
     parser.add_argument(
         '--msg-config', metavar='FILE', default='default.yaml',
-        help='layers to look at: a path, or the name of a file in msg_configs/ '
-        '(default: default.yaml)',
+        help='layers to check: a path, or the name of a file in msg_configs/ '
+        '(default: %(default)s)',
     )
     add_options(parser, '--json')
 
@@ -76,7 +74,7 @@ def _findings(args: argparse.Namespace) -> Iterator[Finding]:
     try:
         yield from _check_layers(args.msg_config)
     except ImportError as error:
-        yield Finding('qos', FAIL, f'not looked at: {error}', 'install what packages names')
+        yield Finding('qos', FAIL, f'not checked: {error}', 'install the missing packages')
     yield from machine.check_gpu()
     yield from machine.check_kernel_cache()
     yield from machine.check_disk(args.bags)

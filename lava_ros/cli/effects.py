@@ -12,13 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Say which physics a scene calls for, and why.
+"""Print which physical effects a scene needs, and why.
 
-Decide about every effect by a dimensionless number of the scene, and print the number, its
-threshold, what the effect costs and what leaving it out would cost.
+A dimensionless number of the scene decides about each effect. The command prints the number, its
+threshold, what the effect costs in time, and what leaving it out costs in accuracy.
 """
-
-from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
@@ -97,4 +95,4 @@ def _print(decisions: tuple[Decision, ...], costs: Mapping[str, float]) -> None:
         switch, name = 'on' if item.is_on else '-', item.name
         cost = f'x {costs[name]:.2f}' if name in costs else '?'
         print(f'{name:16} {switch:3} {reason:{width}}  {cost:>6}  {item.effect.admits}')
-    print(f'step: time of a step with this effect alone over the bare step ({COSTS}), ? unknown')
+    print(f'step: time of a step with this effect alone over one without ({COSTS}); ?: unknown')

@@ -12,17 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Run a scene many times, and map how likely lava comes, and when.
+"""Run a scene many times, and map the probability and the time of lava inundation.
 
-Draw what is uncertain about a scene (its section `uncertainty`) for each member, run the members
-on all cores or GPUs, and write the probability that lava comes, the times by which 10, 50 and 90 %
-of the members had lava, and the expected thickness, as GeoTIFF and as a bag. The same command
-again goes on where it was interrupted; with more members it adds to them. In place of a scene it
-takes the folder of a mapped eruption (lava hindcast): it then draws from the published ranges of
-the lava, where case.yaml has no `uncertainty`, and scores the probability against the map.
+The command draws a value of each uncertain quantity of a scene (its section `uncertainty`) for
+each member and runs the members on all cores or GPUs. It writes the probability of inundation, the
+times by which lava has reached a cell in 10, 50 and 90 % of the members, and the expected
+thickness, as GeoTIFF and as a bag. The same command continues an interrupted ensemble, and adds
+members to a finished one. SCENE may also be the folder of a mapped eruption, as for lava hindcast:
+the command then draws from the published ranges of the lava, unless case.yaml has a section
+`uncertainty`, and scores the probability against the mapped flow.
 """
-
-from __future__ import annotations
 
 import argparse
 from functools import partial
@@ -30,22 +29,38 @@ import json
 from pathlib import Path
 import sys
 import time
-from typing import Any, TYPE_CHECKING
+from typing import Any
+
+import numpy as np
 
 from lava_ros import validation
 from lava_ros.cli.export import add_formats_argument
 from lava_ros.cli.options import add_options, device_named, seconds_of
+from lava_ros.cli.output import Progress, write_json
 from lava_ros.cli.ros import missing_package
 from lava_ros.cli.scenes import add_scene_arguments, scene_as_given
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
+from lava_ros.forecast.assimilation import Outline
+from lava_ros.forecast.cluster import run_on_cluster
+from lava_ros.forecast.ensemble import (
+    default_workers,
+    Ensemble,
+    run_ensemble,
+    run_here,
+    run_in_processes,
+    Store,
+)
+from lava_ros.forecast.members import check_members, make_plan, Plan
+from lava_ros.forecast.rasters import raster_on, seen_in_file, write_atlas
+from lava_ros.forecast.sampling import draw_members, Susceptibility
+from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
+from lava_ros.hindcast.run import Settings
+from lava_ros.maps.forecast import HazardMaps
+from lava_ros.maps.gis import coordinate_system, require_formats
+from lava_ros.scene.uncertainty import uncertainty_to_dict
 from lava_ros.simulation import presets
-
-if TYPE_CHECKING:
-    from lava_ros.forecast.ensemble import Ensemble
-    from lava_ros.forecast.members import Plan
-    from lava_ros.hindcast.case import Case
-    from lava_ros.maps.forecast import HazardMaps
 
 #: How far ahead members run by default.
 HORIZON = '6h'
@@ -62,11 +77,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='folder for members and maps: new, empty, or of the same ensemble',
     )
     parser.add_argument(
-        '--members', type=int, default=64, metavar='N', help='members (default: %(default)s)'
+        '--members', type=int, default=64, metavar='N',
+        help='number of members (default: %(default)s)',
     )
     parser.add_argument(
         '--horizon', metavar='TIME',
-        help='how far ahead each runs: 6h, 90min (default: 6h; of a case its end, always)',
+        help='simulated time of each member: 6h, 90min (default: 6h); not with a mapped '
+        'eruption, which has its end',
     )
     add_options(
         parser, '--preset', '--spacing', '--seed', '--threshold', '--device', '--json',
@@ -74,40 +91,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--susceptibility', metavar='FILE',
-        help='raster of where the vent may open, in place of its position',
+        help='raster of the relative likelihood that the vent opens in a cell; replaces the '
+        'position of the vent',
     )
     parser.add_argument(
         '--observed', metavar='FILE',
-        help='where lava was seen, a raster (above 0) or areas (.geojson, .gpkg): members weigh '
-        'by how well they agree',
+        help='observed lava: a raster with values above 0, or areas (.geojson, .gpkg); the better '
+        'a member agrees with it, the more it counts',
     )
     parser.add_argument(
-        '--observed-at', metavar='TIME', help='when that was, after the start of the scene'
+        '--observed-at', metavar='TIME',
+        help='time of the observation, counted from the start of the scene',
     )
     parser.add_argument(
         '--workers', type=int, metavar='N',
-        help='processes (default: one for each GPU, else for each core)',
+        help='number of processes (default: one for each GPU, else one for each core)',
     )
     parser.add_argument(
-        '--scheduler', metavar='ADDRESS', help='a Dask scheduler to use, tcp://host:8786'
+        '--scheduler', metavar='ADDRESS',
+        help='address of a Dask scheduler that runs the members: tcp://host:8786',
     )
-    add_formats_argument(parser, 'probabilities from 10, 50 and 90 %% on, isochrones', None)
+    add_formats_argument(parser, 'areas of 10, 50 and 90 %% probability, isochrones', None)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the ensemble."""
-    from lava_ros.cli.output import Progress, write_json
-    from lava_ros.forecast.assimilation import Outline
-    from lava_ros.forecast.ensemble import run_ensemble
-    from lava_ros.forecast.members import check_members
-    from lava_ros.forecast.rasters import raster_on, seen_in_file
-    from lava_ros.forecast.sampling import draw_members, Susceptibility
-    from lava_ros.forecast.store import Store
-    from lava_ros.maps.gis import coordinate_system, require_formats
-    from lava_ros.scene.uncertainty import uncertainty_to_dict
-
     if (args.observed is None) != (args.observed_at is None):
-        raise LavaError('--observed-at', args.observed_at, 'a time beside --observed, not without')
+        right = 'a time together with --observed, and neither without the other'
+        raise LavaError('--observed-at', args.observed_at, right)
     require('rasterio', 'GeoTIFF', str(args.output))
     plan, case = _planned(args)
     scene = plan.scene
@@ -144,7 +155,7 @@ def run(args: argparse.Namespace) -> int:
                 on_maps=lambda maps: _write_maps(args, plan, maps),
             )
     except KeyboardInterrupt:
-        print('lava ensemble: interrupted; the same command goes on from here', file=sys.stderr)
+        print('lava ensemble: interrupted; the same command continues', file=sys.stderr)
         raise
     wall = time.monotonic() - started
     report = _report(args, plan, ensemble, wall, where)
@@ -152,8 +163,6 @@ def run(args: argparse.Namespace) -> int:
         lengths = [member.eruption[0] for member in members if member.eruption]
         report['eruptions_cut_off'] = sum(length > plan.horizon for length in lengths)
     if case is not None:
-        from lava_ros.hindcast.chances import chances_of, mapped_on
-
         report |= {'case': case.name, 'uncertainty': uncertainty_to_dict(scene.uncertainty)}
         report['score'] = chances_of(ensemble.maps.probability, mapped_on(case, plan))
     report['files'] = _write(args, plan, ensemble, report)
@@ -164,8 +173,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
     """What the members have in common; of a folder the case that it holds."""
-    from lava_ros.forecast.members import make_plan
-
     if args.scene is None or not Path(args.scene).is_dir():
         return make_plan(
             scene_as_given(args),
@@ -173,14 +180,11 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
             accuracy=presets.preset_accuracy(args.preset, spacing=args.spacing),
             threshold=args.threshold,
         ), None
-    from lava_ros.hindcast.case import load_case
-    from lava_ros.hindcast.chances import plan_of
-    from lava_ros.hindcast.run import Settings
-
     for name in ('terrain', 'vent', 'vents', 'discharge', 'horizon', 'fill_holes'):
         if getattr(args, name) not in (None, False):
-            right = f'absent beside {args.scene}, a case, which says it'
-            raise LavaError(f'--{name.replace("_", "-")}', getattr(args, name), right)
+            option = f'--{name.replace("_", "-")}'
+            right = f'no {option} for {args.scene}, a mapped eruption'
+            raise LavaError(option, getattr(args, name), right)
     case = load_case(args.scene, material=args.material)
     settings = Settings(args.preset, args.spacing, args.device)
     return plan_of(case, settings, threshold=args.threshold), case
@@ -188,19 +192,17 @@ def _planned(args: argparse.Namespace) -> tuple[Plan, Case | None]:
 
 def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
     """What runs the members, and how to say so."""
-    from lava_ros.forecast.cluster import DaskRunner
-    from lava_ros.forecast.ensemble import default_workers, run_here, run_in_processes
-
     workers = args.workers
     if workers is not None:
         workers = validation.whole('--workers', workers, at_least=1, at_most=1024)
         if args.scheduler is not None:
-            raise LavaError('--workers', workers, 'absent beside --scheduler, which has its own')
+            raise LavaError('--workers', workers, 'no --workers together with --scheduler')
     if args.scheduler is not None:
-        runner = DaskRunner(args.scheduler, device=args.device)
-        return runner, {'scheduler': args.scheduler, 'device': args.device}
+        require('distributed', '--scheduler', args.scheduler)
+        where = {'scheduler': args.scheduler, 'device': args.device}
+        return partial(run_on_cluster, **where), where
     if workers is None:
-        # one that is named is shared by nobody
+        # a GPU that is named has one process
         workers = 1 if args.device not in (None, 'cpu') else default_workers()
     where = {'workers': workers, 'device': device_named(args.device)}
     if workers == 1:
@@ -211,8 +213,6 @@ def _runner(args: argparse.Namespace) -> tuple[Any, dict[str, Any]]:
 def _report(
     args: argparse.Namespace, plan: Plan, ensemble: Ensemble, wall: float, where: dict[str, Any]
 ) -> dict[str, Any]:
-    import numpy as np
-
     maps, area = ensemble.maps, plan.scene.terrain.resolution**2
     ran = maps.members - ensemble.resumed
     likely = np.nan_to_num(maps.probability)
@@ -248,11 +248,10 @@ def _report(
 def _write(
     args: argparse.Namespace, plan: Plan, ensemble: Ensemble, report: dict[str, Any]
 ) -> list[str]:
-    """Write the maps, and name the files."""
     files = _write_maps(args, plan, ensemble.maps)
     if missing_package():
         print(
-            "lava ensemble: no bag without ROS 2; pip install 'lava_ros[ros]' brings it",
+            "lava ensemble: wrote no bag, which needs ROS 2: pip install 'lava_ros[ros]'",
             file=sys.stderr,
         )
         return files
@@ -270,8 +269,6 @@ def _write(
 
 
 def _write_maps(args: argparse.Namespace, plan: Plan, maps: HazardMaps) -> list[str]:
-    from lava_ros.forecast.atlas import write_atlas
-
     name = Path(args.scene or args.terrain or 'demo').name
     tags = {'scene': name, 'seed': str(args.seed), 'preset': args.preset}
     folder = Path(args.output)
@@ -281,27 +278,24 @@ def _write_maps(args: argparse.Namespace, plan: Plan, maps: HazardMaps) -> list[
 def _print(report: dict[str, Any]) -> None:
     ran = report['members'] - report['resumed']
     pace = f', {report["members_per_s"]:.3g} a second' if ran else ''
-    print(f'{ran} members run in {report["wall_s"]:.0f} s{pace}, {report["resumed"]} there before')
-    print(
-        f'probability from {report["members"]} members'
-        + (
-            f' that count like {report["effective_members"]:.1f}; they agree in '
-            f'{100 * report["observed"]["jaccard_mean"]:.0f} % on average with what was seen'
-            if 'observed' in report
-            else ''
-        )
-        + f': within {report["sampling_error_percent"]:.2g} percentage points at even odds'
-    )
-    print(f'arrival times within {report["arrival_error_s"]:g} s')
-    if report['members_beyond']:
+    print(f'{ran} members run in {report["wall_s"]:.0f} s{pace}, {report["resumed"]} from before')
+    if 'observed' in report:
+        mean = 100 * report['observed']['jaccard_mean']
         print(
-            f'lava of {report["members_beyond"]} members left the map: what it covers there is '
-            'not known'
+            f'the members agree with the observed lava by {mean:.0f} % on average, and count like '
+            f'{report["effective_members"]:.1f} of equal weight'
         )
+    print(
+        f'standard error of a probability of 50 %: {report["sampling_error_percent"]:.2g} '
+        f'percentage points, from {report["members"]} members'
+    )
+    print(f'error of the arrival times: up to {report["arrival_error_s"]:g} s')
+    if report['members_beyond']:
+        print(f'lava of {report["members_beyond"]} members left the map: no map shows that part')
     if report.get('eruptions_cut_off'):
         print(
-            f'{report["eruptions_cut_off"]} of the eruptions last longer than the horizon: what '
-            'comes later is on no map'
+            f'{report["eruptions_cut_off"]} of the eruptions last longer than the horizon: no map '
+            'shows what comes later'
         )
     for name, area in report['area_m2'].items():
         print(f'{name:>13}: {1e-6 * area:8.3f} km2')
@@ -311,6 +305,6 @@ def _print(report: dict[str, Any]) -> None:
             f'against the map: Brier score {score["brier_score"]:.3f}, skill '
             f'{score["brier_skill"]:.2f} over the {score["cells"]} cells with lava in a member or '
             f'on the map ({score["brier_skill_of_terrain"]:.2f} over the terrain)'
-            + ('' if gap is None else f'; largest gap of reliability {100.0 * gap:.0f} points')
+            + ('' if gap is None else f'; largest error of reliability {100.0 * gap:.0f} points')
         )
     print('\n'.join(f'written to {path}' for path in report['files']))

@@ -14,23 +14,17 @@
 
 """Write the maps of a bag as GeoTIFF.
 
-They are height [m], temperature [Celsius], hazard [0 to 100], arrival (seconds until lava came),
-peak height [m]: north up, in the coordinate system of the terrain. A bag whose terrain has none
-gives files without, in the map frame, unless --epsg and --offset say where it is.
+The maps are height [m], temperature [Celsius], hazard [0 to 100], time of arrival [s] and peak
+height [m], north up, in the coordinate system of the terrain. If the terrain of the bag has none,
+--epsg and --offset give it; without them the files are in the map frame.
 """
-
-from __future__ import annotations
 
 import argparse
 import sys
 
 from lava_ros.cli.options import add_options, seconds_of
-
-#: As `lava_ros.maps.export.MAPS`, which takes a while to import.
-MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
-
-#: As `lava_ros.maps.export.FORMATS`.
-FORMATS = ('tif', 'geojson', 'gpkg', 'nc')
+from lava_ros.cli.output import in_terminal
+from lava_ros.maps.export import export_bag, FORMATS, MAPS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -41,21 +35,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--at', metavar='TIME',
-        help='simulated time of the maps: 2h, 90min; arrival and peak are up to then (default: '
-        'the last there is)',
+        help='simulated time of the maps: 2h, 90min; arrival and peak height cover the time up to '
+        'it (default: the last)',
     )
     parser.add_argument(
         '--every', action='store_true',
-        help='height, temperature and hazard of every frame, numbered, with its time',
+        help='write height, temperature and hazard of every frame, in numbered files',
     )
     parser.add_argument(
         '--maps', nargs='+', choices=MAPS, default=MAPS, metavar='MAP',
-        help=f'which of {", ".join(MAPS)} (default: all)',
+        help=f'maps to write: {", ".join(MAPS)} (default: all)',
     )
     add_formats_argument(parser, 'outline, isochrones', ('tif',))
     parser.add_argument(
         '--offset', nargs=2, type=float, metavar=('E', 'N'),
-        help="easting and northing [m] of the map frame's origin, for a bag that has none",
+        help='easting and northing [m] of the origin of the map frame, for a bag that names none',
     )
 
 
@@ -65,18 +59,15 @@ def add_formats_argument(
     """Add the argument that says what maps are written as, and their shapes."""
     parser.add_argument(
         '--formats', nargs='+', choices=FORMATS, default=default, metavar='FORMAT',
-        help=f'tif (with styles for QGIS), geojson and gpkg ({shapes}), nc (all maps, by the CF '
-        "conventions); gpkg and nc take pip install 'lava_ros[gis]' (default: "
-        + (' '.join(default) if default else 'tif, and geojson where the place is known')
+        help=f'file formats: tif (with styles for QGIS), geojson and gpkg ({shapes}), nc (all '
+        "maps, by the CF conventions); gpkg and nc need pip install 'lava_ros[gis]' (default: "
+        + (' '.join(default) if default else 'tif, and geojson in a known coordinate system')
         + ')',
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Export the bag that the arguments name."""
-    from lava_ros.cli.output import in_terminal
-    from lava_ros.maps.export import export_bag
-
     at = None if args.at is None else seconds_of('--at', args.at, may_be_zero=True)
     with in_terminal() as progress:
         exported = export_bag(
@@ -99,8 +90,8 @@ def run(args: argparse.Namespace) -> int:
     if placement.epsg is None:
         where = 'in the map frame' if placement.offset == (0.0, 0.0) else 'with its offset'
         print(
-            f'lava export: the bag names no coordinate system: the files have none and are '
-            f'{where}; --epsg and --offset say where it is',
+            f'lava export: the bag names no coordinate system, so the files have none and are '
+            f'{where}; --epsg and --offset set one',
             file=sys.stderr,
         )
     return 0

@@ -14,10 +14,8 @@
 
 """Publish terrain and vents as topics.
 
-The topics are terrain, terrain_info and vents, latched. It ends when it is interrupted.
+The command publishes the latched topics terrain, terrain_info and vents until it is interrupted.
 """
-
-from __future__ import annotations
 
 import argparse
 import signal
@@ -29,7 +27,9 @@ from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     add_scene_arguments(parser)
-    parser.add_argument('--frame', default='map', help='frame of the messages (default: map)')
+    parser.add_argument(
+        '--frame', default='map', help='frame ID of the messages (default: %(default)s)'
+    )
 
 
 def run(args: argparse.Namespace) -> int:

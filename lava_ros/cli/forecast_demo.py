@@ -12,21 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Open a vent, live in ROS 2, and see an outline narrow the forecast.
+"""Open a vent, live in ROS 2, and narrow the forecast with an observed outline.
 
-Start a node that makes forecasts and ensembles, open a vent over DDS, and say how long the first
-forecast takes. Then show the node an outline of a flow whose discharge and viscosity it does not
-know, and draw its probabilities before and after.
+The command starts a node that computes forecasts and ensembles, opens a vent over DDS, and prints
+how long the first forecast takes. It then sends the node the outline of a flow whose discharge and
+viscosity the node does not know, and draws the probabilities before and after it.
 """
-
-from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, replace
 import os
 from pathlib import Path
-import tempfile
 import time
 from typing import Any, TYPE_CHECKING
 
@@ -35,15 +33,21 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.cli.options import add_options
 from lava_ros.cli.output import write_json
-from lava_ros.cli.ros import ChildError, domain_of, require_ros, start_node
+from lava_ros.cli.ros import ChildError, domain_of, require_ros, running_node
 from lava_ros.files import file_to_write, PICTURES
+from lava_ros.files.resources import share_path
+from lava_ros.forecast.picture import draw_narrowing
+from lava_ros.forecast.scores import brier_score, entropy
+from lava_ros.maps.layer_files import load_layers
+from lava_ros.maps.layers import PROBABILITY
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.terrain_files import demo_terrain
 from lava_ros.scene.uncertainty import Displacement, Distribution, Uncertainty
+from lava_ros.simulation import Simulation
+from lava_ros.simulation.presets import preset_accuracy
 
 if TYPE_CHECKING:
     from lava_ros.ros.monitor import HeardGrid
-    from lava_ros.simulation import Simulation
 
 #: How far forecasts look [s], and simulated seconds in a second.
 HORIZON, SPEED = 3600.0, 40.0
@@ -58,20 +62,20 @@ SPACING = 20.0
 VENT = Vent((4050.0, 3300.0), 60.0, radius=40.0, name='crater')
 LAVA = Lava(viscosity=2e4)
 
-#: What it is unsure of.
+#: The uncertainty that it assumes.
 UNCERTAINTY = Uncertainty(
     discharge=Distribution('lognormal', (1.0, 1.8)),
     viscosity=Distribution('loguniform', (0.4, 2.5)),
     position=Displacement(radius=60.0),
 )
 
-#: What it does not know: there is more lava, and it is thinner.
+#: Factors of the real flow, which it does not know: more lava, of lower viscosity.
 TRUE_DISCHARGE, TRUE_VISCOSITY = 1.7, 0.6
 
-#: How long anything may take [s].
+#: Longest wait for anything [s].
 PATIENCE = 300.0
 
-#: Probabilities between which nothing is decided.
+#: Probabilities [%] between which a cell is undecided.
 UNDECIDED = (5, 95)
 
 
@@ -79,11 +83,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument(
         '--members', type=int, default=16, metavar='N',
-        help='members of the ensembles (default: %(default)s)',
+        help='number of members of an ensemble (default: %(default)s)',
     )
     parser.add_argument(
         '--picture', default='forecast.png', metavar='FILE',
-        help='probabilities before and after (default: %(default)s)',
+        help='picture to write of the probabilities before and after (default: %(default)s)',
     )
     parser.add_argument(
         '--speed', type=float, default=SPEED, metavar='X',
@@ -104,7 +108,6 @@ def run(args: argparse.Namespace) -> int:
     domain = domain_of(args.domain)
     # for this process and for the node
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    # what cannot be written had better be known before
     file_to_write('--picture', args.picture, PICTURES)
     scene = Scene(demo_terrain(), (VENT,), LAVA, uncertainty=UNCERTAINTY)
     truth = _Truth(scene, args.device)
@@ -113,11 +116,7 @@ def run(args: argparse.Namespace) -> int:
     except ChildError as error:
         print(f'lava forecast-demo: {error}')
         return 1
-    from lava_ros.forecast.picture import draw_narrowing
-
-    draw_narrowing(
-        scene, maps, seen=truth.seen, came=truth.came, output=Path(args.picture)
-    )
+    draw_narrowing(scene, maps, seen=truth.seen, came=truth.came, output=Path(args.picture))
     result['picture'] = args.picture
     write_json(result, args.json)
     _print(result)
@@ -125,7 +124,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 class _Truth:
-    """The flow that really comes, which the node is not told.
+    """The real flow, which the node does not know.
 
     Attributes:
         seen: Where its lava is at ``SEEN_AT``, bool, shape [rows, columns].
@@ -133,36 +132,25 @@ class _Truth:
     """
 
     def __init__(self, scene: Scene, device: str | None) -> None:
-        from lava_ros.simulation import Simulation
-        from lava_ros.simulation.presets import preset_accuracy
-
-        vent = replace(VENT, discharge=TRUE_DISCHARGE * float(scene.vents[0].series[0][1]))
+        vent = replace(VENT, discharge=TRUE_DISCHARGE * VENT.peak)
         lava = replace(scene.lava, viscosity=TRUE_VISCOSITY * scene.lava.viscosity)
         accuracy = preset_accuracy('draft', spacing=SPACING)
-        # the kernels of it are those of the node: it does not compile while people wait
-        self._simulation: Simulation = Simulation(
+        # it compiles the node's kernels, so that nobody waits for them later
+        self._simulation = Simulation(
             replace(scene, vents=(vent,), lava=lava), accuracy=accuracy, device=device
         )
-        self.seen = self._reached(SEEN_AT)
-        self.came = self.seen
+        layers = load_layers(share_path('msg_configs/forecast.yaml'))
+        # thickness at which lava counts as arrived, as the node has it [m]
+        self._threshold = next(item.threshold for item in layers if item.source == PROBABILITY)
+        self.came = self.seen = self._reached(SEEN_AT)
 
     def run_to(self, end: float) -> None:
-        """Let it come up to a simulated time [s]."""
+        """Simulate up to a time [s]."""
         self.came = self.seen | self._reached(end)
 
     def _reached(self, time: float) -> np.ndarray:
         self._simulation.advance(time)
-        return self._simulation.snapshot().thickness >= _threshold()
-
-
-def _threshold() -> float:
-    """Thickness from which on lava has come, as the node has it [m]."""
-    from lava_ros.files.resources import share_path
-    from lava_ros.maps.layer_files import load_layers
-    from lava_ros.maps.layers import PROBABILITY
-
-    layers = load_layers(share_path('msg_configs/forecast.yaml'))
-    return next(layer.threshold for layer in layers if layer.source == PROBABILITY)
+        return self._simulation.snapshot().thickness >= self._threshold
 
 
 @dataclass
@@ -184,32 +172,27 @@ class _Demo:
         """
         from lava_ros.ros.monitor import ForecastWatch
 
-        print(f'ROS domain {self.domain}; to watch: ROS_DOMAIN_ID={self.domain} rviz2')
-        with tempfile.TemporaryDirectory(prefix='lava-forecast-demo-') as folder:
-            self._watch = ForecastWatch(self.domain)
-            settings = {
-                'device': self.device or '',
-                'preset': 'draft',
-                'spacing': SPACING,
-                'time_scale': self.speed,
-                'forecast_horizon': HORIZON / 3600.0,
-                # a busy machine takes its time
-                'forecast_max_age': 4.0 * HORIZON,
-                'ensemble_members': self.members,
-            }
-            # it has no vent yet
-            bare = replace(self.scene, vents=())
-            self._node = start_node(bare, settings, self.domain, Path(folder))
-            try:
-                return self._hear()
-            finally:
-                self._watch.close()
-                self._node.end()
+        settings = {
+            'device': self.device or '',
+            'preset': 'draft',
+            'spacing': SPACING,
+            'time_scale': self.speed,
+            'forecast_horizon': HORIZON / 3600.0,
+            # a busy machine takes its time
+            'forecast_max_age': 4.0 * HORIZON,
+            'ensemble_members': self.members,
+        }
+        bare = replace(self.scene, vents=())
+        with (
+            closing(ForecastWatch(self.domain)) as self._watch,
+            running_node(bare, settings, self.domain) as self._node,
+        ):
+            return self._hear()
 
     def _hear(self) -> tuple[dict[str, Any], list[tuple[str, np.ndarray]]]:
         watch = self._watch
         self._wait('to hear it', lambda: watch.is_heard)
-        # the process of the forecasts is there, too, once it has said something of bare ground
+        # by then the process of the forecasts has started
         self._wait('for a first map', lambda: bool(watch.arrivals))
         opened = watch.open_vents(self.scene.vents, self.scene.terrain)
         print('a vent opens', flush=True)
@@ -273,25 +256,21 @@ class _Demo:
             if time.monotonic() > end:
                 raise ChildError(self._node.failure(f'took more than {PATIENCE:g} s {what}'))
 
-    def _heard(self, grids: list[HeardGrid], since: float) -> HeardGrid:
+    def _heard(self, grids: list['HeardGrid'], since: float) -> 'HeardGrid':
         """The first grid with lava that came since a time [s]."""
-        found: list[HeardGrid] = []
 
-        def is_there() -> bool:
-            found[:] = [item for item in grids if item.heard > since and item.cells.max() > 0]
-            return bool(found)
+        def found() -> list['HeardGrid']:
+            return [item for item in grids if item.heard > since and item.cells.max() > 0]
 
-        self._wait('for a forecast', is_there)
-        return found[0]
+        self._wait('for a forecast', lambda: bool(found()))
+        return found()[0]
 
     def _is_complete(self) -> bool:
-        watch = self._watch
-        said = watch.values('ensemble')
-        has_lava = bool(watch.probabilities) and watch.probabilities[-1].cells.max() > 0
-        is_newest = has_lava and said.get('frame_stamp_ns') == str(
-            watch.probabilities[-1].stamp_ns
-        )
-        return is_newest and said.get('members') == str(self.members)
+        if not self._watch.probabilities:
+            return False
+        said, newest = self._watch.values('ensemble'), self._watch.probabilities[-1]
+        is_shown = newest.cells.max() > 0 and said.get('frame_stamp_ns') == str(newest.stamp_ns)
+        return is_shown and said.get('members') == str(self.members)
 
     def _time(self) -> float:
         return float(self._watch.values('simulation').get('simulated_time_s', 0.0))
@@ -311,8 +290,6 @@ def _scores(
     cells: np.ndarray, before: np.ndarray, came: np.ndarray, terrain: Terrain
 ) -> dict[str, float]:
     """How undecided a map is, over the cells that had any lava before, and how right it was."""
-    from lava_ros.forecast.scores import brier_score, entropy
-
     probability = _probability(cells) / 100.0
     here = before > 0
     low, high = UNDECIDED
@@ -333,8 +310,6 @@ def _print(result: dict[str, Any]) -> None:
         ('Brier score against what came', 'brier_score', 1.0, ''),
     ):
         print(f'{name:>30}: {scale * before[key]:.3f} -> {scale * after[key]:.3f} {unit}')
-    print(
-        f'{"members":>30}: {result["members"]} that count like '
-        f'{result["members_effective"]:.1f}'
-    )
+    effective = result['members_effective']
+    print(f'{"members":>30}: {result["members"]}, effective number {effective:.1f}')
     print(f'written to {result["picture"]}')

@@ -12,36 +12,34 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Simulate a mapped eruption and compare.
+"""Simulate a mapped eruption, and compare the flow with the map.
 
-Its folder has elevation.asc, vent.csv, effusion_rate.csv, footprint.asc and maybe case.yaml
-(docs/VALIDATION.md). What the simulation covers is compared with the footprint. A run that is cut
-off goes on when it is started again.
+The folder of the case has elevation.asc, vent.csv, effusion_rate.csv, footprint.asc and, if
+needed, case.yaml (docs/VALIDATION.md). The command compares the area that the simulated lava
+covers with the footprint. The same command continues an interrupted run.
 """
-
-from __future__ import annotations
 
 import argparse
 from dataclasses import asdict, replace
 from pathlib import Path
 import shutil
 import sys
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from lava_ros import validation
 from lava_ros.cli.options import add_options, forced_effects
-from lava_ros.cli.output import made_folder, write_json
+from lava_ros.cli.output import made_folder, Progress, write_json
 from lava_ros.cli.scenes import add_vent_arguments, vents_as_given
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
-
-if TYPE_CHECKING:
-    from lava_ros.hindcast.case import Case
-    from lava_ros.hindcast.replicates import Agreement
-    from lava_ros.hindcast.run import Result, Run, Settings
-    from lava_ros.hindcast.score import Score
-    from lava_ros.hindcast.tables import VentRow
-    from lava_ros.scene import Terrain
+from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
+from lava_ros.hindcast.replicates import Agreement, agreement, MOST, run_several
+from lava_ros.hindcast.run import Result, Run, Settings, UNFINISHED
+from lava_ros.hindcast.score import covered_by, judge, Score
+from lava_ros.hindcast.tables import VentRow
+from lava_ros.maps.plot import duration
+from lava_ros.scene import Terrain
 
 #: What a hindcast leaves in its folder.
 RESULT, PICTURE, PAGE, BAG = 'hindcast.json', 'comparison.png', 'hindcast.html', 'bag'
@@ -61,23 +59,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_vent_arguments(parser, of='case')
     parser.add_argument(
         '--runs', type=int, default=1, metavar='N',
-        help='as many more runs, turned and mirrored: their scatter, and what at least half of '
-        'them cover (from 2; 8 are all directions; default: none)',
+        help='make N more runs, rotated and mirrored, and report their scatter and the area that '
+        'at least half of them cover; from 2 to 8, which are all directions (default: none)',
     )
     parser.add_argument(
-        '--maps', type=int, default=24, metavar='N', help='maps of the run (default: %(default)s)'
+        '--maps', type=int, default=24, metavar='N',
+        help='number of maps of the run (default: %(default)s)',
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the hindcast."""
-    from lava_ros.cli.output import Progress
-    from lava_ros.hindcast.case import load_case
-    from lava_ros.hindcast.replicates import MOST
-    from lava_ros.hindcast.run import Run, Settings, UNFINISHED
-    from lava_ros.hindcast.score import covered_by, judge
-    from lava_ros.maps.plot import duration
-
     # what the first run does not need had better be known before it
     runs = validation.whole('--runs', args.runs, at_least=1, at_most=MOST)
     case = load_case(
@@ -96,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
         shutil.rmtree(unfinished, ignore_errors=True)
     hindcast = Run(case, settings, folder=unfinished)
     if hindcast.is_resumed:
-        print(f'going on with the unfinished run in {output}', file=sys.stderr)
+        print(f'continuing the unfinished run in {output}', file=sys.stderr)
     with Progress() as progress:
         for share, _ in hindcast.snapshots():
             progress.show(duration(share * case.duration), share)
@@ -116,7 +108,6 @@ def run(args: argparse.Namespace) -> int:
 def _vents(
     args: argparse.Namespace, rows: tuple[VentRow, ...], ground: Terrain
 ) -> tuple[VentRow, ...]:
-    """The vents of a case, or those of the arguments in place of them."""
     given = vents_as_given(args, ground)
     if not given:
         return tuple(replace(row, discharge=args.discharge) for row in rows)
@@ -128,9 +119,6 @@ def _vents(
 
 
 def _several(case: Case, settings: Settings, runs: int, unfinished: Path) -> Agreement:
-    from lava_ros.cli.output import Progress
-    from lava_ros.hindcast.replicates import agreement, run_several
-
     with Progress() as progress:
         results = run_several(
             case,
@@ -173,8 +161,6 @@ def as_dict(case: Case, settings: Settings, result: Result, judged: Score) -> di
 
 def _prepare(output: Path) -> None:
     """Make the folder, and refuse one that holds something else."""
-    from lava_ros.hindcast.run import UNFINISHED
-
     if output.is_dir() and any(output.iterdir()):
         names = {item.name for item in output.iterdir()}
         if not {RESULT, UNFINISHED} & names:
@@ -192,8 +178,6 @@ def _write(
     several: Agreement | None,
     output: Path,
 ) -> list[Path]:
-    from lava_ros.hindcast.page import draw_comparison, write_maps, write_page
-
     files = write_maps(case, result, output, several)
     picture, page = output / PICTURE, output / PAGE
     draw_comparison(case, result.snapshot, judged, picture)
@@ -202,11 +186,10 @@ def _write(
 
 
 def _write_bag(case: Case, hindcast: Run, result: Result, bag: Path) -> list[Path]:
-    """Write the maps as a bag, where ROS 2 is installed."""
     try:
         from lava_ros.ros.offline_bags import write_snapshots
     except ImportError:
-        print('lava hindcast: no bag: ROS 2 is not installed', file=sys.stderr)
+        print('lava hindcast: wrote no bag, which needs ROS 2', file=sys.stderr)
         return []
     shutil.rmtree(bag, ignore_errors=True)
     try:
@@ -225,8 +208,6 @@ def _write_bag(case: Case, hindcast: Run, result: Result, bag: Path) -> list[Pat
 def _print(
     case: Case, result: Result, judged: Score, several: Agreement | None, files: list[Path]
 ) -> None:
-    from lava_ros.hindcast.page import facts, warnings
-
     print(case.title)
     for term, value in facts(judged, several).items():
         print(f'  {term:26} {value}')

@@ -12,28 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Say what a bag holds.
+"""Print what a bag contains.
 
-Print the scene, the topics and the state of a bag. Bags whose recording was cut off are read up to
-the last whole message.
+The command prints the scene, the topics and the state of a bag. It reads a bag whose recording was
+cut off up to the last complete message.
 """
-
-from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
 from datetime import datetime, timezone
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
+from lava_ros.bag.checkpoints import checkpoints_of
+from lava_ros.bag.decoding import Decoder, last_moment, Moment
+from lava_ros.bag.mcap_file import McapFile
+from lava_ros.bag.reader import BagReader, Topic
 from lava_ros.cli.options import add_options
 from lava_ros.cli.output import table_lines, write_json
 from lava_ros.errors import LavaError
+from lava_ros.pages.report.description import plain
 from lava_ros.simulation.budget import VolumeBudget
-
-if TYPE_CHECKING:
-    from lava_ros.bag.decoding import Moment
-    from lava_ros.bag.mcap_file import McapFile
-    from lava_ros.bag.reader import BagReader, Topic
 
 _SHOWN_CHECKPOINTS = 5
 
@@ -45,8 +43,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Describe the bag that the arguments name."""
-    from lava_ros.bag.reader import BagReader
-
     bag = BagReader(args.bag)
     if args.json is None:
         print('\n'.join(_lines(bag)))
@@ -56,28 +52,19 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _as_dict(bag: BagReader) -> dict[str, Any]:
-    from lava_ros.bag.checkpoints import checkpoints_of
+    def parts(item: BagReader | McapFile, *names: str) -> dict[str, Any]:
+        return {name: getattr(item, name) for name in names}
 
+    span = ('start_ns', 'end_ns', 'message_count')
     return {
         'path': str(bag.path),
         'files': [
-            {
-                'name': item.path.name,
-                'size': item.size,
-                'finished': item.finished,
-                'start_ns': item.start_ns,
-                'end_ns': item.end_ns,
-                'message_count': item.message_count,
-            }
+            {'name': item.path.name, **parts(item, 'size', 'finished', *span)}
             for item in bag.contents
         ],
-        'size': bag.size,
-        'recovered': bag.recovered,
+        **parts(bag, 'size', 'recovered', *span),
         'damage': list(bag.damage),
-        'start_ns': bag.start_ns,
-        'end_ns': bag.end_ns,
         'duration': bag.duration_ns / 1e9,
-        'message_count': bag.message_count,
         'topics': [
             {
                 'name': topic.name,
@@ -97,21 +84,20 @@ def _as_dict(bag: BagReader) -> dict[str, Any]:
 
 def _known(bag: BagReader) -> dict[str, Any]:
     """The parts of the description that are shown in words; None where missing or malformed."""
-    from lava_ros.pages.report.description import plain
-
     told = plain(bag.custom_data)
     return {name: told[name] for name in ('scene', 'effects', 'resumed_from')}
 
 
 def _lines(bag: BagReader) -> list[str]:
     known = _known(bag)
-    lines = [f'bag        {bag.path}']
-    lines.append(f'files      {len(bag.files)}, {_size(bag.size)}')
+    lines = [f'bag        {bag.path}', f'files      {len(bag.files)}, {_size(bag.size)}']
     if len(bag.files) > 1:
         lines += [_file_line(item, bag.start_ns or 0) for item in bag.contents]
-    state = 'cut off; everything before that is there' if bag.recovered else 'finished'
+    state = 'cut off' if bag.recovered else 'finished'
     if bag.damage:
-        state = f'{state.split(";")[0]}; damaged in {len(bag.damage)} places'
+        state += f'; damaged in {len(bag.damage)} places'
+    elif bag.recovered:
+        state += '; everything before that is there'
     lines.append(f'recording  {state}')
     if bag.start_ns is not None:
         lines.append(f'start      {_moment(bag.start_ns)}')
@@ -128,18 +114,16 @@ def _lines(bag: BagReader) -> list[str]:
         lines += ['', 'scene', *_scene_lines(known['scene'])]
     if known['effects'] is not None:
         lines += ['', 'effects', *_effect_lines(known['effects'])]
-    rest = {
-        key: value
-        for key, value in sorted(bag.custom_data.items())
+    rest = [
+        f'  {key}: {_short(item)}'
+        for key, item in sorted(bag.custom_data.items())
         if known.get(key) is None
-    }
-    if rest:
-        lines += ['', 'custom data', *(f'  {key}: {_short(item)}' for key, item in rest.items())]
-    return lines
+    ]
+    return [*lines, '', 'custom data', *rest] if rest else lines
 
 
 def _simulation(bag: BagReader) -> dict[str, Any] | None:
-    """What the node said last: simulated time [s], volumes [m3], their error, and warnings."""
+    """The last diagnostics: simulated time [s], volumes [m3], their error, and warnings."""
     moment = _last_moment(bag)
     if moment is None:
         return None
@@ -153,12 +137,10 @@ def _simulation(bag: BagReader) -> dict[str, Any] | None:
 
 
 def _last_moment(bag: BagReader) -> Moment | None:
-    from lava_ros.bag.decoding import Decoder, last_moment
-
     try:
         return last_moment(bag, Decoder(bag))
     except LavaError:
-        # Decoding takes a library that the rest does without.
+        # decoding needs a library that the rest does not
         return None
 
 
@@ -198,8 +180,6 @@ def _topic_lines(topics: list[Topic]) -> list[str]:
 
 def _checkpoint_lines(bag: BagReader) -> list[str]:
     """The newest checkpoints, each a moment that `lava node --resume` can go on from."""
-    from lava_ros.bag.checkpoints import checkpoints_of
-
     refused: list[LavaError] = []
     stored = checkpoints_of(bag.path, refused.append)
     lines = [f'  cannot be read: {item}' for item in refused]
@@ -229,7 +209,6 @@ def _scene_lines(scene: Mapping[str, Any]) -> list[str]:
 
 
 def _effect_lines(entries: list[dict[str, Any]]) -> list[str]:
-    """All effects at the start, then what went on or off."""
     lines = []
     for index, entry in enumerate(entries):
         if index:

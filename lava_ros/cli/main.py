@@ -14,19 +14,15 @@
 
 """`lava`: everything this package does, from a terminal."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from contextlib import redirect_stderr, redirect_stdout
 import errno
-from importlib import import_module
 import logging
 import os
 import re
 import sys
 
-import lava_ros
-from lava_ros.cli.manual import Manual
+from lava_ros.cli.manual import Manual, parsed
 from lava_ros.cli.output import check_outputs, Printable
 from lava_ros.errors import LavaError, printable
 
@@ -41,18 +37,6 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 _ROS_ARGS = '--ros-args'
 
-#: The modules of the commands, by heading of the manual page.
-GROUPS = tuple(
-    (heading, tuple(import_module(f'lava_ros.cli.{name}') for name in names.split()))
-    for heading, names in (
-        ('run', 'demo node feed ensemble forecast_demo'),
-        ('record', 'replay info recover'),
-        ('look', 'watch report plot animate export effects materials barrier'),
-        ('measure', 'hindcast calibrate plan accuracy verify bench'),
-        ('set up', 'doctor completion'),
-    )
-)
-
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command that the arguments name.
@@ -65,13 +49,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         input that cannot be used.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
-    parser = _parser()
     for word in arguments:
         try:
             word.encode()
         except UnicodeEncodeError:
             # bytes of a terminal: neither messages, files nor libraries take them
-            parser.error(str(LavaError('an argument', word, 'text in UTF-8')))
+            Manual().error(str(LavaError('an argument', word, 'text in UTF-8')))
     # argparse takes a place that begins with a minus for an option, unless it has a space in it
     arguments = [f' {word}' if re.match(r'-[\d.]+,', word) else word for word in arguments]
     # What follows is ROS's to read, options that argparse would take for its own included.
@@ -79,9 +62,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments[:1] == ['node'] and _ROS_ARGS in arguments:
         start = arguments.index(_ROS_ARGS)
         arguments, ros_args = arguments[:start], arguments[start:]
-    args = parser.parse_args(arguments)
+    args = parsed(arguments)
     args.ros_args = ros_args
-    args.parser = parser
     said = _Said(args.command)
     log = logging.getLogger('lava_ros')
     log.addHandler(said)
@@ -130,16 +112,6 @@ class _Said(logging.Handler):
         self._known.add(text)
         is_damage = record.name.startswith('lava_ros.bag') and record.levelno >= logging.WARNING
         self.has_warned = self.has_warned or is_damage
-
-
-def _parser() -> Manual:
-    parser = Manual(
-        prog='lava',
-        description='Lava flow simulation as a ROS 2 node, and its recordings.',
-        groups=GROUPS,
-    )
-    parser.add_argument('--version', action='version', version=f'lava_ros {lava_ros.__version__}')
-    return parser
 
 
 if __name__ == '__main__':

@@ -12,47 +12,67 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parser of `lava`: help that reads like a page of a manual, errors in one sentence."""
-
-from __future__ import annotations
+"""The parsers of `lava`: help like a page of a manual, and errors in one sentence."""
 
 import argparse
-from collections.abc import Sequence
+import ast
 from difflib import get_close_matches
+from importlib import import_module, resources
 import re
 import sys
 import textwrap
-from types import ModuleType
-from typing import Any, NoReturn
+from typing import NoReturn
 
+import lava_ros
 from lava_ros.errors import LONGEST_EXPECTED, one_line
 
-#: Column at which the summaries of commands begin.
-SUMMARY_COLUMN = 17
+#: The commands by heading of the page: each is a module, whose docstring is its help.
+GROUPS = {
+    'run': ('demo', 'node', 'feed', 'ensemble', 'forecast-demo'),
+    'record': ('replay', 'info', 'recover'),
+    'look': (
+        'watch', 'report', 'plot', 'animate', 'export', 'effects', 'materials', 'barrier',
+    ),
+    'measure': ('hindcast', 'calibrate', 'plan', 'accuracy', 'verify', 'bench'),
+    'set up': ('doctor', 'completion'),
+}
 
-#: Widest line of the page.
-WIDTH = 88
+COMMANDS = tuple(name for names in GROUPS.values() for name in names)
 
-PAGE_END = """\
+#: Column at which the summaries of commands begin, and the widest line of the page.
+SUMMARY_COLUMN, WIDTH = 19, 88
+
+PAGE_START = """\
+NAME
+    lava - simulate, record, forecast and evaluate lava flows in ROS 2
+
+SYNOPSIS
+    lava COMMAND [argument ...]
+    lava --version | --help
+
+COMMANDS
+"""
+
+PAGE_END = """
 EXAMPLES
-    lava demo                                     watch lava flow down a mountain
-    lava node --ros-args -p scene:=etna.yaml      simulate a scene, in the ROS graph
-    lava feed --terrain etna.tif                  give the node terrain and a vent
-    lava watch                                    see the running node in the browser
-    lava replay bags/demo --rate 10               see it again, ten times as fast
-    lava doctor                                   find out what is missing here
+    lava demo                                     simulate a flow on a mountain
+    lava node --ros-args -p scene:=etna.yaml      simulate a scene as a ROS node
+    lava feed --terrain etna.tif                  send terrain and a vent to the node
+    lava watch                                    show the running node in the browser
+    lava replay bags/demo --rate 10               replay a bag ten times as fast
+    lava doctor                                   check the installation
 
 ENVIRONMENT
-    ROS_DOMAIN_ID                   which ROS graph to join
+    ROS_DOMAIN_ID                   ID of the ROS graph
     ROS_AUTOMATIC_DISCOVERY_RANGE   LOCALHOST keeps the graph on this machine
-    WARP_CACHE_PATH                 where compiled kernels are kept
+    WARP_CACHE_PATH                 folder of the compiled kernels
 
 EXIT STATUS
-    0 when it went well, 1 when something failed, 2 for input that cannot be used,
+    0 if all went well, 1 if something failed, 2 if the input cannot be used,
     130 after Ctrl+C.
 
 SEE ALSO
-    'lava COMMAND --help' says more about a command.
+    'lava COMMAND --help' describes a command and its options.
 """
 
 # What argparse says, and what people say.
@@ -69,94 +89,98 @@ _CHOICES = re.compile(r"invalid choice: '(.*)' \(choose from (.*)\)", re.DOTALL)
 
 
 class Parser(argparse.ArgumentParser):
-    """Prints an error as one sentence, with what to do about it.
-
-    Attributes:
-        commands: The parsers of its commands, by name.
-    """
-
-    def __init__(self, **options: Any) -> None:
-        """Take what ``ArgumentParser`` takes."""
-        super().__init__(**options)
-        self.commands: dict[str, Parser] = {}
+    """Prints an error as one sentence, with what to do about it."""
 
     def error(self, message: str) -> NoReturn:
         """Print what is wrong and where to read more, and exit with status 2."""
         for pattern, plain in _PLAIN:
             message = re.sub(pattern, plain, message)
-        message = _CHOICES.sub(self._plain_choice, message)
+        message = _CHOICES.sub(_plain_choice, message)
         # it quotes words as they were typed, of any length
         message = one_line(message, LONGEST_EXPECTED)
         hint = f"'{self.prog} --help' lists what it takes"
         print(f'{self.prog}: {message}; {hint}', file=sys.stderr)
         sys.exit(2)
 
-    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse, and name the options that are closest to those that are unknown."""
-        words = sys.argv[1:] if args is None else args
-        if words and words[0].startswith('-') and words[0] not in self._option_string_actions:
-            # Without this the error would be that there is no command.
-            self._refuse(words[0])
-        parsed, unknown = self.parse_known_args(args, namespace)
+    def parse(self, words: list[str]) -> argparse.Namespace:
+        """Parse, and name the option that is closest to one that is unknown."""
+        parsed, unknown = self.parse_known_args(words)
         if unknown:
-            self.commands.get(parsed.command, self)._refuse(unknown[0])
+            self.refuse(unknown[0])
         return parsed
 
-    def _plain_choice(self, found: re.Match[str]) -> str:
-        word, known = found[1], re.findall(r"[^\s,']+", found[2])
-        what = 'a command' if known == list(self.commands) else 'known'
-        close = _closest(word, known) or f'; there are {", ".join(known)}'
-        return f"'{word}' is not {what}{close}"
-
-    def _refuse(self, word: str) -> NoReturn:
+    def refuse(self, word: str) -> NoReturn:
+        """Exit because of a word that is not known."""
         known = list(self._option_string_actions)
         self.error(f'{word!r} is not known here{_closest(word, known)}')
 
 
 class Manual(Parser):
-    """The parser in front of the commands."""
+    """The parser of what comes before a command."""
 
-    def __init__(
-        self, *, prog: str, description: str, groups: Sequence[tuple[str, Sequence[ModuleType]]]
-    ) -> None:
-        """Declare the commands: headings, each with the modules of its commands.
-
-        A command is named after its module, and the first line of the module's docstring
-        summarises it. The module has ``add_arguments(parser)`` and ``run(args)``. ``run`` returns
-        the exit status, and raises LavaError for arguments and files that cannot be used.
-        """
-        super().__init__(prog=prog, description=description)
-        subparsers = self.add_subparsers(
-            dest='command', metavar='COMMAND', required=True, parser_class=Parser
+    def __init__(self) -> None:
+        """Declare what comes before a command."""
+        super().__init__(prog='lava', usage='lava COMMAND [argument ...]')
+        self.add_argument(
+            '--version', action='version', version=f'lava_ros {lava_ros.__version__}'
         )
-        self._lines: list[str] = []
-        for heading, modules in groups:
-            self._lines.append(f'  {heading}')
-            for module in modules:
-                name = module.__name__.rpartition('.')[2].replace('_', '-')
-                first = (module.__doc__ or '.').splitlines()[0].rstrip('.')
-                summary = first[:1].lower() + first[1:]
-                command = subparsers.add_parser(name, description=module.__doc__, help=summary)
-                module.add_arguments(command)
-                command.set_defaults(run=module.run)
-                self.commands[name] = command
-                self._lines += textwrap.wrap(
-                    summary,
+        self.add_argument('command', metavar='COMMAND', choices=COMMANDS)
+
+    def format_help(self) -> str:
+        """The page, with a line for each command."""
+        lines = []
+        for heading, names in GROUPS.items():
+            lines.append(f'  {heading}')
+            for name in names:
+                lines += textwrap.wrap(
+                    summary_of(name),
                     WIDTH,
                     initial_indent=f'    {name} '.ljust(SUMMARY_COLUMN),
                     subsequent_indent=' ' * SUMMARY_COLUMN,
                 )
+        return PAGE_START + '\n'.join(lines) + '\n' + PAGE_END
 
-    def format_help(self) -> str:
-        """The page."""
-        lines = ['NAME', f'    {self.prog} - {self.description}', '']
-        lines += ['SYNOPSIS', f'    {self.prog} COMMAND [argument ...]']
-        lines += [f'    {self.prog} --version | --help', '', 'COMMANDS', *self._lines]
-        return '\n'.join(lines) + '\n\n' + PAGE_END
 
-    def format_usage(self) -> str:
-        """The synopsis in a line."""
-        return f'usage: {self.prog} COMMAND [argument ...]\n'
+def summary_of(name: str) -> str:
+    """What a command does: the first line of its help, read without importing the command."""
+    text = resources.files(__package__).joinpath(f'{_module(name)}.py').read_text('utf-8')
+    first = (ast.get_docstring(ast.parse(text)) or '').partition('.\n')[0]
+    return first[:1].lower() + first[1:]
+
+
+def parser_of(name: str) -> Parser:
+    """The parser of a command, which sets ``command`` and ``run``, its function.
+
+    The command's module has ``add_arguments(parser)`` and ``run(args)``. ``run`` returns the exit
+    status, and raises LavaError for arguments and files that cannot be used.
+    """
+    module = import_module(f'{__package__}.{_module(name)}')
+    parser = Parser(prog=f'lava {name}', description=module.__doc__)
+    module.add_arguments(parser)
+    parser.set_defaults(command=name, run=module.run)
+    return parser
+
+
+def parsed(words: list[str]) -> argparse.Namespace:
+    """Parse a command line; exits with status 2 where a word is wrong."""
+    if words[:1] and words[0] in COMMANDS:
+        return parser_of(words[0]).parse(words[1:])
+    manual = Manual()
+    if words[:1] and words[0].startswith('-') and words[0] not in manual._option_string_actions:
+        # without this the error would be that there is no command
+        manual.refuse(words[0])
+    return manual.parse(words)
+
+
+def _module(name: str) -> str:
+    return name.replace('-', '_')
+
+
+def _plain_choice(found: re.Match[str]) -> str:
+    word, known = found[1], re.findall(r"[^\s,']+", found[2])
+    what = 'a command' if known == list(COMMANDS) else 'known'
+    close = _closest(word, known) or f'; there are {", ".join(known)}'
+    return f"'{word}' is not {what}{close}"
 
 
 def _closest(word: str, known: list[str]) -> str:

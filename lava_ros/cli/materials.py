@@ -12,13 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""List the lavas there are by name, with sources.
+"""List the lavas that have a name, with their constants and sources.
 
-A scene file (lava: {material: NAME}) and a case (material: NAME) may name them. Each constant is
-listed with its source.
+A scene file names one with lava: {material: NAME}, and a case with material: NAME.
 """
-
-from __future__ import annotations
 
 import argparse
 from dataclasses import asdict, fields
@@ -30,7 +27,7 @@ from lava_ros.scene.materials import Constant, material_named, materials
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
-    parser.add_argument('name', nargs='?', metavar='NAME', help='only this one')
+    parser.add_argument('name', nargs='?', metavar='NAME', help='list only this lava')
     parser.add_argument('--json', action='store_true', help='print JSON')
 
 

@@ -14,11 +14,9 @@
 
 """Run the simulation as a ROS 2 node.
 
-lava_node does the same. Everything from --ros-args on goes to ROS, for example: lava node
---ros-args -p scene:=scene.yaml -p time_scale:=60.0
+The command passes --ros-args and everything after it to ROS, for example: lava node --ros-args
+-p scene:=scene.yaml -p time_scale:=60.0. The program lava_node does the same.
 """
-
-from __future__ import annotations
 
 import argparse
 import json
@@ -31,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.usage = 'lava node [--resume BAG] [--ros-args ...]'
     parser.add_argument(
         '--resume', metavar='BAG',
-        help="go on from a bag's newest checkpoint, also when the recording was cut off",
+        help='continue from the newest checkpoint of a bag, even if its recording was cut off',
     )
 
 

@@ -31,29 +31,33 @@ _FORCED: dict[str, Any] = {'action': 'append', 'default': [], 'metavar': 'EFFECT
 
 _OPTIONS: dict[str, dict[str, Any]] = {
     'bag': {'help': 'bag directory or .mcap file'},
-    '--device': {'help': 'cpu, cuda:0, ... (default: the first GPU, else the CPU)'},
+    '--device': {'help': 'computing device: cpu, cuda:0, ... (default: the first GPU, else cpu)'},
     '--domain': {
         'type': int,
-        'help': 'ROS domain to run in (default: a free one, isolated)',
+        'help': 'ROS domain ID (default: a free one)',
     },
-    '--epsg': {'type': int, 'metavar': 'CODE', 'help': 'coordinate system of a file without one'},
-    '--fresh': {'action': 'store_true', 'help': 'start anew where earlier runs could be used'},
+    '--epsg': {
+        'type': int,
+        'metavar': 'CODE',
+        'help': 'EPSG code of the coordinate system, for a file that names none',
+    },
+    '--fresh': {'action': 'store_true', 'help': 'ignore the results of earlier runs'},
     '--horizon': {
         'default': f'{HORIZON / 3600.0:g}h',
         'metavar': 'TIME',
-        'help': 'how far ahead to run: 6h, 90min (default: %(default)s)',
+        'help': 'simulated time of a run: 6h, 90min (default: %(default)s)',
     },
     '--json': {
         'metavar': 'FILE',
-        'help': 'write the result as JSON to a file, - for stdout',
+        'help': 'write the result as JSON to a file; - writes it to stdout',
     },
     '--low-pass': {
         'type': float,
         'metavar': 'M',
         'help': 'smooth the elevation with a Gaussian of this standard deviation [m]',
     },
-    '--off': {**_FORCED, 'help': 'force it off; may be repeated'},
-    '--on': {**_FORCED, 'help': 'force it on; may be repeated'},
+    '--off': {**_FORCED, 'help': 'switch this effect off; may be repeated'},
+    '--on': {**_FORCED, 'help': 'switch this effect on; may be repeated'},
     '--preset': {
         'choices': tuple(PRESETS),
         'default': DEFAULT,
@@ -63,18 +67,18 @@ _OPTIONS: dict[str, dict[str, Any]] = {
         'type': int,
         'default': 0,
         'metavar': 'N',
-        'help': 'of what is drawn at random (default: %(default)s)',
+        'help': 'seed of the random numbers (default: %(default)s)',
     },
     '--spacing': {
         'type': float,
         'metavar': 'M',
-        'help': "distance between particles [m] in place of the preset's",
+        'help': "distance between particles [m]; replaces the preset's",
     },
     '--threshold': {
         'type': float,
         'default': 0.1,
         'metavar': 'M',
-        'help': 'thickness from which on lava has arrived [m] (default: %(default)s)',
+        'help': 'thickness at which lava counts as arrived [m] (default: %(default)s)',
     },
 }
 

@@ -12,9 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What commands print and write: progress, nothing that a terminal obeys, nothing over inputs."""
-
-from __future__ import annotations
+"""What commands print and write: progress, tables, JSON, text without control characters."""
 
 import argparse
 from collections.abc import Callable, Iterator, Sequence
@@ -34,16 +32,13 @@ OUTPUTS = ('json', 'output', 'picture')
 
 
 class Printable:
-    """A text stream that shows control characters in place of passing them on.
+    """A text stream that shows control characters in place of passing them on to ``raw``.
 
-    Names and texts in bags, cases and graphs are written by anyone.
-
-    Attributes:
-        raw: The stream behind it.
+    Anyone may write the names and texts in bags, cases and graphs.
     """
 
     def __init__(self, stream: TextIO) -> None:
-        """Stand before a stream."""
+        """Write to a stream."""
         self.raw: TextIO = stream.raw if isinstance(stream, Printable) else stream
 
     def write(self, text: str) -> int:
@@ -51,7 +46,7 @@ class Printable:
         return self.raw.write(printable(text))
 
     def __getattr__(self, name: str) -> Any:
-        """Be the stream in all else."""
+        """Everything else is the stream's."""
         return getattr(self.raw, name)
 
 
@@ -79,8 +74,7 @@ def check_outputs(args: argparse.Namespace) -> None:
     for output in named.keys() & set(OUTPUTS):
         for name, value in named.items():
             if name != output and _is_same(named[output], value):
-                right = f'another file than {name}'
-                raise LavaError(f'--{output}', named[output], right)
+                raise LavaError(f'--{output}', named[output], f'another file than {name}')
 
 
 def write_json(data: Any, *names: str | Path | None) -> None:
@@ -134,7 +128,7 @@ def _is_same(one: str, other: str) -> bool:
 
 
 class Progress:
-    """A bar with the time that is left in a terminal, a line for every tenth elsewhere."""
+    """A bar with the remaining time in a terminal, a line for every tenth elsewhere."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         """Show progress on a stream, by default stdout."""
@@ -147,7 +141,6 @@ class Progress:
                 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
                 from rich.progress import Progress as Bar
             except ImportError:
-                # a bare machine: the lines do
                 return
             self._bar = Bar(
                 TextColumn('{task.description}'),
@@ -161,19 +154,19 @@ class Progress:
             )
             self._task = self._bar.add_task('compiling', total=1.0)
 
-    def __enter__(self) -> Progress:
+    def __enter__(self) -> 'Progress':
         """Show the bar."""
         if self._bar is not None:
             self._bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Take it away."""
+        """Remove the bar."""
         if self._bar is not None:
             self._bar.stop()
 
     def show(self, what: str, share: float) -> None:
-        """Show what begins, and the share of the work that is done."""
+        """Show what is done next, and the share of the work that is done."""
         if self._bar is not None:
             self._bar.update(self._task, completed=share, description=what)
             return

@@ -12,14 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Say how accurate a run, or an ensemble, can be in a time.
+"""Find the accuracy that a run, or an ensemble, can have in a given time.
 
-Run coarse pilots of a scene on this machine, and say with which spacing and preset it takes the
-time there is, how many members an ensemble can have, and how large the errors will be: that of the
-method, as a share of the covered area, and that of a probability for having that many members.
+The command makes coarse pilot runs of a scene on this machine. It prints the preset and the
+spacing with which the run takes the given time, the number of members that an ensemble can have,
+and the expected errors: the numerical error as a share of the covered area, and the sampling error
+of a probability.
 """
-
-from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
@@ -29,6 +28,8 @@ from lava_ros.cli.options import add_options, seconds_of
 from lava_ros.cli.output import write_json
 from lava_ros.cli.scenes import add_scene_arguments, scene_from_arguments
 from lava_ros.errors import LavaError
+from lava_ros.forecast.pilots import Pilot, spacing_at
+from lava_ros.forecast.planning import afford
 from lava_ros.forecast.sampling import MOST_MEMBERS
 
 
@@ -36,12 +37,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     add_scene_arguments(parser, positional=True)
     parser.add_argument(
-        '--within', required=True, metavar='TIME', help='the time there is: 30s, 10min'
+        '--within', required=True, metavar='TIME', help='wall time to use: 30s, 10min'
     )
     parser.add_argument(
         '--members', default='1', metavar='N',
-        help='members of an ensemble, one after the other, or auto: the number with the smallest '
-        'error (default: %(default)s)',
+        help='number of members of an ensemble, which run one after the other; auto takes the '
+        'number with the smallest error (default: %(default)s)',
     )
     add_options(parser, '--horizon', '--device', '--json', horizon='6h')
 
@@ -52,8 +53,6 @@ def run(args: argparse.Namespace) -> int:
     horizon = seconds_of('--horizon', args.horizon)
     members = _members(args.members)
     scene = scene_from_arguments(args)
-    from lava_ros.forecast.pilots import Pilot, spacing_at
-    from lava_ros.forecast.planning import afford
 
     def tell(pilot: Pilot) -> None:
         spacing = spacing_at(scene, pilot.refinement, horizon)
@@ -69,12 +68,13 @@ def run(args: argparse.Namespace) -> int:
     )
     print(f'preset {plan.preset}, spacing {plan.spacing:.3g} m')
     for name, is_on in plan.forced.items():
-        print(f'effect {name} {"on" if is_on else "off"}: what this spacing calls for is too dear')
+        state = 'on' if is_on else 'off'
+        print(f'effect {name} {state}: what the scene calls for takes too long at this spacing')
     print(
         f'{plan.members} run{"s" * (plan.members > 1)} in about {plan.wall_time:.2g} s of '
         f'{within:g} s' + ('; more time would not help' if plan.is_finest else '')
     )
-    print(f'error for being coarse: about {100.0 * plan.error:.2g} % of the covered area')
+    print(f'numerical error: about {100.0 * plan.error:.2g} % of the covered area')
     if plan.members > 1:
         print(f'error of a probability of 50 %: {100.0 * plan.sampling_error:.2g} %')
     write_json(asdict(plan), args.json)

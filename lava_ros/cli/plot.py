@@ -12,19 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Draw maps of a run, an ensemble, or several of them that can be printed.
+"""Draw maps of a run, an ensemble, or several of them on a page to print.
 
-Draw maps over shaded relief on a page: coordinates, scale, north, legend, and what they were
-computed from. Several runs are drawn side by side, with the same colours, at the same place.
+The maps lie over shaded relief, with coordinates, scale, north arrow, legend, and the facts of the
+simulation. Several runs are drawn side by side, with the same colours and the same extent.
 """
-
-from __future__ import annotations
 
 import argparse
 
 from lava_ros.cli.options import add_options, seconds_of
 from lava_ros.cli.output import write_json
 from lava_ros.files import file_to_write, PICTURES
+from lava_ros.pages.pictures import draw_runs, Words
 
 #: Maps there can be.
 LAYERS = (
@@ -37,19 +36,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_runs_argument(parser)
     parser.add_argument(
         '--layers', nargs='+', choices=LAYERS, default=(), metavar='MAP',
-        help=f'which of {", ".join(LAYERS)}; of an ensemble arrival is that of half its members '
-        '(default: those there are; of several runs the first)',
+        help=f'maps to draw: {", ".join(LAYERS)}; of an ensemble, arrival is that of half its '
+        'members (default: all there are; of several runs the first)',
     )
     parser.add_argument(
-        '--time', metavar='TIME', help='simulated time: 2h, 90min (default: the last there is)'
+        '--time', metavar='TIME', help='simulated time of the maps: 2h, 90min (default: the last)'
     )
     for name, text in (
-        ('title', 'what it is'),
+        ('title', 'title of the page'),
         ('volcano', 'name of the volcano'),
         ('date', 'date of the eruption or of the map'),
-        ('source', "where the elevation is from (default: the name of its file)"),
+        ('source', 'source of the elevation (default: the name of its file)'),
     ):
-        parser.add_argument(f'--{name}', metavar='TEXT', help=f'to be written: {text}')
+        parser.add_argument(f'--{name}', metavar='TEXT', help=text)
     add_overlay_arguments(parser)
     parser.add_argument(
         '-o', '--output', required=True, metavar='FILE', help='picture to write: .png, .pdf, .svg'
@@ -68,20 +67,18 @@ def add_overlay_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that name what others know."""
     parser.add_argument(
         '--overlay', action='append', default=[], metavar='FILE',
-        help='points, lines and areas to draw, stations or roads: .geojson, .gpkg, or .csv with '
-        'x,y or lon,lat and name; may be repeated',
+        help='points, lines and areas to draw, such as stations or roads: .geojson, .gpkg, or '
+        '.csv with x,y or lon,lat and name; may be repeated',
     )
     parser.add_argument(
         '--observed', metavar='FILE',
-        help='where lava was seen: areas (.geojson, .gpkg), or a raster above 0; its outline is '
-        'drawn, and for an ensemble how reliable its probabilities are',
+        help='observed lava: areas (.geojson, .gpkg), or a raster with values above 0; the page '
+        'shows its outline and, of an ensemble, how reliable the probabilities are',
     )
 
 
 def run(args: argparse.Namespace) -> int:
     """Draw the runs that the arguments name."""
-    from lava_ros.pages.pictures import draw_runs, Words
-
     file_to_write('--output', args.output, PICTURES)
     words = Words(
         layers=args.layers,

@@ -12,31 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rewrite a bag that was cut off or is damaged.
+"""Copy the readable messages of a bag that was cut off or damaged into a new bag.
 
-Copy every whole message of a bag into a new, finished bag. What is damaged is left out and said.
+The command leaves out the damaged parts of the bag and prints where they are. The new bag is
+complete.
 """
-
-from __future__ import annotations
 
 import argparse
 
+from lava_ros.bag.reader import BagReader
+from lava_ros.bag.recovery import recover
 from lava_ros.cli.options import add_options
+from lava_ros.cli.output import in_terminal
 from lava_ros.errors import LavaError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     add_options(parser, 'bag')
-    parser.add_argument('output', help='directory of the new bag; must not exist yet')
+    parser.add_argument('output', help='directory of the new bag, which must not exist')
 
 
 def run(args: argparse.Namespace) -> int:
     """Recover the bag that the arguments name."""
-    from lava_ros.bag.reader import BagReader
-    from lava_ros.bag.recovery import recover
-    from lava_ros.cli.output import in_terminal
-
     source = BagReader(args.bag)
     try:
         with in_terminal() as progress:

@@ -14,37 +14,55 @@
 
 """Publish a recorded bag into the ROS graph.
 
-Topics have the QoS they were recorded with, and /clock has the time of the bag. Bags whose
-recording was cut off are played up to the last whole message. Keys in a terminal: space holds it
-and lets it go on, left and right go back and ahead by 5 s (of bag time times the rate), up and
-down double and halve the speed, q ends it.
+Each topic has the QoS with which it was recorded, and /clock has the time of the bag. A bag whose
+recording was cut off is played up to its last complete message. Keys in a terminal: space pauses
+and resumes, left and right jump 5 s back and ahead (in bag time, times the rate), up and down
+double and halve the speed, q quits.
 """
 
-from __future__ import annotations
-
 import argparse
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import contextmanager, ExitStack
+import os
+import select
+import signal
 import sys
-from typing import TYPE_CHECKING
+import termios
+import time
+import tty
 
-from lava_ros.cli.keys import is_at_terminal, keys_of
+from lava_ros.bag.reader import BagReader
+from lava_ros.bag.replay import Step, Transport
 from lava_ros.cli.options import add_options, seconds_of
 from lava_ros.cli.output import terminal
 from lava_ros.cli.ros import require_ros
 from lava_ros.errors import printable
 
-if TYPE_CHECKING:
-    from lava_ros.bag.replay import Step, Transport
+#: Names of keys; terminals send arrows in either of two modes.
+_NAMES = {
+    b' ': 'space',
+    **{
+        lead + letter: name
+        for lead in (b'\x1b[', b'\x1bO')
+        for letter, name in ((b'A', 'up'), (b'B', 'down'), (b'C', 'right'), (b'D', 'left'))
+    },
+}
+
+#: How long the rest of an arrow may take [s].
+_REST = 0.05
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     add_options(parser, 'bag')
-    parser.add_argument('--rate', type=float, default=1.0, help='speed, 2 is twice as fast')
-    parser.add_argument('--loop', action='store_true', help='start over at the end')
+    parser.add_argument(
+        '--rate', type=float, default=1.0, metavar='X',
+        help='play X times as fast as it was recorded (default: 1)',
+    )
+    parser.add_argument('--loop', action='store_true', help='start again at the end')
     parser.add_argument(
         '--start-offset', default='0s', metavar='TIME',
-        help='skip so much: 90s, 2min; latched maps from before are still published',
+        help='time to skip at the start: 90s, 2min; latched maps of that time are still published',
     )
     parser.add_argument(
         '--clock', action=argparse.BooleanOptionalAction, default=True,
@@ -52,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--wait-for-subscribers', default='0s', metavar='TIME',
-        help='wait up to so long until every topic has a subscriber',
+        help='longest time to wait for a subscriber to each topic (default: %(default)s)',
     )
 
 
@@ -60,8 +78,6 @@ def run(args: argparse.Namespace) -> int:
     """Replay the bag that the arguments name."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from lava_ros.bag.reader import BagReader
-    from lava_ros.bag.replay import Transport
 
     offset = seconds_of('--start-offset', args.start_offset, may_be_zero=True)
     wait = seconds_of('--wait-for-subscribers', args.wait_for_subscribers, may_be_zero=True)
@@ -86,7 +102,7 @@ def run(args: argparse.Namespace) -> int:
         )
         task = progress.add_task('', total=total, state='')
         transport = None
-        if is_at_terminal():
+        if sys.stdin.isatty() and sys.stdout.isatty():
             keys = stack.enter_context(keys_of(sys.stdin.fileno()))
             transport = Transport(
                 keys.read, on_change=lambda item: progress.update(task, state=_state(item))
@@ -114,3 +130,65 @@ def run(args: argparse.Namespace) -> int:
 def _state(transport: Transport) -> str:
     speed = f'x{transport.speed:g}' if transport.speed != 1.0 else ''
     return ' '.join(filter(None, ['held' if transport.is_paused else '', speed]))
+
+
+class Keys:
+    """Reads keys from a terminal that ``keys_of`` has set up."""
+
+    def __init__(self, descriptor: int) -> None:
+        """Read from a file descriptor."""
+        self._descriptor = descriptor
+        self._bytes = b''
+
+    def read(self, timeout: float) -> str:
+        """Wait for a key, for at most a time [s].
+
+        It is ``space``, ``up``, ``down``, ``left``, ``right`` or the character; empty when there
+        was none, or one without a name.
+        """
+        if not self._bytes:
+            self._fetch(timeout)
+        if self._bytes in (b'\x1b', b'\x1b[', b'\x1bO'):
+            self._fetch(_REST)
+        is_sequence = self._bytes[:2] in (b'\x1b[', b'\x1bO')
+        length = 3 if is_sequence else 1
+        key, self._bytes = self._bytes[:length], self._bytes[length:]
+        return _NAMES.get(key, key.decode('ascii', 'ignore') if key.isalnum() else '')
+
+    def _fetch(self, timeout: float) -> None:
+        if not _is_in_foreground(self._descriptor):
+            # to read now would stop the process
+            time.sleep(timeout)
+        elif select.select([self._descriptor], [], [], timeout)[0]:
+            self._bytes += os.read(self._descriptor, 64)
+
+
+@contextmanager
+def keys_of(descriptor: int) -> Iterator[Keys]:
+    """Have a terminal give its keys at once and without echo, and restore it afterwards.
+
+    Call it from the main thread. In the background the terminal is left alone.
+    """
+    saved = termios.tcgetattr(descriptor)
+
+    def set_up(*_: object) -> None:
+        if _is_in_foreground(descriptor):
+            tty.setcbreak(descriptor, termios.TCSADRAIN)
+
+    set_up()
+    # after Ctrl+Z the shell has restored the terminal
+    previous = signal.signal(signal.SIGCONT, set_up)
+    try:
+        yield Keys(descriptor)
+    finally:
+        signal.signal(signal.SIGCONT, previous)
+        if _is_in_foreground(descriptor):
+            termios.tcsetattr(descriptor, termios.TCSADRAIN, saved)
+
+
+def _is_in_foreground(descriptor: int) -> bool:
+    try:
+        return os.tcgetpgrp(descriptor) == os.getpgrp()
+    except OSError:
+        # the terminal of another session has no jobs
+        return True

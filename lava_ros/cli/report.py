@@ -12,19 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Make a page of a run, an ensemble, or several of them that any browser opens.
+"""Write an HTML page about a run, an ensemble, or several of them.
 
-Write one HTML file that needs nothing else: the map with a time slider, curves of volume, area,
-front and temperature, the effects, what was recorded, and what the accuracy cost. An ensemble, or
-several runs: the maps of lava plot.
+The page is one file that needs no other. Of a single run it has the map with a time slider, curves
+of volume, area, front and temperature, the effects, the contents of the recording, and what the
+accuracy cost. Of an ensemble, or of several runs, it has the maps of lava plot.
 """
-
-from __future__ import annotations
 
 import argparse
 
+from lava_ros.cli.output import in_terminal
 from lava_ros.cli.plot import add_overlay_arguments, add_runs_argument
 from lava_ros.errors import LavaError
+from lava_ros.pages.pictures import Words
+from lava_ros.pages.report.page import write_report
+from lava_ros.pages.report.still import write_comparison
+from lava_ros.pages.runs import is_ensemble
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,17 +41,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Report on the bag that the arguments name."""
-    from lava_ros.cli.output import in_terminal
-    from lava_ros.pages.pictures import Words
-    from lava_ros.pages.report.page import write_report
-    from lava_ros.pages.report.still import write_comparison
-    from lava_ros.pages.runs import is_ensemble
-
     if len(args.bag) > 1 or is_ensemble(args.bag[0]):
         words = Words(overlays=args.overlay, observed=args.observed)
         size = write_comparison(args.bag, args.output, words)
     elif args.overlay or args.observed:
-        right = 'absent: the page of a single bag draws none; lava plot does'
+        right = 'neither for a single bag; lava plot draws them'
         raise LavaError('--overlay, --observed', [*args.overlay, args.observed][0], right)
     else:
         with in_terminal() as progress:

@@ -14,9 +14,8 @@
 
 """Helpers of commands that use ROS 2: whether it is installed, a domain, and a node as a child."""
 
-from __future__ import annotations
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 import json
 import os
@@ -26,6 +25,7 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 from types import FrameType
 from typing import Any
 
@@ -40,7 +40,7 @@ SHOWN_LINES = 40
 
 
 class ChildError(Exception):
-    """A process ended that should not have, or ended badly; the text holds its log."""
+    """A process ended unexpectedly or with an error; the text holds the end of its log."""
 
 
 class Child:
@@ -93,7 +93,7 @@ class Child:
             raise ChildError(self.failure(f'ended with status {status}'))
 
     def end(self, timeout: float = 10.0) -> int | None:
-        """End the process: ask first, and kill it when it does not follow in time [s].
+        """Ask the process to end, and kill it after a time [s].
 
         Returns:
             Its exit status, None when it had to be killed.
@@ -115,7 +115,7 @@ class Child:
 
 
 def _end_in_order() -> None:
-    """Let the command end its children when it is told to end, as after Ctrl+C."""
+    """Let signals end the command as Ctrl+C does, so that it ends its children."""
     for number in (signal.SIGTERM, signal.SIGHUP):
         # nohup has made the signal ignored
         if signal.getsignal(number) is signal.SIG_DFL:
@@ -165,8 +165,20 @@ def domain_of(chosen: int | None) -> int:
     raise LavaError('--domain', None, 'a ROS domain from 1 to 101: all are in use')
 
 
-def start_node(scene: Scene, settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
-    """Start a node on a scene; the scene, parameters and log are written to ``folder``."""
+@contextmanager
+def running_node(scene: Scene, settings: Mapping[str, Any], domain: int) -> Iterator[Child]:
+    """Start a node on a scene, in a domain that is printed, and end it afterwards."""
+    print(f'ROS domain {domain}; to watch: ROS_DOMAIN_ID={domain} lava watch (or rviz2)')
+    with tempfile.TemporaryDirectory(prefix='lava-node-') as folder:
+        node = _started(scene, settings, domain, Path(folder))
+        try:
+            yield node
+        finally:
+            # also after a failure or Ctrl+C the node gets the time to finish its bag
+            node.end()
+
+
+def _started(scene: Scene, settings: Mapping[str, Any], domain: int, folder: Path) -> Child:
     terrain = scene.terrain
     grid: dict[str, Any] = {'elevation': terrain.elevation, 'resolution': terrain.resolution}
     grid |= {'origin': terrain.origin, 'offset': terrain.offset, 'source': terrain.source}

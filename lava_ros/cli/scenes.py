@@ -14,8 +14,6 @@
 
 """The scene that a command's arguments name, and the one there is without them."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from dataclasses import replace
@@ -48,13 +46,10 @@ DEMO_VENTS = (
     (5300.0, 4200.0, 20.0),
 )
 
-#: Discharge of a vent that comes without [m3/s].
-SUMMIT_DISCHARGE = 50.0
+#: Default discharge [m3/s] and largest default radius [m] of a vent.
+SUMMIT_DISCHARGE, SUMMIT_RADIUS = 50.0, 20.0
 
-#: Largest radius of such a vent [m].
-SUMMIT_RADIUS = 20.0
-
-#: Side of the cells of maps over the spacing of particles, and most cells after a division.
+#: Largest side of a map's cells over the spacing of particles, and most cells after a division.
 CELL, MOST_CELLS = 3.0, 1_000_000
 
 
@@ -67,12 +62,12 @@ def add_scene_arguments(parser: argparse.ArgumentParser, *, positional: bool = F
         parser.add_argument('--scene', metavar='FILE', help=text)
     parser.add_argument(
         '--terrain', metavar='FILE',
-        help="GeoTIFF, ESRI ASCII grid or npz; with a scene in place of the scene's own "
-        '(default: Mount St. Helens, 7.8 x 7.8 km)',
+        help="elevation: GeoTIFF, ESRI ASCII grid or npz; replaces the scene's terrain "
+        '(default without a scene: Mount St. Helens, 7.8 x 7.8 km)',
     )
     parser.add_argument(
         '--fill-holes', action='store_true',
-        help='fill cells without data inside the terrain, and pits, from what is around',
+        help='fill pits and inner cells without data from the cells around them',
     )
     add_vent_arguments(parser)
 
@@ -81,34 +76,34 @@ def add_vent_arguments(parser: argparse.ArgumentParser, of: str = 'scene') -> No
     """Add the arguments that replace vents and lava of a scene, or of what else has some."""
     parser.add_argument(
         '--vent', action='append', metavar='LON,LAT',
-        help=f"where lava comes out, in place of the {of}'s vents: longitude,latitude or "
-        'easting,northing; may be repeated'
+        help='position of a vent: longitude,latitude or easting,northing; replaces the vents of '
+        f'the {of}; may be repeated'
         + (' (default without a scene: the summit)' if of == 'scene' else ''),
     )
     parser.add_argument(
         '--vents', metavar='FILE',
-        help='points and lines (fissures) where lava comes out: .geojson, .gpkg, or .csv with '
-        'x,y or lon,lat (a fissure also x_end,y_end or lon_end,lat_end); name and discharge '
-        '[m3/s] of each where the file has them',
+        help=f'file of points and lines (fissures), which replace the vents of the {of}: '
+        '.geojson, .gpkg, or .csv with x,y or lon,lat (of a fissure also x_end,y_end or '
+        'lon_end,lat_end); it may give the name and the discharge [m3/s] of each',
     )
     parser.add_argument(
-        '--discharge', type=float, metavar='Q', help='volume flux of each vent [m3/s]'
+        '--discharge', type=float, metavar='Q', help='discharge of each vent [m3/s]'
     )
     parser.add_argument(
         '--material', metavar='NAME',
-        help=f"lava in place of the {of}'s (lava materials"
-        + (f'; default: {DEFAULT_MATERIAL})' if of == 'scene' else ')'),
+        help=f"lava by name ('lava materials' lists them); replaces the lava of the {of}"
+        + (f' (default where it names none: {DEFAULT_MATERIAL})' if of == 'scene' else ''),
     )
 
 
 def vents_as_given(args: argparse.Namespace, terrain: Terrain) -> list[VentRow]:
-    """The vents that the arguments name; an empty list where they name none.
+    """The vents that the arguments name, if any.
 
     Raises:
         LavaError: An argument or a file cannot be used.
     """
     if args.vent and args.vents:
-        raise LavaError('--vent', args.vent[0], 'absent beside --vents')
+        raise LavaError('--vent', args.vent[0], 'no --vent together with --vents')
     if args.vents:
         return list(_vents_of(args.vents, args.discharge, terrain))
     return [
@@ -125,7 +120,8 @@ def _vents_of(path: str, discharge: float | None, terrain: Terrain) -> Iterator[
         own = feature.properties.get('discharge')
         if own is not None:
             if discharge is not None:
-                raise LavaError('--discharge', discharge, f'absent: {path} has its own')
+                right = f'no --discharge, since {path} has its own'
+                raise LavaError('--discharge', discharge, right)
             # a table has texts
             own = validation.number(f'{feature.where}, discharge', own, at_least=0.0, unit='m3/s')
         places = [(float(x), float(y)) for x, y in feature.rings[0]]
@@ -150,14 +146,18 @@ def _vents_of(path: str, discharge: float | None, terrain: Terrain) -> Iterator[
 
 
 def scene_from_arguments(args: argparse.Namespace) -> Scene:
-    """Make the scene that the arguments choose, on cells that are fine enough to show the flow.
+    """Make the scene that the arguments choose, with cells that are fine enough for the flow.
 
-    Cells that are wider than the flow's particles are apart are divided.
+    Cells are divided until they are no wider than ``CELL`` times the spacing of the particles.
 
     Raises:
         LavaError: A file or an argument cannot be used.
     """
-    return _with_fine_cells(scene_as_given(args))
+    scene = scene_as_given(args)
+    spacing = resolution_of(scene, preset_accuracy(DEFAULT)).spacing
+    factor = math.ceil(scene.terrain.resolution / (CELL * spacing))
+    most = math.isqrt(MOST_CELLS // scene.terrain.elevation.size)
+    return replace(scene, terrain=finer(scene.terrain, max(min(factor, most), 1)))
 
 
 def scene_as_given(args: argparse.Namespace) -> Scene:
@@ -168,11 +168,11 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     Raises:
         LavaError: A file or an argument cannot be used.
     """
-    options = {'fill_holes': args.fill_holes}
-    terrain = load_terrain(args.terrain, **options) if args.terrain else None
+    fill = args.fill_holes
+    terrain = load_terrain(args.terrain, fill_holes=fill) if args.terrain else None
     data: dict[str, Any] = {}
     if args.scene:
-        data, terrain = read_scene(args.scene, terrain=terrain, **options)
+        data, terrain = read_scene(args.scene, terrain=terrain, fill_holes=fill)
     elif terrain is None:
         terrain = demo_terrain()
         data['vents'] = [
@@ -189,7 +189,8 @@ def scene_as_given(args: argparse.Namespace) -> Scene:
     scene = scene_from_dict(data, terrain)
     if args.discharge is not None and not vents:
         if not scene.vents:
-            raise LavaError('--discharge', args.discharge, 'absent without vents, or --vent')
+            right = 'no --discharge for a scene without vents, or --vent'
+            raise LavaError('--discharge', args.discharge, right)
         changed = (replace(vent, discharge=args.discharge) for vent in scene.vents)
         scene = replace(scene, vents=tuple(changed))
     _tell(scene)
@@ -216,7 +217,6 @@ def _place(text: str, terrain: Terrain) -> tuple[float, float]:
 
 
 def _tell(scene: Scene) -> None:
-    """Log where the vents are and what comes out of them."""
     terrain = scene.terrain
     for vent in scene.vents:
         cell = terrain.cell_at(*vent.position)
@@ -229,17 +229,7 @@ def _tell(scene: Scene) -> None:
         )
 
 
-def _with_fine_cells(scene: Scene) -> Scene:
-    """Divide the terrain's cells until they are no wider than ``CELL`` particles are apart."""
-    usual = preset_accuracy(DEFAULT)
-    spacing = resolution_of(scene, usual).spacing
-    factor = math.ceil(scene.terrain.resolution / (CELL * spacing))
-    most = math.isqrt(MOST_CELLS // scene.terrain.elevation.size)
-    return replace(scene, terrain=finer(scene.terrain, max(min(factor, most), 1)))
-
-
 def _usual_vent(terrain: Terrain) -> dict[str, Any]:
-    """Discharge and radius of a vent without its own."""
     radius = min(2.0 * terrain.resolution, SUMMIT_RADIUS)
     return {'discharge': SUMMIT_DISCHARGE, 'radius': radius}
 

@@ -14,26 +14,23 @@
 
 """Compare the solver with exact solutions.
 
-Run flows whose exact solution is known and compare. Each line shows the quantity that is closest
-to its bound. The exit status is 1 when one is outside.
+The command runs flows whose exact solution is known. It prints the quantity of each that is
+closest to its bound. The exit status is 1 if a quantity is outside its bound.
 """
-
-from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
 from dataclasses import asdict
 import sys
-from typing import Any, TYPE_CHECKING
+from typing import Any
 
 from lava_ros import validation
 from lava_ros.cli.options import add_options, device_named
 from lava_ros.cli.output import Progress, write_json
 from lava_ros.simulation import presets
+from lava_ros.verification import cases
 from lava_ros.verification.bounds import bound, BOUNDED_PRESETS
-
-if TYPE_CHECKING:
-    from lava_ros.verification.cases import Case, Measurement, Run
+from lava_ros.verification.cases import Case, Measurement, Run
 
 #: Exit status when an error is outside its bound.
 OUTSIDE = 1
@@ -47,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--case', action='extend', nargs='+', metavar='NAME',
-        help='only these cases (default: all)',
+        help='cases to run (default: all)',
     )
     add_options(parser, '--device', '--json')
 
@@ -58,19 +55,17 @@ def run(args: argparse.Namespace) -> int:
     Returns:
         0 when every error is within its bound, else 1.
     """
-    from lava_ros.verification.cases import CASES
-
     validation.choice('--preset', args.preset, BOUNDED_PRESETS)
     accuracy = presets.preset_accuracy(args.preset)
-    names = args.case or list(CASES)
+    names = args.case or list(cases.CASES)
     for name in names:
-        validation.choice('--case', name, CASES)
+        validation.choice('--case', name, cases.CASES)
     device = device_named(args.device)
     to_stdout = args.json == '-'
     results: list[dict[str, Any]] = []
     outside = 0
     with Progress(sys.stderr) as progress:
-        for number, case in enumerate(CASES[name] for name in names):
+        for number, case in enumerate(cases.CASES[name] for name in names):
             progress.show(f'{number + 1} of {len(names)}: {case.title}', number / len(names))
             result = case.run(accuracy, device)
             judged = [

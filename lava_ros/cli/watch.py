@@ -14,25 +14,20 @@
 
 """Show a running node, or a bag, live in the browser.
 
-Serve one page with the maps of a running node over shaded relief, and a slider over what was heard
-so far; of a bag, also one that is being recorded, over all that it has. The page needs no
-internet. ROS_DOMAIN_ID says which graph to join.
+The command serves a page with the maps of a running node over shaded relief and a slider over the
+maps received so far. Of a bag, even of one that is being recorded, the slider covers all maps. The
+page needs no internet. ROS_DOMAIN_ID selects the ROS graph.
 """
-
-from __future__ import annotations
 
 import argparse
 import signal
 import sys
-from typing import TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.cli.ros import require_ros
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
-
-if TYPE_CHECKING:
-    from lava_ros.watch.frames import Frames
+from lava_ros.watch.frames import BagFrames, Frames
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -45,11 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         '--address', default='127.0.0.1',
-        help='where to serve; 0.0.0.0 shows it to the whole network (default: %(default)s, '
-        'this machine alone)',
+        help='address of the server; 0.0.0.0 shows the page to the whole network (default: '
+        '%(default)s, to this machine only)',
     )
     parser.add_argument(
-        '--port', type=int, default=5006, help='port, 0 for a free one (default: %(default)s)'
+        '--port', type=int, default=5006,
+        help='port of the server; 0 takes a free one (default: %(default)s)',
     )
 
 
@@ -65,22 +61,20 @@ def run(args: argparse.Namespace) -> int:
         signal.signal(
             number, lambda *_: server.io_loop.add_callback_from_signal(server.io_loop.stop)
         )
-    print(f'http://{args.address}:{server.port}/ shows it; Ctrl+C ends it', flush=True)
+    print(f'open http://{args.address}:{server.port}/ in a browser; Ctrl+C ends', flush=True)
     server.io_loop.start()
     server.stop()
     return 0
 
 
 def _frames(args: argparse.Namespace) -> Frames:
-    from lava_ros.watch.frames import BagFrames
-
     if args.bag is None:
         require_ros()
         from lava_ros.ros.live_frames import LiveFrames
 
         return LiveFrames(args.namespace)
     if args.namespace:
-        raise LavaError('--namespace', args.namespace, 'absent beside a bag')
+        raise LavaError('--namespace', args.namespace, 'no --namespace together with a bag')
     return BagFrames(args.bag)
 
 

@@ -14,10 +14,8 @@
 
 """Forecasts: a single look ahead, or an ensemble of many runs. Never imports rclpy.
 
-``arrival_time`` turns looks at a flow into arrival times. ``lookahead`` runs a copy of the live
-simulation ahead, and ``process`` does so in a separate process.
-
-``sampling`` draws the members of an ensemble and ``members`` runs them. ``probability`` makes maps
-of the members, which ``assimilation`` weighs. ``ensemble`` does all of this, with ``store``,
+``lookahead`` runs a copy of the live simulation ahead, and ``process`` does so in a separate
+process. ``sampling`` draws the members of an ensemble and ``members`` runs them. ``probability``
+makes maps of the members, which ``assimilation`` weighs. ``ensemble`` does all of this, with
 ``pool`` and ``cluster``; ``scores`` rates the result.
 """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What has been seen sharpens what is to come: members weigh by how well they agree with it."""
+"""Observations weigh the members of an ensemble by how well these agree with them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,11 +23,11 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 
-#: Power of the Jaccard index that a member weighs. At 8, a member that agrees in 80 % weighs three
-#: times as much as one that agrees in 70 %.
+#: A member weighs this power of its Jaccard index: at 8, one with 0.8 weighs three times as much
+#: as one with 0.7.
 SHARPNESS = 8.0
 
-#: Share of the members that the effective number is not to fall below.
+#: Least effective number of members, as a share of those that agree at all.
 LEAST_EFFECTIVE = 0.1
 
 #: Weight of the best member.
@@ -55,12 +55,9 @@ class Mask:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Where lava was seen, from a drone, a satellite or on foot, on the cells of the terrain.
+    """Where lava was seen at a simulated time [s], on the cells of the terrain.
 
-    Attributes:
-        time: When, in simulated time [s].
-        lava: Where there was lava, bool, shape [rows, columns].
-        known: Where the ground was observed, bool, same shape.
+    ``lava`` and ``known`` are those of ``Mask``, of the terrain's shape.
     """
 
     time: float
@@ -85,10 +82,9 @@ class Outline:
 
 
 def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
-    """Resample a mask of the map frame at the centres of a terrain's cells.
+    """Resample a mask of a simulated time [s] at the centres of a terrain's cells.
 
-    Cells beyond the mask count as not observed. ``time`` is the simulated time of the observation
-    [s].
+    Cells beyond the mask count as not observed.
 
     Raises:
         LavaError: None of the mask's lava is on the terrain.
@@ -117,10 +113,10 @@ class Weights:
 
     Attributes:
         values: Whole numbers, int64, one for each member; the best has ``UNIT``.
-        jaccard: The members' agreement with the outline, 0 to 1, float64.
+        jaccard: The members' Jaccard indices, float64.
         effective_members: Members of equal weight that would say as much.
-        sharpness: Power of the Jaccard index that was taken: less than asked for where that would
-            have left too few members.
+        sharpness: The power of the Jaccard index: less than asked for where that would leave too
+            few members.
     """
 
     values: np.ndarray
@@ -132,8 +128,8 @@ class Weights:
 def jaccard(reached: np.ndarray, outline: Outline) -> float:
     """Jaccard index of a member and an outline: area with lava in both over area in either.
 
-    ``reached`` is bool, with the shape of the outline: where the member's lava had arrived at the
-    outline's time. Cells that were not observed do not count. The result is from 0 to 1.
+    ``reached`` is where the member's lava was at the outline's time, bool, of the outline's shape.
+    Cells that were not observed do not count.
 
     Raises:
         LavaError: The shapes differ.
@@ -152,15 +148,10 @@ def weigh(
     sharpness: float = SHARPNESS,
     least_effective: float = LEAST_EFFECTIVE,
 ) -> Weights:
-    """Weigh members by a power of their agreement with an outline.
+    """Weigh members by a power, ``sharpness``, of their Jaccard indices.
 
-    Where few members would be left that count, the power is taken down until enough do: a forecast
-    of one member knows nothing of how sure it is.
-
-    Args:
-        agreement: Jaccard index of each member.
-        sharpness: The power; 0: all weigh the same.
-        least_effective: Least effective number of members, as a share of those that agree at all.
+    The power is reduced until enough members count (``LEAST_EFFECTIVE``): few members do not
+    show how uncertain a forecast is.
 
     Raises:
         LavaError: An argument is not usable, or no member agrees at all.
@@ -171,7 +162,7 @@ def weigh(
     if not index.size or not np.isfinite(index).all() or index.min() < 0.0 or index.max() > 1.0:
         raise LavaError('agreement', index.tolist(), 'Jaccard indices from 0 to 1')
     if not index.any():
-        right = 'members that come where lava was seen: the scene, or what is uncertain, is wrong'
+        right = 'an outline that some members reach; correct the scene or its uncertainty'
         raise LavaError('observed', 'an outline that no member touches', right)
     least = least_effective * np.count_nonzero(index)
     if effective_members(_powers(index, sharpness)) < least:

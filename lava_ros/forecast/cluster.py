@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Members on a cluster: on the workers of a Dask scheduler that somebody else has started.
+"""Members on the workers of a Dask scheduler that somebody else has started.
 
-Workers keep nothing: a member goes to one as a few numbers and comes back as its footprint. What a
-worker that dies was about, another one does again.
+Workers keep nothing: a member goes to one as a few numbers and comes back as its footprint.
+Another worker runs the members of one that dies again.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -37,77 +37,67 @@ from lava_ros.forecast.sampling import Member
 PATIENCE = 30.0
 
 
-class DaskRunner:
-    """Runs members on a cluster."""
+def run_on_cluster(
+    plan: Plan, members: Sequence[Member], *, scheduler: str, device: str | None = None
+) -> Iterable[Footprint]:
+    """Run members on a cluster, and give their footprints as they finish, in any order.
 
-    def __init__(self, scheduler: str, *, device: str | None = None) -> None:
-        """Set the cluster by the address of its scheduler, such as ``tcp://host:8786``.
+    ``scheduler`` is an address such as ``tcp://host:8786``, and ``device`` the Warp device of
+    every worker; with None a worker uses its first GPU, or the CPU without one.
 
-        ``device`` is the Warp device of every worker. With None a worker uses its first GPU, or
-        the CPU without one.
+    Raises:
+        LavaError: Dask is not installed, the scheduler is out of reach, or a member fails.
+    """
+    require('distributed', '--scheduler', scheduler)
+    from distributed import as_completed
 
-        Raises:
-            LavaError: Dask is not installed.
-        """
-        require('distributed', '--scheduler', scheduler)
-        self._scheduler = scheduler
-        self._device = device
+    with _client(scheduler) as client:
+        # a task and no data: where the worker that holds it dies, it is made again
+        shared = client.submit(pickle.loads, pickle.dumps(plan), pure=False)
+        running = {
+            client.submit(_run, shared, device, part, pure=False): part[0].index
+            for part in batches(plan, members, device)
+        }
+        for future in as_completed(list(running)):
+            yield from _result(future, running.pop(future), scheduler)
+            future.release()
 
-    def __call__(self, plan: Plan, members: Sequence[Member]) -> Iterable[Footprint]:
-        """Run members, and give what each did as they finish, in any order.
 
-        Raises:
-            LavaError: The scheduler is out of reach, or a member fails.
-        """
-        from distributed import as_completed
+def _result(future: Any, index: int, scheduler: str) -> list[Footprint]:
+    from distributed import KilledWorker
 
-        with self._client() as client:
-            # a task and no data: where the worker that holds it dies, it is made again
-            shared = client.submit(pickle.loads, pickle.dumps(plan), pure=False)
-            running = {
-                client.submit(_run, shared, self._device, part, pure=False): part[0].index
-                for part in batches(plan, members, self._device)
-            }
-            for future in as_completed(list(running)):
-                yield from self._result(future, running.pop(future))
-                future.release()
+    try:
+        return future.result()
+    except LavaError:
+        raise
+    except KilledWorker as error:
+        right = f'one that does not end its worker; {DEATHS + 1} died (too little memory?)'
+        raise LavaError(f'member {index}', str(error), right) from error
+    except (ImportError, OSError) as error:
+        right = f'workers that can run lava_ros ({error})'
+        raise LavaError('--scheduler', scheduler, right) from error
 
-    def _result(self, future: Any, index: int) -> list[Footprint]:
-        from distributed import KilledWorker
 
+@contextmanager
+def _client(scheduler: str) -> Iterator[Any]:
+    from dask import config
+    from distributed import Client
+
+    settings = {'distributed.scheduler.allowed-failures': DEATHS}
+    with config.set(settings), warnings.catch_warnings():
+        # a terrain is large for a task
+        warnings.filterwarnings('ignore', message='Sending large graph')
         try:
-            return future.result()
-        except LavaError:
-            raise
-        except KilledWorker as error:
-            right = f'a worker that survives it; {DEATHS + 1} died of it, for want of memory?'
-            raise LavaError(f'member {index}', str(error), right) from error
-        except (ImportError, OSError) as error:
-            raise LavaError(
-                '--scheduler', self._scheduler, f'workers that can run lava_ros ({error})'
-            ) from error
-
-    @contextmanager
-    def _client(self) -> Iterator[Any]:
-        from dask import config
-        from distributed import Client
-
-        settings = {'distributed.scheduler.allowed-failures': DEATHS}
-        with config.set(settings), warnings.catch_warnings():
-            # a terrain is large for a task
-            warnings.filterwarnings('ignore', message='Sending large graph')
-            try:
-                client = Client(self._scheduler, timeout=PATIENCE)
-            except (OSError, ValueError, TypeError) as error:
-                right = f'the address of a Dask scheduler, such as tcp://host:8786 ({error})'
-                raise LavaError('--scheduler', self._scheduler, right) from error
-            with client:
-                _check_workers(client, self._scheduler)
-                yield client
+            client = Client(scheduler, timeout=PATIENCE)
+        except (OSError, ValueError, TypeError) as error:
+            right = f'the address of a Dask scheduler, such as tcp://host:8786 ({error})'
+            raise LavaError('--scheduler', scheduler, right) from error
+        with client:
+            _check_workers(client, scheduler)
+            yield client
 
 
 def _check_workers(client: Any, scheduler: str) -> None:
-    """Refuse a cluster whose workers would run other code than this."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
         versions = client.run(_version)
@@ -126,7 +116,6 @@ def _version() -> str:
 
 
 def _run(plan: Plan, device: str | None, members: Sequence[Member]) -> list[Footprint]:
-    """Run a batch on a worker, which is as much as a core does."""
     from lava_ros.simulation.backend.threads import use_threads
 
     use_threads(1)

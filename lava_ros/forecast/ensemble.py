@@ -12,34 +12,154 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""An ensemble from its first member to its maps, resumable at any moment."""
+"""An ensemble from its first member to its maps, kept in a folder, resumable at any moment."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+import lava_ros
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files import replacing, write_output
+from lava_ros.files.npz import read_arrays
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
 from lava_ros.forecast.members import batch_of, Plan, running
 from lava_ros.forecast.pool import Pool, process_number
 from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
-from lava_ros.forecast.sampling import Member
-from lava_ros.forecast.store import Store
+from lava_ros.forecast.sampling import Member, Susceptibility
 from lava_ros.maps.forecast import HazardMaps
+from lava_ros.scene import scene_to_dict
 from lava_ros.simulation.backend.cores import usable_cores
-
-#: Is told how many members there are, and how many of those were there before this run.
-Finished = Callable[[int, int], None]
 
 #: Fewest members of which maps are shown while others still run.
 FIRST_MAPS = 16
 
-#: Runs members, in any order, and gives what each did.
+#: Version of the format of a folder.
+VERSION = 2
+
+#: The file in a folder that describes its ensemble.
+MANIFEST = 'ensemble.json'
+
+#: Runs members, in any order, and gives the footprint of each.
 Runner = Callable[[Plan, Sequence[Member]], Iterable[Footprint]]
+
+
+class Store:
+    """A folder with the finished members of one ensemble, a file each."""
+
+    def __init__(
+        self,
+        folder: str | Path,
+        plan: Plan,
+        *,
+        seed: int = 0,
+        susceptibility: Susceptibility | None = None,
+    ) -> None:
+        """Create the folder of an ensemble, or reopen it.
+
+        Raises:
+            LavaError: The folder cannot be written, or holds another ensemble or other files.
+        """
+        folder = Path(folder)
+        self._members = folder / 'members'
+        manifest = _manifest(plan, seed, susceptibility)
+        path = folder / MANIFEST
+        try:
+            if path.exists():
+                _check_same(json.loads(path.read_text(encoding='utf-8')), manifest, folder)
+            elif folder.exists() and any(folder.iterdir()):
+                right = 'a folder that is new, empty, or of this ensemble'
+                raise LavaError('--output', str(folder), right)
+            self._members.mkdir(parents=True, exist_ok=True)
+            write_output('--output', path, json.dumps(manifest, indent=1) + '\n')
+        except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+            right = f'a folder to write to ({error})'
+            raise LavaError('--output', str(folder), right) from error
+
+    def write(self, footprint: Footprint) -> None:
+        """Keep a member.
+
+        Raises:
+            LavaError: It cannot be written.
+        """
+        path = self._path(footprint.index)
+        try:
+            with replacing(path) as fresh, fresh.open('wb') as file:
+                np.savez_compressed(
+                    file,
+                    look=footprint.look,
+                    millimetres=footprint.millimetres,
+                    corner=np.array(footprint.corner, dtype=np.int32),
+                    left=np.array([footprint.left]),
+                )
+        except OSError as error:
+            raise LavaError('--output', str(path), f'a file to write ({error})') from error
+
+    def finished(self, count: int) -> Iterator[Footprint]:
+        """Read those of the first members that are there and undamaged, in order."""
+        for index in range(count):
+            footprint = self._read(index)
+            if footprint is not None:
+                yield footprint
+
+    def _read(self, index: int) -> Footprint | None:
+        try:
+            stored = read_arrays('member', self._path(index))
+            look, millimetres, corner, left = (
+                stored[key] for key in ('look', 'millimetres', 'corner', 'left')
+            )
+        except (LavaError, KeyError):
+            return None
+        is_whole = look.dtype == np.uint16 and millimetres.dtype == np.uint32
+        is_whole &= look.shape == millimetres.shape and corner.shape == (2,) and left.shape == (1,)
+        if not is_whole:
+            return None
+        place = int(corner[0]), int(corner[1])
+        return Footprint(index, place, look, millimetres, float(left[0]))
+
+    def _path(self, index: int) -> Path:
+        return self._members / f'{index:07d}.npz'
+
+
+def _manifest(plan: Plan, seed: int, susceptibility: Susceptibility | None) -> dict[str, Any]:
+    elevation = np.ascontiguousarray(plan.scene.terrain.elevation)
+    manifest = {
+        'version': VERSION,
+        'lava_ros': lava_ros.__version__,
+        'scene': scene_to_dict(plan.scene),
+        'elevation': hashlib.blake2b(elevation.tobytes(), digest_size=16).hexdigest(),
+        'plan': {
+            'horizon_s': plan.horizon,
+            'accuracy': asdict(plan.accuracy),
+            'effects': asdict(plan.effects),
+            'threshold_m': plan.threshold,
+            'looks': plan.looks,
+            'start_s': None if plan.start is None else plan.start.time,
+        },
+        'seed': seed,
+        'susceptibility': None if susceptibility is None else susceptibility.digest,
+    }
+    # as it will be read back
+    return json.loads(json.dumps(manifest))
+
+
+def _check_same(old: Any, new: Any, folder: Path, name: str = '') -> None:
+    """Refuse a folder whose members are of another ensemble, and name the first difference."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in {**old, **new}:
+            inner = f'{name}.{key}' if name else key
+            _check_same(old.get(key), new.get(key), folder, inner)
+    elif old != new:
+        right = f'{old!r}, as the members in {folder} have it, or another folder'
+        raise LavaError(name, new, right)
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +167,9 @@ class Ensemble:
     """A finished ensemble.
 
     Attributes:
-        maps: What it says about each cell.
+        maps: The maps of its members.
         weights: What each member counts; None where all count the same.
-        resumed: Members that were there already.
+        resumed: Number of members that were in the store before.
     """
 
     maps: HazardMaps
@@ -64,7 +184,7 @@ def run_ensemble(
     *,
     runner: Runner,
     outline: Outline | None = None,
-    on_finished: Finished | None = None,
+    on_finished: Callable[[int, int], None] | None = None,
     on_maps: Callable[[HazardMaps], object] | None = None,
 ) -> Ensemble:
     """Run the members that the store does not have yet, and merge all of them.
@@ -78,10 +198,11 @@ def run_ensemble(
         store: Where finished ones are kept.
         runner: What runs them.
         outline: Where lava was seen; members then weigh by how well they agree.
-        on_finished: Is told of each member as it finishes.
-        on_maps: Gets the maps of the first members, those with the lowest numbers, each time that
-            they have doubled, as long as no outline is there to weigh them. Cheap members end
-            first: maps of these would be of small eruptions.
+        on_finished: Called after each member with the number of finished members, and of those
+            that the store had before.
+        on_maps: Called with the maps of the first members, in order of number, each time that
+            their number has doubled; never with an outline. Cheap members finish first: maps of
+            those would be of small eruptions.
 
     Raises:
         LavaError: A member fails, none agrees with the outline, or a file cannot be written.
@@ -128,7 +249,6 @@ def run_ensemble(
 def _weighed(
     plan: Plan, members: Sequence[Member], store: Store, weights: Weights
 ) -> HazardMaps:
-    """The maps of members that do not count alike."""
     tally = Tally(plan)
     done = set()
     for footprint in store.finished(len(members)):
@@ -141,13 +261,13 @@ def _weighed(
 def _check_complete(done: set[int], members: Sequence[Member]) -> None:
     missing = [member.index for member in members if member.index not in done]
     if missing:
-        raise LavaError('members', missing, 'every member; the same command again runs these')
+        raise LavaError('missing members', missing, 'none; the same command runs them')
 
 
 def run_here(
     plan: Plan, members: Sequence[Member], *, device: str | None = None
 ) -> Iterable[Footprint]:
-    """Run members in this process, and give what each did as they finish, in any order.
+    """Run members in this process, and give their footprints as they finish, in any order.
 
     ``device`` is the Warp device; None for the first GPU, or the CPU without one.
     """
@@ -164,14 +284,10 @@ def run_in_processes(
     device: str | None = None,
     batch: int | None = None,
 ) -> Iterable[Footprint]:
-    """Run members in processes of this machine, in any order.
+    """Run members in up to ``workers`` processes of this machine, in any order.
 
-    Args:
-        plan: What they have in common.
-        members: The members.
-        workers: Most processes.
-        device: Warp device of all; they share the GPUs out, if there are any, when left out.
-        batch: Members that a process is given at once; by the device when left out.
+    ``device`` is the Warp device of all; with None they share the GPUs out, if there are any.
+    ``batch`` is the number of members that a process gets at once; with None the device decides.
 
     Raises:
         LavaError: A member fails, or takes processes with it again and again.
@@ -201,7 +317,7 @@ def _run_in_process(
 def batches(
     plan: Plan, members: Sequence[Member], device: str | None, batch: int | None = None
 ) -> list[Sequence[Member]]:
-    """Members in parts that run side by side; by the device when their number is left out."""
+    """Members in parts that run side by side; with None the device decides on their size."""
     batch = batch_of(plan, device) if batch is None else batch
     return [members[start : start + batch] for start in range(0, len(members), batch)]
 

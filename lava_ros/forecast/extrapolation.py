@@ -12,32 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What coarse runs say about finer ones: their cost and their error.
+"""The cost and the error of a fine run, from coarse ones.
 
-Cost: the wall time of a run is s + E (a + b r^k). E, its evaluations, grow as a power of the
-refinement r, that of the last two runs: powers grow with r. One evaluation has a part that does
-not depend on the particles and one that goes as their number, r^2; the solve for the lateral
-stress takes iterations as well, as many as particles lie across its reach, so that k is 3 with it
-and 2 without. All is in proportion to the run that is nearest to what is asked for, and between
-two runs a power of the refinement.
+Cost: the wall time of a run is s + E (a + b r^k), in proportion to the run with the nearest
+refinement r. Its evaluations E grow as a power of r, that of the last two runs. The time of an
+evaluation has a constant part and one that goes as the number of particles, r^2; the iterations of
+the lateral stress make k 3 in place of 2. Between two runs the time is a power of r.
 
-A run that was stopped would have gone on as a coarser one did: its evaluations and its particles
-in proportion, each evaluation for as long as its own ones, and those of the coarser one if that
-had the same physics, say of so many particles.
+A run that was stopped would have continued as a coarser one did, with evaluations and particles in
+proportion. Its own evaluations, and those of the coarser one with the same physics, tell how long
+each takes with so many particles.
 
-Error: of what two runs cover, the share that only one of them does. An edge is off by a bias that
-all runs have, C r^-p, and by where particles happen to lie, q C r^-p, which differs from run to
-run. Two runs then differ by
+Error: the share of what two runs cover that only one of them covers. An edge is off by a bias,
+C r^-p, and by the random places of particles, q C r^-p. Two runs then differ by
 
     d_ij = C sqrt((r_i^-p - r_j^-p)^2 + q^2 (r_i^-2p + r_j^-2p))
 
 and each from the limit by C r^-p sqrt(1 + q^2). A run that was stopped is compared where it
-stopped; from there to the horizon differences grow as those of the coarser runs did. Neither p
-nor q can be told from few runs alone: those of a grid are weighed by how well they explain what
-was seen and by what is usual.
+stopped; from there to the horizon differences grow as those of the coarser runs did. Few runs do
+not tell p and q: values of a grid are weighed by their likelihood and by how usual they are.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -53,17 +47,17 @@ from lava_ros.forecast.pilots import Pilot
 #: finest preset has in docs/accuracy, since an area goes as the square of its radius.
 FLOOR = 0.004
 
-#: How much finer a run is than another to tell how evaluations grow, and how errors fall.
+#: Least factors between two refinements that tell how evaluations grow, and how errors fall.
 APART, WELL_APART = 1.15, 1.3
 
-#: Powers p at which errors fall, and how usual each is: docs/accuracy has 1 on slopes; where
-#: coarse runs hardly see the ground or the thickness they fall faster.
+#: Powers p of the error, and how usual each is: docs/accuracy has 1 on slopes, and more where
+#: coarse runs hardly resolve the ground or the thickness.
 ORDERS = {0.6: 1.0, 0.8: 1.0, 1.0: 1.0, 1.25: 1.0, 1.5: 1.0, 1.8: 0.5}
 
 #: Scatter q over bias.
 SCATTERS = (0.0, 0.3, 0.6, 1.0, 2.0)
 
-#: How far what is seen of two runs is from the law, as a factor's logarithm.
+#: Standard deviation of the logarithm of a difference from the law.
 _SPREAD = 0.3
 
 
@@ -163,7 +157,7 @@ def _line(sizes: np.ndarray, times: np.ndarray, weights: np.ndarray) -> tuple[fl
     return float(constant), float(slope)
 
 
-def error_law(pilots: Sequence[Pilot]) -> ErrorLaw:
+def error_law(pilots: Sequence[Pilot]) -> 'ErrorLaw':
     """Fit the law of errors to the finest pilots, at least two of which reached the horizon."""
     done = _apart([pilot for pilot in pilots if pilot.is_done])[-4:]
     begun = [pilot for pilot in pilots if not pilot.is_done and len(pilot.covered)]
@@ -212,13 +206,7 @@ def _differences(one: Pilot, other: Pilot) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class ErrorLaw:
-    """Laws C r^-p and how likely each is.
-
-    Attributes:
-        weights: How likely, their sum is one, shape [n].
-        sizes: C as a share of the covered area, shape [n].
-        orders: p, shape [n].
-    """
+    """Laws C r^-p: their likelihoods, of sum one, C as shares of the covered area, and p."""
 
     weights: np.ndarray
     sizes: np.ndarray

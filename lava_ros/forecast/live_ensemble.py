@@ -12,12 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Ensembles of a simulation that runs: members go on from one moment, outlines weigh them.
+"""Ensembles that continue a running simulation, weighed by observed outlines.
 
-Members share what the simulation is at that moment: the lava that is out, its heat, the
-resolution, the effects. They differ in what is drawn from then on: discharge, temperature and
-place of the vents, viscosity and yield strength of all lava, errors of the ground. Member k has
-the same draws in each ensemble of a scene, so what an outline says of it holds in the next.
+Members start from the state of the simulation, with its resolution and effects. From then on they
+differ in what is drawn. Member k has the same draws in each ensemble of a scene, so that its
+agreement with an outline holds in the next.
 """
 
 from collections.abc import Callable
@@ -44,7 +43,7 @@ Answer = Callable[..., None]
 
 
 class LiveEnsemble:
-    """The members that go on from one moment, as many at once as the device takes."""
+    """The members that start from one state, as many at once as the device takes."""
 
     def __init__(
         self,
@@ -85,7 +84,7 @@ class LiveEnsemble:
             max_particles=max_particles,
             progress=self._shares,
         )
-        # those that end before one of a lower number wait: cheap ones end first
+        # those that end before one of a lower number wait, for cheap ones end first
         self._ahead: dict[int, Footprint] = {}
         self._footprints: list[Footprint] = []
         self._starts: dict[int, float] = {}
@@ -108,10 +107,10 @@ class LiveEnsemble:
         return self.start < time <= self.start + self.plan.horizon
 
     def advance(self, wall_limit: float) -> bool:
-        """Run for about a wall time [s] or until a member is done, and say whether one is, or all.
+        """Run for about a wall time [s] or until a member is done; returns whether one is, or all.
 
         Raises:
-            LavaError: A member makes no scene, has too many particles or is no flow any more.
+            LavaError: A member makes no scene, has too many particles or no valid flow.
         """
         until, before = wall_clock.monotonic() + wall_limit, self.count
         for fields in self._running:
@@ -133,11 +132,9 @@ class LiveEnsemble:
             self._footprints.append(self._ahead.pop(self.count))
 
     def agreement(self, outline: Outline) -> np.ndarray:
-        """Jaccard index of each member with an outline.
+        """Jaccard index of each member with an outline, float64, shape [asked].
 
-        Returns:
-            float64, one value for each member asked for; members that have not run get the mean of
-            the others.
+        Members that have not run get the mean of the others.
         """
         seen = replace(outline, time=outline.time - self.start)
         found = [
@@ -156,7 +153,7 @@ class LiveEnsemble:
         return tally.maps()
 
     def _is_in_time(self, member: Member) -> bool:
-        """Whether a member may begin: the first ones do, others if they will end in time."""
+        """Whether a member may begin: the first ones may, others if they will end in time."""
         now = wall_clock.monotonic()
         self._starts[member.index] = now
         if self._deadline is None or not self._longest:
@@ -187,13 +184,18 @@ class LiveEnsembles:
 
     @property
     def is_busy(self) -> bool:
-        """Whether an ensemble is at hand, or ordered."""
-        return self._at_hand is not None or self._ordered is not None
+        """Whether an ensemble runs or is ordered."""
+        return self.has_begun or self._ordered is not None
 
     @property
     def has_begun(self) -> bool:
         """Whether members of an ensemble run."""
         return self._at_hand is not None
+
+    @property
+    def progress(self) -> float:
+        """Share of the running ensemble's members that have run."""
+        return self._at_hand.progress if self._at_hand is not None else 0.0
 
     def order(
         self,
@@ -209,14 +211,14 @@ class LiveEnsembles:
         Args:
             checkpoint: The state from which the members start.
             changes: Number that identifies the scene; it changes with the scene.
-            agreement: Agreement of the members with earlier outlines, None without one. It is only
-                used for the first ensemble of a scene.
+            agreement: For the first ensemble of a scene, agreement of the members with earlier
+                outlines, None without one.
             outlines: Number of outlines behind ``agreement``.
             how: Further arguments of ``LiveEnsemble``.
         """
         self.drop()
         if changes != self._changes:
-            # what was seen of another scene says nothing of this one
+            # outlines of another scene do not hold
             self._changes = changes
             self._shown = self._oldest = None
             self._agreement = None if agreement is None else np.array(agreement)
@@ -224,18 +226,19 @@ class LiveEnsembles:
         self._ordered = partial(LiveEnsemble, checkpoint, begun=wall_clock.monotonic(), **how)
 
     def drop(self) -> None:
-        """Give up what is at hand; what has been done stays."""
+        """Give up the ensemble in progress; finished ones stay."""
         self._ordered = self._at_hand = None
         waiting, self._waiting = self._waiting, []
+        right = 'a scene that does not change until the members have run'
+        error = LavaError('observed_outline', 'not used', right)
         for number, _ in waiting:
-            error = LavaError('observed_outline', 'not weighed', 'a scene that stays as it is')
-            self.refuse(number, error)
+            self._refuse(number, error)
 
     def advance(self, wall_limit: float) -> None:
         """Run members for about a wall time [s].
 
         Raises:
-            LavaError: An ensemble cannot be; it is given up.
+            LavaError: An ensemble cannot be made or run.
         """
         if self._ordered is not None:
             begin, self._ordered = self._ordered, None
@@ -257,11 +260,6 @@ class LiveEnsembles:
             self._shown, self._next_maps = ensemble, 2 * ensemble.count
             self._tell()
 
-    @property
-    def progress(self) -> float:
-        """Share of the members at hand that have run."""
-        return self._at_hand.progress if self._at_hand is not None else 0.0
-
     def observe(self, number: int, outline: Outline) -> None:
         """Weigh the members by an outline, in the oldest complete ensemble that covers its time.
 
@@ -278,13 +276,9 @@ class LiveEnsembles:
             return
         starts = [item.start for item in (*done, self._at_hand) if item is not None]
         since = f'after {min(starts):.0f} s, the start of the first' if starts else 'there is none'
-        self.refuse(
-            number,
-            LavaError(
-                'observed_outline.header.stamp', f'{outline.time:.0f} s of simulated time',
-                f'a time within the horizon of an ensemble ({since})',
-            ),
-        )
+        right = f'a time within the horizon of an ensemble ({since})'
+        told = f'{outline.time:.0f} s of simulated time'
+        self._refuse(number, LavaError('observed_outline.header.stamp', told, right))
 
     def _counts_any(self, ensemble: LiveEnsemble) -> bool:
         return self._agreement is None or bool(self._agreement[: ensemble.count].any())
@@ -296,7 +290,7 @@ class LiveEnsembles:
         try:
             weigh(together)
         except LavaError as error:
-            self.refuse(number, error)
+            self._refuse(number, error)
             return
         self._agreement = together / together.max()
         self._outlines += 1
@@ -310,8 +304,7 @@ class LiveEnsembles:
         if self._shown is not None:
             self._tell()
 
-    def refuse(self, number: int, error: LavaError) -> None:
-        """Say why an outline is not used."""
+    def _refuse(self, number: int, error: LavaError) -> None:
         self._answer('outline_refused', number=number, error=error)
 
     def _tell(self) -> None:

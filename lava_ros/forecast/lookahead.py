@@ -12,16 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A simulation that runs ahead of the one it was forked from."""
+"""Runs from look to look at the flow: members of ensembles, and a fork that runs ahead."""
 
+from collections.abc import Iterator, Sequence
 import time as wall_clock
+from typing import TYPE_CHECKING
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.forecast.arrival_time import Looking
 from lava_ros.maps.forecast import Forecast
-from lava_ros.simulation import Simulation
 from lava_ros.simulation.checkpoint import Checkpoint
+
+if TYPE_CHECKING:
+    from lava_ros.simulation.looks import Seen
+    from lava_ros.simulation.simulation import Simulation
 
 #: Looks at the flow within a horizon; arrivals are known to half of the time between two.
 LOOKS = 240
@@ -29,12 +33,102 @@ LOOKS = 240
 #: Looks of the first forecast of a scene, which takes less than half of the time.
 FIRST_LOOKS = 60
 
-#: Looks ahead of the first regular one, each twice as early as the next: near is pressing.
+#: Looks ahead of the first regular one, each twice as early as the next.
 EARLY_LOOKS = 4
 
 
+class Looking:
+    """A simulation that runs from one look to the next, up to a horizon.
+
+    Attributes:
+        simulation: The simulation.
+    """
+
+    def __init__(
+        self,
+        simulation: 'Simulation',
+        due: Sequence[float],
+        *,
+        threshold: float,
+        max_particles: int | None,
+        of: str = '',
+    ) -> None:
+        """Begin without a look; the first one is of the flow as it is.
+
+        Args:
+            simulation: The simulation.
+            due: Simulated times of the other looks [s], increasing.
+            threshold: Thickness at which lava counts as arrived [m].
+            max_particles: Most particles, None for any number.
+            of: How errors refer to the simulation, such as ' of member 3'.
+
+        Raises:
+            LavaError: There are too many particles.
+        """
+        self.simulation = simulation
+        self._due, self._done = [simulation.time, *due], 0
+        self._looks = simulation.looks(threshold, len(self._due))
+        self._max_particles, self._of = max_particles, of
+        self._check_size(simulation.particle_count)
+
+    @property
+    def progress(self) -> float:
+        """Share of the looks that have been taken, the first one left out."""
+        return max(self._done - 1, 0) / (len(self._due) - 1)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all looks have been taken."""
+        return self._done == len(self._due)
+
+    def advance(self, wall_limit: float | None = None) -> None:
+        """Run to the next look, or for about a wall time [s].
+
+        Raises:
+            LavaError: There are too many particles, or the flow cannot be shown as a map.
+        """
+        due = self._due[self._done]
+        if self.simulation.advance(due, wall_limit=wall_limit) >= due:
+            self._check_size(self.simulation.particle_count)
+            self.simulation.look(self._looks)
+            self._check_flow()
+            self._done += 1
+
+    def advancing(self) -> Iterator[None]:
+        """Run to the next look, in parts: while a GPU is at work others can go on.
+
+        ``seen`` refuses a flow that cannot be shown as a map.
+
+        Raises:
+            LavaError: There are too many particles.
+        """
+        yield from self.simulation.advancing(self._due[self._done])
+        self._check_size(self.simulation.most_particles)
+        yield from self.simulation.looking(self._looks)
+        self._done += 1
+
+    def seen(self, *, where_wet: bool = False) -> 'Seen':
+        """What has been seen so far, of all cells or of the rectangle of wet ones.
+
+        Raises:
+            LavaError: The flow cannot be shown as a map.
+        """
+        self._check_flow()
+        return self.simulation.seen(self._looks, where_wet=where_wet)
+
+    def _check_size(self, count: int) -> None:
+        if self._max_particles is not None and count > self._max_particles:
+            right = f'at most {self._max_particles} (max_particles)'
+            raise LavaError(f'particles{self._of}', count, right)
+
+    def _check_flow(self) -> None:
+        flaw = self._looks.flaw()
+        if flaw:
+            raise LavaError(f'flow{self._of}', flaw, 'one that can be shown as a map')
+
+
 class LookAhead(Looking):
-    """A forecast in the making.
+    """A forecast in the making, by a simulation that runs ahead of the one it was forked from.
 
     The flow is the one that the forked simulation would have, to the bit on the same device when
     it is deterministic and is advanced to the same times.
@@ -56,8 +150,7 @@ class LookAhead(Looking):
             checkpoint: The state from which to start.
             horizon: How far to look ahead [s].
             threshold: Thickness at which lava counts as arrived [m].
-            looks: Number of regular looks within the horizon. ``EARLY_LOOKS`` come before the
-                first.
+            looks: Number of regular looks within the horizon, after ``EARLY_LOOKS``.
             device: Warp device; None for the first GPU, or the CPU without one.
             max_particles: Most particles, None for any number.
 
@@ -65,6 +158,9 @@ class LookAhead(Looking):
             LavaError: A number is not usable, the checkpoint is inconsistent, or there is no such
                 device.
         """
+        # the solver loads Warp, which maps and scores of an ensemble do not need
+        from lava_ros.simulation.simulation import Simulation
+
         begun = wall_clock.monotonic()
         self._horizon = validation.number('horizon', horizon, above=0.0, unit='s')
         self._threshold = validation.number('threshold', threshold, above=0.0, unit='m')
@@ -92,7 +188,7 @@ class LookAhead(Looking):
             LavaError: As ``advance``.
         """
         while not self.is_done:
-            self.advance(1.0)
+            self.advance()
         return self.forecast()
 
     def forecast(self) -> Forecast:

@@ -24,7 +24,7 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.effects import EFFECTS, Effects, possible
 from lava_ros.errors import LavaError
-from lava_ros.forecast.arrival_time import Looking
+from lava_ros.forecast.lookahead import Looking
 from lava_ros.forecast.sampling import Member, rough_terrain
 from lava_ros.scene import Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""How good probabilities are: pictures of what an outline made of them, and of what came."""
+"""Pictures of how good probabilities are."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -38,18 +38,15 @@ def draw_narrowing(
 ) -> None:
     """Draw maps of probability over shaded relief, with outlines of observed and final lava.
 
-    Args:
-        scene: The terrain and the vents.
-        maps: Title and probability (0 to 100, NaN unknown) of each map, shape [rows, columns].
-        seen: Where lava was observed, bool, same shape.
-        came: Where lava came in the end, bool, same shape.
-        output: The picture; the suffix chooses the format.
+    ``maps`` has the title and the probability (0 to 100, NaN unknown) of each map; ``seen`` and
+    ``came``, bool, are where lava was observed, and where it came in the end; all have the shape
+    of the terrain. The suffix of ``output`` chooses the format.
 
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.
     """
     frame = frame_of(scene)
-    outlines = {'outline that was seen': seen, 'what came': came}
+    outlines = {'observed outline': seen, 'final outline': came}
     draw_sheet(
         [
             Panel(
@@ -59,7 +56,7 @@ def draw_narrowing(
             for title, values in maps
         ],
         output,
-        title='What was seen narrows a forecast',
+        title='An observed outline narrows a forecast',
     )
 
 
@@ -93,8 +90,8 @@ def draw_reliability(axes: Any, probability: np.ndarray, came: np.ndarray) -> No
         )
     axes.set_xlim(-4, 108)
     axes.set_ylim(-4, 108)
-    axes.set_xlabel('probability that was said [%]', fontsize=8, labelpad=2)
-    axes.set_ylabel('cells to which lava came [%]', fontsize=8, labelpad=2)
+    axes.set_xlabel('forecast probability [%]', fontsize=8, labelpad=2)
+    axes.set_ylabel('cells that lava reached [%]', fontsize=8, labelpad=2)
     axes.tick_params(labelsize=7.5)
     axes.legend(fontsize=7, frameon=False, loc='upper left')
     score = brier_score(probability, came)

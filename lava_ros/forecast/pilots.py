@@ -14,8 +14,6 @@
 
 """Runs of a scene that are timed and looked at on their way."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 import time as wall_clock
@@ -39,13 +37,12 @@ class Pilot:
 
     Attributes:
         refinement: Its refinement.
-        wall_time: How long it took, kernels compiled before; how long it would have taken to the
-            horizon where it was stopped and ``completed`` [s].
+        wall_time: Wall time to the horizon [s], extrapolated (``completed``) where it was stopped.
         evaluations: Velocity evaluations, likewise.
-        effects: The physics that was chosen.
+        effects: Its physics.
         covered: Cells with lava at the ends of ``MARKS`` equal parts of the horizon, as far as it
             came, bool, shape [marks, rows, columns].
-        spent: How long it did take [s].
+        spent: Wall time that it took [s].
         setup: Part of the wall time before the first step [s].
         progress: Simulated time as a share of the horizon, wall time after the setup [s],
             evaluations and particles, as they grew, shape [n, 4].
@@ -78,9 +75,8 @@ def run_at(
 ) -> Pilot:
     """Run a scene to ``horizon`` [s], or for ``wall_limit`` [s] of wall time if that is less.
 
-    Kernels are compiled before the clock starts. Looks at the flow before the end do not count as
-    wall time of the run, but as time spent. ``effects`` are the physics, or a mapping that
-    switches some effects; all others are chosen for the scene and the refinement.
+    Kernels are compiled before the clock starts. Looks at the flow before the end count as time
+    spent only. ``effects`` are the physics, or a mapping that switches some effects.
     """
     accuracy = accuracy_at(scene, refinement, horizon)
     warm = Simulation(scene, accuracy=accuracy, device=device, effects=effects)

@@ -14,20 +14,18 @@
 
 """The accuracy one can afford: spacing, preset and members for a scene, a horizon and a time.
 
-Nothing is known of a scene's cost before some of it has been run, so coarse pilots are, each
-finer than the one before, until one takes a good part of the time there is. extrapolation.py says
-what they tell of the cost and the error of a finer run; the error is of the method alone, not of
-terrain, discharge and material.
+Coarse pilots run first, each finer than the one before, until one takes a good part of the time.
+extrapolation.py tells from them the cost and the error of a finer run; the error is of the method
+alone, not of terrain, discharge and material.
 
-What they say of the cost is good enough to begin with. The run that is planned is then begun
-itself, with the effects (selection.py) that it calls for, and stopped after a seventh of the time;
-how the coarse ones went on says how long it would take. Where that is not what was foreseen, the
-plan is changed and begun again. Once it is, the run is made as a whole, and one somewhat coarser:
-what these differ by says more of the error than all before. Where effects do not fit and much of
-the time is left, a plan may go on for a while without them, if it is let.
+The planned run is then begun with the effects (selection.py) that it calls for, and stopped after
+a seventh of the time; the coarse runs tell how long it would take. If that differs from the
+forecast, the plan is changed and begun again. If not, the whole run is made, and one somewhat
+coarser, whose difference tells most of the error. Where effects do not fit and much of the time is
+left, a plan may do without them, if ``may_force`` is set.
 
 Members of an ensemble share the time. The probability that n of them give has a sampling error of
-up to 1 / (2 sqrt(n)). Where n is left open, it is the one with which both errors are least.
+up to 1 / (2 sqrt(n)). Where n is left open, it is the one with the smallest sum of both errors.
 """
 
 from collections.abc import Callable
@@ -46,28 +44,21 @@ from lava_ros.forecast.pilots import accuracy_at, Pilot, preset_below, run_at, s
 from lava_ros.scene import Scene
 from lava_ros.simulation.selection import effects_for
 
-__all__ = ['FINEST', 'Affordable', 'afford', 'sampling_error']
-
-#: Refinement of the first pilot, and how much finer each is than the one before: twice where there
-#: is time for that.
+#: Refinement of the first pilot, and factors to the next one: the larger one if time allows.
 FIRST, FINER, MUCH_FINER = 0.2, 1.4, 2.0
 
-#: Refinements that a plan may have.
-COARSEST, FINEST = FIRST, 8.0
+#: Limits of a plan's refinement, and the largest factor on that of the finest pilot.
+COARSEST, FINEST, REACH = FIRST, 8.0, 2.0
 
-#: How much finer than the finest pilot a plan may be.
-REACH = 2.0
-
-#: Pilots that are run to the horizon where there is time for them: two say nothing of how errors
-#: fall.
+#: Number of pilots that run to the horizon if time allows: two do not show how errors fall.
 AT_LEAST = 3
 
-#: Share of the time that the last of them takes, that all take before one much finer than the one
-#: before is too dear, and that all take at most.
+#: Shares of the time: of the last of them, of all before a much finer one is too expensive, and of
+#: all at most.
 ENOUGH, MUCH_CLIMBING, MOST_CLIMBING = 0.15, 0.4, 0.9
 
-#: Share of the time after which a planned run is stopped that was begun to see what it takes, the
-#: share that all take then at most, and how many are begun at most.
+#: Share of the time after which a begun run is stopped, the largest share of all runs by then, and
+#: the largest number of begun runs.
 BEGINNING, MOST_BEGINNING, MOST_BEGUN = 0.15, 1.25, 6
 
 #: How far a plan may be from a run that was begun, as factors of the refinement and of the time.
@@ -77,19 +68,18 @@ NEAR, ALIKE = 1.08, 1.35
 #: far a plan may be from one, as a factor of the refinement.
 PATIENCE, MOST_WHOLE, NEAR_WHOLE = 1.1, 2, 1.2
 
-#: How much coarser the run is that tells the error, and how much finer or coarser than that one
-#: that was made already may be.
+#: How much coarser the run is that tells the error, and the largest factor between that and a run
+#: that was made already.
 COARSER, ABOUT = 1.45, 1.2
 
-#: Share of the time that a plan uses, rather below the middle of a half and 1.1: of what may
-#: happen beside a run, nothing makes it faster.
+#: Share of the time that a plan uses: other work on the machine only makes it slower.
 USED = 0.7
 
 #: Share of the time below which a plan rather uses more than ``USED``, and how much then.
 LEAST_USED, MOST_USED = 0.6, 0.9
 
 #: How much finer a plan may be without the effects that are called for there: without the lateral
-#: stress, on a ridge, lava then covers as much other ground as with a vent 3 cm away.
+#: stress, on a ridge, the area changes as much as with a vent 3 cm away.
 WITHOUT = 2.0
 
 #: Most members worth having: 1 % of sampling error.
@@ -100,25 +90,23 @@ _MOST_MEMBERS = 2500
 class Affordable:
     """What to run.
 
-    A run is what ``run_at`` does: it builds a simulation, advances it to the horizon and takes a
-    snapshot, in a process in which, or on a machine where, its kernels are compiled. Its time is
-    foreseen to be ``USED`` of what there is; docs/benchmarks/plan.csv has how well that and the
-    error are kept.
+    A run builds a simulation, advances it to the horizon and takes a snapshot, as ``run_at`` does;
+    its kernels are compiled before. It uses ``USED`` of the time; docs/benchmarks/plan.csv
+    compares that and the error with measurements.
 
     Attributes:
         preset: Name of the preset that is nearest below.
         spacing: Distance between particles [m].
         refinement: The terrain's resolution over it.
         members: Members of an ensemble, 1 for a single run.
-        wall_time: How long all of it will take [s].
-        error: Share of the covered area (``pilots.COVERED`` or thicker at the horizon) that is
-            wrong for being coarse: one less the Jaccard index with a run of the same scene at the
-            limit of fine spacing, expected of a single run.
+        wall_time: Expected time of all runs [s].
+        error: Expected share of the covered area (``pilots.COVERED`` or thicker at the horizon)
+            that is wrong: one less the Jaccard index with the limit of fine spacing.
         sampling_error: Standard error of a probability of one half, 0 for a single run.
         is_finest: Whether more time would not make it finer.
-        pilots: Pilots that were run.
-        spent: How long they took, without compiling kernels [s].
-        forced: Effects that are on or off in it other than the scene calls for at this spacing.
+        pilots: Number of pilots.
+        spent: Time of the pilots, without compiling kernels [s].
+        forced: Effects that differ from what the scene calls for at this spacing.
     """
 
     preset: str
@@ -147,20 +135,19 @@ def afford(
 ) -> Affordable:
     """Find the finest runs that fit into a time, by pilots that take one to three times as long.
 
+    Their accuracy is ``preset_accuracy(plan.preset, spacing=plan.spacing)``, and their effects are
+    ``plan.forced``.
+
     Args:
         scene: The scene; of an ensemble the one in the middle.
         within: Wall time there is [s].
         horizon: How far each run goes [s].
         members: Runs, one after the other; None for the number with the smallest error.
         device: Warp device; the first CUDA device when there is one, else the CPU.
-        may_force: Whether a plan may go without effects that do not fit (``Affordable.forced``)
+        may_force: Whether a plan may do without effects that do not fit (``Affordable.forced``)
             where most of the time would be left otherwise.
         on_pilot: Called after each pilot.
         clock: What tells the time [s]; ``time.process_time`` on a CPU that others use too.
-
-    Returns:
-        What to run, its expected time and its expected error. ``preset_accuracy(
-        plan.preset, spacing=plan.spacing)`` is its accuracy, ``plan.forced`` its effects.
 
     Raises:
         LavaError: An argument is not usable, or the time is too short for the coarsest run.
@@ -175,7 +162,7 @@ def afford(
     refinement, count = best.refinement, best.members
     wall_time = count * search.cost(refinement, best.effects)
     if wall_time > within:
-        right = f'about {wall_time:.2g} s: that is what the coarsest {count} take'
+        right = f'about {wall_time:.2g} s or more, the time of the coarsest {count} runs'
         raise LavaError('within', within, right)
     return Affordable(
         preset=preset_below(refinement),
@@ -194,7 +181,7 @@ def afford(
 
 @dataclass(frozen=True)
 class _Choice:
-    """A plan for now: a refinement, the members, the effects and the share of the time."""
+    """A plan for now; ``used`` is its share of the time."""
 
     refinement: float
     members: int
@@ -207,7 +194,7 @@ _Cost = Callable[[float, Effects], float]
 
 @dataclass
 class _Search:
-    """The pilots that are run for a plan, and what they say."""
+    """The pilots that are run for a plan, and what they tell."""
 
     scene: Scene
     within: float
@@ -232,11 +219,6 @@ class _Search:
         return sum(pilot.spent for pilot in self.runs)
 
     @property
-    def share(self) -> float:
-        """Time there is for a member, for a single run where their number is open [s]."""
-        return self.within / (self.members or 1)
-
-    @property
     def law(self) -> ErrorLaw:
         """The law of errors; begun runs with the effects of other refinements do not enter."""
         return error_law([
@@ -248,14 +230,14 @@ class _Search:
     def climb(self) -> None:
         """Run pilots to the horizon, each finer than the one before."""
         refinement = FIRST
+        # where the number of members is open, as for a single run
+        share = self.within / (self.members or 1)
         while refinement <= FINEST:
             left = MOST_CLIMBING * self.within - self.spent
             if not self._run(refinement, left if len(self.pilots) >= 2 else self.within, None):
                 # finer physics, or a busy machine: what has been seen will do
                 break
-            last = self.pilots[-1]
-            # those of few members may be finer than what all can have
-            if last.wall_time >= ENOUGH * self.share and len(self.pilots) >= AT_LEAST:
+            if self.pilots[-1].wall_time >= ENOUGH * share and len(self.pilots) >= AT_LEAST:
                 break
             step = MUCH_FINER
             if self._with(step * refinement) > MUCH_CLIMBING * self.within:
@@ -265,7 +247,7 @@ class _Search:
                 break
             refinement *= step
         if len(self.pilots) < 2:
-            raise LavaError('within', self.within, 'longer: the coarsest runs take more')
+            raise LavaError('within', self.within, 'more time: the coarsest runs take longer')
         self.bands = _bands(self.scene, self.horizon)
 
     def choose(self) -> _Choice:
@@ -294,7 +276,6 @@ class _Search:
         return cost_at(known, refinement) if known else math.inf
 
     def _is_whole(self, refinement: float, effects: Effects | None, near: float) -> bool:
-        """Whether a run near to a refinement came to the horizon."""
         return any(
             pilot.is_done
             and effects in (None, pilot.effects)
@@ -313,16 +294,15 @@ class _Search:
         )
 
     def _with(self, refinement: float) -> float:
-        """Time of all pilots with one more [s]."""
         return self.spent + self.cost(refinement, self.pilots[-1].effects)
 
     def _guess(self, refinement: float, effects: Effects) -> float:
-        """Wall time of a run [s]; physics that have not been seen yet may cost no more."""
+        """Wall time of a run [s]; physics that no pilot had may cost no more."""
         cost = self.cost(refinement, effects)
         return cost if math.isfinite(cost) else self.cost(refinement, self.pilots[-1].effects)
 
     def forced(self, best: _Choice) -> dict[str, bool]:
-        """What the scene does not choose by itself."""
+        """Effects that differ from those that the scene calls for."""
         own, given = asdict(self._effects(best.refinement)), asdict(best.effects)
         return {name: is_on for name, is_on in given.items() if own[name] != is_on}
 
@@ -335,14 +315,13 @@ class _Search:
         if not pilot.is_done:
             alike = [run for run in self.runs if run.is_done and run.effects == pilot.effects]
             if not self.pilots:
-                raise LavaError('within', self.within, 'longer: the coarsest run takes more')
+                raise LavaError('within', self.within, 'more time: the coarsest run takes longer')
             pilot = completed(pilot, (alike or self.pilots)[-1])
         self.runs.append(pilot)
         self.on_pilot(pilot)
         return pilot.is_done
 
     def _effects(self, refinement: float) -> Effects:
-        """The effects that the scene calls for at a refinement."""
         return [effects for start, effects in self.bands if start <= refinement][-1]
 
     def _candidates(self, cost: _Cost) -> list[float]:
@@ -362,7 +341,7 @@ class _Search:
         for refinement in candidates:
             effects = self._effects(refinement)
             each = max(cost(refinement, effects), 1e-9)
-            # where other effects make a leap in cost, rather too near to the time than half of it
+            # where other effects make a leap in cost, rather nearly all of the time than half
             is_leap = 0.0 < best.used < LEAST_USED and not self.may_force
             most = MOST_USED if is_leap else USED
             fitting = int(min(most * self.within / each, _MOST_MEMBERS))
@@ -396,11 +375,10 @@ def _is_superseded(pilot: Pilot, others: list[Pilot]) -> bool:
 
 
 def _bands(scene: Scene, horizon: float) -> list[tuple[float, Effects]]:
-    """Refinements from which on the scene calls for some effects, with these."""
+    """The effects that the scene calls for, each from a refinement on."""
 
     def at(refinement: float) -> Effects:
-        accuracy = accuracy_at(scene, refinement, horizon)
-        return effects_for(scene, {}, accuracy=accuracy)
+        return effects_for(scene, {}, accuracy=accuracy_at(scene, refinement, horizon))
 
     # few of them: each looks at the slopes of the whole terrain
     grid = [float(item) for item in np.geomspace(COARSEST, FINEST, 25)]

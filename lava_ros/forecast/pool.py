@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Work for processes of this machine, which get it over pipes: nobody else can give them any."""
+"""Processes of this machine that get their work over pipes: nobody else can give them any."""
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
@@ -34,19 +34,16 @@ Result = TypeVar('Result')
 
 _SPAWN = multiprocessing.get_context('spawn')
 
-# of a process of a pool: what it does with a job, and which one it is
+# in a process of a pool: the function that does a job, and the number of the process
 _work: Callable[[Any], Any]
 _number = 0
 
 
 class Pool(Generic[Job, Result]):
-    """Processes that do the same with job after job; they end with the pool and with this one."""
+    """Processes that do one job after another; they end with the pool and with this process."""
 
     def __init__(self, work: Callable[[Job], Result], processes: int) -> None:
-        """Set the function and the number of processes, without starting any.
-
-        ``work`` must be picklable; each process receives it once.
-        """
+        """Set the function, which is pickled, and the number of processes; start none."""
         self._work = work
         self._processes = processes
         self._executor: ProcessPoolExecutor | None = None
@@ -55,11 +52,10 @@ class Pool(Generic[Job, Result]):
     def __call__(self, jobs: Sequence[Job]) -> Iterator[tuple[int, Result]]:
         """Do jobs, and give the number and the result of each as they end, in any order.
 
-        What a process that dies was about is done again.
+        The jobs of a process that dies are done again. Errors of the work are passed on.
 
         Raises:
             LavaError: Processes die, and no job ends.
-            Exception: What the work raised.
         """
         left = dict(enumerate(jobs))
         deaths = 0
@@ -80,11 +76,11 @@ class Pool(Generic[Job, Result]):
                 self.close()
                 deaths = deaths + 1 if len(left) == before else 0
             if deaths > DEATHS:
-                right = f'what a process survives; {deaths} died of it, for want of memory?'
+                right = f'jobs that do not end their process; {deaths} died (too little memory?)'
                 raise LavaError('jobs', list(left.values())[: self._processes], right)
 
     def close(self) -> None:
-        """End the processes, whatever they are about."""
+        """End the processes, even at work."""
         for end in self._lifelines:
             end.close()
         self._lifelines = ()

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From members to one map: probability, arrival times and expected thickness.
+"""From members to maps: probability, arrival times and expected thickness.
 
-Members are added as they finish, as whole numbers: sums of those do not depend on the order, so
-that any number of workers gives the same maps to the last bit.
+Members are added as whole numbers, whose sums do not depend on the order: any number of workers
+gives the same maps to the last bit.
 """
 
 from dataclasses import dataclass
@@ -131,7 +131,7 @@ class Tally:
         self._arrivals_of(cells)[self._row[cells], look[arrived]] += weight
 
     def maps(self) -> HazardMaps:
-        """What the members say together.
+        """The maps of all members.
 
         Raises:
             LavaError: There are none, or all have a weight of 0.

@@ -14,12 +14,11 @@
 
 """The process that computes forecasts: it receives orders and sends forecasts.
 
-The live simulation has priority. This process therefore lowers its own priority, works in short
-slices and rests between them, so that it computes for no more than its share of the time. It has
-its own Python and Warp, so neither Python's lock nor the capture of a graph holds up the live
-simulation, and a crash ends a forecast, not an eruption.
+The live simulation has priority: this process lowers its own priority, and works in short slices
+with rests between them, for no more than its share of the time. As a process of its own it does
+not hold up the live simulation by Python's lock or the capture of a graph, nor end it by a crash.
 
-An order is the name of a method of ``Forecasting`` and its arguments, pickled. So are the answers:
+An order is the name of a method of ``Forecasting`` and its arguments, pickled. Answers are:
 
     progress           number; progress of the look ahead and of the ensemble
     forecast           number, fields of ``Forecast``
@@ -27,7 +26,7 @@ An order is the name of a method of ``Forecasting`` and its arguments, pickled. 
     ensemble_refused   reason
 
 and those of ``live_ensemble``. A look ahead starts before the ensemble from the same checkpoint;
-from then on they take turns. The process ends when the other end of its connection is closed.
+then they take turns. The process ends when the other end of its connection is closed.
 """
 
 from collections.abc import Callable, Mapping
@@ -46,24 +45,17 @@ from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
 from lava_ros.forecast.sampling import prepare_sampling
 from lava_ros.simulation.checkpoint import Checkpoint
 
-#: How much this process yields to others: a core that it has to share with one of them gives it a
-#: tenth.
+#: Niceness of this process: it gets a tenth of a core that it shares with another one.
 NICENESS = 10
 
-#: Wall time of a slice [s].
-SLICE_WALL_TIME = 0.05
-
-#: Wall time between two reports of progress [s].
-REPORT_TIME = 0.5
-
-#: Longest rest after a slice [s], that of a step of seconds.
-_LONGEST_REST = 60.0
+#: Wall time of a slice, wall time between two reports of progress, and longest rest [s].
+SLICE_WALL_TIME, REPORT_TIME, _LONGEST_REST = 0.05, 0.5, 60.0
 
 Order = tuple[str, dict[str, Any]]
 
 
 class Forecasting:
-    """Takes orders, one slice of a forecast after the other."""
+    """Takes orders, and computes forecasts in slices."""
 
     def __init__(self, orders: 'queue.Queue[Order]', answer: Answer) -> None:
         """Start without a forecast; ``answer`` is called with every result of ``orders``."""
@@ -126,7 +118,7 @@ class Forecasting:
             self._ensembles.order(checkpoint, number=number, **ensemble, **how)
 
         def begin() -> None:
-            # soon rather than to the minute where nothing is known yet
+            # the first forecast is rather soon than precise
             looks = FIRST_LOOKS if is_first else LOOKS
             self._ahead = LookAhead(checkpoint, looks=looks, **how)
 
@@ -143,7 +135,7 @@ class Forecasting:
 
     def _advance(self) -> None:
         ahead, ensembles = self._ahead, self._ensembles
-        # its own look ahead is ahead of an ensemble that has not begun; later ones take turns
+        # a look ahead goes before an ensemble that has not begun; then they take turns
         if ahead is None or (ensembles.has_begun and self._is_turn_of_ensemble):
             self._is_turn_of_ensemble = False
             self._guarded(lambda: ensembles.advance(SLICE_WALL_TIME), self._refuse_ensemble)
@@ -155,7 +147,10 @@ class Forecasting:
         ahead.advance(SLICE_WALL_TIME)
         if ahead.is_done:
             self._ahead = None
-            self._tell(ahead)
+            known = dict(vars(ahead.forecast()))
+            # the node has the terrain already
+            del known['terrain']
+            self._answer('forecast', number=self._number, **known)
 
     def _report(self, now: float) -> None:
         self._reported = now
@@ -165,12 +160,6 @@ class Forecasting:
             progress=self._ahead.progress if self._ahead is not None else 1.0,
             ensemble=self._ensembles.progress,
         )
-
-    def _tell(self, ahead: LookAhead) -> None:
-        known = dict(vars(ahead.forecast()))
-        # the node has the terrain already
-        del known['terrain']
-        self._answer('forecast', number=self._number, **known)
 
     def _refuse(self, reason: str) -> None:
         self._ahead = None
@@ -185,7 +174,7 @@ class Forecasting:
         try:
             action()
         except OSError:
-            # nobody listens any more
+            # the node has closed the connection
             raise
         except Exception as error:
             name = '' if isinstance(error, ValueError) else f'{type(error).__name__}: '

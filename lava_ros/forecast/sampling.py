@@ -12,13 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Members of an ensemble: one value drawn of each quantity that is uncertain.
+"""Members of an ensemble: a value drawn of each quantity that is uncertain.
 
-Values are points of a Sobol sequence, shifted bit by bit with the seed. They fill the space of the
-quantities more evenly than random ones, member k is the same however many there are, and more can
-be drawn later. The arithmetic depends on no library's random generator, and what is left of
-rounding is rounded away, so that member k is the same on every machine. Errors of the ground are
-random fields that have the deviation and the correlation asked for.
+Values are points of a Sobol sequence, shifted bit by bit with the seed: they fill the space of the
+quantities more evenly than random ones, and member k is the same however many there are. The
+arithmetic depends on no library's random generator and rounds the last digits away, so that member
+k is the same on every machine. Errors of the ground are random fields.
 """
 
 from dataclasses import dataclass, replace
@@ -47,17 +46,14 @@ MOST_MEMBERS = 1 << 20
 #: Share of a cell's side that places keep from its border, so that rounding does not cross it.
 _MARGIN = 1e-3
 
-#: Correlations that a field goes on for beyond the terrain, so that opposite borders differ.
+#: Correlation lengths by which a field exceeds the terrain, so that opposite borders differ.
 _BEYOND = 3.0
 
-#: Steps of a field [1/m]: what is left of rounding by the Fourier transform is rounded away.
+#: Steps of a field [1/m], which rounds the error of the Fourier transform away.
 _STEPS = 1024.0
 
-#: Bits of a coordinate.
-_BITS = 30
-
-#: Significant digits of a value: the last ones depend on the machine's logarithm.
-_DIGITS = 9
+#: Bits of a coordinate, and digits of a value: the last ones depend on the machine's logarithm.
+_BITS, _DIGITS = 30, 9
 
 
 @dataclass(frozen=True)
@@ -93,12 +89,7 @@ class Susceptibility:
     """Places by their likelihood: two shares between 0 and 1 give a place."""
 
     def __init__(self, terrain: Terrain, likelihood: np.ndarray) -> None:
-        """Take the likelihoods.
-
-        Args:
-            terrain: The ground; cells without data have no vent.
-            likelihood: Relative likelihood of each cell, at least 0, NaN as 0, float, shape
-                [rows, columns].
+        """Take the relative likelihood of each cell, at least 0; NaN, and no data, count as 0.
 
         Raises:
             LavaError: The shapes differ, a value is negative, or nowhere is one above 0.
@@ -153,11 +144,7 @@ def draw_members(
 ) -> tuple[Member, ...]:
     """Draw the first members of the ensemble of a scene and a seed.
 
-    Args:
-        scene: The scene; its ``uncertainty`` says what is drawn.
-        count: How many.
-        seed: Another one gives other members.
-        susceptibility: Where the vent may be, in place of where the scene has it.
+    ``susceptibility`` says where the vent may be, in place of where the scene has it.
 
     Raises:
         LavaError: An argument is not usable, or nothing is uncertain.
@@ -184,7 +171,7 @@ def draw_members(
 
 
 def prepare_sampling() -> None:
-    """Load what drawing members needs: a second or more, which some have no time for later.
+    """Load the libraries that drawing members needs, which takes a second or more.
 
     Raises:
         LavaError: scipy is not installed.
@@ -236,9 +223,8 @@ def _member(
 
 def _points(count: int, seed: int, coordinates: int) -> np.ndarray:
     """Shifted points of the sequence in the open unit cube, shape [count, coordinates]."""
-    qmc = _qmc(count)
-    sequence = qmc.Sobol(coordinates, scramble=False, bits=_BITS)
-    # whole powers of two are what the sequence is even in
+    sequence = _qmc(count).Sobol(coordinates, scramble=False, bits=_BITS)
+    # the sequence is even in whole powers of two
     points = sequence.random_base2((count - 1).bit_length())[:count]
     cells = np.round(points * 2**_BITS).astype(np.int64)
     shift = np.random.SeedSequence(seed).generate_state(coordinates) >> (32 - _BITS)
@@ -265,19 +251,10 @@ def rough_terrain(terrain: Terrain, roughness: Roughness, seed: tuple[int, ...])
 def random_field(
     shape: tuple[int, int], resolution: float, roughness: Roughness, seed: tuple[int, ...]
 ) -> np.ndarray:
-    """Draw a Gaussian field with covariance s^2 exp(-(r / L)^2).
+    """Draw a Gaussian field [m] with covariance s^2 exp(-(r / L)^2), float32.
 
     White noise is convolved with a Gaussian of deviation L / 2, whose own convolution is the
-    correlation.
-
-    Args:
-        shape: Rows and columns.
-        resolution: Side of a cell [m].
-        roughness: s, the deviation, and L, the correlation [m].
-        seed: Numbers that the field is drawn from.
-
-    Returns:
-        The field [m], float32, shape [rows, columns].
+    correlation. s and L are the deviation and the correlation of ``roughness`` [m].
 
     Raises:
         LavaError: scipy is not installed.

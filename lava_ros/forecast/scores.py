@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How good probabilities were: Brier score and reliability, against what came."""
+"""How good probabilities were: Brier score and reliability against what came."""
 
 from dataclasses import dataclass
 
@@ -45,14 +45,13 @@ class ReliabilityBin:
 
 @dataclass(frozen=True)
 class BrierParts:
-    """A Brier score by its parts: reliability - resolution + uncertainty (Murphy 1973).
+    """A Brier score and its parts: reliability - resolution + uncertainty (Murphy 1973).
 
     Attributes:
-        score: Mean square of probability less outcome: 0 is perfect.
-        reliability: Mean square of probability less what came at that probability; small is good.
-        resolution: Mean square of what came at each probability less what came on average; large
-            is good.
-        uncertainty: Score of who always says what comes on average.
+        score: Mean squared difference of probability and outcome; 0 is perfect.
+        reliability: Mean squared difference of probability and frequency; 0 is perfect.
+        resolution: Variance of the frequencies at the probabilities; large is good.
+        uncertainty: Variance of the outcome, the score of always forecasting its mean.
     """
 
     score: float
@@ -62,7 +61,7 @@ class BrierParts:
 
     @property
     def skill(self) -> float:
-        """1 - score / uncertainty: 1 is perfect, 0 as good as always saying the average."""
+        """1 - score / uncertainty: 1 is perfect, 0 as good as always forecasting the mean."""
         return 1.0 - self.score / self.uncertainty if self.uncertainty else 0.0
 
 
@@ -79,11 +78,7 @@ def brier_score(probability: np.ndarray, outcome: np.ndarray) -> float:
 
 
 def brier_parts(probability: np.ndarray, outcome: np.ndarray) -> BrierParts:
-    """The Brier score and its parts, which add up exactly; arguments as in ``brier_score``.
-
-    Raises:
-        LavaError: As in ``brier_score``.
-    """
+    """The Brier score and its parts, which add up; arguments and errors as in ``brier_score``."""
     probability, outcome = _pairs(probability, outcome)
     said, place = np.unique(probability, return_inverse=True)
     count = np.bincount(place)
@@ -101,13 +96,9 @@ def brier_parts(probability: np.ndarray, outcome: np.ndarray) -> BrierParts:
 def reliability(
     probability: np.ndarray, outcome: np.ndarray, *, bins: int = BINS
 ) -> list[ReliabilityBin]:
-    """The points of a reliability diagram: of what was forecast at 30 %, did 30 % come?
+    """The points of a reliability diagram with ``bins`` classes of equal width.
 
-    ``bins`` is the number of classes of equal width; empty ones have NaN. The other arguments are
-    those of ``brier_score``.
-
-    Raises:
-        LavaError: As in ``brier_score``.
+    Empty classes have NaN. Other arguments and errors are those of ``brier_score``.
     """
     probability, outcome = _pairs(probability, outcome)
     # a share of members that ought to be 0.3 may be 0.299999999
@@ -123,11 +114,7 @@ def reliability(
 
 
 def entropy(probability: np.ndarray) -> np.ndarray:
-    """Shannon entropy of probabilities (0 to 1): 0 bit where the outcome is certain, 1 bit at 0.5.
-
-    Returns:
-        Bits, float64, same shape; NaN where the probability is NaN.
-    """
+    """Shannon entropy [bit] of probabilities from 0 to 1, float64; NaN where these are NaN."""
     sure = np.asarray(probability, dtype=np.float64)
     shares = np.stack([sure, 1.0 - sure])
     with np.errstate(divide='ignore', invalid='ignore'):

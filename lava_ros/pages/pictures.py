@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Runs on disk -> a page of maps: `lava plot`, and the picture of `lava report`."""
+"""A page of maps of runs on disk: `lava plot`, and the picture of `lava report`."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -32,23 +32,12 @@ from lava_ros.maps.sheet import BANNER, draw_sheet, Panel
 from lava_ros.pages.runs import read_run, Run
 from lava_ros.scene.features import Feature, read_features
 
-#: What is called the outline of where lava was seen.
-OBSERVED = 'lava that was seen'
-
 
 @dataclass(frozen=True)
 class Words:
-    """Texts and files for the page that the user gives; the runs supply what is left out.
+    """Texts and files for the page that the user gives, as the options of `lava plot`.
 
-    Attributes:
-        layers: Names of the maps, of ``runs.LAYERS``; none: those there are.
-        time: Simulated time [s] of bags, None for the last there is.
-        title: What it is.
-        volcano: Where it is.
-        date: When it was.
-        source: Where the elevation is from.
-        overlays: Files with features to draw.
-        observed: File that says where lava was seen.
+    ``time`` is a simulated time [s], None for the last one; no ``layers`` are all there are.
     """
 
     layers: Sequence[str] = ()
@@ -91,35 +80,36 @@ def draw_runs(
     if words.observed is not None:
         seen = {run.name: seen_in_file(words.observed, run.terrain) for run in runs}
         shown = [
-            (run, replace(panel, outlines={OBSERVED: seen[run.name][0]}))
+            (run, replace(panel, outlines={'observed lava': seen[run.name][0]}))
             for run, panel in shown
         ]
         for run in (run for run in runs if run.is_ensemble):
             came, known = seen[run.name]
             likely = 0.01 * np.nan_to_num(run.panels['probability'].values[known])
-            charts.append(
-                partial(draw_reliability, probability=likely, came=came[known])
-            )
+            charts.append(partial(draw_reliability, probability=likely, came=came[known]))
             parts = brier_parts(likely, came[known])
             scores[run.name] = {'brier_score': parts.score, 'brier_skill': parts.skill}
-    title, subtitle = _titles(runs, shown, words)
+    title = words.title or ' / '.join(dict.fromkeys(run.title for run in runs))
+    if words.volcano:
+        title = f'{words.volcano}: {title}'
+    subtitle = runs[0].summary if len(runs) == 1 else ''
     notes = _notes(runs, words)
     panels = [panel for _, panel in shown]
     draw_sheet(
         panels, output, title=title, subtitle=subtitle, notes=notes, overlays=overlays,
         charts=charts,
     )
-    said = {'title': title, 'summary': subtitle, 'banner': BANNER, 'notes': notes}
-    maps = [item.title or STYLES[item.source].title for item in panels]
-    return {**said, 'maps': maps, 'scores': scores}
+    return {
+        'title': title,
+        'summary': subtitle,
+        'banner': BANNER,
+        'notes': notes,
+        'maps': [item.title or STYLES[item.source].title for item in panels],
+        'scores': scores,
+    }
 
 
 def _check_together(runs: Sequence[Run]) -> None:
-    """Check that runs have the same coordinate system and different names.
-
-    Raises:
-        LavaError: Two runs have different coordinate systems, or the same name.
-    """
     names = [run.name for run in runs]
     if len(set(names)) < len(names):
         raise LavaError('runs', ', '.join(names), 'runs whose folders have different names')
@@ -130,7 +120,6 @@ def _check_together(runs: Sequence[Run]) -> None:
 
 
 def _shown(runs: Sequence[Run], layers: Sequence[str]) -> Iterator[tuple[Run, Panel]]:
-    """The maps to draw, each with its run."""
     names = list(layers) or runs[0].usual
     if not layers and len(runs) > 1:
         names = [name for name in names if all(name in run.panels for run in runs)][:1]
@@ -144,18 +133,8 @@ def _shown(runs: Sequence[Run], layers: Sequence[str]) -> Iterator[tuple[Run, Pa
             yield run, replace(panel, title=f'{run.name}: {title}') if len(runs) > 1 else panel
 
 
-def _titles(
-    runs: Sequence[Run], shown: Sequence[tuple[Run, Panel]], words: Words
-) -> tuple[str, str]:
-    """What the page is, and its numbers."""
-    title = words.title or ' / '.join(dict.fromkeys(run.title for run in runs))
-    if words.volcano:
-        title = f'{words.volcano}: {title}'
-    return title, runs[0].summary if len(runs) == 1 else ''
-
-
 def _notes(runs: Sequence[Run], words: Words) -> dict[str, str]:
-    """Facts of the runs, each by its name where they differ, and what people want to be said."""
+    """Facts of the runs, each with the name of the run where they differ, and of the user."""
     notes = {'date': words.date} if words.date else {}
     facts = [run.facts if len(runs) == 1 else {'result': run.summary, **run.facts} for run in runs]
     for term in dict.fromkeys(term for known in facts for term in known):

@@ -30,7 +30,8 @@ from lava_ros.files import open_input
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import open_raster
 from lava_ros.files.yaml import parse_json
-from lava_ros.forecast.store import MANIFEST
+from lava_ros.forecast.ensemble import MANIFEST
+from lava_ros.forecast.picture import frame_of
 from lava_ros.maps.arrival import Arrival
 from lava_ros.maps.frames import Frame, Recording
 from lava_ros.maps.gis import coordinate_system
@@ -44,13 +45,14 @@ from lava_ros.simulation.budget import VolumeBudget
 #: Maps of an ensemble: file, what is drawn of it, title.
 ENSEMBLE_MAPS = {
     'probability': ('inundation_probability', 'probability', STYLES['probability'].title),
-    'arrival_p10': ('arrival_time_p10', 'arrival', 'Lava came by then: 10 % of the members'),
-    'arrival': ('arrival_time_p50', 'arrival', 'Lava came by then: 50 % of the members'),
-    'arrival_p90': ('arrival_time_p90', 'arrival', 'Lava came by then: 90 % of the members'),
+    **{
+        name: (f'arrival_time_p{share}', 'arrival', f'Lava came by then: {share} % of the members')
+        for name, share in (('arrival_p10', 10), ('arrival', 50), ('arrival_p90', 90))
+    },
     'thickness': ('expected_thickness', 'thickness', 'Expected thickness of the lava'),
 }
 
-#: Maps that are drawn where nobody says which, of a bag and of an ensemble.
+#: Maps that are drawn by default, of a bag and of an ensemble.
 _USUAL = (
     ('thickness', 'temperature', 'hazard'),
     ('probability', 'arrival_p10', 'arrival', 'arrival_p90'),
@@ -71,7 +73,7 @@ class Run:
 
     @property
     def usual(self) -> list[str]:
-        """Names of the maps that are drawn where nobody says which."""
+        """Names of the maps that are drawn by default."""
         return [name for name in _USUAL[self.is_ensemble] if name in self.panels]
 
 
@@ -83,8 +85,8 @@ def is_ensemble(path: str | Path) -> bool:
 def read_run(path: str | Path, *, time: float | None = None, wanted: Collection[str] = ()) -> Run:
     """Read a bag's directory, an .mcap file, or the output of ``lava ensemble``.
 
-    ``time`` is the simulated time of a bag's maps [s], None for the last ones. Maps that take long
-    to make are only made if they are ``wanted``.
+    ``time`` is the simulated time of a bag's maps [s], None for the last ones. The map of arrival,
+    which takes long, is only made if it is ``wanted``.
 
     Raises:
         LavaError: The run cannot be read, lacks a wanted map, or is an ensemble and ``time`` is
@@ -93,7 +95,7 @@ def read_run(path: str | Path, *, time: float | None = None, wanted: Collection[
     if not is_ensemble(path):
         return _bag(Path(path), time, wanted)
     if time is not None:
-        raise LavaError('--time', time, f'absent: {path} is an ensemble, whose maps are of all')
+        raise LavaError('--time', time, f'no --time for {path}, an ensemble')
     return _ensemble(Path(path))
 
 
@@ -127,7 +129,7 @@ def _bag(path: Path, time: float | None, wanted: Collection[str]) -> Run:
 
 
 def _scene(frame: Frame) -> Scene | None:
-    """The scene that a recording says it is of, None where that cannot be one."""
+    """The scene of a recording, None where its description is not one."""
     terrain = Terrain(frame.elevation, frame.resolution, frame.origin)
     try:
         return scene_from_dict(frame.scene, terrain) if frame.scene else None
@@ -152,10 +154,9 @@ def _arrival(recording: Recording, frame: Frame) -> np.ndarray | None:
 
 
 def _emitted(recording: Recording, frame: Frame, scene: Scene | None) -> dict[str, str]:
-    """When and what came out, as far as the bag says."""
     facts = {}
     begun = recording.bag.start_ns or 0
-    # what nobody's clock said is not a date
+    # a simulation's clock gives no date
     if begun > 1e18:
         facts['computed'] = f'{datetime.fromtimestamp(begun / 1e9, timezone.utc):%Y-%m-%d}'
     facts |= _vents(scene)
@@ -213,7 +214,7 @@ def _ground(frame: Frame) -> dict[str, str]:
 
 
 def system_words(epsg: int | None) -> str:
-    """Say what coordinates are: their code, and their name where GDAL is there to know it."""
+    """The coordinate system by its code, and by its name where GDAL is installed."""
     if not epsg:
         return 'of the map frame: no coordinate system'
     try:
@@ -235,15 +236,7 @@ def _ensemble(folder: Path) -> Run:
         scene = scene_from_dict(known, terrain)
         maps: dict[str, Panel] = {}
         tags: dict[str, str] = {}
-        frame = Frame(
-            elevation=terrain.elevation,
-            resolution=terrain.resolution,
-            origin=terrain.origin,
-            layers={},
-            vents=np.array([vent.position for vent in scene.vents]).reshape(-1, 2),
-            time=None,
-            scene=known,
-        )
+        frame = frame_of(scene)
         for name, (stem, source, title) in ENSEMBLE_MAPS.items():
             values, tags = _raster(folder / f'{stem}.tif', shape)
             values = np.where(values > 0.0, values, np.nan)
@@ -264,9 +257,9 @@ def _ensemble(folder: Path) -> Run:
     facts = {
         'computed': f'{datetime.fromtimestamp(written, timezone.utc):%Y-%m-%d}',
         **_vents(scene),
-        'members': f'{members} that count like {effective:.3g}; probabilities within '
-        f'{50.0 / effective**0.5:.2g} percentage points at even odds',
-        'lava has come': f'where it is {threshold:g} m thick or more within {duration(horizon)}',
+        'members': f'{members}, effective number {effective:.3g}; standard error of a probability '
+        f'of 50 %: {50.0 / effective**0.5:.2g} percentage points',
+        'inundation': f'lava of {threshold:g} m or more within {duration(horizon)}',
         'uncertain': ', '.join(sorted(known.get('uncertainty') or {})) or 'nothing of the scene',
         'model': f'lava_ros {manifest.get("lava_ros", lava_ros.__version__)}, depth-averaged lava '
         f'as particles {float(plan["accuracy"]["spacing"] or 0.0):.3g} m apart{preset}',

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""`lava demo` and `lava forecast-demo`."""
+"""`lava demo` and `lava forecast-demo`, and the processes that commands start."""
 
 import json
 import os
@@ -22,6 +22,7 @@ import subprocess
 import sys
 import time
 from types import SimpleNamespace
+from typing import Any
 
 from matplotlib.image import imread
 import numpy as np
@@ -31,23 +32,31 @@ import yaml
 
 from lava_ros.cli import main as cli
 from lava_ros.cli import ros
+from lava_ros.cli.ros import Child, ChildError, SHOWN_LINES
 from lava_ros.errors import LavaError
 from ros_domain import own_domain
 
 ROOT = Path(__file__).parents[2]
 
 
-def start(directory: Path, *words: str) -> subprocess.Popen[str]:
-    """Start `lava demo` on the CPU, as in a shell without a terminal."""
-    environment = os.environ | {'PYTHONPATH': str(ROOT), 'PYTHONUNBUFFERED': '1'}
+def start(directory: Path, *words: str, command: str = 'demo') -> subprocess.Popen[str]:
+    """Start a command on the CPU, as in a shell without a terminal."""
     return subprocess.Popen(
-        [sys.executable, '-m', 'lava_ros.cli.main', 'demo', *words],
+        [sys.executable, '-m', 'lava_ros.cli.main', command, '--device', 'cpu', *words],
         cwd=directory,
-        env=environment,
+        env=os.environ | {'PYTHONPATH': str(ROOT), 'PYTHONUNBUFFERED': '1'},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
     )
+
+
+def run(directory: Path, *words: str, command: str = 'demo') -> tuple[str, dict[str, Any]]:
+    """Run a command to its end: what it printed, and its result."""
+    demo = start(directory, *words, '--json', 'out.json', command=command)
+    output, errors = demo.communicate(timeout=400)
+    assert demo.returncode == 0, output + errors
+    return output, json.loads((directory / 'out.json').read_text())
 
 
 def test_a_domain_in_use_is_not_free(monkeypatch):
@@ -59,22 +68,17 @@ def test_a_domain_in_use_is_not_free(monkeypatch):
         ros.domain_of(None)
 
 
-def test_the_demo_runs_again_and_again(tmp_path):
+def test_the_demo_runs_again(tmp_path):
     """It leaves a bag others can read, a picture and a table, and replaces its own earlier bag."""
-    words = ('--duration', '900', '--max-speed', '300', '--device', 'cpu', '--json', 'out.json')
-    for attempt in range(2):
-        demo = start(tmp_path, *words)
-        output, errors = demo.communicate(timeout=100)
-        assert demo.returncode == 0, errors
-        assert 'volume emitted' in output, attempt
-    result = json.loads((tmp_path / 'out.json').read_text())
+    output, result = run(tmp_path, '--duration', '900', '--max-speed', '300')
+    assert 'volume emitted' in output
     assert result == json.loads((tmp_path / 'bags/demo/demo.json').read_text())
     assert result['simulated_time'] == pytest.approx(900.0)
-    # Four vents with 130 m3/s together.
+    # three vents with 100 m3/s together
     assert result['volume_emitted'] == pytest.approx(100.0 * 900.0)
     parts = result['volume_held'] + result['volume_left'] + result['volume_frozen']
     assert parts == pytest.approx(result['volume_emitted'], rel=1e-5)
-    # A busy machine is slower than it is allowed to be; never faster.
+    # a busy machine is slower than it is allowed to be; never faster
     assert 0.0 < result['speed'] < 330.0
     assert result['particles'] > 10
     assert result['wet_cells'] > 10
@@ -85,6 +89,17 @@ def test_the_demo_runs_again_and_again(tmp_path):
     assert counts['/terrain'] >= 1
     assert counts['/vents'] >= 1
     assert min(counts[name] for name in ('/height', '/temperature', '/hazard')) >= 2
+    # again, of a discharge that changes, which gives its integral at any speed
+    np.savez(tmp_path / 'a.npz', elevation=np.zeros((40, 40)), resolution=10.0)
+    vent = {'position': [200.0, 200.0], 'discharge': [[0.0, 30.0], [600.0, 0.0]], 'radius': 20.0}
+    scene = {'terrain': {'file': 'a.npz'}, 'vents': [vent], 'gravity': 3.7}
+    (tmp_path / 'scene.yaml').write_text(yaml.safe_dump(scene))
+    words = ['--scene', 'scene.yaml', '--duration', '3600', '--max-speed', '100000']
+    _, result = run(tmp_path, *words)
+    assert result['volume_emitted'] == pytest.approx(18_000.0, rel=1e-9)
+    with AnyReader([tmp_path / 'bags/demo']) as reader:
+        held = {item.topic: item.msgcount for item in reader.connections}
+    assert held['/terrain'] and held['/vents']
 
 
 def test_what_no_demo_made_is_not_touched(tmp_path, monkeypatch, capsys):
@@ -112,23 +127,6 @@ def test_what_cannot_be_written_is_refused_before_anything_starts(tmp_path, monk
     assert (tmp_path / 'lava_demo/demo.json').exists()
 
 
-def test_a_discharge_that_changes_gives_its_integral(tmp_path):
-    """Whatever the speed; the scene's own gravity is the node's."""
-    np.savez(tmp_path / 'a.npz', elevation=np.zeros((40, 40)), resolution=10.0)
-    vent = {'position': [200.0, 200.0], 'discharge': [[0.0, 30.0], [600.0, 0.0]], 'radius': 20.0}
-    scene = {'terrain': {'file': 'a.npz'}, 'vents': [vent], 'gravity': 3.7}
-    (tmp_path / 'scene.yaml').write_text(yaml.safe_dump(scene))
-    words = ['--scene', 'scene.yaml', '--duration', '3600', '--max-speed', '100000']
-    demo = start(tmp_path, *words, '--device', 'cpu', '--json', 'out.json')
-    _, errors = demo.communicate(timeout=100)
-    assert demo.returncode == 0, errors
-    result = json.loads((tmp_path / 'out.json').read_text())
-    assert result['volume_emitted'] == pytest.approx(18_000.0, rel=1e-9)
-    with AnyReader([tmp_path / 'bags/demo']) as reader:
-        held = {item.topic for item in reader.connections if item.msgcount}
-    assert {'/terrain', '/vents'} <= held
-
-
 def test_a_node_that_cannot_work_is_an_error_with_its_log(tmp_path):
     """A device that does not exist ends the demo with status 1 and the node's own words."""
     demo = start(tmp_path, '--device', 'cuda:77', '--duration', '600')
@@ -141,7 +139,7 @@ def test_a_node_that_cannot_work_is_an_error_with_its_log(tmp_path):
 
 def test_ctrl_c_leaves_a_finished_bag_and_no_processes(tmp_path):
     """An interrupted demo ends its children, and its bag is whole and may be replaced."""
-    demo = start(tmp_path, '--device', 'cpu', '--duration', '7200')
+    demo = start(tmp_path, '--duration', '7200')
     assert demo.stdout is not None
     line = ''
     deadline = time.monotonic() + 60.0
@@ -161,20 +159,9 @@ def test_ctrl_c_leaves_a_finished_bag_and_no_processes(tmp_path):
 
 def test_what_is_seen_narrows_the_forecast(tmp_path):
     """Forecasts come over DDS; after the outline less is undecided, and what is said is truer."""
-    words = ('--device', 'cpu', '--members', '6', '--speed', '100')
-    words += ('--json', 'out.json', '--picture', 'out.png')
-    demo = subprocess.run(
-        [sys.executable, '-m', 'lava_ros.cli.main', 'forecast-demo', *words],
-        cwd=tmp_path,
-        env=os.environ | {'PYTHONPATH': str(ROOT), 'PYTHONUNBUFFERED': '1'},
-        capture_output=True,
-        text=True,
-        timeout=400,
-        check=False,
-    )
-    assert demo.returncode == 0, demo.stdout + demo.stderr
-    assert 'a forecast of when lava comes' in demo.stdout
-    result = json.loads((tmp_path / 'out.json').read_text())
+    words = ('--members', '6', '--speed', '200', '--picture', 'out.png')
+    output, result = run(tmp_path, *words, command='forecast-demo')
+    assert 'a forecast of when lava comes' in output
     # how soon it is depends on the machine; the order does not
     assert 0.0 < result['forecast_after_s'] < result['all_members_after_s']
     assert result['members_effective'] < result['members'] == 6
@@ -182,3 +169,114 @@ def test_what_is_seen_narrows_the_forecast(tmp_path):
     for key in ('mean_entropy_bits', 'undecided_m2', 'brier_score'):
         assert 0.0 <= after[key] < before[key], key
     assert imread(tmp_path / 'out.png').shape[2] in (3, 4)
+
+
+#: Says that it is there, and takes SIGINT for nothing.
+STUBBORN = """
+import signal, time
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+print('here', flush=True)
+time.sleep(60)
+"""
+
+ENDS_WELL = """
+import time
+try:
+    print('here', flush=True)
+    time.sleep(60)
+except KeyboardInterrupt:
+    pass
+"""
+
+FAILS = """
+import signal, sys, time
+signal.signal(signal.SIGINT, lambda *_: sys.exit(3))
+print('\\n'.join(f'line {number}' for number in range(100)), flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.fixture
+def child_of(tmp_path):
+    """Starts a child of a program's text, and waits until it has said something."""
+
+    def begin(text: str) -> Child:
+        (tmp_path / 'a_program.py').write_text(text)
+        log = tmp_path / 'a.log'
+        env = os.environ | {'PYTHONPATH': str(tmp_path)}
+        child = Child('program', 'a_program', [], log=log, env=env)
+        end = time.monotonic() + 30.0
+        while not log.read_text():
+            assert time.monotonic() < end
+            time.sleep(0.01)
+        return child
+
+    return begin
+
+
+def test_a_child_that_follows(child_of):
+    """It ends when it is asked to; asking again does no harm."""
+    child = child_of(ENDS_WELL)
+    child.check()
+    child.stop()
+    assert child.end() == 0
+    with pytest.raises(ChildError, match=r'the program ended by itself with status 0; its log'):
+        child.check()
+
+
+def test_a_child_that_does_not_follow_is_killed(child_of):
+    """That is an error for one that had to end well."""
+    child = child_of(STUBBORN)
+    with pytest.raises(ChildError, match=r'did not end within 0.2 s; its log ends with\n    here'):
+        child.stop(0.2)
+    assert child.end(0.2) == -9
+
+
+def test_a_child_that_fails_shows_the_end_of_its_log(child_of):
+    """Its last lines, and its status."""
+    child = child_of(FAILS)
+    with pytest.raises(ChildError, match='ended with status 3') as caught:
+        child.stop()
+    lines = str(caught.value).splitlines()
+    assert lines[-1] == '    line 99'
+    assert len(lines) == 1 + SHOWN_LINES
+
+
+#: A command with a child, which says whether it was ended.
+COMMAND = """
+import os
+from pathlib import Path
+import signal
+import sys
+import time
+from lava_ros.cli.ros import Child
+# whoever runs the tests may ignore it, as nohup does
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+child = Child('program', 'a_program', [], log=Path('a.log'), env=os.environ)
+try:
+    while not Path('a.log').read_text():
+        time.sleep(0.01)
+    os.kill(os.getpid(), getattr(signal, sys.argv[1]))
+    time.sleep(60.0)
+finally:
+    print('child', child.end(), flush=True)
+"""
+
+
+@pytest.mark.parametrize('name', ['SIGTERM', 'SIGHUP'])
+def test_children_end_with_their_command(tmp_path, name):
+    """One that is told to end, or loses its terminal, ends its children first."""
+    (tmp_path / 'a_program.py').write_text(ENDS_WELL)
+    (tmp_path / 'command.py').write_text(COMMAND)
+    env = os.environ | {'PYTHONPATH': f'{ROOT}{os.pathsep}{tmp_path}'}
+    ended = subprocess.run(
+        [sys.executable, 'command.py', name],
+        cwd=tmp_path,
+        env=env,
+        stdout=subprocess.PIPE,
+        text=True,
+        timeout=50.0,
+        check=False,
+    )
+    assert ended.stdout == 'child 0\n'
+    assert ended.returncode == 128 + getattr(signal, name)

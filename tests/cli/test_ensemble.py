@@ -164,7 +164,7 @@ def test_an_interrupted_run_says_how_to_go_on(scene, tmp_path, monkeypatch, caps
     def interrupted(*args: object, **options: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr('lava_ros.forecast.ensemble.run_ensemble', interrupted)
+    monkeypatch.setattr('lava_ros.cli.ensemble.run_ensemble', interrupted)
     words = ['ensemble', str(scene), '-o', str(tmp_path / 'out'), '--workers', '1']
     assert cli.main([*words, '--device', 'cpu']) == 130
     assert 'the same command' in capsys.readouterr().err
@@ -187,7 +187,7 @@ def test_a_case_is_scored(tmp_path, capsys):
     words = ['ensemble', str(case), '-o', str(tmp_path / 'out'), '--members', '2']
     words += ['--device', 'cpu', '--workers', '1', '--spacing', '20']
     assert cli.main([*words, '--horizon', '1h']) == 2
-    assert "--horizon is '1h', expected absent beside" in capsys.readouterr().err
+    assert "--horizon is '1h', expected no --horizon for" in capsys.readouterr().err
     assert cli.main([*words, '--json', str(tmp_path / 'report.json')]) == 0
     report = json.loads((tmp_path / 'report.json').read_text())
     assert (report['case'], report['horizon_s']) == ('valley', 3600.0)

@@ -66,8 +66,8 @@ def test_numbers_are_written(finished):
 
 def test_vents_of_the_command(tmp_path):
     """They replace the case's; a discharge is each vent's own, else the case's is divided."""
-    words = ['hindcast', str(write_case(tmp_path / 'valley', hours=1, yaml=LAVA)), '-o']
-    words += [str(tmp_path / 'out'), '--preset', 'draft', '--spacing', '16', '--device', 'cpu']
+    words = ['hindcast', str(write_case(tmp_path / 'valley', hours=0.5, yaml=LAVA)), '-o']
+    words += [str(tmp_path / 'out'), '--preset', 'draft', '--spacing', '20', '--device', 'cpu']
     words += ['--maps', '1', '--json', str(tmp_path / 'out.json')]
     (tmp_path / 'vents.csv').write_text(
         f'x,y,x_end,y_end,name\n{VENT[0] - 60},{VENT[1]},{VENT[0] + 60},{VENT[1]},fissure\n'
@@ -84,7 +84,7 @@ def test_vents_of_the_command(tmp_path):
     assert [vent['name'] for vent in found[0]['vents']] == ['fissure', 'cone']
     assert found[0]['vents'][0]['end'] is not None and found[0]['vents'][1]['end'] is None
     emitted = [item['volume']['emitted'] for item in found]
-    assert emitted == pytest.approx([15.0 * 3600, 12.0 * 3600, 9.0 * 3600])
+    assert emitted == pytest.approx([15.0 * 1800, 12.0 * 1800, 9.0 * 1800])
     assert main([*words, '--vent', '1,2']) == 2
 
 

@@ -18,6 +18,7 @@ import json
 from pathlib import Path
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 
@@ -50,10 +51,22 @@ def bag(tmp_path):
     return tmp_path / 'bag'
 
 
-def test_info_says_what_is_in_a_bag(bag, capsys):
+@pytest.fixture
+def info(capsys):
+    """Gives the lines and the JSON that `lava info` prints about a bag."""
+
+    def of(path: Path) -> tuple[list[str], dict[str, Any]]:
+        assert call('info', str(path)) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert call('info', str(path), '--json', '-') == 0
+        return lines, json.loads(capsys.readouterr().out)
+
+    return of
+
+
+def test_info_says_what_is_in_a_bag(bag, info):
     """Scene, vents, topics, durability, duration and state are printed."""
-    assert call('info', str(bag)) == 0
-    lines = [' '.join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    lines = [' '.join(line.split()) for line in info(bag)[0]]
     assert '/hazard std_msgs/msg/Empty 3 reliable transient_local' in lines
     assert 'duration 2.000 s' in lines
     assert 'recording finished' in lines
@@ -62,19 +75,18 @@ def test_info_says_what_is_in_a_bag(bag, capsys):
     assert 'device: cuda:0' in lines
 
 
-def test_info_as_json(bag, tmp_path, capsys):
+def test_info_as_json(bag, tmp_path, info):
     """The same as JSON, in a file or on standard output."""
     assert call('info', str(bag), '--json', str(tmp_path / 'info.json')) == 0
     data = json.loads((tmp_path / 'info.json').read_text())
     assert data['scene'] == SCENE
     assert data['topics'][0]['qos']['durability'] == 'transient_local'
     assert (data['message_count'], data['recovered'], data['duration']) == (3, False, 2.0)
-    assert call('info', str(bag), '--json', '-') == 0
-    assert json.loads(capsys.readouterr().out) == data
+    assert info(bag)[1] == data
     assert call('info', str(bag), '--json', str(tmp_path / 'gone' / 'info.json')) == 2
 
 
-def test_info_says_which_effects_were_on(tmp_path, capsys):
+def test_info_says_which_effects_were_on(tmp_path, info):
     """The table at the start and what changed later, as text and as JSON."""
     changes = [
         {'stamp_ns': 1, 'time': 0.0, 'effects': {'steep': 'on: slope = 0.8 > 0.12'}},
@@ -82,8 +94,8 @@ def test_info_says_which_effects_were_on(tmp_path, capsys):
     ]
     data = {'effects': json.dumps(changes)}
     BagWriter(tmp_path / 'bag', custom_data=data).close()
-    assert call('info', str(tmp_path / 'bag')) == 0
-    lines = [' '.join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    shown, told = info(tmp_path / 'bag')
+    lines = [' '.join(line.split()) for line in shown]
     place = lines.index('effects')
     assert lines[place + 1 : place + 4] == [
         'steep on: slope = 0.8 > 0.12',
@@ -91,16 +103,14 @@ def test_info_says_which_effects_were_on(tmp_path, capsys):
         'steep off: forced',
     ]
     assert 'custom data' not in lines
-    assert call('info', str(tmp_path / 'bag'), '--json', '-') == 0
-    assert json.loads(capsys.readouterr().out)['effects'] == changes
+    assert told['effects'] == changes
 
 
 @pytest.mark.parametrize('text', ['[1', '[1]', '{}', '[{"time": 0}]'])
-def test_effects_that_cannot_be_read_are_shown_as_text(text, tmp_path, capsys):
+def test_effects_that_cannot_be_read_are_shown_as_text(text, tmp_path, info):
     """A bag of someone else's may have anything by that name."""
     BagWriter(tmp_path / 'bag', custom_data={'effects': text}).close()
-    assert call('info', str(tmp_path / 'bag')) == 0
-    assert f'  effects: {text}' in capsys.readouterr().out
+    assert f'  effects: {text}' in info(tmp_path / 'bag')[0]
 
 
 def test_info_and_recover_of_a_bag_that_was_cut_off(bag, tmp_path, capsys):
@@ -117,48 +127,42 @@ def test_info_and_recover_of_a_bag_that_was_cut_off(bag, tmp_path, capsys):
     assert 'choose another name' in capsys.readouterr().err
 
 
-def test_checkpoints_are_listed(tmp_path, capsys):
+def test_checkpoints_are_listed(tmp_path, info):
     """The newest of them with time and size in the text, all of them in the JSON."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for count in range(7):
             checkpoint = small_checkpoint(100.0 * count, count)
             writer.attach(NAME, MEDIA_TYPE, checkpoint.to_bytes(), count * 10**9)
-    assert call('info', str(tmp_path / 'bag')) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines, told = info(tmp_path / 'bag')
     start = next(index for index, line in enumerate(lines) if line.startswith('checkpoints  7, '))
     assert lines[start].endswith('; resume takes the newest')
     assert lines[start + 1] == '  2 older ones'
     assert lines[start + 2].startswith('  at 200.000 s simulated, 2.000 s, 2 particles, ')
     assert lines[start + 6].startswith('  at 600.000 s simulated, 6.000 s, 6 particles, ')
-    assert call('info', str(tmp_path / 'bag'), '--json', '-') == 0
-    stored = json.loads(capsys.readouterr().out)['checkpoints']
+    stored = told['checkpoints']
     assert [item['time'] for item in stored] == [100.0 * count for count in range(7)]
     assert stored[6]['size'] == len(checkpoint.to_bytes())
 
 
-def test_a_bag_names_what_it_was_resumed_from(tmp_path, capsys):
+def test_a_bag_names_what_it_was_resumed_from(tmp_path, info):
     """Bag and simulated time in the text, all of it in the JSON; another text is only shown."""
     origin = {'bag': 'bags/first', 'time': 1234.5, 'stamp_ns': 7}
     BagWriter(tmp_path / 'bag', custom_data={'resumed_from': json.dumps(origin)}).close()
-    assert call('info', str(tmp_path / 'bag')) == 0
-    output = capsys.readouterr().out
-    assert 'resumed    at 1234.500 s simulated, from bags/first\n' in output
-    assert 'resumed_from' not in output
-    assert call('info', str(tmp_path / 'bag'), '--json', '-') == 0
-    assert json.loads(capsys.readouterr().out)['resumed_from'] == origin
+    lines, told = info(tmp_path / 'bag')
+    assert 'resumed    at 1234.500 s simulated, from bags/first' in lines
+    assert not any('resumed_from' in line for line in lines)
+    assert told['resumed_from'] == origin
     for index, text in enumerate(('[1]', '{"bag": 1, "time": 2}', 'a bag')):
         BagWriter(tmp_path / str(index), custom_data={'resumed_from': text}).close()
-        assert call('info', str(tmp_path / str(index))) == 0
-        assert f'  resumed_from: {text}\n' in capsys.readouterr().out
+        assert f'  resumed_from: {text}' in info(tmp_path / str(index))[0]
 
 
-def test_the_scene_may_be_anything(tmp_path, capsys):
+def test_the_scene_may_be_anything(tmp_path, info):
     """Custom data that is no scene is printed as text, an empty bag too."""
     BagWriter(tmp_path / 'bag', custom_data={'scene': '[Etna', 'long': 'x ' * 100}).close()
-    assert call('info', str(tmp_path / 'bag')) == 0
-    output = capsys.readouterr().out
-    assert 'scene: [Etna' in output
-    assert max(len(line) for line in output.splitlines()) < 100
+    lines, _ = info(tmp_path / 'bag')
+    assert '  scene: [Etna' in lines
+    assert max(map(len, lines)) < 100
 
 
 def test_commands_are_described_without_ros():
@@ -171,7 +175,7 @@ def test_commands_are_described_without_ros():
     subprocess.run([sys.executable, '-c', code], check=True, cwd=Path(__file__).parents[2])
 
 
-def test_info_says_what_is_in_each_file(tmp_path, capsys):
+def test_info_says_what_is_in_each_file(tmp_path, info):
     """A bag of several files is listed file by file, one that was cut off marked as such."""
     with BagWriter(tmp_path / 'bag', custom_data={}, max_duration=2.0) as writer:
         for second in range(5):
@@ -179,8 +183,7 @@ def test_info_says_what_is_in_each_file(tmp_path, capsys):
             writer.flush()
     last = tmp_path / 'bag' / 'bag_2.mcap'
     last.write_bytes(last.read_bytes()[:-50])
-    assert call('info', str(tmp_path / 'bag')) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines, told = info(tmp_path / 'bag')
     assert lines[1].startswith('files      3, ')
     shown = [line for line in lines if line.startswith('  bag_')]
     assert [line.split(',')[0].strip() for line in shown] == [
@@ -188,7 +191,5 @@ def test_info_says_what_is_in_each_file(tmp_path, capsys):
     ]
     assert '2.000 to 3.000 s, 2 messages' in shown[1]
     assert [line.endswith('cut off') for line in shown] == [False, False, True]
-    assert call('info', str(tmp_path / 'bag'), '--json', '-') == 0
-    files = json.loads(capsys.readouterr().out)['files']
-    assert [item['finished'] for item in files] == [True, True, False]
-    assert [item['message_count'] for item in files] == [2, 2, 1]
+    assert [item['finished'] for item in told['files']] == [True, True, False]
+    assert [item['message_count'] for item in told['files']] == [2, 2, 1]

@@ -27,6 +27,7 @@ import pytest
 
 import lava_ros
 from lava_ros.cli import main as cli
+from lava_ros.cli.manual import COMMANDS, GROUPS, parsed
 from lava_ros.cli.output import in_terminal, Progress
 from lava_ros.cli.scenes import DEMO_VENTS, scene_from_arguments
 from lava_ros.errors import LavaError
@@ -79,7 +80,7 @@ def test_version(capsys):
         ('bench steps --device cpu --particles 400 3', '--particles is'),
         ('watch nothing.mcap', 'nothing.mcap'),
         ('watch --port 70000', '--port is 70000'),
-        ('watch bag --namespace /etna', 'absent beside a bag'),
+        ('watch bag --namespace /etna', 'no --namespace together with a bag'),
         ('watch --namespace "/no good"', '--namespace is'),
         # a time has one spelling, whatever a command calls it
         ('demo --duration "1 hour"', TIME),
@@ -135,8 +136,7 @@ def test_without_ros(command, monkeypatch, capsys):
 
 def test_the_default_scene():
     """Without arguments the demo's vents lie high on the demo's terrain."""
-    args = cli._parser().parse_args(['feed'])
-    scene = scene_from_arguments(args)
+    scene = scene_from_arguments(parsed(['feed']))
     assert len(scene.vents) == len(DEMO_VENTS)
     for vent in scene.vents:
         cell = scene.terrain.cell_at(*vent.position)
@@ -150,14 +150,13 @@ def test_a_terrain_alone_gets_a_vent_on_its_summit(tmp_path):
     elevation[25, 30] = 300.0
     elevation[20:22, 20:22] = np.nan
     np.savez(tmp_path / 'a.npz', elevation=elevation, resolution=10.0)
-    args = cli._parser().parse_args(['feed', '--terrain', str(tmp_path / 'a.npz')])
-    (vent,) = scene_from_arguments(args).vents
+    (vent,) = scene_of('--terrain', str(tmp_path / 'a.npz')).vents
     assert vent.position == (305.0, 255.0)
 
 
 def scene_of(*words: str) -> Scene:
     """The scene that `lava plan` makes of its arguments."""
-    return scene_from_arguments(cli._parser().parse_args(['plan', '--within', '9s', *words]))
+    return scene_from_arguments(parsed(['plan', '--within', '9s', *words]))
 
 
 @pytest.fixture
@@ -186,8 +185,8 @@ def test_vents_from_a_file(island, tmp_path):
     np.testing.assert_allclose(second.end, point.position)
     assert (point.end, point.discharge) == (None, 50.0)
     for more, named in (
-        (('--discharge', '5'), '--discharge is 5.0, expected absent'),
-        (('--vent', '365300,7650400'), 'absent beside --vents'),
+        (('--discharge', '5'), '--discharge is 5.0, expected no --discharge, since'),
+        (('--vent', '365300,7650400'), 'no --vent together with --vents'),
     ):
         with pytest.raises(LavaError, match=named):
             scene_of(*words, *more)
@@ -240,7 +239,9 @@ def test_a_broken_pipe_is_no_error(monkeypatch):
     def run(args: object) -> int:
         raise BrokenPipeError
 
-    monkeypatch.setattr('lava_ros.cli.info.run', run)
+    import lava_ros.cli.info
+
+    monkeypatch.setattr(lava_ros.cli.info, 'run', run)
     replaced: list[tuple[int, int]] = []
     monkeypatch.setattr(cli.os, 'dup2', lambda a, b: replaced.append((a, b)))
     monkeypatch.setattr(sys.stdout, 'fileno', lambda: 1, raising=False)
@@ -266,16 +267,13 @@ def test_the_page_has_its_parts(capsys):
 def test_every_command_has_a_line_under_a_heading(capsys):
     """In the order of the groups, each once, with what it does."""
     page = _page(capsys)
-    listed = page[page.index('COMMANDS') : page.index('EXAMPLES')].splitlines()[1:]
-    lines = [line for line in listed if line.strip()]
+    listed = page[page.index('COMMANDS\n') : page.index('EXAMPLES')].splitlines()[1:]
+    lines = [line for line in listed if line.strip() and line[4:5] != ' ']
     expected = []
-    for heading, commands in cli.GROUPS:
-        expected.append(f'  {heading}')
-        words = [command.__name__.split('.')[-1].replace('_', '-') for command in commands]
-        expected += [f'    {word}' for word in words]
-    names = [line for line in lines if not line.startswith('     ')]
-    assert [line[: 17 if line.startswith('    ') else None].rstrip() for line in names] == expected
-    assert all(line[17:].strip() for line in lines if line.startswith('    '))
+    for heading, names in GROUPS.items():
+        expected += [f'  {heading}', *(f'    {name}' for name in names)]
+    assert [re.match(r' +[a-z-]+( up)?', line)[0] for line in lines] == expected
+    assert all(line[19:].strip() for line in lines if line.startswith('    '))
 
 
 def test_the_examples_of_the_page_parse(capsys):
@@ -288,7 +286,7 @@ def test_the_examples_of_the_page_parse(capsys):
         words = command.split()[1:]
         if '--ros-args' in words:
             words = words[: words.index('--ros-args')]
-        assert cli._parser().parse_args(words).command == words[0]
+        assert parsed(words).command == words[0]
 
 
 @pytest.mark.parametrize(
@@ -361,9 +359,7 @@ def test_zsh_gets_a_script(capsys):
     assert cli.main(['completion', 'zsh']) == 0
     script = capsys.readouterr().out
     assert script.startswith('#compdef lava')
-    for _, commands in cli.GROUPS:
-        for command in commands:
-            assert command.__name__.split('.')[-1] in script
+    assert all(name in script for name in COMMANDS)
 
 
 def test_completion_without_its_library(monkeypatch, capsys):

@@ -32,7 +32,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from lava_ros.bag import BagWriter, LATCHED, QosProfile
-from lava_ros.cli.keys import Keys, keys_of
+from lava_ros.cli.replay import Keys, keys_of
 from lava_ros.ros.spinning import Watcher
 from ros_domain import own_domain
 
@@ -198,13 +198,13 @@ def test_keys_in_a_terminal(replay, terminal, heard):
     heard.until(lambda: len(heard.places) > 5, timeout=60.0)
     press(' ')
     heard.until(lambda: 'held' in screen.shown)
-    heard.during(0.5)
-    assert heard.during(1.0) == []
+    heard.during(0.3)
+    assert heard.during(0.6) == []
     place = heard.places[-1]
 
     press(RIGHT)
     press(RIGHT)
-    heard.during(0.5)
+    heard.during(0.3)
     press(' ')
     heard.until(lambda: heard.places[-1] > place + 10.5)
     # by two jumps of five seconds; of what lies between at most the place of the first
@@ -216,8 +216,8 @@ def test_keys_in_a_terminal(replay, terminal, heard):
     press(UP)
     heard.until(lambda: 'x4' in screen.shown)
     begin, was = time.monotonic(), heard.places[-1]
-    heard.until(lambda: heard.places[-1] >= was + 8.0, timeout=60.0)
-    assert time.monotonic() - begin > 1.5
+    heard.until(lambda: heard.places[-1] >= was + 4.0, timeout=60.0)
+    assert time.monotonic() - begin > 0.75
     press(DOWN)
     press(DOWN)
 

@@ -32,18 +32,18 @@ import pytest
 from disc_flow import disc_members, disc_plan, HORIZON, same, TERRAIN
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Outline
-from lava_ros.forecast.cluster import DaskRunner
+from lava_ros.forecast.cluster import run_on_cluster
 from lava_ros.forecast.ensemble import (
     default_workers,
     Ensemble,
     run_ensemble,
     run_here,
     run_in_processes,
+    Store,
 )
 from lava_ros.forecast.members import make_plan, Plan
 from lava_ros.forecast.probability import Footprint, footprint_of
 from lava_ros.forecast.sampling import draw_members, Member
-from lava_ros.forecast.store import Store
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.scene.uncertainty import uncertainty_from_dict
@@ -281,7 +281,7 @@ def test_a_worker_of_a_cluster_that_is_killed_loses_nothing(small: Any, tmp_path
             plan,
             members,
             Store(tmp_path / 'killed', plan),
-            runner=DaskRunner(cluster.scheduler_address),
+            runner=partial(run_on_cluster, scheduler=cluster.scheduler_address),
             on_finished=kill,
         )
     assert killed and len(pids) == 2
@@ -332,7 +332,7 @@ def test_a_cluster_needs_dask(monkeypatch: pytest.MonkeyPatch) -> None:
     """The error says what to install."""
     monkeypatch.setitem(sys.modules, 'distributed', None)
     with pytest.raises(LavaError, match=r"'lava_ros\[ensemble\]'"):
-        DaskRunner('tcp://localhost:1')
+        list(run_on_cluster(PLAN, MEMBERS, scheduler='tcp://localhost:1'))
 
 
 def test_a_scheduler_out_of_reach_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -340,4 +340,4 @@ def test_a_scheduler_out_of_reach_is_named(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr('lava_ros.forecast.cluster.PATIENCE', 0.3)
     for address in ('tcp://127.0.0.1:9', 'nonsense'):
         with pytest.raises(LavaError, match='--scheduler'):
-            list(DaskRunner(address)(PLAN, MEMBERS))
+            list(run_on_cluster(PLAN, MEMBERS, scheduler=address))

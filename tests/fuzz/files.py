@@ -456,5 +456,5 @@ def hostile_scene(chance: random.Random, folder: Path) -> Path:
         place = chance.randrange(len(text))
         text = text[:place] + chance.choice(TEXTS) + text[place:]
     path = folder / 'scene.yaml'
-    path.write_text(text, encoding='utf-8')
+    path.write_bytes(chance.randbytes(60) if chance.random() < 0.05 else text.encode())
     return path

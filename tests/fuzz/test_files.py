@@ -15,13 +15,11 @@
 """Files that lie about themselves: a result, or one error, soon, in memory that does not grow."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
 import random
-import resource
 import shutil
-import signal
 from typing import Any
 import warnings
 
@@ -29,6 +27,7 @@ from hypothesis import given, Phase, settings
 from hypothesis import strategies as st
 import pytest
 
+from fuzz.conftest import bounded
 from fuzz.files import hostile_bag, hostile_case, hostile_raster, hostile_scene
 from lava_ros.bag.replay import schedule
 from lava_ros.cli.main import main
@@ -41,8 +40,8 @@ from recording import record
 FILES = max(1, settings.default.max_examples // 4)
 BAGS = FILES if FILES > 25 else 6
 
-#: Most that reading a file may take beside what is there [bytes], and how long [s].
-MEMORY, PATIENCE = 3 << 30, 120
+#: Most that reading a file may take beside what is there [bytes].
+MEMORY = 3 << 30
 
 SEEDS = st.integers(0, 2**63)
 
@@ -50,30 +49,10 @@ SEEDS = st.integers(0, 2**63)
 files = settings(max_examples=FILES, phases=[Phase.generate])
 
 
-@contextmanager
-def bounded() -> Iterator[None]:
-    """End what hangs, and what takes too much memory."""
-
-    def end(*_: object) -> None:
-        raise TimeoutError
-
-    before = resource.getrlimit(resource.RLIMIT_AS)
-    pages = int(Path('/proc/self/statm').read_text().split()[0])
-    most = pages * resource.getpagesize() + MEMORY
-    signal.signal(signal.SIGALRM, end)
-    signal.alarm(PATIENCE)
-    resource.setrlimit(resource.RLIMIT_AS, (most, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, before)
-        signal.alarm(0)
-
-
 def call(*words: object) -> tuple[int, str]:
     """Call the command line within bounds: its exit status and all that it prints."""
     out = StringIO()
-    with redirect_stdout(out), redirect_stderr(out), bounded(), warnings.catch_warnings():
+    with redirect_stdout(out), redirect_stderr(out), bounded(MEMORY), warnings.catch_warnings():
         # what numpy warns of is a number that was not looked at
         warnings.simplefilter('error', RuntimeWarning)
         status = main([str(word) for word in words])
@@ -148,7 +127,7 @@ def test_cases(seed: int, folder: Callable[[], Path], trial: Any) -> None:
     """A hindcast's folder with a value of any kind in a file."""
     path = folder() / 'case'
     hostile_case(random.Random(seed), path)
-    with trial('files') as row, bounded():
+    with trial('files') as row, bounded(MEMORY):
         try:
             case = load_case(path)
         except LavaError as error:

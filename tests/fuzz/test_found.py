@@ -14,7 +14,7 @@
 
 """What the fuzzers have found, each as a case of its own."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import math
 import struct
 from typing import Any
@@ -41,6 +41,29 @@ from ros import graph_publisher
 
 GROUND = Terrain(np.zeros((4, 5)), 10.0)
 MIDDLE = (25.0, 15.0)
+
+
+def flow(
+    ground: Any, vents: Any, lava: Lava, accuracy: Accuracy, cell: float = 1.0, **more: Any
+) -> tuple[Simulation, Watch]:
+    """A flow on the CPU and its watch; effects are neither cooling nor Arrhenius, but ``more``."""
+    particles, ambient = more.pop('particles', None), more.pop('ambient', 300.0)
+    simulation = Simulation(
+        Scene(Terrain(np.array(ground), cell), vents, lava, ambient),
+        effects=Effects(**{'arrhenius': False, 'cooling': False, **more}),
+        accuracy=accuracy,
+        particles=particles,
+        device='cpu',
+    )
+    return simulation, Watch(simulation)
+
+
+def frames(simulation: Simulation, watch: Watch, until: float, count: int = 6) -> Iterator[int]:
+    """Simulate up to a time [s], and check the invariants after each frame."""
+    for frame in range(1, count + 1):
+        simulation.advance(until * frame / count)
+        watch.check()
+        yield frame
 
 
 @pytest.mark.parametrize(
@@ -150,17 +173,12 @@ def test_lava_that_warms_by_more_than_it_can_fall(
     vent: Vent, viscosity: float, inertia: bool, until: float, spacing: float
 ) -> None:
     """It was taken for an error: speed warms it, or lava behind it, and all is paid for."""
-    lava = Lava(viscosity=viscosity, specific_heat=600.0)
-    simulation = Simulation(
-        Scene(Terrain(np.zeros((40, 40)), 1.0), (vent,), lava),
-        effects=Effects(arrhenius=False, cooling=False, viscous_heating=True, inertia=inertia),
-        accuracy=Accuracy(spacing=spacing),
-        device='cpu',
+    simulation, watch = flow(
+        np.zeros((40, 40)), (vent,), Lava(viscosity=viscosity, specific_heat=600.0),
+        Accuracy(spacing=spacing), viscous_heating=True, inertia=inertia,
     )
-    watch, thickest = Watch(simulation), 0.0
-    for frame in range(1, 7):
-        simulation.advance(until * frame / 6.0)
-        watch.check()
+    thickest = 0.0
+    for _ in frames(simulation, watch, until):
         thickest = max(thickest, float(simulation.sample().thickness.max(initial=0.0)))
     warmer = float(simulation.sample().temperature.max() - simulation.scene.vents[0].temperature)
     assert warmer > 9.81 / 600.0 * 2.0 * thickest
@@ -170,11 +188,9 @@ def test_lava_that_warms_by_more_than_it_can_fall(
 def test_vents_that_are_replaced_set_the_step() -> None:
     """Steps stayed those of the vents before: far too short, or far too long for a fast vent."""
     fast, slow = (Vent((12.0, 12.0), 1.0, velocity=(0.0, speed)) for speed in (40.0, 0.0))
-    simulation = Simulation(
-        Scene(Terrain(np.zeros((24, 24)), 1.0), (slow,), Lava(viscosity=1e6)),
-        effects=Effects(arrhenius=False, cooling=False, inertia=True),
-        accuracy=Accuracy(spacing=1.0, ratio=3.5),
-        device='cpu',
+    simulation, _ = flow(
+        np.zeros((24, 24)), (slow,), Lava(viscosity=1e6), Accuracy(spacing=1.0, ratio=3.5),
+        inertia=True,
     )
     lengths = []
     for number, vents in enumerate([(slow,), (fast,), ()]):
@@ -189,24 +205,17 @@ def test_lava_whose_speed_drag_does_not_change() -> None:
     """Heat of nothing over nothing: it was no number, and half a second later nothing was."""
     rough = Terrain(np.array([[0.001257302, -0.0013210486], [0.006404227, 0.001049001]]), 1.0)
     discharge = ((0.0, 744.3195958314132), (1.0, 0.0), (5.0, 1488.6391916628263), (1000.0, 0.0))
-    simulation = Simulation(
-        Scene(
-            Terrain(np.zeros((2, 2)), 1.0),
-            (Vent((0.5, 0.5), discharge, 1459.0, radius=1.0),),
-            Lava(viscosity=1.0, density=1000.0, specific_heat=600.0, arrhenius=0.04),
-            ambient_temperature=200.0,
-        ),
-        effects=Effects(cooling=False, steep=False, inertia=True, viscous_heating=True),
-        accuracy=Accuracy(refinement=0.5, ratio=3.5),
-        device='cpu',
+    simulation, watch = flow(
+        np.zeros((2, 2)),
+        (Vent((0.5, 0.5), discharge, 1459.0, radius=1.0),),
+        Lava(viscosity=1.0, density=1000.0, specific_heat=600.0, arrhenius=0.04),
+        Accuracy(refinement=0.5, ratio=3.5),
+        ambient=200.0, arrhenius=True, steep=False, inertia=True, viscous_heating=True,
     )
-    watch = Watch(simulation)
-    for frame in range(1, 7):
-        if frame == 4:
+    for frame in frames(simulation, watch, 0.461961952225758):
+        if frame == 3:
             simulation.set_terrain(rough)
             watch.renew()
-        simulation.advance(0.461961952225758 * frame / 6.0)
-        watch.check()
 
 
 def test_lava_that_breaks_loose_for_a_moment() -> None:
@@ -214,17 +223,12 @@ def test_lava_that_breaks_loose_for_a_moment() -> None:
 
     Of a power law it is a thousand times as stiff in between.
     """
-    simulation = Simulation(
-        Scene(
-            Terrain(np.add.outer(0.5 * np.arange(20.0), np.zeros(20)), 1.0),
-            (Vent((10.0, 10.0), ((0.0, 100.0), (0.25, 0.0)), radius=1.0),),
-            Lava(viscosity=14.0, yield_strength=1e5, flow_index=0.5),
-        ),
-        effects=Effects(arrhenius=False, cooling=False, yielding=True, power_law=True),
-        accuracy=Accuracy(spacing=1.0),
-        device='cpu',
+    simulation, watch = flow(
+        np.add.outer(0.5 * np.arange(20.0), np.zeros(20)),
+        (Vent((10.0, 10.0), ((0.0, 100.0), (0.25, 0.0)), radius=1.0),),
+        Lava(viscosity=14.0, yield_strength=1e5, flow_index=0.5),
+        Accuracy(spacing=1.0), yielding=True, power_law=True,
     )
-    watch = Watch(simulation)
     simulation.advance(0.5)
     watch.check()
     # the lava called for what was taken, to a tenth: the bound is four times that
@@ -234,22 +238,16 @@ def test_lava_that_breaks_loose_for_a_moment() -> None:
 def test_lava_does_not_fall_from_a_vent_that_has_given_none() -> None:
     """Lava of a low vent was as fast as if it had come from a high one that opens later."""
     low, high = Vent((10.0, 10.0), 20.0, radius=1.0), Vent((10.0, 35.0), ((100.0, 20.0),))
-    heads = {}
-    for name, vents in {'alone': (low,), 'with another': (low, high)}.items():
-        simulation = Simulation(
-            Scene(
-                Terrain(np.add.outer(3.0 * np.arange(40.0), np.zeros(20)), 1.0), vents,
-                Lava(viscosity=1.0),
-            ),
-            effects=Effects(arrhenius=False, cooling=False),
-            accuracy=Accuracy(spacing=1.0, thickness=1.0),
-            device='cpu',
+    heads = []
+    for vents in ((low,), (low, high)):
+        simulation, watch = flow(
+            np.add.outer(3.0 * np.arange(40.0), np.zeros(20)), vents, Lava(viscosity=1.0),
+            Accuracy(spacing=1.0, thickness=1.0),
         )
-        watch = Watch(simulation)
         simulation.advance(0.5)
         watch.check()
-        heads[name] = (simulation.sample().velocity ** 2).sum(axis=1).max(initial=0.0) / 19.62
-    assert heads['alone'] == heads['with another'] > 1.0
+        heads.append((simulation.sample().velocity ** 2).sum(axis=1).max(initial=0.0) / 19.62)
+    assert heads[0] == heads[1] > 1.0
     # what opens within a step forward counts
     simulation.advance(101.0)
     watch.check()
@@ -258,17 +256,10 @@ def test_lava_does_not_fall_from_a_vent_that_has_given_none() -> None:
 
 def test_lava_that_comes_out_and_is_gone_within_a_frame() -> None:
     """Its steps were taken for too many: the frame, played again, was looked at too rarely."""
-    simulation = Simulation(
-        Scene(
-            Terrain(np.array([[0.0, 0.0], [0.1, 0.1]]), 1.0),
-            (Vent((1.0, 1.0), 1.0, radius=0.1),),
-            Lava(viscosity=10.0),
-        ),
-        effects=Effects(arrhenius=False, cooling=False),
-        accuracy=Accuracy(spacing=1.0, thickness=20.0),
-        device='cpu',
+    simulation, watch = flow(
+        [[0.0, 0.0], [0.1, 0.1]], (Vent((1.0, 1.0), 1.0, radius=0.1),), Lava(viscosity=10.0),
+        Accuracy(spacing=1.0, thickness=20.0),
     )
-    watch = Watch(simulation)
     simulation.advance(50.0)
     assert not len(simulation.sample().volume)
     watch.check()
@@ -280,31 +271,23 @@ def test_a_jet_climbs_with_its_head(steep: bool) -> None:
     """It was taken for too high: frames had not seen how fast it was, nor what is left of g."""
     heights = [*[0.0] * 6, 60.0, 120.0, 180.0, 240.0]
     jet = Vent((60.0, 30.0), ((0.0, 2000.0), (1.0, 0.0)), radius=5.0, velocity=(0.0, 40.0))
-    simulation = Simulation(
-        Scene(Terrain(np.repeat(np.array(heights)[:, None], 6, 1), 20.0), (jet,),
-              Lava(viscosity=100.0)),
-        effects=Effects(arrhenius=False, cooling=False, inertia=True, steep=steep),
-        accuracy=Accuracy(spacing=10.0, ratio=3.5),
-        device='cpu',
+    simulation, watch = flow(
+        np.repeat(np.array(heights)[:, None], 6, 1), (jet,), Lava(viscosity=100.0),
+        Accuracy(spacing=10.0, ratio=3.5), cell=20.0, inertia=True, steep=steep,
     )
-    watch = Watch(simulation)
-    for time in (2.0, 4.0, 6.0):
-        simulation.advance(time)
-        watch.check()
+    assert len(list(frames(simulation, watch, 6.0, 3))) == 3
     climbed = float(simulation.sample().position[:, 1].max()) > 140.0
     assert climbed == steep
 
 
 def test_columns_that_the_mean_of_the_greens_function_pushes_up() -> None:
     """Runny lava beside stiff lava was taken for an error: the mean drives one by the other."""
-    simulation = Simulation(
-        Scene(Terrain(np.zeros((8, 8)), 1.0), lava=Lava(viscosity=1e6, arrhenius=0.04)),
-        effects=Effects(arrhenius=True, cooling=False, green=True),
-        accuracy=Accuracy(spacing=1.0, ratio=3.5),
+    simulation, watch = flow(
+        np.zeros((8, 8)), (), Lava(viscosity=1e6, arrhenius=0.04),
+        Accuracy(spacing=1.0, ratio=3.5), arrhenius=True, green=True,
         particles=Particles([[3.5, 4.0], [4.5, 4.0]], [100.0, 20.0], [1300.0, 1100.0]),
-        device='cpu',
     )
-    watch, before = Watch(simulation), simulation.sample().thickness.sum()
+    before = simulation.sample().thickness.sum()
     simulation.advance(2.0)
     watch.check()
     assert simulation.sample().thickness.sum() != before
@@ -316,16 +299,11 @@ def test_a_vent_beside_a_spike() -> None:
     elevation = np.zeros((3, 33))
     elevation[2, 25] = 235.0
     vent = Vent((26.5 * 2.4, 0.999 * 2.4), discharge=1.6, temperature=900.0, radius=2.4)
-    simulation = Simulation(
-        Scene(Terrain(elevation, 2.4), (vent,), Lava(viscosity=1.0)),
-        effects=Effects(arrhenius=False, cooling=False, steep=False),
-        accuracy=Accuracy(spacing=1.2, deterministic=True, precision='float64'),
-        device='cpu',
+    simulation, watch = flow(
+        elevation, (vent,), Lava(viscosity=1.0),
+        Accuracy(spacing=1.2, deterministic=True, precision='float64'), cell=2.4, steep=False,
     )
-    watch = Watch(simulation)
-    for frame in range(1, 21):
-        simulation.advance(float(frame))
-        watch.check()
+    assert len(list(frames(simulation, watch, 20.0, 20))) == 20
     assert watch.largest['energy'] > 1e-3
 
 

@@ -62,7 +62,8 @@ def test_the_node_goes_on(graph, figures):
     seed = 0 if settings().derandomize else random.SystemRandom().randrange(10**9)
     # until it has gone well
     figures['messages'] = {'tried': count, 'failed': 1}
-    node = graph.node(device='cpu', time_scale=10.0)
+    # the vent's first particle is there after a minute
+    node = graph.node(device='cpu', time_scale=60.0)
     publisher = graph.publisher()
     listener = graph.listener('height')
     publisher.publish('vents', 'terrain_info', 'terrain')

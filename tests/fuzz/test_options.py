@@ -16,11 +16,10 @@
 
 import argparse
 from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout
 from functools import cache
 import io
 from pathlib import Path
-import resource
 import tempfile
 from typing import Any
 
@@ -31,8 +30,9 @@ import pytest
 import yaml
 
 from eruption import write_case
+from fuzz.conftest import bounded
 from lava_ros.cli import main as cli
-from lava_ros.cli import scenes
+from lava_ros.cli import manual, scenes
 from lava_ros.scene import scene_files, terrain_checks
 
 #: What a command may take beside what this process has [bytes].
@@ -102,13 +102,8 @@ class BegunError(BaseException):
 @cache
 def options(command: str) -> list[argparse.Action]:
     """The options of a command, as its parser has them."""
-    subparsers = next(item for item in cli._parser()._actions if item.dest == 'command')
-    assert isinstance(subparsers.choices, dict)
-    return [
-        action
-        for action in subparsers.choices[command]._actions
-        if action.option_strings and action.dest != 'help'
-    ]
+    actions = manual.parser_of(command)._actions
+    return [item for item in actions if item.option_strings and item.dest != 'help']
 
 
 @st.composite
@@ -129,22 +124,10 @@ def command_lines(draw: st.DrawFn) -> list[str]:
     return words
 
 
-@contextmanager
-def bounded_memory() -> Iterator[None]:
-    """What takes more than ``MEMORY`` gets a MemoryError."""
-    before = resource.getrlimit(resource.RLIMIT_AS)
-    now = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (now + MEMORY, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, before)
-
-
 def outcome(words: list[str]) -> tuple[int | None, str]:
     """The status of a command and what it said on stderr; None where its work began."""
     said = io.StringIO()
-    with bounded_memory(), redirect_stderr(said), redirect_stdout(io.StringIO()):
+    with bounded(MEMORY), redirect_stderr(said), redirect_stdout(io.StringIO()):
         try:
             status = cli.main(words)
         except SystemExit as end:
@@ -164,7 +147,7 @@ def place(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for name in WORK:
         monkeypatch.setattr(name, begin)
     # a process of its own makes it once too; of a line in this one it is a third of the time
-    monkeypatch.setattr(cli, '_parser', cache(cli._parser))
+    monkeypatch.setattr(manual, 'parser_of', cache(manual.parser_of))
     # what has been read is told before what is wrong
     for module in (terrain_checks, scene_files, scenes):
         monkeypatch.setattr(module._LOG, 'disabled', True)

@@ -26,13 +26,12 @@ from hypothesis import given, note
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-import yaml
 
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict
 from lava_ros.ros import parameters
-from lava_ros.scene import constants_of, Scene, scene_from_yaml, Terrain, Vent, vents_from_list
+from lava_ros.scene import constants_of, Scene, Terrain, Vent, vents_from_list
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation.accuracy import (
@@ -278,12 +277,6 @@ def test_extreme_scenes_are_decided_or_refused(
         assert all(item.reason for item in decisions)
 
 
-def written(path, data):
-    """A file of YAML."""
-    path.write_text(yaml.safe_dump(data, allow_unicode=True), encoding='utf-8')
-    return path
-
-
 @given(data=any_yaml())
 def test_any_yaml_is_no_scene_or_refused(data):
     """Data of any shape in place of vents, layers and accuracy gives a value or a LavaError."""
@@ -332,37 +325,6 @@ def test_a_wrong_layer_is_named(data, name):
         layers_from_dict({'layers': {'depth': {**layer, name: wrong}}})
     assert name in caught.value.field
     assert caught.value.field.startswith('layers.depth')
-
-
-@given(data=st.data())
-def test_a_scene_file_with_anything_in_it(data, tmp_path_factory):
-    """A scene file with one key of any shape gives a scene or a LavaError."""
-    folder = tmp_path_factory.mktemp('scene')
-    np.savez(folder / 'ground.npz', elevation=GROUND.elevation, resolution=10.0)
-    content = {
-        'terrain': {'file': 'ground.npz'},
-        'vents': [{'position': [25.0, 15.0], 'discharge': 3.0}],
-        'lava': {'density': 2600.0},
-        'gravity': 9.81,
-    }
-    assert scene_from_yaml(written(folder / 'scene.yaml', content)).gravity == 9.81
-    key = data.draw(st.sampled_from([*content, 'file', 'window', 'density', 'whole', 'text']))
-    thing = data.draw(any_yaml())
-    if key in ('file', 'window'):
-        content['terrain'] = {**content['terrain'], key: thing}
-    elif key == 'density':
-        content['lava'] = {'density': thing}
-    elif key == 'whole':
-        content = thing
-    else:
-        content[key] = thing
-    path = written(folder / 'scene.yaml', content)
-    if key == 'text':
-        path.write_bytes(data.draw(st.binary(max_size=60)))
-    try:
-        scene_from_yaml(path)
-    except LavaError as error:
-        assert error.field
 
 
 @given(data=st.binary(max_size=400), ending=st.sampled_from(('npz', 'asc', 'tif', 'npy', '')))

@@ -133,10 +133,10 @@ def test_masks_are_named_where_they_are(monkeypatch, namespace):
 
 def test_the_replay_command_takes_its_arguments(monkeypatch):
     """The words after the executable parse as `lava` parses them."""
-    from lava_ros.cli import main as cli
+    from lava_ros.cli.manual import parsed
 
     (replay,), _ = start(monkeypatch, LAVA, replay='bags/demo')
-    args = cli._parser().parse_args(replay.command[1:])
+    args = parsed(replay.command[1:])
     assert (args.command, args.bag, args.rate) == ('replay', 'bags/demo', 1.0)
 
 

@@ -29,8 +29,6 @@ inputs      Each bad message is refused, and nothing else; of those in a storm, 
             than they can be taken, some never arrive.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections import Counter
 import hashlib

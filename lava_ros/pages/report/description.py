@@ -32,10 +32,9 @@ class EffectChange:
 
 @dataclass(frozen=True)
 class Description:
-    """The description of a recording; parts that are missing or cannot be read are empty.
+    """Parameters by name, effects at the start and their changes, version and device.
 
-    It has the parameters by name, the effects at the start and their later changes, the version
-    and the device.
+    Parts that are missing or cannot be read are empty.
     """
 
     parameters: Mapping[str, Any]

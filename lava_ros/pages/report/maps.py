@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The maps of a run as few bytes: cropped to the flow, coarsened where large, and packed."""
+"""The maps of a run in few bytes: cropped to the flow, coarsened where large, and packed."""
 
 import base64
 from dataclasses import dataclass
@@ -44,10 +44,9 @@ _MOST_ARRIVAL = 65_535
 
 @dataclass(frozen=True)
 class View:
-    """The part of the terrain that is shown.
+    """The rows and columns of the terrain from the first to the one after the last shown.
 
-    Rows and columns are each given by the first and the one after the last. ``factor`` cells along
-    a side are combined into one.
+    ``factor`` cells along a side are combined into one.
     """
 
     rows: tuple[int, int]
@@ -55,7 +54,7 @@ class View:
     factor: int
 
     def cut(self, values: np.ndarray, reduce: np.ufunc) -> np.ndarray:
-        """Cells that are shown, each the sum of its parts by a function such as ``np.fmax``."""
+        """Cells that are shown, each reduced from its parts by a function such as ``np.fmax``."""
         part = values[slice(*self.rows), slice(*self.columns)]
         if self.factor == 1:
             return part
@@ -67,7 +66,7 @@ class View:
 
 
 def view_of(survey: Survey) -> View:
-    """Choose what is shown: the flow and the vents with a margin, all of it without lava."""
+    """Choose what is shown: the flow and the vents with a margin, or all without lava."""
     frame = survey.frame
     rows, columns = np.nonzero(survey.touched)
     places = (survey.vents - np.array(frame.origin)) / frame.resolution
@@ -80,7 +79,7 @@ def view_of(survey: Survey) -> View:
         low, high = (min(ends), max(ends) + 1) if ends else (0, size)
         spans.append((low, high, size))
     lengths = [max((high - low) * (1.0 + 2.0 * MARGIN), LEAST_CELLS) for low, high, _ in spans]
-    # Neither a ribbon nor a column.
+    # neither too wide nor too high
     lengths[0] = max(lengths[0], 0.55 * lengths[1])
     lengths[1] = max(lengths[1], 0.8 * lengths[0])
     ranges = []
@@ -178,7 +177,7 @@ class _Packer:
 
 
 def _shown(times: list[float]) -> set[int]:
-    """Which frames are shown: all, or those next to times that are evenly spread."""
+    """Numbers of the frames that are shown: all, or those next to evenly spread times."""
     if len(times) <= MOST_FRAMES:
         return set(range(len(times)))
     wanted = np.linspace(times[0], times[-1], MOST_FRAMES)

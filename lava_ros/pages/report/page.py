@@ -100,7 +100,6 @@ def _data(
     maps: dict[str, Any],
     charts: list[Chart],
 ) -> dict[str, Any]:
-    """What the script needs."""
     frame = seen.frame
     place = placement_of(recording.scene)
     layers = [
@@ -148,16 +147,13 @@ def _charts(recording: Recording, seen: Survey) -> list[Chart]:
         return Curve(label, told, [item.number(name) for item in run])
 
     volumes = [volume('emitted', 'volume_emitted_m3'), volume('held', 'volume_held_m3')]
-    for label, name in (
-        ('left the terrain', 'volume_left_m3'),
-        ('of that into cells without data', 'volume_in_holes_m3'),
-        ('frozen', 'volume_frozen_m3'),
-        ('late in the vents', 'volume_late_m3'),
-    ):
-        curve = volume(label, name)
-        # What never happened is one line less to tell apart.
-        if any(value > 0.0 for value in curve.values):
-            volumes.append(curve)
+    others = [
+        volume('left the terrain', 'volume_left_m3'),
+        volume('of that into cells without data', 'volume_in_holes_m3'),
+        volume('frozen', 'volume_frozen_m3'),
+        volume('late in the vents', 'volume_late_m3'),
+    ]
+    volumes += [curve for curve in others if any(value > 0.0 for value in curve.values)]
     area = Curve('covered', seen.times, seen.area)
     front = Curve('from the nearest vent', seen.times, seen.front)
     hottest = Curve('hottest cell', seen.times, seen.hottest)
@@ -172,15 +168,15 @@ def _charts(recording: Recording, seen: Survey) -> list[Chart]:
 def _scaled(key: str, title: str, unit: str, curves: list[Curve]) -> Chart:
     """A chart in thousands or millions where that is easier to read."""
     most = max((v for item in curves for v in item.values if math.isfinite(v)), default=0.0)
-    # From which value on, the unit's name and its size.
+    # the least value for a larger unit, its name and its size
     least, name, size = {
         'm³': (1e6, 'million m³', 1e6),
         'm²': (1e5, 'km²', 1e6),
         'm': (1e3, 'km', 1e3),
     }[unit]
-    if most >= least:
-        return Chart(key, title, name, 1.0 / size, curves)
-    return Chart(key, title, unit, 1.0, curves)
+    if most < least:
+        name, size = unit, 1.0
+    return Chart(key, title, name, 1.0 / size, curves)
 
 
 def _chart_data(chart: Chart) -> dict[str, Any]:
@@ -228,7 +224,7 @@ def _file(name: str) -> str:
 
 
 def _hash(text: str) -> str:
-    """What a Content-Security-Policy calls a script or style by."""
+    """The source expression of a script or style in a Content-Security-Policy."""
     return 'sha256-' + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 

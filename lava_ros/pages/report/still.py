@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""A page of HTML with one picture and without a script: hindcasts, ensembles, several runs."""
+"""HTML pages with one picture and without a script: of hindcasts, ensembles, several runs."""
 
 import base64
 from collections.abc import Iterable, Mapping, Sequence

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A first look at all frames of a run: how far the lava came, and its numbers over time."""
+"""A summary of all frames of a run: how far the lava came, and its numbers over time."""
 
 from dataclasses import dataclass, field
 import math
@@ -30,11 +30,10 @@ TEMPERATURE = 'temperature'
 class Survey:
     """A run as a whole: its last frame, and curves with one value for each frame.
 
-    ``touched`` are the cells that lava was ever in, and ``vents`` the positions [m] of the vents
-    that ever emitted. ``front`` is the distance [m] of the farthest touched cell from its nearest
-    such vent, NaN without one. Areas are in m2, and ``hottest`` is in Celsius, NaN without lava.
-    ``largest`` has the largest value by source; ``saturated`` has the sources with a value at the
-    limit of their grid, which may stand for a larger one.
+    ``touched`` are the cells that ever had lava, and ``vents`` the positions [m] of the vents that
+    ever emitted. ``front`` is the distance [m] of the farthest touched cell from its nearest such
+    vent; ``area`` is in m2, ``hottest`` in Celsius; NaN without lava. ``largest`` has the largest
+    value by source, and ``saturated`` the sources with values at the limit of their grid.
     """
 
     frame: Frame
@@ -61,7 +60,7 @@ def survey(recording: Recording, progress: Progress = silent) -> Survey:
     result: Survey | None = None
     for frame in recording.frames():
         if result is None or frame.elevation.shape != result.touched.shape:
-            # Another terrain: what was before is of a place that is no more.
+            # another terrain: earlier frames do not fit it
             result = Survey(
                 frame,
                 Arrival(_threshold(recording)),
@@ -98,16 +97,14 @@ def _add(result: Survey, frame: Frame) -> None:
     before = result.front[-1] if result.front else math.nan
     if not set(map(tuple, frame.vents)) <= set(map(tuple, result.vents)):
         result.vents = np.unique(np.concatenate([result.vents, frame.vents]), axis=0)
-        # What is there already may be nearer to the new vent.
+        # earlier cells may be nearer to the new vent
         fresh, before = result.touched, math.nan
     result.times.append(frame.time or 0.0)
     result.area.append(frame.area)
     result.front.append(float(np.fmax(before, _farthest(frame, fresh, result.vents))))
     temperature = frame.layers.get(TEMPERATURE)
-    is_hot = temperature is not None and np.isfinite(temperature.values).any()
-    result.hottest.append(
-        float(np.nanmax(temperature.values)) if temperature is not None and is_hot else math.nan
-    )
+    values = [] if temperature is None else temperature.values[np.isfinite(temperature.values)]
+    result.hottest.append(float(np.max(values, initial=-math.inf)) if len(values) else math.nan)
 
 
 def _farthest(frame: Frame, cells: np.ndarray, vents: np.ndarray) -> float:
