@@ -192,22 +192,13 @@ def checksum(data: mmap.mmap, start: int, end: int) -> int:
 
 
 def check_size(size: int, most: int) -> None:
-    """Refuse to read a record or a chunk of more than so many bytes.
-
-    Raises:
-        McapError: It is.
-    """
+    """Raise McapError for a record or a chunk of more than so many bytes."""
     if size > most:
         raise McapError(f'{size} bytes at once, more than {most}')
 
 
 def frames(data: bytes | memoryview) -> Iterator[tuple[int, memoryview]]:
-    """Split whole records into opcode and content.
-
-    Raises:
-        McapError: The last is not whole.
-        struct.error: The same.
-    """
+    """Split whole records into opcode and content; McapError or struct.error where one is cut."""
     view = memoryview(data)
     position = 0
     while position < len(view):
