@@ -110,17 +110,26 @@ def replacing(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
+@contextmanager
+def writing(field: str, path: str | Path) -> Iterator[Path]:
+    """``replacing``, whose errors are LavaErrors that name ``field``."""
+    try:
+        with replacing(Path(path)) as partial:
+            yield partial
+    except LavaError:
+        raise
+    except (OSError, ValueError) as error:
+        raise LavaError(field, str(path), f'a file to write ({error})') from error
+
+
 def write_output(field: str, path: str | Path, data: str | bytes) -> None:
     """Write a file, text in UTF-8; it is either written completely or left as it was.
 
     Raises:
         LavaError: The file cannot be written. The error names ``field``.
     """
-    try:
-        with replacing(Path(path)) as partial:
-            partial.write_bytes(data.encode() if isinstance(data, str) else data)
-    except (OSError, ValueError) as error:
-        raise LavaError(field, str(path), f'a file to write ({error})') from error
+    with writing(field, path) as partial:
+        partial.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
 def save_picture(figure: Any, path: str | Path) -> None:
@@ -129,11 +138,8 @@ def save_picture(figure: Any, path: str | Path) -> None:
     Raises:
         LavaError: The picture cannot be written.
     """
-    try:
-        with replacing(Path(path)) as partial:
-            figure.savefig(partial)
-    except (OSError, ValueError) as error:
-        raise LavaError('output', str(path), f'a picture to write ({error})') from error
+    with writing('output', path) as partial:
+        figure.savefig(partial)
 
 
 def _target(path: Path) -> Path:

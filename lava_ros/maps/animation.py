@@ -28,27 +28,11 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.files import file_to_write, replacing
+from lava_ros.files import file_to_write, writing
 from lava_ros.files.optional import require
+from lava_ros.maps import plot
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.maps.layers import SOURCES
-from lava_ros.maps.plot import (
-    bounds_of,
-    draw_colour_bar,
-    draw_contours,
-    draw_map,
-    draw_north,
-    draw_scale_bar,
-    draw_ticks,
-    duration,
-    extent_of,
-    LEAST_CELLS,
-    picture_of,
-    scale_of,
-    shaded_ground,
-    STYLES,
-    window_of,
-)
 
 #: Most pictures that are made: those of a GIF are in memory until it is written.
 MOST_FRAMES = 300
@@ -104,13 +88,10 @@ def animate_bag(
     canvas = _Canvas(survey, width)
     pictures = _pictures(recording, canvas, moments, progress)
     peak = canvas.draw(survey.frame)
-    try:
-        with replacing(output) as partial:
-            if encoder is None:
-                return _write_gif(pictures, partial, fps, peak)
-            return _write_mp4(pictures, partial, fps, encoder, peak.shape)
-    except OSError as error:
-        raise LavaError('output', str(output), f'a file to write ({error})') from error
+    with writing('output', output) as partial:
+        if encoder is None:
+            return _write_gif(pictures, partial, fps, peak)
+        return _write_mp4(pictures, partial, fps, encoder, peak.shape)
 
 
 def ffmpeg() -> str:
@@ -171,7 +152,7 @@ class _Canvas:
 
         self._source = survey.item.layer.source
         item = survey.item
-        self._scale = scale_of(self._source, item.values, is_saturated=item.is_saturated)
+        self._scale = plot.scale_of(self._source, item.values, is_saturated=item.is_saturated)
         # Video codecs want even sides.
         pixels = (2 * (width // 2), 2 * round(0.8 * width / 2))
         dpi = width / 7.6
@@ -180,18 +161,18 @@ class _Canvas:
         axes = figure.add_axes(_MAP)
         aspect = _MAP[2] * pixels[0] / (_MAP[3] * pixels[1])
         frame = survey.frame
-        bounds = bounds_of(frame, np.isfinite(item.values))
-        least = LEAST_CELLS * frame.resolution
-        window = window_of(bounds, extent_of(frame), aspect, least)
+        bounds = plot.bounds_of(frame, np.isfinite(item.values))
+        least = plot.LEAST_CELLS * frame.resolution
+        window = plot.window_of(bounds, plot.extent_of(frame), aspect, least)
         self._part, extent = _part(frame, window)
         # Half the memory of what it comes as.
-        self._ground = shaded_ground(frame)[self._part].astype(np.float32)
-        self._image, self._vents = draw_map(axes, frame, self._ground, window, extent=extent)
-        draw_contours(axes, frame, window)
-        draw_ticks(axes)
-        draw_scale_bar(axes, window)
-        draw_north(axes)
-        draw_colour_bar(figure, figure.add_axes(_BAR), self._scale)
+        self._ground = plot.shaded_ground(frame)[self._part].astype(np.float32)
+        self._image, self._vents = plot.draw_map(axes, frame, self._ground, window, extent=extent)
+        plot.draw_contours(axes, frame, window)
+        plot.draw_ticks(axes)
+        plot.draw_scale_bar(axes, window)
+        plot.draw_north(axes)
+        plot.draw_colour_bar(figure, figure.add_axes(_BAR), self._scale)
         self._title = figure.text(_MAP[0], 0.955, '', fontsize=13, weight='bold', va='center')
         self._shape = frame.elevation.shape
 
@@ -203,11 +184,11 @@ class _Canvas:
     def draw(self, frame: Frame) -> np.ndarray:
         """Draw a frame with a time: RGB, uint8, shape [height, width, 3]."""
         values = frame.layers[self._source].values[self._part]
-        picture = picture_of(values, self._ground, self._scale)
+        picture = plot.picture_of(values, self._ground, self._scale)
         self._image.set_data((255.0 * picture).astype(np.uint8))
         self._vents.set_data(frame.vents[:, 0], frame.vents[:, 1])
-        title = STYLES[self._source].title
-        self._title.set_text(f'{title} after {duration(frame.time or 0.0)}')
+        title = plot.STYLES[self._source].title
+        self._title.set_text(f'{title} after {plot.duration(frame.time or 0.0)}')
         self._canvas.draw()
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
@@ -218,13 +199,12 @@ def _part(
     """The cells that are in a window, and their edges: left, right, bottom, top [m]."""
     ends: list[float] = []
     slices = []
-    for axis, size in ((0, frame.elevation.shape[1]), (1, frame.elevation.shape[0])):
-        start = frame.origin[axis]
-        first = math.floor((window[axis] - start) / frame.resolution)
-        last = math.ceil((window[axis + 2] - start) / frame.resolution)
-        first, last = max(0, first), min(size, last)
+    for axis, size in enumerate(frame.elevation.shape[::-1]):
+        start, cell = frame.origin[axis], frame.resolution
+        first = max(0, math.floor((window[axis] - start) / cell))
+        last = min(size, math.ceil((window[axis + 2] - start) / cell))
         slices.append(slice(first, last))
-        ends += [start + first * frame.resolution, start + last * frame.resolution]
+        ends += [start + first * cell, start + last * cell]
     return (slices[1], slices[0]), (ends[0], ends[1], ends[2], ends[3])
 
 
@@ -259,14 +239,8 @@ def _write_gif(
         images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
         durations.append(count * round(1000.0 / fps))
     durations[-1] += round(1000.0 * STAY)
-    images[0].save(
-        path,
-        format='GIF',
-        save_all=True,
-        append_images=images[1:],
-        duration=durations,
-        loop=0,
-    )
+    first, *others = images
+    first.save(path, 'GIF', save_all=True, append_images=others, duration=durations, loop=0)
     return len(images)
 
 

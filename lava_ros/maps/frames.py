@@ -113,19 +113,6 @@ def silent(what: str, share: float) -> None:
     """Show no progress."""
 
 
-def read_frame(path: str | Path, time: float | None = None) -> Frame:
-    """Read the maps of a bag.
-
-    Args:
-        path: The bag's directory, or an .mcap file.
-        time: Simulated time [s]: the newest maps up to then are read; None for the last ones.
-
-    Raises:
-        LavaError: The bag cannot be read or lacks what is asked for.
-    """
-    return Recording(path).frame_at(time)
-
-
 class Recording:
     """A bag with the maps of a simulation: what it holds, its times and its frames.
 
@@ -177,14 +164,12 @@ class Recording:
             LavaError: The bag is damaged, or has no terrain or no map at that time.
         """
         stamp = self.timeline.stamp_at(time)
-        if stamp is None:
-            if time is not None:
-                raise LavaError('time', time, self.timeline.span)
-            stamp = self.bag.end_ns or 0
-        if time is not None and time > max(item.time for item in self.timeline.moments):
+        last = max((item.time for item in self.timeline.moments), default=math.inf)
+        if time is not None and (stamp is None or time > last):
             raise LavaError('time', time, self.timeline.span)
         assembly = _Assembly(self)
-        for message in self.bag.newest(self.topics, stamp + 1):
+        end = (self.bag.end_ns or 0) if stamp is None else stamp
+        for message in self.bag.newest(self.topics, end + 1):
             assembly.take(message)
         if not assembly.has_ground:
             raise self.lack(time, 'terrain')
@@ -330,7 +315,6 @@ def _layers(bag: BagReader) -> tuple[Layer, ...]:
 
 
 def _yaml(bag: BagReader, name: str) -> Any:
-    """What a text of the bag's custom data says, None without one."""
     return parse_yaml(f'custom_data {name} of {bag.path}', bag.custom_data.get(name, ''))
 
 

@@ -56,10 +56,8 @@ _DRAWN = {
 class Place:
     """Where the cells of a map are.
 
-    Attributes:
-        corner: Easting and northing [m] of the lower-left corner of cell [0, 0].
-        resolution: Side of a cell [m].
-        crs: What ``coordinate_system`` gives.
+    ``corner`` is easting and northing [m] of the lower-left corner of cell [0, 0], ``resolution``
+    the side of a cell [m], and ``crs`` what ``coordinate_system`` gives.
     """
 
     corner: tuple[float, float]
@@ -98,7 +96,6 @@ def write_map(
     path: Path,
     values: np.ndarray,
     place: Place,
-    *,
     name: str,
     unit: str,
     meaning: str,
@@ -106,15 +103,9 @@ def write_map(
 ) -> None:
     """Write a map as GeoTIFF, north up; the file is there whole or not at all.
 
-    Args:
-        path: The file.
-        values: Floating-point numbers, NaN without data, or uint8 with ``NODATA_BYTE``, shape
-            [rows, columns]; row 0 is the southernmost.
-        place: Where the cells are.
-        name: Name of the band.
-        unit: Its unit.
-        meaning: What its numbers are, in words.
-        tags: What else is to be known, by name.
+    ``values`` are floating-point numbers, NaN without data, or uint8 with ``NODATA_BYTE``, shape
+    [rows, columns]; row 0 is the southernmost. The band has a name, a unit, and a meaning in
+    words; ``tags`` are what else is to be known, by name.
 
     Raises:
         LavaError: The file cannot be written.
@@ -170,8 +161,7 @@ def write_grid(
             cannot be written.
     """
     require('rasterio', 'GeoTIFF', str(path))
-    place = place_of(terrain)
-    write_map(path, values, place, name=path.stem, unit=unit, meaning=meaning, tags={})
+    write_map(path, values, place_of(terrain), path.stem, unit, meaning, {})
     return path
 
 
@@ -207,15 +197,11 @@ def isochrones(times: np.ndarray, place: Place) -> list[dict[str, Any]]:
     longest = max(_STEPS[-1], last / MOST_ISOCHRONES)
     step = next((item for item in _STEPS if last <= item * MOST_ISOCHRONES), longest)
     ends = step * np.arange(1, int(np.ceil(last / step)) + 1)
+    known = np.nan_to_num(times, nan=np.inf)
     return [
         feature
-        for end in ends
-        for feature in area(
-            np.nan_to_num(times, nan=np.inf) <= end,
-            place,
-            time_s=float(end),
-            time=duration(float(end)),
-        )
+        for end in map(float, ends)
+        for feature in area(known <= end, place, time_s=end, time=duration(end))
     ]
 
 
@@ -353,15 +339,9 @@ def write_netcdf(
     for name, (values, unit, meaning) in maps.items():
         known = {'units': unit, 'long_name': meaning, **where}
         variables[name] = (('y', 'x'), values.astype(np.float32), known)
-    data = xarray.Dataset(
-        variables,
-        axes,
-        {
-            'Conventions': 'CF-1.11',
-            'title': title,
-            'source': f'lava_ros {lava_ros.__version__}',
-        },
-    )
+    source = f'lava_ros {lava_ros.__version__}'
+    told = {'Conventions': 'CF-1.11', 'title': title, 'source': source}
+    data = xarray.Dataset(variables, axes, told)
     encoding = {name: {'_FillValue': np.float32(np.nan)} for name in maps}
     made = data.to_netcdf(engine='scipy', format='NETCDF3_64BIT', encoding=encoding)
     write_output('output', path, bytes(made))

@@ -189,7 +189,8 @@ class Layer:
             LavaError: The layer shows several quantities.
         """
         if self.source == ARRIVED:
-            return self._arrived(snapshot)
+            times = getattr(snapshot, 'arrived', None)
+            return np.full(snapshot.terrain.shape, np.nan, np.float32) if times is None else times
         if self.source == LAVA:
             right = f'one of {", ".join(SOURCES)}; maps and points have them all'
             raise LavaError(f'layers.{self.name}.source', self.source, right)
@@ -315,11 +316,6 @@ class Layer:
         scaled = np.rint(np.float32(first) + (quantity - np.float32(low)) * gain)
         least, most = sorted(self.scale)
         return np.clip(np.where(np.isnan(scaled), last, scaled), max(1, least), most)
-
-    @staticmethod
-    def _arrived(snapshot: 'Shown') -> np.ndarray:
-        times = getattr(snapshot, 'arrived', None)
-        return np.full(snapshot.terrain.shape, np.nan, np.float32) if times is None else times
 
     def _raw(self, source: str, snapshot: 'Flow') -> np.ndarray:
         if isinstance(snapshot, Forecast) and source == ARRIVAL:

@@ -66,12 +66,12 @@ class Scene:
             LavaError: A part is of the wrong kind, a vent is not on the terrain, or its lava is
                 solid.
         """
-        put = object.__setattr__
         kinds = (('terrain', Terrain), ('lava', Lava), ('uncertainty', Uncertainty))
         for name, kind in kinds:
             if not isinstance(getattr(self, name), kind):
                 raise LavaError(f'scene.{name}', getattr(self, name), f'a {kind.__name__}')
-        put(self, 'vents', check_vents(self.vents, self.terrain, self.lava))
+        vents = check_vents(self.vents, self.terrain, self.lava)
+        object.__setattr__(self, 'vents', vents)
         if self.uncertainty.yield_strength is not None and 'yielding' not in possible(self.lava):
             right = 'absent: lava.yield_strength is 0'
             raise LavaError('uncertainty.yield_strength', self.uncertainty.yield_strength, right)

@@ -27,7 +27,7 @@ from lava_ros.cli.main import main
 from lava_ros.errors import LavaError
 from lava_ros.maps import gis
 from lava_ros.maps.export import export_bag, MAPS
-from lava_ros.maps.frames import read_frame
+from lava_ros.maps.frames import Recording
 from lava_ros.maps.gis import coordinate_system, NODATA, NODATA_BYTE
 from lava_ros.scene import Terrain
 from recording import GRIDS, record, silenced, TERRAIN
@@ -43,7 +43,7 @@ def test_values_come_back_as_the_frame_has_them(bag, tmp_path):
     """Every cell of height, temperature and hazard, north up; nodata outside the terrain."""
     exported = export_bag(bag, tmp_path / 'out')
     assert [item.stem for item in exported.files] == list(MAPS)
-    frame = read_frame(bag)
+    frame = Recording(bag).frame_at()
     outside = ~TERRAIN.has_data
     for name, source, dry in (
         ('height', 'thickness', NODATA),
@@ -203,7 +203,7 @@ def test_a_topic_that_is_listed_but_empty(bag, tmp_path):
     """A recorder that heard nothing on a topic lists it; no empty folder is left for it."""
     heard = silenced(bag, tmp_path / 'heard.mcap', '/terrain')
     with pytest.raises(LavaError, match='messages on the topic terrain'):
-        read_frame(heard)
+        Recording(heard).frame_at()
     with pytest.raises(LavaError, match='messages on the topic terrain'):
         export_bag(heard, tmp_path / 'maps')
     assert not (tmp_path / 'maps').exists()

@@ -159,7 +159,7 @@ def test_several_terrains_show_the_same_place(frame, tmp_path, monkeypatch):
     """Maps whose frames have other origins show the same eastings and northings."""
     seen = []
     monkeypatch.setattr(
-        'lava_ros.maps.sheet.draw_map', lambda axes, frame, picture, window, fissures: (
+        'lava_ros.maps.plot.draw_map', lambda axes, frame, picture, window, fissures: (
             axes.set_xlim(window[0], window[2]), axes.set_ylim(window[1], window[3]),
             seen.append(window),
         ),
