@@ -22,22 +22,18 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 import yaml
 
+from bag.conftest import GRID, MakeGrid, Messages, SECOND
 from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
 from lava_ros.bag.recovery import recover
 from lava_ros.bag.replay import schedule
 from lava_ros.errors import LavaError
 
-GRID = 'nav_msgs/msg/OccupancyGrid'
-SECOND = 1_000_000_000
-
-MakeGrid = Callable[[int], bytes]
 VOLATILE = QosProfile()
-
 
 
 def record(
     directory: Path, make_grid: MakeGrid, frames: int = 25, **limits: float
-) -> list[tuple[str, int, bytes]]:
+) -> Messages:
     """Write terrain once, and each second a frame of a latched and a volatile grid."""
     written = [('/terrain', 100 * SECOND, make_grid(1))]
     with BagWriter(directory, custom_data={'scene': 'Etna'}, **limits) as writer:
@@ -51,7 +47,7 @@ def record(
     return written
 
 
-def without_repeats(reader: BagReader) -> list[tuple[str, int, bytes]]:
+def without_repeats(reader: BagReader) -> Messages:
     """What was written: a repeated message was published before it is logged."""
     return [
         (item.topic, item.stamp_ns, item.data)
