@@ -67,11 +67,7 @@ class Attachment:
     length: int
 
     def read(self) -> bytes:
-        """Read its data.
-
-        Raises:
-            LavaError: It is damaged, too large or cannot be read.
-        """
+        """Read its data; LavaError where they are damaged, too large or unreadable."""
         label = f'attachment {self.name} at byte {self.offset} of {self.path}'
         if self.length > MAX_RECORD_SIZE:
             raise LavaError(label, f'{self.length} bytes', f'at most {MAX_RECORD_SIZE}')
@@ -89,11 +85,7 @@ class Attachment:
 
 
 def attachments_of(bag: str | Path) -> list[Attachment]:
-    """Return all attachments of a bag or an .mcap file in order, damaged ones included.
-
-    Raises:
-        LavaError: The bag does not exist, or one of its files cannot be read.
-    """
+    """All attachments of a bag or an .mcap file in order; LavaError where one is unreadable."""
     return [item for file in mcap_files(Path(bag)) for item in attachments_in(file)]
 
 

@@ -40,11 +40,7 @@ class Decoder:
     """Turns the messages of one bag into objects with the fields of their type."""
 
     def __init__(self, bag: BagReader) -> None:
-        """Take the definitions of a bag.
-
-        Raises:
-            LavaError: mcap-ros2-support is not installed.
-        """
+        """Take the definitions of a bag; LavaError where mcap-ros2-support is not installed."""
         require('mcap_ros2.decoder', 'bag', str(bag.path))
         from mcap.records import Schema
         from mcap_ros2.decoder import DecoderFactory

@@ -236,11 +236,7 @@ class McapFile:
 
 
 def has_begun(path: Path) -> bool:
-    """Whether a file holds as much as the magic bytes at its start.
-
-    Raises:
-        LavaError: The file cannot be read.
-    """
+    """Whether a file holds as much as the magic bytes at its start; LavaError if unreadable."""
     try:
         return path.stat().st_size >= len(MAGIC)
     except OSError as error:
@@ -249,11 +245,7 @@ def has_begun(path: Path) -> bool:
 
 @contextmanager
 def mapped(path: Path) -> Iterator[mmap.mmap]:
-    """The bytes of an MCAP file, finished or not.
-
-    Raises:
-        LavaError: The file does not exist, cannot be read, is empty, or is no MCAP file.
-    """
+    """The bytes of an MCAP file, finished or not; errors as in ``open_mcap``."""
     try:
         with open_input(path) as stream:
             if not stream.read(1):

@@ -154,11 +154,7 @@ class McapOutput:
         self._mcap.add_attachment(log_time, log_time, name, media_type, data)
 
     def flush(self) -> None:
-        """Hand everything written so far to the operating system, as a complete chunk.
-
-        Raises:
-            OSError: The file is not in the bag any more, besides.
-        """
+        """Hand everything to the operating system; OSError also for a file that was removed."""
         self._mcap.flush()
         if not self._is_described:
             self._write_metadata_record()
@@ -166,11 +162,7 @@ class McapOutput:
         self._directory.check(self._stream)
 
     def finish(self) -> None:
-        """Write index and summary and close the file, as it is after an error.
-
-        Raises:
-            OSError: The file is not in the bag any more, besides.
-        """
+        """Write the index and close the file, as it is after an error; OSError as in ``flush``."""
         with self._stream:
             self._mcap.flush()
             self._write_metadata_record()

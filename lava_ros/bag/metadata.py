@@ -145,11 +145,7 @@ class StoredMetadata:
 
 
 def read_metadata(path: Path) -> StoredMetadata:
-    """Read a metadata.yaml.
-
-    Raises:
-        LavaError: The file is unreadable, or describes a bag that is not plain MCAP.
-    """
+    """Read a metadata.yaml; LavaError where it describes no bag in plain MCAP."""
     right = 'metadata that rosbag2 wrote; if it is damaged, remove it and the bag is read without'
     data = read_yaml('bag', path, right)
     if not isinstance(data, Mapping) or _ROOT not in data:
@@ -158,11 +154,7 @@ def read_metadata(path: Path) -> StoredMetadata:
 
 
 def parse_record(record: Mapping[str, str], path: Path) -> StoredMetadata:
-    """Read the content of a ``rosbag2`` record.
-
-    Raises:
-        LavaError: It is no YAML, or no such metadata.
-    """
+    """Read the content of a ``rosbag2`` record; LavaError where it is no such metadata."""
     return _parsed(parse_yaml(f'record {RECORD} of {path}', record.get(_TEXT, '')), path)
 
 

@@ -123,21 +123,13 @@ def writing(field: str, path: str | Path) -> Iterator[Path]:
 
 
 def write_output(field: str, path: str | Path, data: str | bytes) -> None:
-    """Write a file, text in UTF-8; it is either written completely or left as it was.
-
-    Raises:
-        LavaError: The file cannot be written. The error names ``field``.
-    """
+    """Write a file completely, text in UTF-8, or leave it as it was; errors as in ``writing``."""
     with writing(field, path) as partial:
         partial.write_bytes(data.encode() if isinstance(data, str) else data)
 
 
 def save_picture(figure: Any, path: str | Path) -> None:
-    """Write a matplotlib figure; the suffix chooses the format.
-
-    Raises:
-        LavaError: The picture cannot be written.
-    """
+    """Write a matplotlib figure; the suffix chooses the format. LavaError as in ``writing``."""
     with writing('output', path) as partial:
         figure.savefig(partial)
 

@@ -95,11 +95,7 @@ def animate_bag(
 
 
 def ffmpeg() -> str:
-    """Path of the ffmpeg program, which writes MP4.
-
-    Raises:
-        LavaError: ffmpeg is not installed.
-    """
+    """Path of the ffmpeg program, which writes MP4; LavaError where it is not installed."""
     found = shutil.which('ffmpeg')
     if found is None:
         right = 'ffmpeg on the path: apt install ffmpeg; a .gif needs none'

@@ -93,11 +93,7 @@ class Arrival:
 
 
 def check_threshold(threshold: float, layer: Layer) -> None:
-    """Check that a layer of thickness shows lava as thin as ``threshold`` [m].
-
-    Raises:
-        LavaError: The threshold is not above 0, or is below that of the layer.
-    """
+    """Refuse a threshold [m] that is not above 0, or below what a layer of thickness shows."""
     if threshold <= 0.0 or threshold < layer.threshold * (1.0 - 1e-6):
         right = f'at least {layer.threshold:g} m: the layer {layer.name} shows no thinner lava'
         if layer.threshold <= 0.0:

@@ -12,7 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Maps as what GIS programs read: GeoTIFF with styles of QGIS, GeoJSON, GeoPackage, NetCDF."""
+"""Maps as what GIS programs read: GeoTIFF with styles of QGIS, GeoJSON, GeoPackage, NetCDF.
+
+What writes a file raises LavaError where it cannot be written.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -66,11 +69,7 @@ class Place:
 
 
 def coordinate_system(epsg: int | None) -> Any:
-    """The rasterio coordinate system of an EPSG code; None for None.
-
-    Raises:
-        LavaError: GDAL does not know the code.
-    """
+    """The rasterio coordinate system of an EPSG code, None for None; LavaError if unknown."""
     from rasterio.crs import CRS
     from rasterio.errors import CRSError
 
@@ -83,11 +82,7 @@ def coordinate_system(epsg: int | None) -> Any:
 
 
 def place_of(terrain: Terrain) -> Place:
-    """Where the cells of a terrain are.
-
-    Raises:
-        LavaError: GDAL does not know the terrain's coordinate system.
-    """
+    """Where the cells of a terrain are; LavaError where GDAL does not know its system."""
     corner = (terrain.offset[0] + terrain.origin[0], terrain.offset[1] + terrain.origin[1])
     return Place(corner, terrain.resolution, coordinate_system(terrain.epsg))
 
@@ -106,9 +101,6 @@ def write_map(
     ``values`` are floating-point numbers, NaN without data, or uint8 with ``NODATA_BYTE``, shape
     [rows, columns]; row 0 is the southernmost. The band has a name, a unit, and a meaning in
     words; ``tags`` are what else is to be known, by name.
-
-    Raises:
-        LavaError: The file cannot be written.
     """
     from rasterio.errors import RasterioError
     from rasterio.io import MemoryFile
@@ -215,11 +207,7 @@ def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
 
 
 def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
-    """Check that the files of some formats can be written.
-
-    Raises:
-        LavaError: A library is missing, or GeoJSON is asked for without a coordinate system.
-    """
+    """Refuse formats that lack a library, and GeoJSON without a coordinate system."""
     if 'geojson' in formats and crs is None:
         right = 'the EPSG code of the map: GeoJSON has longitudes and latitudes'
         raise LavaError('epsg', None, right)
@@ -241,10 +229,8 @@ def write_formats(
     """Write the formats that hold several layers or maps, and return the paths of their files.
 
     ``geojson`` (a file for each layer) and ``gpkg`` hold ``layers``, lists of features by name.
-    ``nc`` holds ``maps``, as ``write_netcdf`` takes them. Other formats are ignored.
-
-    Raises:
-        LavaError: As in ``require_formats``, or a file cannot be written.
+    ``nc`` holds ``maps``, as ``write_netcdf`` takes them. Other formats are ignored. LavaError as
+    in ``require_formats``.
     """
     require_formats(formats, folder, place.crs)
     written = []
@@ -262,11 +248,7 @@ def write_formats(
 
 
 def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Place) -> None:
-    """Write features in longitude and latitude, as RFC 7946 demands.
-
-    Raises:
-        LavaError: The file cannot be written.
-    """
+    """Write features in longitude and latitude, as RFC 7946 demands."""
     from rasterio.warp import transform_geom
 
     turned = [
@@ -280,11 +262,7 @@ def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Plac
 def write_geopackage(
     path: Path, layers: Mapping[str, Sequence[Mapping[str, Any]]], place: Place
 ) -> None:
-    """Write layers of features in the coordinate system of the map; empty layers are left out.
-
-    Raises:
-        LavaError: The file cannot be written.
-    """
+    """Write layers of features in the coordinate system of the map, but for empty ones."""
     import fiona
 
     try:
@@ -318,9 +296,6 @@ def write_netcdf(
     """Write maps to a NetCDF file that follows the CF conventions.
 
     ``maps`` has values (NaN without data), unit and meaning of each map by name.
-
-    Raises:
-        LavaError: The file cannot be written.
     """
     import xarray
 
@@ -348,11 +323,7 @@ def write_netcdf(
 
 
 def write_style(path: Path, name: str, values: np.ndarray) -> None:
-    """Write the QGIS style of a GeoTIFF beside it; maps without a known style get none.
-
-    Raises:
-        LavaError: The file cannot be written.
-    """
+    """Write the QGIS style of a GeoTIFF beside it; maps without a known style get none."""
     if name not in _DRAWN or not np.isfinite(values).any():
         return
     colours = STYLES[_DRAWN[name]].colours

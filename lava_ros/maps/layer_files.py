@@ -65,20 +65,12 @@ _TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
 
 
 def load_layers(path: str | Path) -> tuple[Layer, ...]:
-    """Read a file of msg_configs/.
-
-    Raises:
-        LavaError: The file cannot be read, or a key or value in it is wrong.
-    """
+    """Read a file of msg_configs/; LavaError names what is wrong in it."""
     return layers_from_dict(read_yaml('msg_config', path))
 
 
 def layers_from_dict(data: object) -> tuple[Layer, ...]:
-    """Build the layers from the plain data of a file.
-
-    Raises:
-        LavaError: A key or value is wrong; the message names it and what is allowed.
-    """
+    """Build layers from the plain data of a file; LavaError says what is allowed."""
     top = validation.keys('msg_config', data, allowed=['layers'], required=['layers'])
     entries = top['layers']
     if not isinstance(entries, Mapping) or not entries:

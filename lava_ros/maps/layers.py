@@ -364,7 +364,7 @@ def within(marked: np.ndarray, distance: float) -> np.ndarray:
 
 
 def hazard(
-    thickness: np.ndarray, temperature: np.ndarray, limits: HazardLimits | None = None
+    thickness: np.ndarray, temperature: np.ndarray, limits: HazardLimits = HazardLimits()
 ) -> np.ndarray:
     """Combine burial and heat into one number per cell.
 
@@ -376,12 +376,11 @@ def hazard(
         thickness: Lava thickness [m], shape [rows, columns], NaN outside the terrain.
         temperature: Lava temperature [K], same shape, NaN where there is no lava. Lava of unknown
             temperature counts as lethally hot.
-        limits: Where burial and heat become dangerous; the default ones when left out.
+        limits: Where burial and heat become dangerous.
 
     Returns:
         Hazard, float32, same shape: 0 without lava, 1 to 100 with lava, NaN outside the terrain.
     """
-    limits = limits or HazardLimits()
     thickness = np.asarray(thickness, dtype=np.float32)
     temperature = np.asarray(temperature, dtype=np.float32)
     wet = thickness > 0.0

@@ -64,11 +64,7 @@ class Lava:
         def __getattr__(self, name: str) -> Any: ...  # noqa: D105
 
     def __post_init__(self) -> None:
-        """Validate every field.
-
-        Raises:
-            LavaError: A field is not usable, or two do not go together.
-        """
+        """Validate every field; LavaError names one that is wrong, alone or beside another."""
         check_fields('lava', self)
         if self.solidus >= self.liquidus:
             raise LavaError(

@@ -62,11 +62,7 @@ class Material:
         return self.lava_with({})
 
     def lava_with(self, overrides: Mapping[str, Any]) -> Lava:
-        """The lava with some constants replaced; ``overrides`` has values by field of ``Lava``.
-
-        Raises:
-            LavaError: A name is unknown or a value is not usable.
-        """
+        """The lava with other values of some fields of ``Lava``; LavaError names a wrong one."""
         names = [item.name for item in fields(Lava)]
         overrides = validation.keys('lava', overrides, allowed=names)
         # constants of an effect that was deleted have no field

@@ -42,11 +42,7 @@ FILL_DISTANCE = 1000.0
 
 
 def check_heights(raster: Raster, path: Path) -> None:
-    """Refuse heights that no ground has: marks of missing data, and feet.
-
-    Raises:
-        LavaError: There are some.
-    """
+    """Raise LavaError for heights that no ground has: marks of missing data, and feet."""
     known = raster.elevation[np.isfinite(raster.elevation)]
     if not known.size:
         return

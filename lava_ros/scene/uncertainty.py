@@ -284,11 +284,7 @@ class Uncertainty:
 
 
 def uncertainty_from_dict(data: object) -> Uncertainty:
-    """Build an ``Uncertainty`` from the plain data of a scene file.
-
-    Raises:
-        LavaError: A key is unknown or a value is not usable; the message names it.
-    """
+    """Build it from the plain data of a scene file; LavaError names what is wrong."""
     where = 'uncertainty'
     names = [item.name for item in fields(Uncertainty)]
     values: dict[str, Any] = {}
