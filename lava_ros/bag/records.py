@@ -86,7 +86,7 @@ _LAYOUTS = {
 # Where a record may begin that is shorter than 4 GiB.
 _BEGINNING = re.compile(rb'[\x03\x04\x06\x07\x09\x0c\x0f].{4}\0{4}', re.DOTALL)
 
-_READ: dict[Opcode, Callable[[ReadDataStream], McapRecord]] = {
+_READ: dict[int, Callable[[ReadDataStream], McapRecord]] = {
     Opcode.SCHEMA: Schema.read,
     Opcode.CHANNEL: Channel.read,
     Opcode.METADATA: Metadata.read,
@@ -230,7 +230,7 @@ def parse(opcode: int, content: bytes | memoryview) -> list[McapRecord]:
         channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(content)
         data = memoryview(content)[_MESSAGE.size :]
         return [Message(channel, log_time, data, publish_time, sequence)]
-    read = _READ.get(Opcode(opcode)) if opcode in PARSED else None
+    read = _READ.get(opcode)
     return [] if read is None else [read(ReadDataStream(BytesIO(content)))]
 
 

@@ -15,7 +15,7 @@
 """The frames of a bag as a moving picture: GIF, or MP4 where there is ffmpeg."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 import math
 from pathlib import Path
@@ -82,12 +82,11 @@ def animate_bag(
     width = int(validation.number('width', width, at_least=200, at_most=3840, unit='pixels'))
     encoder = None if output.suffix.lower() == '.gif' else ffmpeg()
     recording = Recording(path)
-    survey = _survey(recording, source)
-    count = max(2, round(seconds * fps))
-    moments = np.linspace(survey.start, survey.end, count)
-    canvas = _Canvas(survey, width)
+    last, start = _survey(recording, source)
+    moments = np.linspace(start, last.time or 0.0, max(2, round(seconds * fps)))
+    canvas = _Canvas(last, source, width)
     pictures = _pictures(recording, canvas, moments, progress)
-    peak = canvas.draw(survey.frame)
+    peak = canvas.draw(last)
     with writing('output', output) as partial:
         if encoder is None:
             return _write_gif(pictures, partial, fps, peak)
@@ -103,52 +102,38 @@ def ffmpeg() -> str:
     return found
 
 
-@dataclass(frozen=True)
-class _Survey:
-    """What all pictures have in common: place, colours, and start and end times [s].
-
-    ``frame`` is the last frame; ``item`` is its layer, with the largest value that each cell ever
-    had.
-    """
-
-    frame: Frame
-    item: LayerFrame
-    start: float
-    end: float
-
-
-def _survey(recording: Recording, source: str) -> _Survey:
-    most: np.ndarray | None = None
-    last, item = None, None
-    start, is_saturated = 0.0, False
+def _survey(recording: Recording, source: str) -> tuple[Frame, float]:
+    """The last frame, with the largest value that each cell ever had, and the first time [s]."""
+    last: Frame | None = None
+    start = 0.0
     for frame in recording.frames():
         shown = frame.layers.get(source)
         if shown is None or frame.time is None:
             continue
-        if most is None or most.shape != shown.values.shape:
-            most, start = shown.values, frame.time
-        most = np.fmax(most, shown.values)
-        is_saturated |= shown.is_saturated
-        last, item = frame, shown
-    if last is None or item is None or last.time is None or most is None:
+        before = shown if last is None else last.layers[source]
+        if last is None or before.values.shape != shown.values.shape:
+            before, start = replace(before, values=shown.values), frame.time
+        is_saturated = shown.is_saturated or before.is_saturated
+        peak = LayerFrame(shown.layer, np.fmax(before.values, shown.values), is_saturated)
+        last = replace(frame, layers={source: peak})
+    if last is None:
         names = ', '.join(sorted({layer.source for layer in recording.layers.values()}))
         right = f'a layer the bag has with its simulated times; it has {names}'
         raise LavaError('layer', source, right)
-    peak = LayerFrame(item.layer, most, is_saturated)
-    return _Survey(replace(last, layers={source: peak}), peak, start, last.time)
+    return last, start
 
 
 class _Canvas:
     """The drawing, of which only the map and the title change."""
 
-    def __init__(self, survey: _Survey, width: int) -> None:
-        require('matplotlib.figure', 'animate', survey.item.layer.source)
+    def __init__(self, frame: Frame, source: str, width: int) -> None:
+        require('matplotlib.figure', 'animate', source)
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        self._source = survey.item.layer.source
-        item = survey.item
-        self._scale = plot.scale_of(self._source, item.values, is_saturated=item.is_saturated)
+        self._source = source
+        item = frame.layers[source]
+        self._scale = plot.scale_of(source, item.values, is_saturated=item.is_saturated)
         # Video codecs want even sides.
         pixels = (2 * (width // 2), 2 * round(0.8 * width / 2))
         dpi = width / 7.6
@@ -156,7 +141,6 @@ class _Canvas:
         self._canvas = FigureCanvasAgg(figure)
         axes = figure.add_axes(_MAP)
         aspect = _MAP[2] * pixels[0] / (_MAP[3] * pixels[1])
-        frame = survey.frame
         bounds = plot.bounds_of(frame, np.isfinite(item.values))
         least = plot.LEAST_CELLS * frame.resolution
         window = plot.window_of(bounds, plot.extent_of(frame), aspect, least)

@@ -79,11 +79,8 @@ def layers_from_dict(data: object) -> tuple[Layer, ...]:
     topics: dict[str, str] = {}
     for layer in layers:
         if layer.topic in topics:
-            raise LavaError(
-                f'layers.{layer.name}.topic',
-                layer.topic,
-                f'a topic of its own: layer {topics[layer.topic]} has this one',
-            )
+            right = f'a topic of its own: layer {topics[layer.topic]} has this one'
+            raise LavaError(f'layers.{layer.name}.topic', layer.topic, right)
         topics[layer.topic] = layer.name
     return layers
 

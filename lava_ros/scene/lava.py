@@ -67,9 +67,8 @@ class Lava:
         """Validate every field; LavaError names one that is wrong, alone or beside another."""
         check_fields('lava', self)
         if self.solidus >= self.liquidus:
-            raise LavaError(
-                'lava.solidus', self.solidus, f'below lava.liquidus, {self.liquidus:g} K'
-            )
+            right = f'below lava.liquidus, {self.liquidus:g} K'
+            raise LavaError('lava.solidus', self.solidus, right)
         for effect in EFFECTS.values():
             effect.check(self)
 
