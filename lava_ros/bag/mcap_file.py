@@ -287,13 +287,14 @@ def read_summary(data: mmap.mmap) -> Summary | None:
         return None
     if summary is None or summary.statistics is None:
         return None
-    if summary.statistics.message_count and not summary.chunk_indexes:
-        return None
-    if summary.statistics.attachment_count != len(summary.attachment_indexes):
-        return None
-    places = [(item.chunk_start_offset, item.chunk_length) for item in summary.chunk_indexes]
-    places += [(item.offset, item.length) for item in summary.attachment_indexes]
-    return summary if all(sum(place) <= len(data) for place in places) else None
+    ends = [item.chunk_start_offset + item.chunk_length for item in summary.chunk_indexes]
+    ends += [item.offset + item.length for item in summary.attachment_indexes]
+    is_complete = (
+        (summary.chunk_indexes or not summary.statistics.message_count)
+        and len(summary.attachment_indexes) == summary.statistics.attachment_count
+        and max(ends, default=0) <= len(data)
+    )
+    return summary if is_complete else None
 
 
 def _from_summary(data: mmap.mmap, path: Path, summary: Summary) -> McapFile | None:
@@ -390,13 +391,11 @@ def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
     result.damage = [_sentence(result, *item) for item in damage]
     is_indexed = has_end(data) and footer is not None and fits_footer(data, footer)
     if result.finished and not is_indexed:
-        result.damage.append(f'the index at the end of {path} is damaged; it is read without')
+        result.damage.append(f'the index at the end of {path} is damaged; the file is read anyway')
     lost = sum(result.counts.pop(key) for key in set(result.counts) - set(result.channels))
     if lost:
-        result.damage.append(
-            f'{lost} messages of {path} are of topics that only a damaged part defines; they are '
-            'left out'
-        )
+        text = f'{lost} messages of {path} are left out: only a damaged part defines their topics'
+        result.damage.append(text)
     return result
 
 

@@ -146,7 +146,7 @@ class StoredMetadata:
 
 def read_metadata(path: Path) -> StoredMetadata:
     """Read a metadata.yaml; LavaError where it describes no bag in plain MCAP."""
-    right = 'metadata that rosbag2 wrote; if it is damaged, remove it and the bag is read without'
+    right = 'metadata that rosbag2 wrote; if it is damaged, remove it: it is not needed'
     data = read_yaml('bag', path, right)
     if not isinstance(data, Mapping) or _ROOT not in data:
         raise LavaError('bag', str(path), f'{right} (a mapping with the key {_ROOT})')

@@ -73,7 +73,11 @@ class QosProfile:
 
     def to_dict(self) -> dict[str, Any]:
         """The profile as rosbag2's metadata holds it, keys in rosbag2's order."""
-        return asdict(self) | {name: _split(getattr(self, name)) for name in _DURATIONS}
+        result = asdict(self)
+        for name in _DURATIONS:
+            seconds, nanoseconds = divmod(result[name], 10**9)
+            result[name] = {'sec': seconds, 'nsec': nanoseconds}
+        return result
 
 
 #: What the package's maps are published with: the newest one waits for whoever comes late.
@@ -134,7 +138,3 @@ def _from_dict(data: Mapping[str, Any]) -> QosProfile:
     if values['history'] in ('unknown', 'system_default') or values['depth'] < 1:
         values.update(history='keep_last', depth=DEFAULT_DEPTH)
     return QosProfile(**values)
-
-
-def _split(nanoseconds: int) -> dict[str, int]:
-    return {'sec': nanoseconds // 10**9, 'nsec': nanoseconds % 10**9}

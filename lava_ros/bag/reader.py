@@ -120,7 +120,7 @@ class BagReader:
             _LOG.warning('%s', text)
         for item in self.contents:
             if item.rest:
-                said = '%s was cut off: its last %d bytes are not whole and left out'
+                said = '%s was cut off: its last %d bytes are no whole record and are left out'
                 _LOG.info(said, item.path, item.rest)
 
     @property

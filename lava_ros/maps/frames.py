@@ -243,12 +243,10 @@ class _Assembly:
 
     @property
     def has_ground(self) -> bool:
-        """Whether terrain and its description are there."""
         return {self._recording.terrain, self._recording.terrain_info} <= set(self._newest)
 
     @property
     def has_layers(self) -> bool:
-        """Whether there is a map."""
         return bool(self._layer_names())
 
     def frame(self) -> Frame:

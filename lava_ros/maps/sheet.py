@@ -129,7 +129,7 @@ def draw_sheet(
         for number, (name, cells) in enumerate((panel.outlines or {}).items()):
             handles.setdefault(name, _outline(axes, panel.frame, cells, number))
         for number, (name, features) in enumerate(overlays.items(), len(panel.outlines or {})):
-            handles.setdefault(name, _overlay(axes, features, panel.offset, _colour(number)))
+            handles.setdefault(name, _overlay(axes, features, panel.offset, number))
         if index == 0:
             plot.draw_north(axes)
             if len(panels) < 4:
@@ -173,7 +173,6 @@ def _union(windows: Iterable[Window]) -> Window:
 
 
 def _scales(panels: Sequence[Panel]) -> dict[str, Scale]:
-    """A scale for each kind of map, of all its values."""
     result = {}
     for source in dict.fromkeys(panel.source for panel in panels):
         same = [panel for panel in panels if panel.source == source]
@@ -195,14 +194,12 @@ class _Page:
 
     @property
     def map_size(self) -> tuple[float, float]:
-        """Width and height of a map."""
         width = (self.width - 2.0 * _MARGIN) / self.columns - _AROUND[0] - _AROUND[1]
         room = self.height - _HEADER - self.footer
         return width, room / self.rows - _AROUND[2] - _AROUND[3]
 
     @property
     def aspect(self) -> float:
-        """Width over height of a map."""
         return self.map_size[0] / self.map_size[1]
 
     def axes(self, figure: Any, index: int) -> tuple[Any, tuple[float, float, float, float]]:
@@ -300,10 +297,6 @@ def _columns(notes: Mapping[str, str], width: float) -> list[list[str]]:
     return [*columns, *([] for _ in range(count - len(columns)))]
 
 
-def _colour(number: int) -> str:
-    return _COLOURS[number % len(_COLOURS)]
-
-
 def _line(**look: Any) -> Any:
     from matplotlib.lines import Line2D
 
@@ -312,19 +305,20 @@ def _line(**look: Any) -> Any:
 
 def _outline(axes: Any, frame: Frame, cells: np.ndarray, number: int) -> Any:
     """Draw the outline of some cells; returns what the legend shows."""
-    style = ('solid', 'dashed', 'dotted')[number % 3]
+    style, colour = ('solid', 'dashed', 'dotted')[number % 3], _COLOURS[number % len(_COLOURS)]
     if cells.any():
         axes.contour(
-            *plot.middles_of(frame), cells.astype(float), levels=[0.5], colors=_colour(number),
+            *plot.middles_of(frame), cells.astype(float), levels=[0.5], colors=colour,
             linewidths=1.5, linestyles=style,
         )
-    return _line(color=_colour(number), linewidth=1.5, linestyle=style)
+    return _line(color=colour, linewidth=1.5, linestyle=style)
 
 
 def _overlay(
-    axes: Any, features: Sequence[Feature], offset: tuple[float, float], colour: str
+    axes: Any, features: Sequence[Feature], offset: tuple[float, float], number: int
 ) -> Any:
     """Draw features of others; returns what the legend shows."""
+    colour = _COLOURS[number % len(_COLOURS)]
     point: dict[str, Any] = {'linestyle': 'none', 'marker': 'o', 'markersize': 5, 'color': colour}
     point['markeredgecolor'] = 'white'
     line: dict[str, Any] = {'color': colour, 'linewidth': 1.4}
