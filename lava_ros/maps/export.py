@@ -210,14 +210,11 @@ class _Writer:
         shown = frame.layers.get(_SOURCES[name])
         if shown is None:
             return
-        ground = np.isfinite(frame.elevation)
+        values = shown.values
         if name == 'hazard':
             # 0 says that there is no lava.
-            cells = np.clip(np.rint(np.nan_to_num(shown.values)), 1, 100)
-            values = np.where(np.isfinite(shown.values), cells, 0).astype(np.uint8)
-            values[~ground] = gis.NODATA_BYTE
-        else:
-            values = np.where(ground, shown.values, np.float32(np.nan))
+            values = np.nan_to_num(np.clip(np.rint(values), 1, 100))
+        values = np.where(np.isfinite(frame.elevation), values, np.float32(np.nan))
         tags = _layer_tags(shown)
         if frame.time is not None:
             tags['simulated_time_s'] = repr(frame.time)
@@ -248,17 +245,17 @@ class _Writer:
     ) -> None:
         corner = (self.offset[0] + frame.origin[0], self.offset[1] + frame.origin[1])
         self.place = gis.Place(corner, frame.resolution, self.crs)
-        known = values
-        if values.dtype == np.uint8:
-            known = np.where(values == gis.NODATA_BYTE, np.float32(np.nan), values)
         unit, meaning = _MEANINGS[name]
-        self.newest[name] = known, unit, meaning
+        self.newest[name] = values, unit, meaning
         if 'tif' in self.formats:
             path = self.directory / file_name
             tags = {'bag': self.bag, **tags}
-            gis.write_map(path, values, self.place, name, unit, meaning, tags)
+            cells = values
+            if name == 'hazard':
+                cells = np.nan_to_num(values, nan=gis.NODATA_BYTE).astype(np.uint8)
+            gis.write_map(path, cells, self.place, name, unit, meaning, tags)
             self.written.append(path)
-            gis.write_style(path, name, known)
+            gis.write_style(path, name, values)
 
     def finish(self) -> None:
         """Write the newest maps in the formats that have them in one file."""

@@ -14,12 +14,10 @@
 
 """Elevation files become terrain, or one clear error."""
 
-from importlib import import_module
 from pathlib import Path
 import socket
 import sys
 import threading
-from types import ModuleType
 from typing import Any
 import zipfile
 
@@ -82,12 +80,6 @@ def plane_rows(rows: int, columns: int, *, height: float = 10.0) -> np.ndarray:
     return plane(*np.meshgrid(x, y)).astype(np.float32)
 
 
-def check_plane(terrain: Any) -> None:
-    """The slope is what it was, but for the borders."""
-    error = terrain.elevation - plane(*centres(terrain))
-    assert np.abs(error[4:-4, 4:-4]).max() < 1e-2
-
-
 def centres(terrain: Any) -> tuple[np.ndarray, np.ndarray]:
     """Easting and northing of the cell centres [m], shape [rows, columns] each."""
     rows, columns = terrain.shape
@@ -123,15 +115,11 @@ def test_esri_grid_of_all_kinds_of_numbers(tmp_path: Path, number: str) -> None:
 
 @pytest.mark.parametrize('text', ['nan', 'NaN', 'N/A', '-', '1o1', '1D3', '0x1F', 'inf', '1.2.3'])
 def test_esri_grid_with_text_is_refused(tmp_path: Path, text: str) -> None:
-    """Each would be 0 m or a part of itself; the error says where it stands."""
+    """Each would be 0 m or a part of itself; for NODATA it would make holes of what is 0."""
     with pytest.raises(LavaError) as caught:
         load_terrain(write_asc(tmp_path / 'a.asc', hole=text))
     assert caught.value.field == 'line 7, column 5 of a.asc'
     assert caught.value.value == text
-
-
-def test_esri_grid_with_text_for_nodata_is_refused(tmp_path: Path) -> None:
-    """It would make holes of what is 0."""
     with pytest.raises(LavaError, match=r"NODATA_value of a\.asc is 'N/A', expected a number"):
         load_terrain(write_asc(tmp_path / 'a.asc', hole='N/A', nodata='N/A'))
 
@@ -238,23 +226,21 @@ def test_degrees_become_utm(tmp_path: Path, latitude: float, code: int) -> None:
     assert np.abs(terrain.elevation - exact)[known].max() < 5.0
 
 
-def test_cells_become_square(tmp_path: Path) -> None:
-    """Cells of 10 m by 20 m become 10 m, and a plane stays the plane it was."""
-    transform = from_origin(500_000.0, 4_180_000.0, 10.0, 20.0)
-    elevation = plane_rows(30, 40, height=20.0)
-    terrain = load_terrain(write_tif(tmp_path / 'a.tif', elevation, transform=transform))
-    assert (terrain.resolution, terrain.shape) == (10.0, (60, 40))
-    check_plane(terrain)
-
-
-@pytest.mark.parametrize('resolution', [5.0, 30.0])
-def test_resolution_of_the_callers_choice(tmp_path: Path, resolution: float) -> None:
-    """Finer cells interpolate and coarser ones average: a plane stays the plane it was."""
-    elevation = plane_rows(60, 60)
-    terrain = load_terrain(write_tif(tmp_path / 'a.tif', elevation), resolution=resolution)
-    assert terrain.resolution == resolution
-    assert terrain.shape == (600 // resolution, 600 // resolution)
-    check_plane(terrain)
+@pytest.mark.parametrize(
+    ('height', 'resolution', 'cell'), [(20.0, None, 10.0), (10.0, 5.0, 5.0), (10.0, 30.0, 30.0)]
+)
+def test_a_plane_stays_the_plane_it_was(
+    tmp_path: Path, height: float, resolution: float | None, cell: float
+) -> None:
+    """Cells of 10 m by 20 m become square, finer cells interpolate and coarser ones average."""
+    transform = from_origin(500_000.0, 4_180_000.0, 10.0, height)
+    elevation = plane_rows(round(600 / height), 60, height=height)
+    path = write_tif(tmp_path / 'a.tif', elevation, transform=transform)
+    terrain = load_terrain(path, resolution=resolution)
+    assert terrain.resolution == cell
+    assert terrain.shape == (600 // cell, 600 // cell)
+    error = terrain.elevation - plane(*centres(terrain))
+    assert np.abs(error[4:-4, 4:-4]).max() < 1e-2
 
 
 def test_window_keeps_a_part_where_it_is(tmp_path: Path) -> None:
@@ -268,29 +254,18 @@ def test_window_keeps_a_part_where_it_is(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize('order', ['south', 'north'])
-def test_npz_row_order(tmp_path: Path, order: str) -> None:
-    """Both orders of rows give the same ground."""
+def test_npz(tmp_path: Path, order: str) -> None:
+    """Both orders of rows give the same ground; origin, offset and code are taken as they are."""
     rows = NORTH_FIRST if order == 'north' else NORTH_FIRST[::-1]
     np.savez(tmp_path / 'a.npz', elevation=rows, resolution=30.0, row_order=order)
     terrain = load_terrain(tmp_path / 'a.npz')
     np.testing.assert_array_equal(terrain.elevation, NORTH_FIRST[::-1].astype(np.float32))
     assert (terrain.origin, terrain.offset, terrain.epsg) == ((0.0, 0.0), (0.0, 0.0), None)
-
-
-def test_npz_keeps_its_frame(tmp_path: Path) -> None:
-    """Origin, offset and code of an npz are taken as they are."""
-    np.savez(
-        tmp_path / 'a.npz',
-        elevation=NORTH_FIRST,
-        dx=30.0,
-        dy=30.0,
-        origin=[-45.0, -60.0],
-        offset=[500_000.0, 4_180_000.0],
-        epsg=32633,
-    )
+    place = {'origin': [-45.0, -60.0], 'offset': [500_000.0, 4_180_000.0], 'epsg': 32633}
+    np.savez(tmp_path / 'a.npz', elevation=rows, dx=30.0, dy=30.0, row_order=order, **place)
     terrain = load_terrain(tmp_path / 'a.npz')
-    assert terrain.origin == (-45.0, -60.0)
-    assert (terrain.offset, terrain.epsg) == ((500_000.0, 4_180_000.0), 32633)
+    assert (*terrain.origin, *terrain.offset) == (-45.0, -60.0, 500_000.0, 4_180_000.0)
+    assert terrain.epsg == 32633
 
 
 @pytest.mark.parametrize(
@@ -327,10 +302,8 @@ def test_grids_without_end_are_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize('line', ['cellsize nan', 'cellsize inf', 'cellsize 1e300'])
 def test_cells_without_size_are_refused(tmp_path: Path, line: str) -> None:
     """They have been taken for a size."""
-    head = f'ncols 3\nnrows 3\nxllcorner 0\nyllcorner 0\n{line}\n'
-    (tmp_path / 'a.asc').write_text(head + '1 2 3\n' * 3)
     with pytest.raises(LavaError, match='terrain file'):
-        load_terrain(tmp_path / 'a.asc')
+        load_terrain(write_asc(tmp_path / 'a.asc', line))
 
 
 def test_npz_needs_no_rasterio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -566,13 +539,7 @@ def test_holes_are_not_left_in_silence_without_scipy(
 ) -> None:
     """What finds them is an extra; who asks for it hears that."""
     path = write_tif(tmp_path / 'a.tif', hill())
-
-    def without_scipy(name: str) -> ModuleType:
-        if name == 'scipy':
-            raise ImportError(name)
-        return import_module(name)
-
-    monkeypatch.setattr('lava_ros.files.optional.import_module', without_scipy)
+    monkeypatch.setitem(sys.modules, 'scipy', None)
     assert load_terrain(path).has_data.all()
     with pytest.raises(LavaError, match=r'lava_ros\[hindcast\]'):
         load_terrain(path, fill_holes=True)
