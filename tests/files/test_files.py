@@ -39,7 +39,6 @@ from lava_ros.files.yaml import parse_yaml, read_yaml
 from lava_ros.hindcast.calibration import read_trials
 from lava_ros.hindcast.case import load_case
 from lava_ros.hindcast.tables import read_rates
-from lava_ros.scene import scene_from_yaml
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.verification.rows import read_csv
 from recording import record
@@ -377,17 +376,6 @@ def test_files_that_cannot_be_read(tmp_path, name):
     with pytest.raises(LavaError, match='expected a readable YAML file') as caught:
         read_yaml('scene', tmp_path / name)
     assert len(str(caught.value)) < LONGEST_EXPECTED + 2 * LONGEST_VALUE
-
-
-def test_a_scene_of_aliases_is_refused_at_once(tmp_path):
-    """Where its values stand behind keys that a scene has, it is the text that is refused."""
-    keys = ['viscosity', 'density', 'solidus', 'crystals', 'packing', 'liquidus', 'vft_a', 'vft_b']
-    lines = [f'  {keys[0]}: &k0 [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n']
-    for index, key in enumerate(keys[1:]):
-        lines.append(f'  {key}: &k{index + 1} [{", ".join([f"*k{index}"] * 10)}]\n')
-    (tmp_path / 'scene.yaml').write_text('lava:\n' + ''.join(lines) + 'gravity: *k7\n')
-    with pytest.raises(LavaError, match='those behind aliases'):
-        scene_from_yaml(tmp_path / 'scene.yaml')
 
 
 def test_nothing_else_reads_yaml():
