@@ -174,8 +174,7 @@ class McapFile:
                             heapq.heappush(loaded, item)
                             held += len(message.data)
                     if held > MAX_HELD:
-                        right = f'messages in order of time; {held} bytes of the same time'
-                        right += f' are more than {MAX_HELD}'
+                        right = f'at most {MAX_HELD} bytes of messages of one time, not {held}'
                         raise LavaError('bag', str(self.path), right)
                 if loaded:
                     message = heapq.heappop(loaded)[3]

@@ -171,7 +171,8 @@ def _parsed(data: object, path: Path) -> StoredMetadata:
     names = data.get('relative_file_paths') or []
     custom_data = data.get('custom_data') or {}
     if not isinstance(names, list) or not isinstance(custom_data, Mapping):
-        raise LavaError('bag', str(path), 'a list relative_file_paths, a mapping custom_data')
+        right = 'metadata with a list relative_file_paths and a mapping custom_data'
+        raise LavaError('bag', str(path), right)
     return StoredMetadata(
         tuple(Path(str(item)).name for item in names),
         {str(key): str(value) for key, value in custom_data.items()},

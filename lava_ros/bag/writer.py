@@ -284,5 +284,5 @@ def _topic(
 def _texts(custom_data: Mapping[str, str]) -> dict[str, str]:
     for key, value in custom_data.items():
         if not isinstance(key, str) or not isinstance(value, str):
-            raise LavaError(f'custom_data[{key!r}]', value, 'text under a name that is text')
+            raise LavaError(f'custom_data[{key!r}]', value, 'text, and text as its key')
     return dict(custom_data)

@@ -107,7 +107,7 @@ class _Loader(yaml.SafeLoader):
         is_alias = isinstance(event, yaml.AliasEvent)
         wrong = ''
         if is_alias and event.anchor in self.anchors and event.anchor not in self._sizes:
-            wrong = 'an alias inside of what it names'
+            wrong = 'an alias inside the value that it refers to'
         values, levels = self._sizes.get(event.anchor, (1, 1)) if is_alias else (1, 1)
         before, outer = self._values, self._deepest
         self._values += values
@@ -144,7 +144,7 @@ class _Loader(yaml.SafeLoader):
             wrong = f'a number of more than {MOST_DIGITS} characters'
         elif kind in ('int', 'float') and ':' in node.value:
             # YAML 1.1 takes 1:30 for 90
-            wrong = f'{node.value}, which is no number, nor text without quotes'
+            wrong = f'{node.value}, which is neither a number nor text in quotes'
         if wrong:
             raise yaml.constructor.ConstructorError(None, None, wrong, node.start_mark)
         try:

@@ -210,8 +210,8 @@ class Recording:
     def lack(self, time: float | None, what: str) -> LavaError:
         """The error of what is not there up to a simulated time [s], None for all of the bag."""
         if time is None:
-            return LavaError('bag', str(self.bag.path), f'a bag with a {what} before its end')
-        return LavaError('time', time, f'a time from the first {what} of the bag on')
+            return LavaError('bag', str(self.bag.path), f'a bag that contains a {what}')
+        return LavaError('time', time, f'a time at or after the first {what} of the bag')
 
     def share_at(self, frame: Frame) -> float:
         """Share of the last run that has passed with a frame; 0 where times are unknown."""

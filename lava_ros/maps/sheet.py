@@ -276,7 +276,7 @@ def _page(count: int, bounds: Window, notes: Mapping[str, str]) -> _Page:
             if min(page.map_size) > 0.8:
                 pages.append(page)
     if not pages:
-        raise LavaError('maps', count, 'fewer maps on one page')
+        raise LavaError('maps', count, 'fewer maps: they do not fit on one page')
     return max(pages, key=size)
 
 

@@ -106,7 +106,7 @@ def in_square_metres(raster: Raster, resolution: float | None) -> Raster:
         raise
     # GDAL's errors have no class in common
     except Exception as error:
-        right = f'one that GDAL can place on square cells of metres ({error})'
+        right = f'a place that GDAL can map to square cells of metres ({error})'
         raise LavaError('terrain file corner', raster.corner, right) from error
 
 

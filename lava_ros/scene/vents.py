@@ -196,7 +196,7 @@ def erupting(vents: Sequence[Vent], *, duration: float, volume: float) -> tuple[
     span = max(ends, default=1.0)
     whole = sum(vent.volume_between(0.0, span) for vent in vents)
     if whole == 0.0:
-        raise LavaError('vents.discharge', 0.0, 'a vent that lava comes out of')
+        raise LavaError('vents.discharge', 0.0, 'a discharge above 0')
     longer = duration / span
     more = volume / (whole * longer)
     return tuple(

@@ -325,7 +325,7 @@ def test_aliases_and_merged_keys_are_values():
     ('text', 'reason'),
     [
         (BOMB, '500000 values, those behind aliases counted each time, in line 6, column'),
-        ('a: &a [*a]', 'an alias inside of what it names in line 1, column 8'),
+        ('a: &a [*a]', 'an alias inside the value that it refers to in line 1, column 8'),
         ('a: *b', "undefined alias 'b' in line 1, column 4"),
         ('a: ' + '[' * 5000 + ']' * 5000, '50 levels of lists and mappings in line 1, column 53'),
         ('- &a0 []\n' + ''.join(f'- &a{i + 1} [*a{i}]\n' for i in range(60)), '50 levels'),
@@ -339,7 +339,7 @@ def test_aliases_and_merged_keys_are_values():
         ('9' * 4301, 'a number of more than 100 characters in line 1, column 1'),
         ('0x' + 'f' * 60_000, 'a number of more than 100 characters'),
         ('1:30' + ':30' * 1000, 'a number of more than 100 characters'),
-        ('duration: 1:30', '1:30, which is no number, nor text without quotes in line 1, column'),
+        ('duration: 1:30', '1:30, which is neither a number nor text in quotes in line 1, column'),
         ('a: 1\nb: {c: 1, c: 2}', 'the key c twice in line 2, column 11'),
         ('? [a]\n: b', 'unhashable key'),
         ('a\0', 'unacceptable character'),
