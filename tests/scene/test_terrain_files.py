@@ -511,7 +511,7 @@ def test_a_map_of_slopes_is_warned_of(
 ) -> None:
     """All between 0 and 90 may be a low coast, or degrees."""
     load_terrain(write_tif(tmp_path / 'a.tif', 0.05 * hill()))
-    assert 'a map of slopes in degrees looks like that' in caplog.text
+    assert 'they may be slopes in degrees instead of heights' in caplog.text
 
 
 def test_holes_and_pits_inside_are_warned_of_and_filled(
@@ -525,9 +525,9 @@ def test_holes_and_pits_inside_are_warned_of_and_filled(
     path = write_tif(tmp_path / 'a.tif', cells, nodata=-1.0)
     holed = load_terrain(path)
     said = '13 cells inside have no data or lie deep below all their neighbours, the first at '
-    assert said + '500305, 4179695: lava that gets there is lost or held' in caplog.text
+    assert said + '500305, 4179695: the simulation would lose or trap lava there' in caplog.text
     filled = load_terrain(path, fill_holes=True)
-    assert 'filled from what is around' in caplog.text
+    assert 'they were filled from the cells around them' in caplog.text
     assert not holed.has_data[:, -2:].any() and not filled.has_data[:, -2:].any()
     np.testing.assert_allclose(filled.elevation[:, :-2], whole[::-1, :-2], atol=15.0)
     untouched = holed.has_data & (np.abs(holed.elevation - whole[::-1]) < 1.0)
