@@ -16,6 +16,7 @@
 
 import ast
 from configparser import ConfigParser
+from functools import cache
 import importlib
 import json
 from pathlib import Path
@@ -24,7 +25,7 @@ import runpy
 import shutil
 import subprocess
 import sys
-from types import ModuleType
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -52,35 +53,28 @@ ROS_MODULES = {'rclpy', 'rcl_interfaces', 'ament_index_python'}
 def metadata(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What setup.py passes to setuptools, which need not be installed."""
     seen: dict[str, Any] = {}
-    stand_in = ModuleType('setuptools')
-    stand_in.setup = seen.update  # type: ignore[attr-defined]
-    stand_in.find_packages = lambda include: include  # type: ignore[attr-defined]
-    stand_in.Distribution = object  # type: ignore[attr-defined]
-    real = sys.modules.get('setuptools')
-    sys.modules['setuptools'] = stand_in
+    stand_in = SimpleNamespace(
+        setup=seen.update, find_packages=lambda include: include, Distribution=object
+    )
     with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(sys.modules, 'setuptools', stand_in)  # type: ignore[arg-type]
         # colcon runs a link to it, in a folder of its own
         place = tmp_path_factory.mktemp('build')
         (place / 'setup.py').symlink_to(ROOT / 'setup.py')
         patch.chdir(place)
-        try:
-            runpy.run_path('setup.py')
-        finally:
-            del sys.modules['setuptools']
-            if real is not None:
-                sys.modules['setuptools'] = real
+        runpy.run_path('setup.py')
     return seen
 
 
-def test_an_editable_installation_is_a_path() -> None:
-    """The finder that is usual would come after a folder `lava_ros`, such as a clone beside us."""
+def test_settings_that_are_easily_lost() -> None:
+    """An editable installation is a path; the license is whole; make draws where git is blind."""
     settings = ConfigParser()
     settings.read(ROOT / 'setup.cfg')
+    # the finder that is usual would come after a folder `lava_ros`, such as a clone beside us
     assert settings['editable_wheel']['mode'] == 'compat'
-
-
-def test_no_target_writes_over_a_tracked_picture() -> None:
-    """What make draws goes where git does not look."""
+    text = (ROOT / 'LICENSE').read_text()
+    assert text.lstrip().startswith('Apache License')
+    assert 'END OF TERMS AND CONDITIONS' in text
     assert 'docs/images' not in (ROOT / 'Makefile').read_text()
 
 
@@ -105,6 +99,7 @@ def _canonical(name: str) -> str:
     return re.sub(r'[-_.]+', '-', name).lower()
 
 
+@cache
 def _imports() -> set[str]:
     """Top-level modules the package imports, its own and the standard library's left out."""
     found: set[str] = set()
@@ -258,17 +253,6 @@ def test_pins_cover_every_python(pins: dict[str, list[Requirement]]) -> None:
 
 def test_only_jazzy_wheels_are_required(metadata: dict[str, Any]) -> None:
     """Requirements name no ROS wheel but Jazzy's: the others are of some distribution or other."""
-    names = [
-        Requirement(item).name
-        for item in [*metadata['install_requires'], *metadata['extras_require']['all']]
-    ]
-    ros = [name for name in names if name.startswith('ros-')]
-    assert ros
-    assert all(name.startswith('ros-jazzy-') for name in ros)
-
-
-def test_license_text() -> None:
-    """The whole Apache License 2.0 is there."""
-    text = (ROOT / 'LICENSE').read_text()
-    assert text.lstrip().startswith('Apache License')
-    assert 'END OF TERMS AND CONDITIONS' in text
+    required = [*metadata['install_requires'], *metadata['extras_require']['all']]
+    ros = [item for item in required if item.startswith('ros-')]
+    assert ros and all(item.startswith('ros-jazzy-') for item in ros)

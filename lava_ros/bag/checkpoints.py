@@ -19,21 +19,23 @@ by going from record to record, which reads a few bytes of each. Damaged ones ar
 refuse to be read.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 import mmap
 from pathlib import Path
 import struct
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from mcap.opcode import Opcode
 
 from lava_ros.bag.mcap_file import has_begun, mapped, read_summary
-from lava_ros.bag.reader import mcap_names
+from lava_ros.bag.reader import mcap_files
 from lava_ros.bag.records import BROKEN, CUT, FRAME, is_whole, MAX_RECORD_SIZE, walk
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input
 from lava_ros.simulation.checkpoint import Checkpoint, from_bytes, MEDIA_TYPE, summary_of
+
+Parsed = TypeVar('Parsed')
 
 #: Name of the attachments.
 NAME = 'lava checkpoint'
@@ -65,45 +67,26 @@ class Attachment:
     length: int
 
     def read(self) -> bytes:
-        """Read its data.
-
-        Raises:
-            LavaError: It is damaged, too large or cannot be read.
-        """
+        """Read its data; LavaError where they are damaged, too large or unreadable."""
+        label = f'attachment {self.name} at byte {self.offset} of {self.path}'
         if self.length > MAX_RECORD_SIZE:
-            raise LavaError(self._label, f'{self.length} bytes', f'at most {MAX_RECORD_SIZE}')
-        content = self._content(self.length)
-        if self.name == UNREADABLE or not is_whole(content):
-            raise LavaError(self._label, f'{self.length} bytes', 'undamaged data')
-        return content[-4 - self.size : -4]
-
-    @property
-    def _label(self) -> str:
-        return f'attachment {self.name} at byte {self.offset} of {self.path}'
-
-    def _content(self, size: int) -> bytes:
+            raise LavaError(label, f'{self.length} bytes', f'at most {MAX_RECORD_SIZE}')
         try:
             with open_input(self.path) as stream:
                 stream.seek(self.offset)
-                content = stream.read(size)
+                content = stream.read(self.length)
         except OSError as error:
-            raise LavaError(self._label, str(error), 'a readable file') from error
-        if len(content) < size:
-            raise LavaError(self._label, f'{len(content)} bytes', f'{size} bytes')
-        return content
+            raise LavaError(label, str(error), 'a readable file') from error
+        if len(content) < self.length:
+            raise LavaError(label, f'{len(content)} bytes', f'{self.length} bytes')
+        if self.name == UNREADABLE or not is_whole(content):
+            raise LavaError(label, f'{self.length} bytes', 'undamaged data')
+        return content[-4 - self.size : -4]
 
 
 def attachments_of(bag: str | Path) -> list[Attachment]:
-    """Return all attachments of a bag or an .mcap file in order, damaged ones included.
-
-    Raises:
-        LavaError: The bag does not exist, or one of its files cannot be read.
-    """
-    path = Path(bag)
-    files = [path / name for name in mcap_names(path)] if path.is_dir() else [path]
-    if not files:
-        raise LavaError('bag', str(bag), 'a directory with .mcap files; this one has none')
-    return [item for file in files for item in attachments_in(file)]
+    """All attachments of a bag or an .mcap file in order; LavaError where one is unreadable."""
+    return [item for file in mcap_files(Path(bag)) for item in attachments_in(file)]
 
 
 def attachments_in(path: Path) -> list[Attachment]:
@@ -153,14 +136,7 @@ def _attachment(path: Path, data: mmap.mmap, offset: int, end: int) -> Attachmen
 
 
 class StoredCheckpoint(NamedTuple):
-    """What a list of checkpoints says of one.
-
-    Attributes:
-        time: Simulated time [s].
-        log_time_ns: ROS time at which it was taken [ns].
-        particle_count: Particles there are.
-        size: Size in the bag [bytes].
-    """
+    """A checkpoint in a list: simulated time [s], ROS time [ns], particles, size [bytes]."""
 
     time: float
     log_time_ns: int
@@ -169,13 +145,7 @@ class StoredCheckpoint(NamedTuple):
 
 
 class FoundCheckpoint(NamedTuple):
-    """The newest checkpoint that can be read.
-
-    Attributes:
-        checkpoint: The checkpoint.
-        log_time_ns: ROS time at which it was taken [ns].
-        refused: Newer attachments that cannot be read, and why.
-    """
+    """The newest readable checkpoint, its ROS time [ns], and why newer ones are unreadable."""
 
     checkpoint: Checkpoint
     log_time_ns: int
@@ -183,7 +153,7 @@ class FoundCheckpoint(NamedTuple):
 
 
 def checkpoints_of(
-    bag: str | Path, on_refused: Callable[[LavaError], None] | None = None
+    bag: str | Path, on_refused: Callable[[LavaError], object] = lambda _: None
 ) -> list[StoredCheckpoint]:
     """List the checkpoints of a bag, finished or not, oldest first, without unpacking their state.
 
@@ -193,24 +163,10 @@ def checkpoints_of(
     Raises:
         LavaError: The bag does not exist, or cannot be read.
     """
-    result = []
-    for item in attachments_of(bag):
-        try:
-            data = item.read()
-            # a damaged one may no longer say that it is a checkpoint
-            if item.media_type != MEDIA_TYPE:
-                continue
-            summary = summary_of(data)
-        except LavaError as error:
-            if on_refused is not None:
-                on_refused(error)
-        else:
-            result.append(
-                StoredCheckpoint(
-                    summary.time, item.log_time_ns, summary.particle_count, item.size
-                )
-            )
-    return result
+    return [
+        StoredCheckpoint(summary.time, item.log_time_ns, summary.particle_count, item.size)
+        for item, summary in _parsed(attachments_of(bag), summary_of, on_refused)
+    ]
 
 
 def newest_checkpoint(bag: str | Path) -> FoundCheckpoint:
@@ -220,13 +176,25 @@ def newest_checkpoint(bag: str | Path) -> FoundCheckpoint:
         LavaError: The bag does not exist, or has no checkpoint that can be read.
     """
     refused: list[LavaError] = []
-    for item in reversed(attachments_of(bag)):
-        try:
-            data = item.read()
-            if item.media_type == MEDIA_TYPE:
-                return FoundCheckpoint(from_bytes(data), item.log_time_ns, tuple(refused))
-        except LavaError as error:
-            refused.append(error)
+    newest_first = reversed(attachments_of(bag))
+    for item, checkpoint in _parsed(newest_first, from_bytes, refused.append):
+        return FoundCheckpoint(checkpoint, item.log_time_ns, tuple(refused))
     if refused:
         raise refused[0]
     raise LavaError('bag', str(bag), 'a bag with a checkpoint in it; this one has none')
+
+
+def _parsed(
+    items: Iterable[Attachment],
+    parse: Callable[[bytes], Parsed],
+    on_refused: Callable[[LavaError], object],
+) -> Iterator[tuple[Attachment, Parsed]]:
+    """The checkpoints among attachments."""
+    for item in items:
+        try:
+            data = item.read()
+            # a damaged one may no longer say that it is a checkpoint
+            if item.media_type == MEDIA_TYPE:
+                yield item, parse(data)
+        except LavaError as error:
+            on_refused(error)

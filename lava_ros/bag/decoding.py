@@ -18,7 +18,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 import re
 import struct
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,32 +40,19 @@ class Decoder:
     """Turns the messages of one bag into objects with the fields of their type."""
 
     def __init__(self, bag: BagReader) -> None:
-        """Take the definitions of a bag.
-
-        Raises:
-            LavaError: mcap-ros2-support is not installed.
-        """
+        """Take the definitions of a bag; LavaError where mcap-ros2-support is not installed."""
         require('mcap_ros2.decoder', 'bag', str(bag.path))
         from mcap.records import Schema
         from mcap_ros2.decoder import DecoderFactory
 
         self._factory = DecoderFactory()
         self._schemas = {
-            name: Schema(
-                id=index,
-                name=topic.message_type,
-                encoding='ros2msg',
-                data=topic.schema.text.encode(),
-            )
-            for index, (name, topic) in enumerate(bag.topics.items(), start=1)
+            name: Schema(number, topic.schema.text.encode(), 'ros2msg', topic.message_type)
+            for number, (name, topic) in enumerate(bag.topics.items(), start=1)
         }
 
     def decode(self, message: BagMessage, take: Callable[[Any], Any] | None = None) -> Any:
-        """Decode a message.
-
-        Args:
-            message: The message.
-            take: Makes the result of the message, where that is not the message itself.
+        """Decode a message, and return what ``take`` makes of it, or itself.
 
         Raises:
             LavaError: It is not what its definition says, or that lacks what ``take`` looks for.
@@ -83,22 +70,12 @@ class Decoder:
             raise
         # a definition from anywhere is parsed by a library, and its fields are of any type
         except Exception as error:
-            raise LavaError(
-                f'message on {message.topic}',
-                f'{len(message.data)} bytes',
-                f'a {schema.name} ({type(error).__name__}: {error})',
-            ) from error
+            right = f'a {schema.name} ({type(error).__name__}: {error})'
+            raise _wrong(message, right) from error
 
 
-@dataclass(frozen=True, eq=False)
-class Grid:
-    """A nav_msgs/OccupancyGrid.
-
-    Attributes:
-        resolution: Side of a cell [m].
-        origin: Position (x, y) [m] of the lower-left corner of cell [0, 0].
-        cells: Values, int8, shape [rows, columns].
-    """
+class Grid(NamedTuple):
+    """A nav_msgs/OccupancyGrid: side of a cell [m], place of the corner [m], cells in int8."""
 
     resolution: float
     origin: tuple[float, float]
@@ -125,13 +102,15 @@ def read_grid(message: BagMessage) -> Grid:
         cells = np.frombuffer(body, np.int8, count, pose + 60)
         return Grid(resolution, (x, y), cells.reshape(rows, columns))
     except (IndexError, struct.error, ValueError) as error:
-        raise LavaError(
-            f'message on {message.topic}', f'{len(message.data)} bytes', f'a grid ({error})'
-        ) from error
+        raise _wrong(message, f'a grid ({error})') from error
 
 
 def _aligned(position: int, size: int) -> int:
     return -(-position // size) * size
+
+
+def _wrong(message: BagMessage, right: str) -> LavaError:
+    return LavaError(f'message on {message.topic}', f'{len(message.data)} bytes', right)
 
 
 DIAGNOSTICS = '/diagnostics'
@@ -139,12 +118,9 @@ DIAGNOSTICS = '/diagnostics'
 
 @dataclass(frozen=True)
 class Moment:
-    """The diagnostics of the simulation at one of its frames.
+    """The diagnostics at one frame: its ROS time [ns] and simulated time [s], and texts by name.
 
-    Attributes:
-        stamp_ns: ROS time of the frame [ns].
-        time: Simulated time [s].
-        values: The texts of its status by name, such as ``volume_held_m3``.
+    A name of ``values`` is ``volume_held_m3``, for example.
     """
 
     stamp_ns: int

@@ -90,6 +90,16 @@ class Block(NamedTuple):
         """Whether messages of one of some channels may be in it."""
         return self.channels is None or not self.channels.isdisjoint(channel_ids)
 
+    def joined(self, block: 'Block') -> 'Block':
+        """This block and the one that follows it in the file."""
+        return Block(
+            min(self.start_ns, block.start_ns),
+            max(self.end_ns, block.end_ns),
+            self.offset,
+            self.length + block.length,
+            (self.channels or frozenset()) | (block.channels or frozenset()),
+        )
+
 
 @dataclass
 class McapFile:
@@ -100,7 +110,7 @@ class McapFile:
         finished: Whether its writer closed it and the summary is usable.
         channels: Channels by id.
         schemas: Schemas by id.
-        counts: Messages by channel id, None when the file does not say.
+        counts: Messages by channel id.
         blocks: Where the messages are, in file order.
         metadata: MCAP metadata records by name, the latest whole one of each name.
         damage: What is damaged, and what is left out for it, each a sentence.
@@ -111,7 +121,7 @@ class McapFile:
     finished: bool
     channels: dict[int, Channel] = field(default_factory=dict)
     schemas: dict[int, Schema] = field(default_factory=dict)
-    counts: dict[int, int] | None = None
+    counts: dict[int, int] = field(default_factory=dict)
     blocks: list[Block] = field(default_factory=list)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     damage: list[str] = field(default_factory=list)
@@ -133,9 +143,9 @@ class McapFile:
         return max((block.end_ns for block in self.blocks), default=None)
 
     @property
-    def message_count(self) -> int | None:
-        """Messages in the file, None when it does not say."""
-        return None if self.counts is None else sum(self.counts.values())
+    def message_count(self) -> int:
+        """Messages in the file."""
+        return sum(self.counts.values())
 
     def messages(self, channel_ids: Collection[int], start_ns: int = 0) -> Iterator[Message]:
         """Yield messages of some channels in the order of log time, then of the file.
@@ -164,8 +174,7 @@ class McapFile:
                             heapq.heappush(loaded, item)
                             held += len(message.data)
                     if held > MAX_HELD:
-                        right = f'messages in order of time; {held} bytes of the same time'
-                        right += f' are more than {MAX_HELD}'
+                        right = f'at most {MAX_HELD} bytes of messages of one time, not {held}'
                         raise LavaError('bag', str(self.path), right)
                 if loaded:
                     message = heapq.heappop(loaded)[3]
@@ -214,17 +223,10 @@ class McapFile:
             stream.seek(block.offset)
             data = stream.read(block.length)
             records = [record for frame in frames(data) for record in parse(*frame)]
-        except UnsupportedCompressionError as error:
-            raise LavaError(
-                'bag', str(self.path), f'a compression that can be read here ({error})'
-            ) from error
         except (OSError, *DAMAGE) as error:
-            raise LavaError(
-                'bag',
-                str(self.path),
-                f'an undamaged file; {block.length} bytes from byte {block.offset} on cannot be '
-                f'read ({type(error).__name__}: {error})',
-            ) from error
+            right = f'a file that can be read; {block.length} bytes from byte {block.offset} on '
+            right += f'cannot ({type(error).__name__}: {error})'
+            raise LavaError('bag', str(self.path), right) from error
         for record in records:
             if isinstance(record, Message) and record.channel_id in channel_ids:
                 # a view would keep all of the block
@@ -233,11 +235,7 @@ class McapFile:
 
 
 def has_begun(path: Path) -> bool:
-    """Whether a file holds as much as the magic bytes at its start.
-
-    Raises:
-        LavaError: The file cannot be read.
-    """
+    """Whether a file holds as much as the magic bytes at its start; LavaError if unreadable."""
     try:
         return path.stat().st_size >= len(MAGIC)
     except OSError as error:
@@ -246,11 +244,7 @@ def has_begun(path: Path) -> bool:
 
 @contextmanager
 def mapped(path: Path) -> Iterator[mmap.mmap]:
-    """The bytes of an MCAP file, finished or not.
-
-    Raises:
-        LavaError: The file does not exist, cannot be read, is empty, or is no MCAP file.
-    """
+    """The bytes of an MCAP file, finished or not; errors as in ``open_mcap``."""
     try:
         with open_input(path) as stream:
             if not stream.read(1):
@@ -292,33 +286,30 @@ def read_summary(data: mmap.mmap) -> Summary | None:
         return None
     if summary is None or summary.statistics is None:
         return None
-    if summary.statistics.message_count and not summary.chunk_indexes:
-        return None
-    if summary.statistics.attachment_count != len(summary.attachment_indexes):
-        return None
-    places = [(item.chunk_start_offset, item.chunk_length) for item in summary.chunk_indexes]
-    places += [(item.offset, item.length) for item in summary.attachment_indexes]
-    return summary if all(sum(place) <= len(data) for place in places) else None
+    ends = [item.chunk_start_offset + item.chunk_length for item in summary.chunk_indexes]
+    ends += [item.offset + item.length for item in summary.attachment_indexes]
+    is_complete = (
+        (summary.chunk_indexes or not summary.statistics.message_count)
+        and len(summary.attachment_indexes) == summary.statistics.attachment_count
+        and max(ends, default=0) <= len(data)
+    )
+    return summary if is_complete else None
 
 
 def _from_summary(data: mmap.mmap, path: Path, summary: Summary) -> McapFile | None:
     """Take the contents from the summary; None when they are not as whole as it says."""
-    result = McapFile(path, finished=True, channels=summary.channels, schemas=summary.schemas)
+    result = McapFile(path, finished=True)
     try:
         if not _is_sound(data, summary):
             return None
         for index in sorted(summary.metadata_indexes, key=lambda item: item.offset):
             check_size(index.length, MAX_RECORD_SIZE)
-            content = data[index.offset : index.offset + index.length]
-            for opcode, part in frames(content):
-                for record in parse(opcode, part):
-                    if isinstance(record, Metadata):
-                        if not bag_metadata.is_whole(record.name, record.metadata):
-                            return None
-                        result.metadata[record.name] = record.metadata
+            for frame in frames(data[index.offset : index.offset + index.length]):
+                _add(result, parse(*frame), 0, 0)
     except DAMAGE:
         return None
     assert summary.statistics is not None
+    result.channels, result.schemas = summary.channels, summary.schemas
     result.counts = dict(summary.statistics.channel_message_counts)
     result.blocks = [
         Block(
@@ -359,7 +350,7 @@ def _is_sound(data: mmap.mmap, summary: Summary) -> bool:
 def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
     """Read the records from the first on, and note which are damaged."""
     footer = footer_of(data)
-    result = McapFile(path, finished=has_end(data) or footer is not None, counts={})
+    result = McapFile(path, finished=has_end(data) or footer is not None)
     if summary is not None:
         # it repeats what damaged chunks define
         result.channels, result.schemas = dict(summary.channels), dict(summary.schemas)
@@ -391,23 +382,19 @@ def _scan(data: mmap.mmap, path: Path, summary: Summary | None) -> McapFile:
             except DAMAGE:
                 damage.append((offset, end, f'a {Opcode(opcode).name.lower()} record'))
                 continue
-            last = result.blocks[-1] if result.blocks else None
-            if block and last and is_run and opcode == Opcode.MESSAGE and _follows(last, block):
-                result.blocks[-1] = _joined(last, block)
+            if block and is_run and opcode == Opcode.MESSAGE and _follows(result.blocks, block):
+                result.blocks[-1] = result.blocks[-1].joined(block)
             elif block:
                 result.blocks.append(block)
         is_run = opcode == Opcode.MESSAGE
     result.damage = [_sentence(result, *item) for item in damage]
     is_indexed = has_end(data) and footer is not None and fits_footer(data, footer)
     if result.finished and not is_indexed:
-        result.damage.append(f'the index at the end of {path} is damaged; it is read without')
-    assert result.counts is not None
+        result.damage.append(f'the index at the end of {path} is damaged; the file is read anyway')
     lost = sum(result.counts.pop(key) for key in set(result.counts) - set(result.channels))
     if lost:
-        result.damage.append(
-            f'{lost} messages of {path} are of topics that only a damaged part defines; they are '
-            'left out'
-        )
+        text = f'{lost} messages of {path} are left out: only a damaged part defines their topics'
+        result.damage.append(text)
     return result
 
 
@@ -426,7 +413,6 @@ def _sentence(contents: McapFile, start: int, end: int, what: str) -> str:
 
 def _add(contents: McapFile, records: list[McapRecord], offset: int, length: int) -> Block | None:
     """Note what the records hold; returns the block they make when messages are among them."""
-    assert contents.counts is not None
     times: list[int] = []
     channel_ids: set[int] = set()
     for record in records:
@@ -447,15 +433,6 @@ def _add(contents: McapFile, records: list[McapRecord], offset: int, length: int
     return Block(min(times), max(times), offset, length, frozenset(channel_ids))
 
 
-def _follows(last: Block, block: Block) -> bool:
+def _follows(blocks: list[Block], block: Block) -> bool:
+    last = blocks[-1] if blocks else block
     return last.offset + last.length == block.offset and last.length < _RUN_SIZE
-
-
-def _joined(last: Block, block: Block) -> Block:
-    return Block(
-        min(last.start_ns, block.start_ns),
-        max(last.end_ns, block.end_ns),
-        last.offset,
-        last.length + block.length,
-        (last.channels or frozenset()) | (block.channels or frozenset()),
-    )

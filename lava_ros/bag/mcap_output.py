@@ -36,34 +36,21 @@ CHUNK_SIZE = 4 * 1024 * 1024
 class Directory:
     """A new directory that is kept open: files go into it and not where a link leads.
 
-    Attributes:
-        path: The path it was made at.
+    All methods raise OSError where the system refuses.
     """
 
     def __init__(self, path: Path) -> None:
-        """Make it; its parents are created where they are missing.
-
-        Raises:
-            OSError: It exists or cannot be made.
-        """
-        self.path = path
+        """Make it, and its parents where they are missing."""
+        self._path = path
         path.mkdir(parents=True)
         self._number = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
 
     def create(self, name: str) -> BinaryIO:
-        """Open a new file in it for writing.
-
-        Raises:
-            OSError: There is such a file, or it cannot be made.
-        """
+        """Open a new file in it for writing."""
         return open(name, 'xb', opener=self._open)
 
     def put(self, name: str, text: str) -> None:
-        """Write a file: either the whole of it is there afterwards or none.
-
-        Raises:
-            OSError: It cannot be written.
-        """
+        """Write a file: either the whole of it is there afterwards or none."""
         # nothing that somebody has put there is written to
         partial = f'.{name}.{secrets.token_hex(4)}.partial'
         try:
@@ -78,11 +65,15 @@ class Directory:
     def check(self, file: BinaryIO) -> None:
         """Check that the directory and a file of it are still found by their names.
 
-        Raises:
-            OSError: One was removed, moved or replaced: what is written next is lost to readers.
+        If one was removed, moved or replaced, what is written next is lost to readers.
         """
-        self._check(self.path, self._number, None)
-        self._check(self.path / file.name, file.fileno(), self._number)
+        for path, opened in ((self._path, self._number), (self._path / file.name, file.fileno())):
+            is_same = False
+            with suppress(OSError):
+                there = os.stat(path, follow_symlinks=False)
+                is_same = os.path.samestat(there, os.fstat(opened))
+            if not is_same:
+                raise OSError(f'{path} was removed, moved or replaced')
 
     def close(self) -> None:
         """Close the directory's descriptor."""
@@ -91,32 +82,18 @@ class Directory:
     def _open(self, name: str, flags: int) -> int:
         return os.open(name, flags | os.O_NOFOLLOW, 0o666, dir_fd=self._number)
 
-    def _check(self, path: Path, opened: int, number: int | None) -> None:
-        name = path if number is None else path.name
-        try:
-            there = os.stat(name, dir_fd=number, follow_symlinks=False)
-            is_same = os.path.samestat(there, os.fstat(opened))
-        except OSError:
-            is_same = False
-        if not is_same:
-            raise OSError(f'{path} was removed, moved or replaced')
-
 
 class McapOutput:
     """A file that can be read by itself: definitions, QoS, description, index and counts.
+
+    Whatever writes raises OSError where the file cannot be written.
 
     Attributes:
         record: What metadata.yaml says of the file.
     """
 
-    def __init__(
-        self, directory: Directory, name: str, custom_data: Mapping[str, str]
-    ) -> None:
-        """Create the file and write its header and metadata.
-
-        Raises:
-            OSError: The file cannot be written.
-        """
+    def __init__(self, directory: Directory, name: str, custom_data: Mapping[str, str]) -> None:
+        """Create the file and write its header and metadata."""
         self.record = FileRecord(name)
         self._custom_data = custom_data
         # the channel id of each topic, and its messages in this file
@@ -162,18 +139,9 @@ class McapOutput:
         ``topic.message_count`` is the number of messages of the topic already in the bag.
         ``log_time`` [ns] is the time at which the message is played back, ``publish_time`` [ns]
         that at which it was published.
-
-        Raises:
-            OSError: The file cannot be written.
         """
         channel_id, counted = self._channels.get(topic.name) or self._register(topic, schema)
-        self._mcap.add_message(
-            channel_id,
-            log_time=log_time,
-            data=data,
-            publish_time=publish_time,
-            sequence=topic.message_count,
-        )
+        self._mcap.add_message(channel_id, log_time, data, publish_time, topic.message_count)
         counted.message_count += 1
         if self.record.start_ns is None:
             self.record.start_ns = log_time
@@ -181,22 +149,12 @@ class McapOutput:
         self.record.message_count += 1
 
     def attach(self, name: str, media_type: str, data: bytes, *, log_time: int) -> None:
-        """Put data beside the messages, after those so far; players pass over it.
-
-        Raises:
-            OSError: The file cannot be written.
-        """
+        """Put data beside the messages, after those so far; players pass over it."""
         self._mcap.flush()
-        self._mcap.add_attachment(
-            create_time=log_time, log_time=log_time, name=name, media_type=media_type, data=data
-        )
+        self._mcap.add_attachment(log_time, log_time, name, media_type, data)
 
     def flush(self) -> None:
-        """Hand everything written so far to the operating system, as a complete chunk.
-
-        Raises:
-            OSError: The file cannot be written, or is not in the bag any more.
-        """
+        """Hand everything to the operating system; OSError also for a file that was removed."""
         self._mcap.flush()
         if not self._is_described:
             self._write_metadata_record()
@@ -204,12 +162,7 @@ class McapOutput:
         self._directory.check(self._stream)
 
     def finish(self) -> None:
-        """Write index and summary and close the file.
-
-        Raises:
-            OSError: The file cannot be written, or is not in the bag any more; it is closed as it
-                is.
-        """
+        """Write the index and close the file, as it is after an error; OSError as in ``flush``."""
         with self._stream:
             self._mcap.flush()
             self._write_metadata_record()
@@ -219,19 +172,14 @@ class McapOutput:
     def _register(self, topic: TopicRecord, schema: MessageSchema) -> tuple[int, TopicRecord]:
         kind = topic.message_type
         if kind not in self._schema_ids:
-            self._schema_ids[kind] = self._mcap.register_schema(
-                kind, schema.encoding, schema.text.encode()
-            )
-        channel_id = self._mcap.register_channel(
-            topic.name,
-            'cdr',
-            self._schema_ids[kind],
-            {
-                'offered_qos_profiles': profiles_to_yaml([topic.qos]),
-                'topic_type_hash': schema.type_hash,
-            },
-        )
-        self._channels[topic.name] = channel_id, replace(topic, message_count=0)
+            text = schema.text.encode()
+            self._schema_ids[kind] = self._mcap.register_schema(kind, schema.encoding, text)
+        known = {
+            'offered_qos_profiles': profiles_to_yaml([topic.qos]),
+            'topic_type_hash': schema.type_hash,
+        }
+        number = self._mcap.register_channel(topic.name, 'cdr', self._schema_ids[kind], known)
+        self._channels[topic.name] = number, replace(topic, message_count=0)
         return self._channels[topic.name]
 
     def _write_metadata_record(self) -> None:

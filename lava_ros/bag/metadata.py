@@ -49,15 +49,7 @@ _NEVER = 2**63 - 1
 
 @dataclass
 class TopicRecord:
-    """A topic of a bag.
-
-    Attributes:
-        name: Absolute topic name.
-        message_type: Type such as ``nav_msgs/msg/OccupancyGrid``.
-        qos: What the topic's publisher offered.
-        type_hash: RIHS01 hash of the type.
-        message_count: Messages of the topic in the bag.
-    """
+    """A topic of a bag: ``qos`` is what its publisher offered, the hash is RIHS01."""
 
     name: str
     message_type: str
@@ -66,7 +58,7 @@ class TopicRecord:
     message_count: int
 
     def to_dict(self) -> dict[str, Any]:
-        """The topic as metadata.yaml holds it."""
+        """As metadata.yaml has it."""
         return {
             'topic_metadata': {
                 'name': self.name,
@@ -81,14 +73,7 @@ class TopicRecord:
 
 @dataclass
 class FileRecord:
-    """A file of a bag.
-
-    Attributes:
-        path: File name, relative to the bag's directory.
-        start_ns: Log time of the first message [ns], None without messages.
-        end_ns: Log time of the last message [ns], None without messages.
-        message_count: Messages in the file.
-    """
+    """A file of a bag: its name, and the log times [ns] of its first and last message."""
 
     path: str
     start_ns: int | None = None
@@ -96,7 +81,7 @@ class FileRecord:
     message_count: int = 0
 
     def to_dict(self) -> dict[str, Any]:
-        """The file as metadata.yaml holds it."""
+        """As metadata.yaml has it."""
         return {
             'path': self.path,
             **_time_span(self.start_ns, self.end_ns),
@@ -106,13 +91,7 @@ class FileRecord:
 
 @dataclass(frozen=True)
 class BagMetadata:
-    """What metadata.yaml and the ``rosbag2`` record of each file say.
-
-    Attributes:
-        files: The bag's files, oldest first.
-        topics: The bag's topics.
-        custom_data: Free text by name.
-    """
+    """What metadata.yaml and the ``rosbag2`` record of each file say; files are oldest first."""
 
     files: tuple[FileRecord, ...]
     topics: tuple[TopicRecord, ...] = ()
@@ -159,24 +138,15 @@ def to_text(metadata: BagMetadata) -> str:
 
 @dataclass(frozen=True)
 class StoredMetadata:
-    """What a reader needs of metadata that is found in a bag, of any version.
-
-    Attributes:
-        file_names: Names of the bag's files, oldest first.
-        custom_data: Free text by name.
-    """
+    """What a reader needs of a bag's metadata, of any version; files are oldest first."""
 
     file_names: tuple[str, ...]
     custom_data: dict[str, str]
 
 
 def read_metadata(path: Path) -> StoredMetadata:
-    """Read a metadata.yaml.
-
-    Raises:
-        LavaError: The file is unreadable, or describes a bag that is not plain MCAP.
-    """
-    right = 'metadata that rosbag2 wrote; if it is damaged, remove it and the bag is read without'
+    """Read a metadata.yaml; LavaError where it describes no bag in plain MCAP."""
+    right = 'metadata that rosbag2 wrote; if it is damaged, remove it: it is not needed'
     data = read_yaml('bag', path, right)
     if not isinstance(data, Mapping) or _ROOT not in data:
         raise LavaError('bag', str(path), f'{right} (a mapping with the key {_ROOT})')
@@ -184,16 +154,11 @@ def read_metadata(path: Path) -> StoredMetadata:
 
 
 def parse_record(record: Mapping[str, str], path: Path) -> StoredMetadata:
-    """Take what a reader needs from the content of a ``rosbag2`` record.
-
-    Raises:
-        LavaError: It is no YAML, or no such metadata.
-    """
+    """Read the content of a ``rosbag2`` record; LavaError where it is no such metadata."""
     return _parsed(parse_yaml(f'record {RECORD} of {path}', record.get(_TEXT, '')), path)
 
 
 def _parsed(data: object, path: Path) -> StoredMetadata:
-    """What a reader needs of metadata without its root key."""
     if not isinstance(data, Mapping):
         raise LavaError('bag', str(path), 'metadata that rosbag2 wrote: a YAML mapping')
     storage = data.get('storage_identifier')
@@ -206,7 +171,8 @@ def _parsed(data: object, path: Path) -> StoredMetadata:
     names = data.get('relative_file_paths') or []
     custom_data = data.get('custom_data') or {}
     if not isinstance(names, list) or not isinstance(custom_data, Mapping):
-        raise LavaError('bag', str(path), 'a list relative_file_paths, a mapping custom_data')
+        right = 'metadata with a list relative_file_paths and a mapping custom_data'
+        raise LavaError('bag', str(path), right)
     return StoredMetadata(
         tuple(Path(str(item)).name for item in names),
         {str(key): str(value) for key, value in custom_data.items()},

@@ -36,11 +36,7 @@ _WORDS = {
     'reliability': ('system_default', 'reliable', 'best_effort', 'unknown', 'best_available'),
     'durability': ('system_default', 'transient_local', 'volatile', 'unknown', 'best_available'),
     'liveliness': (
-        'system_default',
-        'automatic',
-        'manual_by_node',
-        'manual_by_topic',
-        'unknown',
+        'system_default', 'automatic', 'manual_by_node', 'manual_by_topic', 'unknown',
         'best_available',
     ),
 }
@@ -50,19 +46,9 @@ _DURATIONS = ('deadline', 'lifespan', 'liveliness_lease_duration')
 
 @dataclass(frozen=True)
 class QosProfile:
-    """What a publisher offers, in the words of rmw.
+    """What a publisher offers: policies in the words of rmw, and durations [ns].
 
-    Attributes:
-        history: ``keep_last`` or ``keep_all``.
-        depth: Messages a ``keep_last`` history holds.
-        reliability: ``reliable`` or ``best_effort``.
-        durability: ``transient_local`` (a late subscriber gets the newest messages) or
-            ``volatile``.
-        deadline: Longest time between messages [ns].
-        lifespan: Age at which a message is no longer delivered [ns].
-        liveliness: ``automatic`` or ``manual_by_topic``.
-        liveliness_lease_duration: Silence after which a publisher counts as gone [ns].
-        avoid_ros_namespace_conventions: Whether the topic's DDS name has no ROS prefix.
+    Names and meanings are those of rmw_qos_profile_t.
     """
 
     history: str = 'keep_last'
@@ -76,11 +62,7 @@ class QosProfile:
     avoid_ros_namespace_conventions: bool = False
 
     def __post_init__(self) -> None:
-        """Validate the words.
-
-        Raises:
-            LavaError: A policy is none that rmw knows.
-        """
+        """Raise LavaError where a policy is none that rmw knows."""
         for name, words in _WORDS.items():
             validation.choice(f'qos.{name}', getattr(self, name), words)
 
@@ -91,7 +73,11 @@ class QosProfile:
 
     def to_dict(self) -> dict[str, Any]:
         """The profile as rosbag2's metadata holds it, keys in rosbag2's order."""
-        return asdict(self) | {name: _split(getattr(self, name)) for name in _DURATIONS}
+        result = asdict(self)
+        for name in _DURATIONS:
+            seconds, nanoseconds = divmod(result[name], 10**9)
+            result[name] = {'sec': seconds, 'nsec': nanoseconds}
+        return result
 
 
 #: What the package's maps are published with: the newest one waits for whoever comes late.
@@ -130,17 +116,13 @@ def merge(profiles: Iterable[QosProfile]) -> QosProfile:
     It is the first one's, as reliable and as durable as the strongest: such an offer matches
     every subscriber that one of them matched. No profile gives the default one.
     """
-    items = tuple(profiles)
-    if not items:
-        return QosProfile()
-    reliable = any(item.reliability == 'reliable' for item in items)
-    return replace(
-        items[0],
-        reliability='reliable' if reliable else items[0].reliability,
-        durability='transient_local'
-        if any(item.is_latched for item in items)
-        else items[0].durability,
-    )
+    items = tuple(profiles) or (QosProfile(),)
+    strongest = {}
+    if any(item.reliability == 'reliable' for item in items):
+        strongest['reliability'] = 'reliable'
+    if any(item.is_latched for item in items):
+        strongest['durability'] = LATCHED.durability
+    return replace(items[0], **strongest)  # type: ignore[arg-type]
 
 
 def _from_dict(data: Mapping[str, Any]) -> QosProfile:
@@ -156,7 +138,3 @@ def _from_dict(data: Mapping[str, Any]) -> QosProfile:
     if values['history'] in ('unknown', 'system_default') or values['depth'] < 1:
         values.update(history='keep_last', depth=DEFAULT_DEPTH)
     return QosProfile(**values)
-
-
-def _split(nanoseconds: int) -> dict[str, int]:
-    return {'sec': nanoseconds // 10**9, 'nsec': nanoseconds % 10**9}

@@ -14,7 +14,8 @@
 
 """Reads rosbag2 MCAP bags, also those whose recording was cut off."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import logging
 from pathlib import Path
@@ -34,14 +35,7 @@ _LOG = logging.getLogger(__name__)
 
 
 class BagMessage(NamedTuple):
-    """A message of a bag.
-
-    Attributes:
-        topic: Absolute topic name.
-        stamp_ns: Log time [ns]: when it is played.
-        publish_ns: Publish time [ns].
-        data: The message, serialised to CDR.
-    """
+    """A message of a bag, in CDR: ``stamp_ns`` is its log time [ns], at which it is played."""
 
     topic: str
     stamp_ns: int
@@ -57,14 +51,14 @@ class Topic:
         name: Absolute topic name.
         message_type: Type such as ``nav_msgs/msg/OccupancyGrid``.
         qos: One offer that stands for those of all publishers that were recorded.
-        count: Messages in the bag, None when a file does not say.
+        count: Messages in the bag.
         schema: Definition of the type as the bag holds it.
     """
 
     name: str
     message_type: str
     qos: QosProfile
-    count: int | None
+    count: int
     schema: MessageSchema
 
 
@@ -98,20 +92,11 @@ class BagReader:
             LavaError: There is no bag, or it is not one that can be read.
         """
         self.path = Path(path)
-        stored = None
-        if self.path.is_dir():
-            yaml_path = self.path / bag_metadata.FILE_NAME
-            stored = bag_metadata.read_metadata(yaml_path) if yaml_path.exists() else None
-            names = stored.file_names if stored else mcap_names(self.path)
-            self.files = tuple(self.path / name for name in names)
-            if not self.files:
-                raise LavaError(
-                    'bag', str(path), 'a directory with .mcap files; this one has none'
-                )
-        elif self.path.exists():
-            self.files = (self.path,)
-        else:
+        if not self.path.exists():
             raise LavaError('bag', str(path), 'a bag directory or an .mcap file that exists')
+        yaml_path = self.path / bag_metadata.FILE_NAME
+        stored = bag_metadata.read_metadata(yaml_path) if yaml_path.exists() else None
+        self.files = mcap_files(self.path, None if stored is None else stored.file_names)
         was_begun = stored is not None or len(self.files) == 1 or has_begun(self.files[-1])
         if not was_begun:
             self.files = self.files[:-1]
@@ -135,11 +120,8 @@ class BagReader:
             _LOG.warning('%s', text)
         for item in self.contents:
             if item.rest:
-                _LOG.info(
-                    '%s was cut off: its last %d bytes are not whole and left out',
-                    item.path,
-                    item.rest,
-                )
+                said = '%s was cut off: its last %d bytes are no whole record and are left out'
+                _LOG.info(said, item.path, item.rest)
 
     @property
     def duration_ns(self) -> int:
@@ -149,10 +131,9 @@ class BagReader:
         return self.end_ns - self.start_ns
 
     @property
-    def message_count(self) -> int | None:
-        """Messages in the bag, None when a file does not say."""
-        counts = [topic.count for topic in self.topics.values()]
-        return None if None in counts else sum(item for item in counts if item is not None)
+    def message_count(self) -> int:
+        """Messages in the bag."""
+        return sum(topic.count for topic in self.topics.values())
 
     def messages(
         self,
@@ -178,11 +159,7 @@ class BagReader:
                     yield _bag_message(names, message)
 
     def newest(self, topics: Collection[str], before_ns: int) -> list[BagMessage]:
-        """The newest message of each topic before a time, oldest first.
-
-        Args:
-            topics: Names of the topics; one without such a message gives nothing.
-            before_ns: Log time [ns] the messages are older than.
+        """The newest message of each topic before a log time [ns], oldest first.
 
         Raises:
             LavaError: A file is damaged or cannot be read.
@@ -199,13 +176,25 @@ class BagReader:
         return sorted(found.values(), key=lambda item: item.stamp_ns)
 
 
-def mcap_names(directory: Path) -> tuple[str, ...]:
-    """MCAP files of a directory by the number in their names: 2 comes before 10."""
+def mcap_files(bag: Path, names: Sequence[str] | None = None) -> tuple[Path, ...]:
+    """The files of a bag: an .mcap file alone, or those of a directory, oldest first.
 
-    def order(name: str) -> list[tuple[int, str]]:
-        return [(int(part) if part.isdigit() else -1, part) for part in re.split(r'(\d+)', name)]
+    Without ``names`` it is the number in a name that counts: 2 comes before 10.
 
-    return tuple(sorted((item.name for item in directory.glob('*.mcap')), key=order))
+    Raises:
+        LavaError: The directory has no .mcap files.
+    """
+
+    def order(path: Path) -> list[tuple[int, str]]:
+        parts = re.split(r'(\d+)', path.name)
+        return [(int(part) if part.isdigit() else -1, part) for part in parts]
+
+    if not bag.is_dir():
+        return (bag,)
+    named = sorted(bag.glob('*.mcap'), key=order) if names is None else [bag / n for n in names]
+    if not named:
+        raise LavaError('bag', str(bag), 'a directory with .mcap files; this one has none')
+    return tuple(named)
 
 
 def _bag_message(names: Mapping[int, str], message: Message) -> BagMessage:
@@ -223,40 +212,24 @@ def _channel_topics(contents: McapFile, topics: Collection[str] | None) -> dict[
 
 def _topics(files: list[McapFile]) -> dict[str, Topic]:
     schemas: dict[str, MessageSchema] = {}
-    profiles: dict[str, list[QosProfile]] = {}
-    counts: dict[str, int | None] = {}
+    profiles: defaultdict[str, list[QosProfile]] = defaultdict(list)
+    counts: Counter[str] = Counter()
     for contents in files:
         for channel in contents.channels.values():
-            schema = contents.schemas.get(channel.schema_id)
+            name, schema = channel.topic, contents.schemas.get(channel.schema_id)
+            where = f'topic {name} of {contents.path}'
             if channel.message_encoding != 'cdr' or schema is None:
-                raise LavaError(
-                    f'topic {channel.topic} of {contents.path}',
-                    channel.message_encoding,
-                    'messages in the cdr encoding that ROS 2 uses, with a schema',
-                )
-            name = channel.topic
-            known = schemas.setdefault(
-                name,
-                MessageSchema(
-                    schema.name,
-                    schema.data.decode(errors='replace'),
-                    channel.metadata.get('topic_type_hash', ''),
-                    schema.encoding,
-                ),
-            )
+                right = 'messages in the cdr encoding that ROS 2 uses, with a schema'
+                raise LavaError(where, channel.message_encoding, right)
+            text = schema.data.decode(errors='replace')
+            type_hash = channel.metadata.get('topic_type_hash', '')
+            found = MessageSchema(schema.name, text, type_hash, schema.encoding)
+            known = schemas.setdefault(name, found)
             if known.name != schema.name:
-                raise LavaError(
-                    f'topic {name} of {contents.path}', schema.name, f'{known.name} as before'
-                )
-            profiles.setdefault(name, []).extend(
-                bag_qos.profiles_from_yaml(channel.metadata.get('offered_qos_profiles', ''))
-            )
-            before = counts.setdefault(name, 0)
-            counts[name] = (
-                None
-                if before is None or contents.counts is None
-                else before + contents.counts.get(channel.id, 0)
-            )
+                raise LavaError(where, schema.name, f'{known.name} as before')
+            offered = channel.metadata.get('offered_qos_profiles', '')
+            profiles[name] += bag_qos.profiles_from_yaml(offered)
+            counts[name] += contents.counts.get(channel.id, 0)
     return {
         name: Topic(name, schema.name, bag_qos.merge(profiles[name]), counts[name], schema)
         for name, schema in sorted(schemas.items())
@@ -270,11 +243,9 @@ def _described(files: list[McapFile]) -> tuple[dict[str, str], tuple[str, ...]]:
         record = contents.metadata.get(bag_metadata.RECORD)
         if record is not None:
             try:
-                data = bag_metadata.parse_record(record, contents.path).custom_data
+                return bag_metadata.parse_record(record, contents.path).custom_data, unreadable
             except LavaError as error:
                 unreadable += (str(error),)
-            else:
-                return data, unreadable
     return {}, unreadable
 
 

@@ -86,7 +86,7 @@ _LAYOUTS = {
 # Where a record may begin that is shorter than 4 GiB.
 _BEGINNING = re.compile(rb'[\x03\x04\x06\x07\x09\x0c\x0f].{4}\0{4}', re.DOTALL)
 
-_READ: dict[Opcode, Callable[[ReadDataStream], McapRecord]] = {
+_READ: dict[int, Callable[[ReadDataStream], McapRecord]] = {
     Opcode.SCHEMA: Schema.read,
     Opcode.CHANNEL: Channel.read,
     Opcode.METADATA: Metadata.read,
@@ -192,22 +192,13 @@ def checksum(data: mmap.mmap, start: int, end: int) -> int:
 
 
 def check_size(size: int, most: int) -> None:
-    """Refuse to read a record or a chunk of more than so many bytes.
-
-    Raises:
-        McapError: It is.
-    """
+    """Raise McapError for a record or a chunk of more than so many bytes."""
     if size > most:
         raise McapError(f'{size} bytes at once, more than {most}')
 
 
 def frames(data: bytes | memoryview) -> Iterator[tuple[int, memoryview]]:
-    """Split whole records into opcode and content.
-
-    Raises:
-        McapError: The last is not whole.
-        struct.error: The same.
-    """
+    """Split whole records into opcode and content; McapError or struct.error where one is cut."""
     view = memoryview(data)
     position = 0
     while position < len(view):
@@ -239,7 +230,7 @@ def parse(opcode: int, content: bytes | memoryview) -> list[McapRecord]:
         channel, sequence, log_time, publish_time = _MESSAGE.unpack_from(content)
         data = memoryview(content)[_MESSAGE.size :]
         return [Message(channel, log_time, data, publish_time, sequence)]
-    read = _READ.get(Opcode(opcode)) if opcode in PARSED else None
+    read = _READ.get(opcode)
     return [] if read is None else [read(ReadDataStream(BytesIO(content)))]
 
 

@@ -43,13 +43,10 @@ POLL = 0.05
 
 
 class Step(NamedTuple):
-    """A message to publish or a tick of the clock, and its time.
+    """A message to publish or, without one, a tick of the clock.
 
-    Attributes:
-        at: Wall time since the start of the replay [s].
-        clock_ns: Bag time at that moment [ns].
-        message: The message, None for a clock tick only.
-        round: 0 for the first pass through the bag, 1 for the next, ...
+    ``at`` is the wall time since the start of the replay [s], ``clock_ns`` the bag's time then
+    [ns], and ``round`` counts the passes through the bag from 0 on.
     """
 
     at: float
@@ -170,21 +167,13 @@ class Transport:
     ) -> None:
         """Start at the bag's own speed, not paused.
 
-        Args:
-            read_key: Waits up to a time [s] for a key and returns its name, or an empty string.
-            now: A monotonic clock [s].
-            on_change: Called when a key has changed something.
+        ``read_key`` waits up to a time [s] for a key and returns its name, or an empty string;
+        ``now`` is a monotonic clock [s]; ``on_change`` is called when a key has changed something.
         """
-        self._read_key = read_key
-        self._now = now
-        self._on_change = on_change
-        self._time = 0.0
-        self._since = now()
-        self._jump = 0.0
-        self._is_showing = False
-        self.is_paused = False
+        self._read_key, self._now, self._on_change = read_key, now, on_change
+        self._time, self._since, self._jump = 0.0, now(), 0.0
+        self._is_showing = self.is_paused = self.is_ended = False
         self.speed = 1.0
-        self.is_ended = False
 
     def now(self) -> float:
         """Replay time [s], at the rate that the replay was started with."""

@@ -38,11 +38,8 @@ _SEPARATOR = '=' * 80
 class MessageSchema:
     """What a bag has to hold so that its messages can be read anywhere.
 
-    Attributes:
-        name: Type of the message, for example ``nav_msgs/msg/OccupancyGrid``.
-        text: Definition in the ros2msg encoding: the type's own, then every dependency once.
-        type_hash: The type's RIHS01 hash.
-        encoding: Language of the text.
+    ``text`` is the definition in the language ``encoding``: the type's own, then every dependency
+    once. The hash is RIHS01.
     """
 
     name: str
@@ -52,13 +49,10 @@ class MessageSchema:
 
 
 def message_schema(message_type: str) -> MessageSchema:
-    """Look up a message type among the installed packages.
+    """Look up a message type such as ``nav_msgs/msg/OccupancyGrid`` among installed packages.
 
     Packages are found under ``share`` of every prefix in AMENT_PREFIX_PATH, of the interpreter
     and of every site-packages directory on the import path.
-
-    Args:
-        message_type: Name such as ``nav_msgs/msg/OccupancyGrid``.
 
     Raises:
         LavaError: The name is not a message type's, or it or a dependency is not installed.
@@ -124,9 +118,6 @@ def _type_hash(message_type: str, path: Path) -> str:
         found = (item['hash_string'] for item in hashes if item['type_name'] == message_type)
         return str(next(found))
     except (OSError, ValueError, KeyError, TypeError, StopIteration) as error:
-        raise LavaError(
-            'message_type',
-            message_type,
-            f'a type whose hash is in {path.name} beside its definition, as packages built for '
-            f'ROS 2 Jazzy have it ({type(error).__name__})',
-        ) from error
+        right = f'a type whose hash is in {path.name} beside its definition, as packages built '
+        right += f'for ROS 2 Jazzy have it ({type(error).__name__})'
+        raise LavaError('message_type', message_type, right) from error

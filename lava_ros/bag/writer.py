@@ -17,7 +17,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 from lava_ros import validation
 from lava_ros.bag import metadata as bag_metadata
@@ -33,16 +32,9 @@ _CDR_HEADER_SIZE = 4
 
 @dataclass
 class _Topic:
-    """A topic of the bag.
-
-    Attributes:
-        record: What metadata.yaml says of it.
-        schema: Definition of its type.
-        latest: Its newest message and that one's stamp, where the next file repeats it.
-    """
-
     record: TopicRecord
     schema: MessageSchema
+    # its newest message and that one's stamp, where the next file repeats it
     latest: tuple[bytes, int] | None = None
 
 
@@ -68,10 +60,10 @@ class BagWriter:
         max_size: int = 0,
         max_duration: float = 0.0,
     ) -> None:
-        """Create the bag's directory and open its first file.
+        """Create the bag's directory, with its parents, and open its first file.
 
         Args:
-            directory: The bag; its parents are created where they are missing.
+            directory: The bag.
             custom_data: Free text by name that describes the recording.
             max_size: Size from which on a file is not continued [bytes]; 0: no limit.
             max_duration: Log time after which a file is not continued [s]; 0: no limit.
@@ -92,15 +84,12 @@ class BagWriter:
             right = 'a directory that does not exist yet; choose another name or remove it first'
             raise LavaError('bag', str(directory), right) from None
         except OSError as error:
-            raise LavaError(
-                'bag', str(directory), f'a directory that can be created ({error})'
-            ) from error
+            right = f'a directory that can be created ({error})'
+            raise LavaError('bag', str(directory), right) from error
         self._topics: dict[str, _Topic] = {}
         self._finished: list[FileRecord] = []
         self._last_stamp_ns: int | None = None
-        self._end_ns = 0
-        self._repeated_size = 0
-        self._finished_size = 0
+        self._end_ns = self._repeated_size = self._finished_size = 0
         self._closed = False
         self._file: McapOutput | None = None
         try:
@@ -170,9 +159,9 @@ class BagWriter:
         if len(data) < _CDR_HEADER_SIZE:
             raise LavaError('data', data, 'a message serialised to CDR')
         item = self._topics.get(topic) or _topic(topic, message_type, qos, schema)
-        if (item.record.message_type, item.record.qos) != (message_type, qos):
-            right = f'the type and QoS of its first message: {item.record.message_type}, '
-            right += f'{item.record.qos}'
+        first = (item.record.message_type, item.record.qos)
+        if first != (message_type, qos):
+            right = f'the type and QoS of its first message: {first[0]}, {first[1]}'
             raise LavaError(f'message on {topic}', (message_type, qos), right)
         log_time = max(stamp_ns if log_time_ns is None else log_time_ns, self._end_ns)
         if stamp_ns != self._last_stamp_ns and self._is_full(file, log_time):
@@ -187,11 +176,8 @@ class BagWriter:
     def attach(self, name: str, media_type: str, data: bytes, stamp_ns: int) -> None:
         """Put data beside the messages; players pass over it, ``bag.checkpoints`` finds it.
 
-        Args:
-            name: What it is called; names need not differ.
-            media_type: What kind of data it is.
-            data: The data.
-            stamp_ns: ROS time of it [ns]; logged at the latest log time where that is later.
+        Names need not differ. The data are logged at ``stamp_ns`` [ns], or at the latest log time
+        where that is later.
 
         Raises:
             LavaError: The bag is closed.
@@ -246,12 +232,7 @@ class BagWriter:
         """Return the writer."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Close the bag, also after an error: what was written is worth keeping."""
         self.close()
 
@@ -303,5 +284,5 @@ def _topic(
 def _texts(custom_data: Mapping[str, str]) -> dict[str, str]:
     for key, value in custom_data.items():
         if not isinstance(key, str) or not isinstance(value, str):
-            raise LavaError(f'custom_data[{key!r}]', value, 'text under a name that is text')
+            raise LavaError(f'custom_data[{key!r}]', value, 'text, and text as its key')
     return dict(custom_data)

@@ -110,30 +110,28 @@ def replacing(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
-def write_output(field: str, path: str | Path, data: str | bytes) -> None:
-    """Write a file, text in UTF-8; it is either written completely or left as it was.
-
-    Raises:
-        LavaError: The file cannot be written. The error names ``field``.
-    """
+@contextmanager
+def writing(field: str, path: str | Path) -> Iterator[Path]:
+    """``replacing``, whose errors are LavaErrors that name ``field``."""
     try:
         with replacing(Path(path)) as partial:
-            partial.write_bytes(data.encode() if isinstance(data, str) else data)
+            yield partial
+    except LavaError:
+        raise
     except (OSError, ValueError) as error:
         raise LavaError(field, str(path), f'a file to write ({error})') from error
 
 
-def save_picture(figure: Any, path: str | Path) -> None:
-    """Write a matplotlib figure; the suffix chooses the format.
+def write_output(field: str, path: str | Path, data: str | bytes) -> None:
+    """Write a file completely, text in UTF-8, or leave it as it was; errors as in ``writing``."""
+    with writing(field, path) as partial:
+        partial.write_bytes(data.encode() if isinstance(data, str) else data)
 
-    Raises:
-        LavaError: The picture cannot be written.
-    """
-    try:
-        with replacing(Path(path)) as partial:
-            figure.savefig(partial)
-    except (OSError, ValueError) as error:
-        raise LavaError('output', str(path), f'a picture to write ({error})') from error
+
+def save_picture(figure: Any, path: str | Path) -> None:
+    """Write a matplotlib figure; the suffix chooses the format. LavaError as in ``writing``."""
+    with writing('output', path) as partial:
+        figure.savefig(partial)
 
 
 def _target(path: Path) -> Path:

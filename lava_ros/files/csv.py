@@ -55,7 +55,8 @@ def read_table(
         raise LavaError(field, str(path), f'a readable table of text ({error})') from error
     columns = ','.join(required) or 'of names of columns'
     if len(lines) < 2:
-        raise LavaError(str(path), f'{len(lines)} lines', f'a line {columns} and at least one row')
+        right = f'a first line {columns} and at least one row'
+        raise LavaError(str(path), f'{len(lines)} lines', right)
     header = [cell.strip() for cell in lines[0][1]]
     allowed = header if optional is None else (*required, *optional)
     unknown = [name for name in header if name not in allowed]

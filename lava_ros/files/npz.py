@@ -56,6 +56,5 @@ def read_arrays(field: str, path: str | Path) -> dict[str, np.ndarray]:
                 return {name: stored[name] for name in stored.files}
     # zip, compression and header are parsed by libraries, which may raise anything for them
     except Exception as error:
-        raise LavaError(
-            field, str(path), f'a readable .npz file ({type(error).__name__}: {error})'
-        ) from error
+        right = f'a readable .npz file ({type(error).__name__}: {error})'
+        raise LavaError(field, str(path), right) from error

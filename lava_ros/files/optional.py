@@ -42,11 +42,7 @@ def is_installed(package: str) -> bool:
 
 
 def require(package: str, field: str, value: object = None) -> None:
-    """Check that an optional package can be imported.
-
-    Raises:
-        LavaError: The package is missing; the message says how to install it.
-    """
+    """Raise LavaError, which says how to install it, for a package that is missing."""
     if not is_installed(package):
         name = package.partition('.')[0]
         right = f"{name}, which pip install 'lava_ros[{_EXTRAS[name]}]' brings"

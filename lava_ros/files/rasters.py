@@ -42,54 +42,34 @@ _NUMBER = rb'[-+]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:e[-+]?\d+)?'
 _NO_DATA = (b'nan', b'null')
 
 
-def open_raster(path: str | Path) -> Any:
-    """Open a raster for reading.
+@contextmanager
+def opened_raster(field: str, path: str | Path) -> Iterator[Any]:
+    """Open a raster for reading, as ``rasterio.open`` does; it need not be georeferenced.
 
     GDAL's other drivers are left out: some follow what a file refers to, over a network as well.
 
-    Returns:
-        What ``rasterio.open`` gives.
-
     Raises:
-        LavaError: It has too many cells, or a value of an ESRI ASCII grid is no number.
-        OSError: The file cannot be read.
-        rasterio.errors.RasterioError: It is no such raster.
-    """
-    import rasterio
-
-    # an absolute path is no URL
-    path = Path(path).absolute()
-    with open_input(path) as file:
-        is_tiff = file.read(4) in _TIFF
-    source = rasterio.open(path, driver='GTiff' if is_tiff else 'AAIGrid')
-    try:
-        if source.height * source.width > MOST_CELLS:
-            shown = f'{source.height} x {source.width} cells'
-            right = f'at most {MOST_CELLS} (gdal_translate -srcwin takes a part)'
-            raise LavaError(f'size of {path.name}', shown, right)
-        if not is_tiff:
-            _check_numbers(path)
-    except LavaError:
-        source.close()
-        raise
-    return source
-
-
-@contextmanager
-def opened_raster(field: str, path: str | Path) -> Iterator[Any]:
-    """Open a raster for reading; it need not be georeferenced.
-
-    Raises:
-        LavaError: The raster cannot be opened or read, or rasterio is not installed. The error
-            names ``field``.
+        LavaError: The raster cannot be opened or read, has too many cells or text among its
+            values, or rasterio is not installed.
     """
     require('rasterio', field, str(path))
+    import rasterio
     from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
+    # an absolute path is no URL
+    place = Path(path).absolute()
     try:
+        with open_input(place) as file:
+            is_tiff = file.read(4) in _TIFF
         with warnings.catch_warnings():
             warnings.simplefilter('ignore', NotGeoreferencedWarning)
-            with open_raster(path) as source:
+            with rasterio.open(place, driver='GTiff' if is_tiff else 'AAIGrid') as source:
+                if source.height * source.width > MOST_CELLS:
+                    shown = f'{source.height} x {source.width} cells'
+                    right = f'at most {MOST_CELLS} (gdal_translate -srcwin takes a part)'
+                    raise LavaError(f'size of {place.name}', shown, right)
+                if not is_tiff:
+                    _check_numbers(place)
                 yield source
     except (RasterioError, OSError) as error:
         right = f'a GeoTIFF or an ESRI ASCII grid that GDAL can read ({error})'

@@ -44,11 +44,7 @@ def share_path(relative: str) -> Path:
 
 
 def find_file(name: str, folder: str) -> Path:
-    """Return a file by its path, or else by its name in a folder of this package.
-
-    Raises:
-        LavaError: There is neither.
-    """
+    """A file by its path, or else by its name in a folder of this package; LavaError if none."""
     path = Path(name)
     return path if path.is_file() else share_path(f'{folder}/{name}')
 

@@ -105,19 +105,19 @@ class _Loader(yaml.SafeLoader):
     def compose_node(self, parent: Any, index: Any) -> Any:
         event: Any = self.peek_event()
         is_alias = isinstance(event, yaml.AliasEvent)
+        wrong = ''
         if is_alias and event.anchor in self.anchors and event.anchor not in self._sizes:
-            right = 'an alias inside of what it names'
-            raise yaml.composer.ComposerError(None, None, right, event.start_mark)
+            wrong = 'an alias inside the value that it refers to'
         values, levels = self._sizes.get(event.anchor, (1, 1)) if is_alias else (1, 1)
         before, outer = self._values, self._deepest
         self._values += values
         self._deepest = self._depth + levels
         if self._values > MOST_VALUES:
-            right = f'more than {MOST_VALUES} values, those behind aliases counted each time,'
-            raise yaml.composer.ComposerError(None, None, right, event.start_mark)
-        if self._deepest > MOST_LEVELS:
-            right = f'more than {MOST_LEVELS} levels of lists and mappings'
-            raise yaml.composer.ComposerError(None, None, right, event.start_mark)
+            wrong = f'more than {MOST_VALUES} values, those behind aliases counted each time,'
+        elif self._deepest > MOST_LEVELS:
+            wrong = f'more than {MOST_LEVELS} levels of lists and mappings'
+        if wrong:
+            raise yaml.composer.ComposerError(None, None, wrong, event.start_mark)
         self._depth += 1
         node = super().compose_node(parent, index)
         self._depth -= 1
@@ -144,7 +144,7 @@ class _Loader(yaml.SafeLoader):
             wrong = f'a number of more than {MOST_DIGITS} characters'
         elif kind in ('int', 'float') and ':' in node.value:
             # YAML 1.1 takes 1:30 for 90
-            wrong = f'{node.value}, which is no number, nor text without quotes'
+            wrong = f'{node.value}, which is neither a number nor text in quotes'
         if wrong:
             raise yaml.constructor.ConstructorError(None, None, wrong, node.start_mark)
         try:

@@ -15,7 +15,7 @@
 """The frames of a bag as a moving picture: GIF, or MP4 where there is ffmpeg."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import chain
 import math
 from pathlib import Path
@@ -28,27 +28,11 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.files import file_to_write, replacing
+from lava_ros.files import file_to_write, writing
 from lava_ros.files.optional import require
+from lava_ros.maps import plot
 from lava_ros.maps.frames import Frame, LayerFrame, Progress, Recording, silent
 from lava_ros.maps.layers import SOURCES
-from lava_ros.maps.plot import (
-    bounds_of,
-    draw_colour_bar,
-    draw_contours,
-    draw_map,
-    draw_north,
-    draw_scale_bar,
-    draw_ticks,
-    duration,
-    extent_of,
-    LEAST_CELLS,
-    picture_of,
-    scale_of,
-    shaded_ground,
-    STYLES,
-    window_of,
-)
 
 #: Most pictures that are made: those of a GIF are in memory until it is written.
 MOST_FRAMES = 300
@@ -98,27 +82,19 @@ def animate_bag(
     width = int(validation.number('width', width, at_least=200, at_most=3840, unit='pixels'))
     encoder = None if output.suffix.lower() == '.gif' else ffmpeg()
     recording = Recording(path)
-    survey = _survey(recording, source)
-    count = max(2, round(seconds * fps))
-    moments = np.linspace(survey.start, survey.end, count)
-    canvas = _Canvas(survey, width)
+    last, start = _survey(recording, source)
+    moments = np.linspace(start, last.time or 0.0, max(2, round(seconds * fps)))
+    canvas = _Canvas(last, source, width)
     pictures = _pictures(recording, canvas, moments, progress)
-    peak = canvas.draw(survey.frame)
-    try:
-        with replacing(output) as partial:
-            if encoder is None:
-                return _write_gif(pictures, partial, fps, peak)
-            return _write_mp4(pictures, partial, fps, encoder, peak.shape)
-    except OSError as error:
-        raise LavaError('output', str(output), f'a file to write ({error})') from error
+    peak = canvas.draw(last)
+    with writing('output', output) as partial:
+        if encoder is None:
+            return _write_gif(pictures, partial, fps, peak)
+        return _write_mp4(pictures, partial, fps, encoder, peak.shape)
 
 
 def ffmpeg() -> str:
-    """Path of the ffmpeg program, which writes MP4.
-
-    Raises:
-        LavaError: ffmpeg is not installed.
-    """
+    """Path of the ffmpeg program, which writes MP4; LavaError where it is not installed."""
     found = shutil.which('ffmpeg')
     if found is None:
         right = 'ffmpeg on the path: apt install ffmpeg; a .gif needs none'
@@ -126,52 +102,38 @@ def ffmpeg() -> str:
     return found
 
 
-@dataclass(frozen=True)
-class _Survey:
-    """What all pictures have in common: place, colours, and start and end times [s].
-
-    ``frame`` is the last frame; ``item`` is its layer, with the largest value that each cell ever
-    had.
-    """
-
-    frame: Frame
-    item: LayerFrame
-    start: float
-    end: float
-
-
-def _survey(recording: Recording, source: str) -> _Survey:
-    most: np.ndarray | None = None
-    last, item = None, None
-    start, is_saturated = 0.0, False
+def _survey(recording: Recording, source: str) -> tuple[Frame, float]:
+    """The last frame, with the largest value that each cell ever had, and the first time [s]."""
+    last: Frame | None = None
+    start = 0.0
     for frame in recording.frames():
         shown = frame.layers.get(source)
         if shown is None or frame.time is None:
             continue
-        if most is None or most.shape != shown.values.shape:
-            most, start = shown.values, frame.time
-        most = np.fmax(most, shown.values)
-        is_saturated |= shown.is_saturated
-        last, item = frame, shown
-    if last is None or item is None or last.time is None or most is None:
+        before = shown if last is None else last.layers[source]
+        if last is None or before.values.shape != shown.values.shape:
+            before, start = replace(before, values=shown.values), frame.time
+        is_saturated = shown.is_saturated or before.is_saturated
+        peak = LayerFrame(shown.layer, np.fmax(before.values, shown.values), is_saturated)
+        last = replace(frame, layers={source: peak})
+    if last is None:
         names = ', '.join(sorted({layer.source for layer in recording.layers.values()}))
         right = f'a layer the bag has with its simulated times; it has {names}'
         raise LavaError('layer', source, right)
-    peak = LayerFrame(item.layer, most, is_saturated)
-    return _Survey(replace(last, layers={source: peak}), peak, start, last.time)
+    return last, start
 
 
 class _Canvas:
     """The drawing, of which only the map and the title change."""
 
-    def __init__(self, survey: _Survey, width: int) -> None:
-        require('matplotlib.figure', 'animate', survey.item.layer.source)
+    def __init__(self, frame: Frame, source: str, width: int) -> None:
+        require('matplotlib.figure', 'animate', source)
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
-        self._source = survey.item.layer.source
-        item = survey.item
-        self._scale = scale_of(self._source, item.values, is_saturated=item.is_saturated)
+        self._source = source
+        item = frame.layers[source]
+        self._scale = plot.scale_of(source, item.values, is_saturated=item.is_saturated)
         # Video codecs want even sides.
         pixels = (2 * (width // 2), 2 * round(0.8 * width / 2))
         dpi = width / 7.6
@@ -179,19 +141,18 @@ class _Canvas:
         self._canvas = FigureCanvasAgg(figure)
         axes = figure.add_axes(_MAP)
         aspect = _MAP[2] * pixels[0] / (_MAP[3] * pixels[1])
-        frame = survey.frame
-        bounds = bounds_of(frame, np.isfinite(item.values))
-        least = LEAST_CELLS * frame.resolution
-        window = window_of(bounds, extent_of(frame), aspect, least)
+        bounds = plot.bounds_of(frame, np.isfinite(item.values))
+        least = plot.LEAST_CELLS * frame.resolution
+        window = plot.window_of(bounds, plot.extent_of(frame), aspect, least)
         self._part, extent = _part(frame, window)
         # Half the memory of what it comes as.
-        self._ground = shaded_ground(frame)[self._part].astype(np.float32)
-        self._image, self._vents = draw_map(axes, frame, self._ground, window, extent=extent)
-        draw_contours(axes, frame, window)
-        draw_ticks(axes)
-        draw_scale_bar(axes, window)
-        draw_north(axes)
-        draw_colour_bar(figure, figure.add_axes(_BAR), self._scale)
+        self._ground = plot.shaded_ground(frame)[self._part].astype(np.float32)
+        self._image, self._vents = plot.draw_map(axes, frame, self._ground, window, extent=extent)
+        plot.draw_contours(axes, frame, window)
+        plot.draw_ticks(axes)
+        plot.draw_scale_bar(axes, window)
+        plot.draw_north(axes)
+        plot.draw_colour_bar(figure, figure.add_axes(_BAR), self._scale)
         self._title = figure.text(_MAP[0], 0.955, '', fontsize=13, weight='bold', va='center')
         self._shape = frame.elevation.shape
 
@@ -203,11 +164,11 @@ class _Canvas:
     def draw(self, frame: Frame) -> np.ndarray:
         """Draw a frame with a time: RGB, uint8, shape [height, width, 3]."""
         values = frame.layers[self._source].values[self._part]
-        picture = picture_of(values, self._ground, self._scale)
+        picture = plot.picture_of(values, self._ground, self._scale)
         self._image.set_data((255.0 * picture).astype(np.uint8))
         self._vents.set_data(frame.vents[:, 0], frame.vents[:, 1])
-        title = STYLES[self._source].title
-        self._title.set_text(f'{title} after {duration(frame.time or 0.0)}')
+        title = plot.STYLES[self._source].title
+        self._title.set_text(f'{title} after {plot.duration(frame.time or 0.0)}')
         self._canvas.draw()
         return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
 
@@ -218,13 +179,12 @@ def _part(
     """The cells that are in a window, and their edges: left, right, bottom, top [m]."""
     ends: list[float] = []
     slices = []
-    for axis, size in ((0, frame.elevation.shape[1]), (1, frame.elevation.shape[0])):
-        start = frame.origin[axis]
-        first = math.floor((window[axis] - start) / frame.resolution)
-        last = math.ceil((window[axis + 2] - start) / frame.resolution)
-        first, last = max(0, first), min(size, last)
+    for axis, size in enumerate(frame.elevation.shape[::-1]):
+        start, cell = frame.origin[axis], frame.resolution
+        first = max(0, math.floor((window[axis] - start) / cell))
+        last = min(size, math.ceil((window[axis + 2] - start) / cell))
         slices.append(slice(first, last))
-        ends += [start + first * frame.resolution, start + last * frame.resolution]
+        ends += [start + first * cell, start + last * cell]
     return (slices[1], slices[0]), (ends[0], ends[1], ends[2], ends[3])
 
 
@@ -259,14 +219,8 @@ def _write_gif(
         images.append(image.quantize(palette=palette, dither=Image.Dither.NONE))
         durations.append(count * round(1000.0 / fps))
     durations[-1] += round(1000.0 * STAY)
-    images[0].save(
-        path,
-        format='GIF',
-        save_all=True,
-        append_images=images[1:],
-        duration=durations,
-        loop=0,
-    )
+    first, *others = images
+    first.save(path, 'GIF', save_all=True, append_images=others, duration=durations, loop=0)
     return len(images)
 
 

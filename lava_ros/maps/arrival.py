@@ -49,14 +49,14 @@ class Arrival:
     def __init__(self, threshold: float) -> None:
         """Start without frames; lava counts as arrived from ``threshold`` [m] on."""
         self.threshold = threshold
-        self._grid: tuple[object, ...] | None = None
         self.times: np.ndarray | None = None
         self.peak: np.ndarray | None = None
-        self.is_saturated = False
-        self.longest_gap = 0.0
-        self.is_noted = False
-        self.frame_count = 0
+        self._clear()
+
+    def _clear(self) -> None:
         self.frame: Frame | None = None
+        self.is_saturated = self.is_noted = False
+        self.longest_gap, self.frame_count = 0.0, 0
 
     def add(self, frame: Frame) -> None:
         """Add a frame, later than the one before; frames without thickness or time are ignored.
@@ -68,14 +68,11 @@ class Arrival:
         if shown is None or frame.time is None:
             return
         check_threshold(self.threshold, shown.layer)
-        grid = (frame.resolution, frame.origin, shown.values.shape)
-        if grid != self._grid or self.times is None or self.peak is None:
-            self._grid = grid
+        if self.frame is None or _grid(frame) != _grid(self.frame):
+            self._clear()
             self.times = np.full(shown.values.shape, np.nan)
             self.peak = np.zeros(shown.values.shape, dtype=np.float32)
-            self.is_saturated = self.is_noted = False
-            self.longest_gap, self.frame_count = 0.0, 0
-            self.frame = None
+        assert self.times is not None and self.peak is not None
         # What is rounded to the threshold counts as being there. NaN compares as False.
         least = self.threshold - 1e-5 * max(1.0, self.threshold)
         self.times[np.isnan(self.times) & (shown.values >= least)] = frame.time
@@ -92,12 +89,12 @@ class Arrival:
         self.frame_count += 1
 
 
-def check_threshold(threshold: float, layer: Layer) -> None:
-    """Check that a layer of thickness shows lava as thin as ``threshold`` [m].
+def _grid(frame: Frame) -> tuple[object, ...]:
+    return frame.resolution, frame.origin, frame.elevation.shape
 
-    Raises:
-        LavaError: The threshold is not above 0, or is below that of the layer.
-    """
+
+def check_threshold(threshold: float, layer: Layer) -> None:
+    """Refuse a threshold [m] that is not above 0, or below what a layer of thickness shows."""
     if threshold <= 0.0 or threshold < layer.threshold * (1.0 - 1e-6):
         right = f'at least {layer.threshold:g} m: the layer {layer.name} shows no thinner lava'
         if layer.threshold <= 0.0:

@@ -36,6 +36,7 @@ MAPS = ('height', 'temperature', 'hazard', 'arrival', 'peak_height')
 #: layers of a GeoPackage, all maps in a NetCDF.
 FORMATS = ('tif', 'geojson', 'gpkg', 'nc')
 
+#: Maps of one frame: what they show.
 _SOURCES = {'height': THICKNESS, 'temperature': 'temperature', 'hazard': 'hazard'}
 
 #: Units and meanings of the maps.
@@ -52,12 +53,7 @@ _MEANINGS = {
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the map frame is.
-
-    Attributes:
-        epsg: EPSG code of the coordinate system, None if unknown.
-        offset: Coordinates of the map frame's origin in that system (easting, northing) [m].
-    """
+    """Where the map frame is: easting and northing [m] of its origin; EPSG code if known."""
 
     epsg: int | None
     offset: tuple[float, float]
@@ -111,16 +107,19 @@ def export_bag(
         validation.choice('formats', name, FORMATS)
     threshold = validation.number('threshold', threshold, above=0.0, unit='m')
     require('rasterio', 'GeoTIFF', str(directory))
+    target = Path(directory)
     recording = Recording(path)
     placement = placement_of(recording.scene, epsg=epsg, offset=offset)
-    _check_time(recording, time)
+    run = recording.timeline.last_run
+    if time is not None and not (run and run[0].time <= time <= run[-1].time):
+        raise LavaError('time', time, recording.timeline.span)
     wants_history = bool({'arrival', 'peak_height'} & set(maps))
     thickness = [item for item in recording.layers.values() if item.source == THICKNESS]
     if wants_history and thickness:
         check_threshold(threshold, min(thickness, key=lambda layer: layer.threshold))
     crs = gis.coordinate_system(placement.epsg)
-    gis.require_formats(formats, Path(directory), crs)
-    target = _empty_directory(Path(directory))
+    gis.require_formats(formats, target, crs)
+    _make_empty(target)
     writer = _Writer(target, crs, placement.offset, Path(path).name, threshold, formats)
     current = [name for name in MAPS if name in maps and name in _SOURCES]
     history = Arrival(threshold)
@@ -182,15 +181,7 @@ def placement_of(
     return Placement(known, own)
 
 
-def _check_time(recording: Recording, time: float | None) -> None:
-    if time is None:
-        return
-    run = recording.timeline.last_run
-    if not run or not run[0].time <= time <= run[-1].time:
-        raise LavaError('time', time, recording.timeline.span)
-
-
-def _empty_directory(directory: Path) -> Path:
+def _make_empty(directory: Path) -> None:
     try:
         directory.mkdir(parents=True, exist_ok=True)
         is_empty = not any(directory.iterdir())
@@ -198,7 +189,6 @@ def _empty_directory(directory: Path) -> Path:
         raise LavaError('output', str(directory), f'a folder to write to ({error})') from error
     if not is_empty:
         raise LavaError('output', str(directory), 'a folder that is new or empty')
-    return directory
 
 
 @dataclass
@@ -220,14 +210,11 @@ class _Writer:
         shown = frame.layers.get(_SOURCES[name])
         if shown is None:
             return
-        ground = np.isfinite(frame.elevation)
+        values = shown.values
         if name == 'hazard':
             # 0 says that there is no lava.
-            cells = np.clip(np.rint(np.nan_to_num(shown.values)), 1, 100)
-            values = np.where(np.isfinite(shown.values), cells, 0).astype(np.uint8)
-            values[~ground] = gis.NODATA_BYTE
-        else:
-            values = np.where(ground, shown.values, np.float32(np.nan))
+            values = np.nan_to_num(np.clip(np.rint(values), 1, 100))
+        values = np.where(np.isfinite(frame.elevation), values, np.float32(np.nan))
         tags = _layer_tags(shown)
         if frame.time is not None:
             tags['simulated_time_s'] = repr(frame.time)
@@ -257,19 +244,18 @@ class _Writer:
         self, name: str, values: np.ndarray, frame: Frame, file_name: str, tags: dict[str, str]
     ) -> None:
         corner = (self.offset[0] + frame.origin[0], self.offset[1] + frame.origin[1])
-        place = self.place = gis.Place(corner, frame.resolution, self.crs)
-        known = values
-        if values.dtype == np.uint8:
-            known = np.where(values == gis.NODATA_BYTE, np.float32(np.nan), values)
+        self.place = gis.Place(corner, frame.resolution, self.crs)
         unit, meaning = _MEANINGS[name]
-        self.newest[name] = known, unit, meaning
-        if 'tif' not in self.formats:
-            return
-        path = self.directory / file_name
-        tags = {'bag': self.bag, **tags}
-        gis.write_map(path, values, place, name=name, unit=unit, meaning=meaning, tags=tags)
-        self.written.append(path)
-        gis.write_style(path, name, known)
+        self.newest[name] = values, unit, meaning
+        if 'tif' in self.formats:
+            path = self.directory / file_name
+            tags = {'bag': self.bag, **tags}
+            cells = values
+            if name == 'hazard':
+                cells = np.nan_to_num(values, nan=gis.NODATA_BYTE).astype(np.uint8)
+            gis.write_map(path, cells, self.place, name, unit, meaning, tags)
+            self.written.append(path)
+            gis.write_style(path, name, values)
 
     def finish(self) -> None:
         """Write the newest maps in the formats that have them in one file."""

@@ -131,10 +131,7 @@ class Outlook:
         """A forecast with mean thickness, and arrival times by ``share``, one of ``QUANTILES``."""
         thickness = self.maps.thickness
         return Forecast(
-            time=self.time,
-            horizon=self.horizon,
-            threshold=self.threshold,
-            terrain=self.terrain,
+            self.time, self.horizon, self.threshold, self.terrain,
             arrival=self.maps.arrival[share],
             thickness=thickness,
             temperature=np.full_like(thickness, np.nan),
@@ -145,12 +142,8 @@ class Outlook:
     def withdrawn(self) -> 'Outlook':
         """The same, in which nothing is known of any cell."""
         unknown = np.full_like(self.maps.thickness, np.nan)
-        maps = replace(
-            self.maps,
-            probability=unknown,
-            arrival=dict.fromkeys(self.maps.arrival, unknown),
-            thickness=unknown,
-        )
+        arrival = dict.fromkeys(self.maps.arrival, unknown)
+        maps = replace(self.maps, probability=unknown, arrival=arrival, thickness=unknown)
         return replace(self, maps=maps)
 
 

@@ -113,19 +113,6 @@ def silent(what: str, share: float) -> None:
     """Show no progress."""
 
 
-def read_frame(path: str | Path, time: float | None = None) -> Frame:
-    """Read the maps of a bag.
-
-    Args:
-        path: The bag's directory, or an .mcap file.
-        time: Simulated time [s]: the newest maps up to then are read; None for the last ones.
-
-    Raises:
-        LavaError: The bag cannot be read or lacks what is asked for.
-    """
-    return Recording(path).frame_at(time)
-
-
 class Recording:
     """A bag with the maps of a simulation: what it holds, its times and its frames.
 
@@ -177,14 +164,12 @@ class Recording:
             LavaError: The bag is damaged, or has no terrain or no map at that time.
         """
         stamp = self.timeline.stamp_at(time)
-        if stamp is None:
-            if time is not None:
-                raise LavaError('time', time, self.timeline.span)
-            stamp = self.bag.end_ns or 0
-        if time is not None and time > max(item.time for item in self.timeline.moments):
+        last = max((item.time for item in self.timeline.moments), default=math.inf)
+        if time is not None and (stamp is None or time > last):
             raise LavaError('time', time, self.timeline.span)
         assembly = _Assembly(self)
-        for message in self.bag.newest(self.topics, stamp + 1):
+        end = (self.bag.end_ns or 0) if stamp is None else stamp
+        for message in self.bag.newest(self.topics, end + 1):
             assembly.take(message)
         if not assembly.has_ground:
             raise self.lack(time, 'terrain')
@@ -225,8 +210,8 @@ class Recording:
     def lack(self, time: float | None, what: str) -> LavaError:
         """The error of what is not there up to a simulated time [s], None for all of the bag."""
         if time is None:
-            return LavaError('bag', str(self.bag.path), f'a bag with a {what} before its end')
-        return LavaError('time', time, f'a time from the first {what} of the bag on')
+            return LavaError('bag', str(self.bag.path), f'a bag that contains a {what}')
+        return LavaError('time', time, f'a time at or after the first {what} of the bag')
 
     def share_at(self, frame: Frame) -> float:
         """Share of the last run that has passed with a frame; 0 where times are unknown."""
@@ -258,12 +243,10 @@ class _Assembly:
 
     @property
     def has_ground(self) -> bool:
-        """Whether terrain and its description are there."""
         return {self._recording.terrain, self._recording.terrain_info} <= set(self._newest)
 
     @property
     def has_layers(self) -> bool:
-        """Whether there is a map."""
         return bool(self._layer_names())
 
     def frame(self) -> Frame:
@@ -330,7 +313,6 @@ def _layers(bag: BagReader) -> tuple[Layer, ...]:
 
 
 def _yaml(bag: BagReader, name: str) -> Any:
-    """What a text of the bag's custom data says, None without one."""
     return parse_yaml(f'custom_data {name} of {bag.path}', bag.custom_data.get(name, ''))
 
 

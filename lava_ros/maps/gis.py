@@ -12,7 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Maps as what GIS programs read: GeoTIFF with styles of QGIS, GeoJSON, GeoPackage, NetCDF."""
+"""Maps as what GIS programs read: GeoTIFF with styles of QGIS, GeoJSON, GeoPackage, NetCDF.
+
+What writes a file raises LavaError where it cannot be written.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -56,10 +59,8 @@ _DRAWN = {
 class Place:
     """Where the cells of a map are.
 
-    Attributes:
-        corner: Easting and northing [m] of the lower-left corner of cell [0, 0].
-        resolution: Side of a cell [m].
-        crs: What ``coordinate_system`` gives.
+    ``corner`` is easting and northing [m] of the lower-left corner of cell [0, 0], ``resolution``
+    the side of a cell [m], and ``crs`` what ``coordinate_system`` gives.
     """
 
     corner: tuple[float, float]
@@ -68,11 +69,7 @@ class Place:
 
 
 def coordinate_system(epsg: int | None) -> Any:
-    """The rasterio coordinate system of an EPSG code; None for None.
-
-    Raises:
-        LavaError: GDAL does not know the code.
-    """
+    """The rasterio coordinate system of an EPSG code, None for None; LavaError if unknown."""
     from rasterio.crs import CRS
     from rasterio.errors import CRSError
 
@@ -85,11 +82,7 @@ def coordinate_system(epsg: int | None) -> Any:
 
 
 def place_of(terrain: Terrain) -> Place:
-    """Where the cells of a terrain are.
-
-    Raises:
-        LavaError: GDAL does not know the terrain's coordinate system.
-    """
+    """Where the cells of a terrain are; LavaError where GDAL does not know its system."""
     corner = (terrain.offset[0] + terrain.origin[0], terrain.offset[1] + terrain.origin[1])
     return Place(corner, terrain.resolution, coordinate_system(terrain.epsg))
 
@@ -98,7 +91,6 @@ def write_map(
     path: Path,
     values: np.ndarray,
     place: Place,
-    *,
     name: str,
     unit: str,
     meaning: str,
@@ -106,18 +98,9 @@ def write_map(
 ) -> None:
     """Write a map as GeoTIFF, north up; the file is there whole or not at all.
 
-    Args:
-        path: The file.
-        values: Floating-point numbers, NaN without data, or uint8 with ``NODATA_BYTE``, shape
-            [rows, columns]; row 0 is the southernmost.
-        place: Where the cells are.
-        name: Name of the band.
-        unit: Its unit.
-        meaning: What its numbers are, in words.
-        tags: What else is to be known, by name.
-
-    Raises:
-        LavaError: The file cannot be written.
+    ``values`` are floating-point numbers, NaN without data, or uint8 with ``NODATA_BYTE``, shape
+    [rows, columns]; row 0 is the southernmost. The band has a name, a unit, and a meaning in
+    words; ``tags`` are what else is to be known, by name.
     """
     from rasterio.errors import RasterioError
     from rasterio.io import MemoryFile
@@ -170,8 +153,7 @@ def write_grid(
             cannot be written.
     """
     require('rasterio', 'GeoTIFF', str(path))
-    place = place_of(terrain)
-    write_map(path, values, place, name=path.stem, unit=unit, meaning=meaning, tags={})
+    write_map(path, values, place_of(terrain), path.stem, unit, meaning, {})
     return path
 
 
@@ -207,15 +189,11 @@ def isochrones(times: np.ndarray, place: Place) -> list[dict[str, Any]]:
     longest = max(_STEPS[-1], last / MOST_ISOCHRONES)
     step = next((item for item in _STEPS if last <= item * MOST_ISOCHRONES), longest)
     ends = step * np.arange(1, int(np.ceil(last / step)) + 1)
+    known = np.nan_to_num(times, nan=np.inf)
     return [
         feature
-        for end in ends
-        for feature in area(
-            np.nan_to_num(times, nan=np.inf) <= end,
-            place,
-            time_s=float(end),
-            time=duration(float(end)),
-        )
+        for end in map(float, ends)
+        for feature in area(known <= end, place, time_s=end, time=duration(end))
     ]
 
 
@@ -229,11 +207,7 @@ def probabilities(percent: np.ndarray, place: Place) -> list[dict[str, Any]]:
 
 
 def require_formats(formats: Collection[str], folder: Path, crs: Any) -> None:
-    """Check that the files of some formats can be written.
-
-    Raises:
-        LavaError: A library is missing, or GeoJSON is asked for without a coordinate system.
-    """
+    """Refuse formats that lack a library, and GeoJSON without a coordinate system."""
     if 'geojson' in formats and crs is None:
         right = 'the EPSG code of the map: GeoJSON has longitudes and latitudes'
         raise LavaError('epsg', None, right)
@@ -255,10 +229,8 @@ def write_formats(
     """Write the formats that hold several layers or maps, and return the paths of their files.
 
     ``geojson`` (a file for each layer) and ``gpkg`` hold ``layers``, lists of features by name.
-    ``nc`` holds ``maps``, as ``write_netcdf`` takes them. Other formats are ignored.
-
-    Raises:
-        LavaError: As in ``require_formats``, or a file cannot be written.
+    ``nc`` holds ``maps``, as ``write_netcdf`` takes them. Other formats are ignored. LavaError as
+    in ``require_formats``.
     """
     require_formats(formats, folder, place.crs)
     written = []
@@ -276,11 +248,7 @@ def write_formats(
 
 
 def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Place) -> None:
-    """Write features in longitude and latitude, as RFC 7946 demands.
-
-    Raises:
-        LavaError: The file cannot be written.
-    """
+    """Write features in longitude and latitude, as RFC 7946 demands."""
     from rasterio.warp import transform_geom
 
     turned = [
@@ -294,11 +262,7 @@ def write_geojson(path: Path, features: Sequence[Mapping[str, Any]], place: Plac
 def write_geopackage(
     path: Path, layers: Mapping[str, Sequence[Mapping[str, Any]]], place: Place
 ) -> None:
-    """Write layers of features in the coordinate system of the map; empty layers are left out.
-
-    Raises:
-        LavaError: The file cannot be written.
-    """
+    """Write layers of features in the coordinate system of the map, but for empty ones."""
     import fiona
 
     try:
@@ -332,9 +296,6 @@ def write_netcdf(
     """Write maps to a NetCDF file that follows the CF conventions.
 
     ``maps`` has values (NaN without data), unit and meaning of each map by name.
-
-    Raises:
-        LavaError: The file cannot be written.
     """
     import xarray
 
@@ -353,26 +314,16 @@ def write_netcdf(
     for name, (values, unit, meaning) in maps.items():
         known = {'units': unit, 'long_name': meaning, **where}
         variables[name] = (('y', 'x'), values.astype(np.float32), known)
-    data = xarray.Dataset(
-        variables,
-        axes,
-        {
-            'Conventions': 'CF-1.11',
-            'title': title,
-            'source': f'lava_ros {lava_ros.__version__}',
-        },
-    )
+    source = f'lava_ros {lava_ros.__version__}'
+    told = {'Conventions': 'CF-1.11', 'title': title, 'source': source}
+    data = xarray.Dataset(variables, axes, told)
     encoding = {name: {'_FillValue': np.float32(np.nan)} for name in maps}
     made = data.to_netcdf(engine='scipy', format='NETCDF3_64BIT', encoding=encoding)
     write_output('output', path, bytes(made))
 
 
 def write_style(path: Path, name: str, values: np.ndarray) -> None:
-    """Write the QGIS style of a GeoTIFF beside it; maps without a known style get none.
-
-    Raises:
-        LavaError: The file cannot be written.
-    """
+    """Write the QGIS style of a GeoTIFF beside it; maps without a known style get none."""
     if name not in _DRAWN or not np.isfinite(values).any():
         return
     colours = STYLES[_DRAWN[name]].colours

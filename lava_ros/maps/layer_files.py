@@ -14,13 +14,12 @@
 
 """Files of msg_configs/ -> layers."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 import re
 from typing import Any
 
-from lava_ros import validation
 from lava_ros.bag.qos import LATCHED, QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.files.yaml import read_yaml
@@ -45,6 +44,7 @@ from lava_ros.maps.layers import (
     SOURCES,
     ZERO_CELSIUS,
 )
+from lava_ros.validation import choice, flag, keys, number, whole
 
 _UNITS = {
     'thickness': 'm',
@@ -65,21 +65,13 @@ _TOPIC = re.compile(r'[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*')
 
 
 def load_layers(path: str | Path) -> tuple[Layer, ...]:
-    """Read a file of msg_configs/.
-
-    Raises:
-        LavaError: The file cannot be read, or a key or value in it is wrong.
-    """
+    """Read a file of msg_configs/; LavaError names what is wrong in it."""
     return layers_from_dict(read_yaml('msg_config', path))
 
 
 def layers_from_dict(data: object) -> tuple[Layer, ...]:
-    """Build the layers from the plain data of a file.
-
-    Raises:
-        LavaError: A key or value is wrong; the message names it and what is allowed.
-    """
-    top = validation.keys('msg_config', data, allowed=['layers'], required=['layers'])
+    """Build layers from the plain data of a file; LavaError says what is allowed."""
+    top = keys('msg_config', data, allowed=['layers'], required=['layers'])
     entries = top['layers']
     if not isinstance(entries, Mapping) or not entries:
         raise LavaError('layers', entries, 'a mapping of layer names to layers')
@@ -87,11 +79,8 @@ def layers_from_dict(data: object) -> tuple[Layer, ...]:
     topics: dict[str, str] = {}
     for layer in layers:
         if layer.topic in topics:
-            raise LavaError(
-                f'layers.{layer.name}.topic',
-                layer.topic,
-                f'a topic of its own: layer {topics[layer.topic]} has this one',
-            )
+            right = f'a topic of its own: layer {topics[layer.topic]} has this one'
+            raise LavaError(f'layers.{layer.name}.topic', layer.topic, right)
         topics[layer.topic] = layer.name
     return layers
 
@@ -105,7 +94,7 @@ def switched(layers: Sequence[Layer], *, on: Sequence[str], off: Sequence[str]) 
     known = [layer.name for layer in layers]
     for field_name, names in (('layers_on', on), ('layers_off', off)):
         for name in names:
-            validation.choice(field_name, name, known)
+            choice(field_name, name, known)
     for name in off:
         if name in on:
             raise LavaError('layers_off', name, 'a layer that is not in layers_on as well')
@@ -122,23 +111,24 @@ class _Entry:
         self, where: str, value: object, allowed: Iterable[str], required: Sequence[str] = ()
     ) -> None:
         self.where = where
-        self.data = validation.keys(where, value, allowed=allowed, required=required)
+        self.data = keys(where, value, allowed=allowed, required=required)
 
-    def number(self, key: str, default: object = None, **limits: Any) -> float:
-        return validation.number(f'{self.where}.{key}', self.data.get(key, default), **limits)
+    def read(
+        self, key: str, check: Callable[..., Any], default: object = None, **options: Any
+    ) -> Any:
+        return check(f'{self.where}.{key}', self.data.get(key, default), **options)
 
-    def whole(self, key: str, default: int, at_least: int, at_most: int) -> int:
+    def listed(
+        self, key: str, right: str, default: object = None, least: int = 2, most: int = 2
+    ) -> list[tuple[str, object]]:
+        """The items of a list, each with what errors call it."""
         value = self.data.get(key, default)
-        return validation.whole(f'{self.where}.{key}', value, at_least=at_least, at_most=at_most)
+        if not isinstance(value, (list, tuple)) or not least <= len(value) <= most:
+            raise self.error(key, right)
+        return [(f'{self.where}.{key}[{index}]', item) for index, item in enumerate(value)]
 
-    def flag(self, key: str) -> bool:
-        return validation.flag(f'{self.where}.{key}', self.data.get(key, True))
-
-    def choice(self, key: str, words: Iterable[str], default: object = None) -> str:
-        return validation.choice(f'{self.where}.{key}', self.data.get(key, default), words)
-
-    def refuse(self, keys: Sequence[str], right: str) -> None:
-        for key in keys:
+    def refuse(self, names: Sequence[str], right: str) -> None:
+        for key in names:
             if key in self.data:
                 raise self.error(key, right)
 
@@ -150,10 +140,11 @@ def _layer(name: str, value: object) -> Layer:
     where = f'layers.{name}'
     allowed = [item.name for item in fields(Layer) if item.name != 'name']
     entry = _Entry(where, value, allowed, required=['source', 'message'])
-    message = MESSAGES[entry.choice('message', MESSAGES)]
+    message = MESSAGES[entry.read('message', choice, allowed=MESSAGES)]
     alone = (*SOURCES, *FORECAST_SOURCES, *ENSEMBLE_SOURCES)
     alone += (ARRIVED,) if message == IMAGE else ()
-    source = entry.choice('source', (LAVA,) if message in (POINT_CLOUD, GRID_MAP) else alone)
+    allowed = [LAVA] if message in (POINT_CLOUD, GRID_MAP) else [*alone]
+    source = entry.read('source', choice, allowed=allowed)
     topic = entry.data.get('topic', name)
     if not isinstance(topic, str) or not _TOPIC.fullmatch(topic):
         right = 'a relative topic name: letters, digits, _ and / between'
@@ -163,10 +154,10 @@ def _layer(name: str, value: object) -> Layer:
         'topic': topic,
         'source': source,
         'message': message,
-        'threshold': entry.number('threshold', 0.1, at_least=0.0, unit='m'),
-        'enabled': entry.flag('enabled'),
-        'rate': entry.number('rate', 1.0, at_least=0.001, at_most=50.0, unit='Hz'),
-        'record': entry.flag('record'),
+        'threshold': entry.read('threshold', number, 0.1, at_least=0.0, unit='m'),
+        'enabled': entry.read('enabled', flag, True),
+        'rate': entry.read('rate', number, 1.0, at_least=0.001, at_most=50.0, unit='Hz'),
+        'record': entry.read('record', flag, True),
         'qos': _qos(f'{where}.qos', entry.data.get('qos', {})),
     }
     if message == OCCUPANCY_GRID:
@@ -184,13 +175,13 @@ def _layer(name: str, value: object) -> Layer:
 def _scaling(entry: _Entry, quantity: str) -> dict[str, Any]:
     """How an occupancy grid shows a quantity, and what is around and outside it."""
     result: dict[str, Any] = {
-        'margin': entry.number('margin', 0.0, at_least=0.0, at_most=MOST_MARGIN, unit='m'),
-        'outside': entry.whole('outside', -1, -1, 100),
+        'margin': entry.read('margin', number, 0.0, at_least=0.0, at_most=MOST_MARGIN, unit='m'),
+        'outside': entry.read('outside', whole, -1, at_least=-1, at_most=100),
     }
     unit = _UNITS[quantity]
     if 'step' in entry.data:
         entry.refuse(('range', 'scale', 'classes'), 'absent beside step')
-        return {**result, 'step': entry.number('step', unit=unit)}
+        return {**result, 'step': entry.read('step', number, unit=unit)}
     if 'classes' in entry.data:
         entry.refuse(('range', 'scale', 'margin'), 'absent beside classes')
         return {**result, 'classes': _classes(entry, unit)}
@@ -203,36 +194,26 @@ def _scaling(entry: _Entry, quantity: str) -> dict[str, Any]:
 
 
 def _classes(entry: _Entry, unit: str) -> tuple[float, ...]:
-    value = entry.data['classes']
-    if not isinstance(value, (list, tuple)) or not 1 <= len(value) <= MOST_CLASSES - 1:
-        right = f'1 to {MOST_CLASSES - 1} numbers {unit}, each larger than the one before'
-        raise entry.error('classes', right)
+    right = f'1 to {MOST_CLASSES - 1} numbers {unit}, each larger than the one before'
     bounds: list[float] = []
-    for index, item in enumerate(value):
-        field, before = f'{entry.where}.classes[{index}]', bounds[-1] if bounds else 0.0
-        bounds.append(validation.number(field, item, above=before, unit=unit))
+    for field, item in entry.listed('classes', right, least=1, most=MOST_CLASSES - 1):
+        bounds.append(number(field, item, above=bounds[-1] if bounds else 0.0, unit=unit))
     return tuple(bounds)
 
 
 def _range(entry: _Entry, quantity: str) -> tuple[float, float] | None:
     if 'range' not in entry.data and quantity in (ARRIVAL, 'hazard'):
         return None if quantity == ARRIVAL else (0.0, 100.0)
-    unit, value = _UNITS[quantity], entry.data.get('range')
-    if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise entry.error('range', f'two numbers [low, high] {unit}')
-    where = [f'{entry.where}.range[{index}]' for index in range(2)]
-    low = validation.number(where[0], value[0], at_least=-MOST, at_most=MOST, unit=unit)
-    return low, validation.number(where[1], value[1], above=low, at_most=MOST, unit=unit)
+    unit = _UNITS[quantity]
+    first, second = entry.listed('range', f'two numbers [low, high] {unit}')
+    low = number(*first, at_least=-MOST, at_most=MOST, unit=unit)
+    return low, number(*second, above=low, at_most=MOST, unit=unit)
 
 
 def _scale(entry: _Entry, quantity: str) -> tuple[int, int]:
-    value = entry.data.get('scale', (100, 0) if quantity == ARRIVAL else (0, 100))
-    if not isinstance(value, (list, tuple)) or len(value) != 2:
-        raise entry.error('scale', 'two whole numbers, the grid values at the ends of range')
-    first, last = (
-        validation.whole(f'{entry.where}.scale[{index}]', item, at_least=0, at_most=100)
-        for index, item in enumerate(value)
-    )
+    right = 'two whole numbers, the grid values at the ends of range'
+    ends = entry.listed('scale', right, (100, 0) if quantity == ARRIVAL else (0, 100))
+    first, last = (whole(*item, at_least=0, at_most=100) for item in ends)
     if max(first, last) == 0:
         raise entry.error('scale', 'a value above 0 at one end: 0 says that there is no lava')
     return first, last
@@ -241,20 +222,19 @@ def _scale(entry: _Entry, quantity: str) -> tuple[int, int]:
 def _qos(where: str, value: object) -> QosProfile:
     entry = _Entry(where, value, ('reliability', 'durability', 'depth'))
     return QosProfile(
-        reliability=entry.choice('reliability', RELIABILITIES, LATCHED.reliability),
-        durability=entry.choice('durability', DURABILITIES, LATCHED.durability),
-        depth=entry.whole('depth', LATCHED.depth, 1, 1000),
+        reliability=entry.read('reliability', choice, LATCHED.reliability, allowed=RELIABILITIES),
+        durability=entry.read('durability', choice, LATCHED.durability, allowed=DURABILITIES),
+        depth=entry.read('depth', whole, LATCHED.depth, at_least=1, at_most=1000),
     )
 
 
 def _hazard_limits(where: str, value: object) -> HazardLimits:
     entry = _Entry(where, value, [item.name for item in fields(HazardLimits)])
     usual, zero = HazardLimits(), ZERO_CELSIUS
-    safe = entry.number(
-        'safe_temperature', usual.safe_temperature - zero, at_least=-zero, unit='Celsius'
-    )
-    lethal = entry.number(
-        'lethal_temperature', usual.lethal_temperature - zero, above=safe, unit='Celsius'
-    )
-    thickness = entry.number('lethal_thickness', usual.lethal_thickness, above=0.0, unit='m')
+    default = usual.safe_temperature - zero
+    safe = entry.read('safe_temperature', number, default, at_least=-zero, unit='Celsius')
+    default = usual.lethal_temperature - zero
+    lethal = entry.read('lethal_temperature', number, default, above=safe, unit='Celsius')
+    default = usual.lethal_thickness
+    thickness = entry.read('lethal_thickness', number, default, above=0.0, unit='m')
     return HazardLimits(thickness, safe + zero, lethal + zero)

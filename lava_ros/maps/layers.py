@@ -189,7 +189,8 @@ class Layer:
             LavaError: The layer shows several quantities.
         """
         if self.source == ARRIVED:
-            return self._arrived(snapshot)
+            times = getattr(snapshot, 'arrived', None)
+            return np.full(snapshot.terrain.shape, np.nan, np.float32) if times is None else times
         if self.source == LAVA:
             right = f'one of {", ".join(SOURCES)}; maps and points have them all'
             raise LavaError(f'layers.{self.name}.source', self.source, right)
@@ -316,11 +317,6 @@ class Layer:
         least, most = sorted(self.scale)
         return np.clip(np.where(np.isnan(scaled), last, scaled), max(1, least), most)
 
-    @staticmethod
-    def _arrived(snapshot: 'Shown') -> np.ndarray:
-        times = getattr(snapshot, 'arrived', None)
-        return np.full(snapshot.terrain.shape, np.nan, np.float32) if times is None else times
-
     def _raw(self, source: str, snapshot: 'Flow') -> np.ndarray:
         if isinstance(snapshot, Forecast) and source == ARRIVAL:
             unknown = np.isnan(snapshot.thickness)
@@ -368,7 +364,7 @@ def within(marked: np.ndarray, distance: float) -> np.ndarray:
 
 
 def hazard(
-    thickness: np.ndarray, temperature: np.ndarray, limits: HazardLimits | None = None
+    thickness: np.ndarray, temperature: np.ndarray, limits: HazardLimits = HazardLimits()
 ) -> np.ndarray:
     """Combine burial and heat into one number per cell.
 
@@ -380,12 +376,11 @@ def hazard(
         thickness: Lava thickness [m], shape [rows, columns], NaN outside the terrain.
         temperature: Lava temperature [K], same shape, NaN where there is no lava. Lava of unknown
             temperature counts as lethally hot.
-        limits: Where burial and heat become dangerous; the default ones when left out.
+        limits: Where burial and heat become dangerous.
 
     Returns:
         Hazard, float32, same shape: 0 without lava, 1 to 100 with lava, NaN outside the terrain.
     """
-    limits = limits or HazardLimits()
     thickness = np.asarray(thickness, dtype=np.float32)
     temperature = np.asarray(temperature, dtype=np.float32)
     wet = thickness > 0.0

@@ -66,44 +66,28 @@ def cloud_columns(
     """
     rows, columns = cloud.height, cloud.width
     if rows == 0 or columns == 0:
-        if len(cloud.data):
-            raise LavaError(
-                f'{name}.data', f'{len(cloud.data)} bytes', f'none for {columns} x {rows} points'
-            )
+        if size := len(cloud.data):
+            right = f'none for {columns} x {rows} points'
+            raise LavaError(f'{name}.data', f'{size} bytes', right)
         return {key: np.empty(0) for key in required}
     by_name = {item.name: item for item in cloud.fields}
-    missing = [key for key in required if key not in by_name]
-    if missing:
-        raise LavaError(
-            f'{name}.fields',
-            list(by_name),
-            f'{", ".join(required)}; missing: {", ".join(missing)}',
-        )
+    if missing := [key for key in required if key not in by_name]:
+        right = f'{", ".join(required)}; missing: {", ".join(missing)}'
+        raise LavaError(f'{name}.fields', list(by_name), right)
     least = columns * cloud.point_step
     _check_rows(cloud, name, 'row_step', least, f'at least width x point_step = {least} bytes')
     result = {}
     for key in [*required, *(key for key in optional if key in by_name)]:
-        item = by_name[key]
+        item, where = by_name[key], f'{name}.fields.{key}'
         if item.datatype not in POINT_TYPES or item.count != 1:
-            raise LavaError(
-                f'{name}.fields.{key}',
-                f'datatype {item.datatype}, count {item.count}',
-                'a datatype from 1 (INT8) to 8 (FLOAT64), count 1',
-            )
+            found = f'datatype {item.datatype}, count {item.count}'
+            raise LavaError(where, found, 'a datatype from 1 (INT8) to 8 (FLOAT64), count 1')
         dtype = np.dtype(('>' if cloud.is_bigendian else '<') + POINT_TYPES[item.datatype])
         if item.offset + dtype.itemsize > cloud.point_step:
-            raise LavaError(
-                f'{name}.fields.{key}.offset',
-                item.offset,
-                f'inside a point of {cloud.point_step} bytes (point_step)',
-            )
-        view = np.ndarray(
-            (rows, columns),
-            dtype,
-            cloud.data,
-            offset=item.offset,
-            strides=(cloud.row_step, cloud.point_step),
-        )
+            right = f'inside a point of {cloud.point_step} bytes (point_step)'
+            raise LavaError(f'{where}.offset', item.offset, right)
+        steps = (cloud.row_step, cloud.point_step)
+        view = np.ndarray((rows, columns), dtype, cloud.data, item.offset, steps)
         # Any bit pattern may come, signalling NaN too.
         with np.errstate(invalid='ignore'):
             result[key] = view.astype(np.float64).ravel()

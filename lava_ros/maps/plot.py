@@ -33,7 +33,6 @@ MARGIN = 0.18
 LEAST_CELLS = 24
 
 INK = '#222222'
-_HALO = '#ffffff'
 
 #: How vents are drawn, in maps and in their legend.
 VENT: dict[str, Any] = {
@@ -53,13 +52,9 @@ Window = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Style:
-    """How a layer is drawn.
+    """How a layer is drawn: its title, unit, and colours from the lowest value to the highest.
 
-    Attributes:
-        title: What it is.
-        label: Unit of its values.
-        colours: From the lowest value to the highest.
-        names: What the values 1, 2, ... mean, a colour each; none where values are numbers.
+    ``names`` say what the values 1, 2, ... mean, a colour each; none where values are numbers.
     """
 
     title: str
@@ -143,12 +138,18 @@ def extent_of(frame: Frame) -> Window:
     return (x, y, x + columns * frame.resolution, y + rows * frame.resolution)
 
 
+def middles_of(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """Map coordinates of the middles of the columns and of the rows [m]."""
+    rows, columns = frame.elevation.shape
+    x = frame.origin[0] + (np.arange(columns) + 0.5) * frame.resolution
+    return x, frame.origin[1] + (np.arange(rows) + 0.5) * frame.resolution
+
+
 def bounds_of(frame: Frame, shown: np.ndarray) -> Window:
     """Bounding box of a mask, bool, shape [rows, columns], and the vents; the terrain if empty."""
-    rows, columns = np.nonzero(shown)
-    half = 0.5 * frame.resolution
-    xs = [*(frame.origin[0] + half + frame.resolution * columns), *frame.vents[:, 0]]
-    ys = [*(frame.origin[1] + half + frame.resolution * rows), *frame.vents[:, 1]]
+    x, y = middles_of(frame)
+    xs = [*x[shown.any(axis=0)], *frame.vents[:, 0]]
+    ys = [*y[shown.any(axis=1)], *frame.vents[:, 1]]
     return (min(xs), min(ys), max(xs), max(ys)) if xs else extent_of(frame)
 
 
@@ -194,15 +195,10 @@ def shaded_ground(frame: Frame) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Scale:
-    """Which value has which colour.
+    """Which value has which colour: a colour map of matplotlib and its normalisation.
 
-    Attributes:
-        colours: Colour map of matplotlib.
-        norm: Its normalisation.
-        past: The side on which values go past it: ``neither`` or ``max``.
-        label: Unit of the values it takes.
-        unit: That unit, in the unit of the style.
-        names: What the values mean, as of ``Style``.
+    ``past`` is the side on which values go past it: ``neither`` or ``max``. ``label`` names the
+    unit of the values it takes, and ``unit`` is that unit in the unit of the style.
     """
 
     colours: Any
@@ -271,18 +267,15 @@ def draw_map(
     fissures: Any = (),
     extent: Window | None = None,
 ) -> tuple[Any, Any]:
-    """Draw a picture (RGBA, 0 to 1) of the terrain's cells, and the vents.
+    """Draw the terrain's cells and the vents, and return the artists of both.
 
     Args:
         axes: Axes to draw into.
         frame: The terrain and the vents.
-        picture: Colours of the cells, shape [rows, columns, 4].
+        picture: RGBA of the cells, 0 to 1, shape [rows, columns, 4].
         window: The part of the map that the axes show: left, bottom, right, top [m].
         fissures: Ends of the vents that are lines [m], shape [count, 2, 2].
         extent: Edges of a picture of only some cells: left, right, bottom, top [m]; None for all.
-
-    Returns:
-        The artists of the picture and of the vents.
     """
     x0, y0, x1, y1 = extent_of(frame)
     image = axes.imshow(
@@ -291,12 +284,9 @@ def draw_map(
     for ends in fissures:
         axes.plot(*np.transpose(ends), color='black', linewidth=1.6, path_effects=halo(), zorder=3)
     (vents,) = axes.plot(*frame.vents.T, zorder=7, **VENT)
-    axes.set_facecolor('#ededed')
-    axes.set_xlim(window[0], window[2])
-    axes.set_ylim(window[1], window[3])
+    axes.set(facecolor='#ededed', xlim=(window[0], window[2]), ylim=(window[1], window[3]))
     for spine in axes.spines.values():
-        spine.set_color('#666666')
-        spine.set_linewidth(0.8)
+        spine.set(color='#666666', linewidth=0.8)
     return image, vents
 
 
@@ -314,12 +304,10 @@ def draw_colour_bar(figure: Any, axes: Any, scale: Scale) -> None:
 
 def draw_contours(axes: Any, frame: Frame, window: Window) -> None:
     """Thin lines of equal elevation, every fifth of them labelled."""
-    x0, y0, _, _ = extent_of(frame)
-    rows, columns = frame.elevation.shape
-    x = x0 + (np.arange(columns) + 0.5) * frame.resolution
-    y = y0 + (np.arange(rows) + 0.5) * frame.resolution
-    here = np.ix_((y >= window[1]) & (y <= window[3]), (x >= window[0]) & (x <= window[2]))
-    shown = frame.elevation[here]
+    x, y = middles_of(frame)
+    columns = (x >= window[0]) & (x <= window[2])
+    rows = (y >= window[1]) & (y <= window[3])
+    shown = frame.elevation[np.ix_(rows, columns)]
     if min(shown.shape) < 2 or not np.isfinite(shown).any():
         return
     low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
@@ -330,13 +318,7 @@ def draw_contours(axes: Any, frame: Frame, window: Window) -> None:
     if len(levels) == 0:
         return
     lines = axes.contour(
-        x[(x >= window[0]) & (x <= window[2])],
-        y[(y >= window[1]) & (y <= window[3])],
-        shown,
-        levels=levels,
-        colors='#3b352a',
-        linewidths=0.45,
-        alpha=0.45,
+        x[columns], y[rows], shown, levels=levels, colors='#3b352a', linewidths=0.45, alpha=0.45
     )
     axes.clabel(lines, levels[::4], fontsize=6.5, fmt='%g m', inline_spacing=2)
 
@@ -366,15 +348,14 @@ def draw_ticks(axes: Any, offset: tuple[float, float] | None = None) -> None:
     axes.grid(color='white', linewidth=0.5, alpha=0.45)
     axes.tick_params(labelsize=7.5, colors='#555555', width=0.6, length=3)
     for label in axes.get_yticklabels():
-        label.set_rotation(90)
-        label.set_verticalalignment('center')
+        label.set(rotation=90, verticalalignment='center')
 
 
 def halo() -> list[Any]:
     """Path effects that keep thin lines and texts readable on any ground."""
     from matplotlib.patheffects import withStroke
 
-    return [withStroke(linewidth=2.5, foreground=_HALO)]
+    return [withStroke(linewidth=2.5, foreground='#ffffff')]
 
 
 def draw_scale_bar(axes: Any, window: Window) -> None:
@@ -383,28 +364,17 @@ def draw_scale_bar(axes: Any, window: Window) -> None:
     length = _round_up(0.13 * width)
     label = f'{length / 1000.0:g} km' if length >= 1000.0 else f'{length:g} m'
     left, bottom = window[0] + 0.04 * width, window[1] + 0.045 * height
-    axes.plot(
-        [left, left + length],
-        [bottom, bottom],
-        color=INK,
-        linewidth=3.0,
-        solid_capstyle='butt',
-        path_effects=halo(),
-    )
-    axes.text(
-        left + 0.5 * length,
-        bottom + 0.012 * height,
-        label,
-        fontsize=8,
-        color=INK,
-        ha='center',
-        va='bottom',
-        path_effects=halo(),
-    )
+    ends = ([left, left + length], [bottom, bottom])
+    look = {'color': INK, 'path_effects': halo()}
+    axes.plot(*ends, linewidth=3.0, solid_capstyle='butt', **look)
+    middle, above = left + 0.5 * length, bottom + 0.012 * height
+    axes.text(middle, above, label, fontsize=8, ha='center', va='bottom', **look)
 
 
 def draw_north(axes: Any) -> None:
     """Draw an arrow to the north."""
+    look = {'color': INK, 'path_effects': halo()}
+    style = '-|>,head_width=0.32,head_length=0.6'
     axes.annotate(
         'N',
         xy=(0.045, 0.965),
@@ -412,17 +382,10 @@ def draw_north(axes: Any) -> None:
         xycoords='axes fraction',
         fontsize=11,
         weight='bold',
-        color=INK,
         ha='center',
         va='center',
-        arrowprops={
-            'arrowstyle': '-|>,head_width=0.32,head_length=0.6',
-            'color': INK,
-            'linewidth': 1.6,
-            'shrinkA': 2,
-            'path_effects': halo(),
-        },
-        path_effects=halo(),
+        arrowprops={'arrowstyle': style, 'linewidth': 1.6, 'shrinkA': 2, **look},
+        **look,
     )
 
 
@@ -448,21 +411,12 @@ def draw_overview(
     picture = ground.copy()
     picture[shown] = (0.75, 0.10, 0.05, 1.0)
     inset.imshow(picture, extent=(x0, x1, y0, y1), origin='lower', interpolation='antialiased')
-    inset.add_patch(
-        Rectangle(
-            window[:2],
-            window[2] - window[0],
-            window[3] - window[1],
-            fill=False,
-            edgecolor='black',
-            linewidth=1.1,
-        )
-    )
-    inset.set_xticks([])
-    inset.set_yticks([])
+    sides = (window[2] - window[0], window[3] - window[1])
+    seen = Rectangle(window[:2], *sides, fill=False, edgecolor='black', linewidth=1.1)
+    inset.add_patch(seen)
+    inset.set(xticks=[], yticks=[])
     for spine in inset.spines.values():
-        spine.set_color('white')
-        spine.set_linewidth(1.8)
+        spine.set(color='white', linewidth=1.8)
 
 
 def _emptiest_corner(

@@ -15,7 +15,7 @@
 
 """A page of maps that can be printed: legend, scale, north, coordinates, and how it was made."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 import logging
 import math
@@ -28,30 +28,10 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.files import save_picture
 from lava_ros.files.optional import require
+from lava_ros.maps import plot
 from lava_ros.maps.export import placement_of
 from lava_ros.maps.frames import Frame
-from lava_ros.maps.plot import (
-    bounds_of,
-    draw_colour_bar,
-    draw_contours,
-    draw_map,
-    draw_north,
-    draw_overview,
-    draw_scale_bar,
-    draw_ticks,
-    extent_of,
-    halo,
-    INK,
-    LEAST_CELLS,
-    picture_of,
-    Scale,
-    scale_of,
-    shaded_ground,
-    STYLES,
-    VENT,
-    Window,
-    window_of,
-)
+from lava_ros.maps.plot import halo, INK, Scale, Window
 from lava_ros.scene.features import Feature
 
 _LOG = logging.getLogger(__name__)
@@ -137,32 +117,32 @@ def draw_sheet(
     handles: dict[str, Any] = {}
     for index, panel in enumerate(panels):
         axes, bar = page.axes(figure, index)
-        ground, window = shaded_ground(panel.frame), place.window(panel, page.aspect)
+        ground, window = plot.shaded_ground(panel.frame), place.window(panel, page.aspect)
         scale = scales[panel.source]
-        picture = picture_of(panel.values, ground, scale)
-        draw_map(axes, panel.frame, picture, window, panel.fissures)
-        draw_contours(axes, panel.frame, window)
+        picture = plot.picture_of(panel.values, ground, scale)
+        plot.draw_map(axes, panel.frame, picture, window, panel.fissures)
+        plot.draw_contours(axes, panel.frame, window)
         epsg = placement_of(panel.frame.scene).epsg
-        draw_ticks(axes, panel.offset if epsg else None)
+        plot.draw_ticks(axes, panel.offset if epsg else None)
         if epsg:
             _draw_degrees(axes, window, panel.offset, epsg)
         for number, (name, cells) in enumerate((panel.outlines or {}).items()):
             handles.setdefault(name, _outline(axes, panel.frame, cells, number))
         for number, (name, features) in enumerate(overlays.items(), len(panel.outlines or {})):
-            handles.setdefault(name, _overlay(axes, features, panel.offset, _colour(number)))
+            handles.setdefault(name, _overlay(axes, features, panel.offset, number))
         if index == 0:
-            draw_north(axes)
+            plot.draw_north(axes)
             if len(panels) < 4:
-                draw_overview(axes, panel.frame, ground, panel.shown, window)
-        draw_scale_bar(axes, window)
-        draw_colour_bar(figure, figure.add_axes(bar), scale)
-        heading = panel.title or STYLES[panel.source].title
+                plot.draw_overview(axes, panel.frame, ground, panel.shown, window)
+        plot.draw_scale_bar(axes, window)
+        plot.draw_colour_bar(figure, figure.add_axes(bar), scale)
+        heading = panel.title or plot.STYLES[panel.source].title
         axes.set_title(heading, loc='left', fontsize=10, color=INK, pad=5)
     _warn_of_hidden(overlays, place.window(panels[0], page.aspect), panels[0].offset)
     for index, draw in enumerate(charts, len(panels)):
         draw(page.axes(figure, index)[0])
     if any(len(panel.frame.vents) for panel in panels):
-        handles = {'vent': _line(**VENT)} | handles
+        handles = {'vent': _line(**plot.VENT)} | handles
     page.write(figure, title, subtitle, notes, handles)
     save_picture(figure, output)
 
@@ -171,13 +151,14 @@ class _Place:
     """What all maps show, in projected coordinates."""
 
     def __init__(self, panels: Sequence[Panel]) -> None:
-        self.bounds = _union([_moved(bounds_of(item.frame, item.shown), item) for item in panels])
-        self._limits = _union([_moved(extent_of(item.frame), item) for item in panels])
-        self._least = LEAST_CELLS * min(item.frame.resolution for item in panels)
+        seen = (_moved(plot.bounds_of(item.frame, item.shown), item) for item in panels)
+        self.bounds = _union(seen)
+        self._limits = _union(_moved(plot.extent_of(item.frame), item) for item in panels)
+        self._least = plot.LEAST_CELLS * min(item.frame.resolution for item in panels)
 
     def window(self, panel: Panel, aspect: float) -> Window:
         """The same in the map frame of a panel."""
-        seen = window_of(self.bounds, self._limits, aspect, self._least)
+        seen = plot.window_of(self.bounds, self._limits, aspect, self._least)
         return _moved(seen, panel, -1.0)
 
 
@@ -186,19 +167,18 @@ def _moved(window: Window, panel: Panel, sign: float = 1.0) -> Window:
     return (window[0] + east, window[1] + north, window[2] + east, window[3] + north)
 
 
-def _union(windows: Sequence[Window]) -> Window:
-    low, high = np.min(windows, axis=0), np.max(windows, axis=0)
-    return (float(low[0]), float(low[1]), float(high[2]), float(high[3]))
+def _union(windows: Iterable[Window]) -> Window:
+    west, south, east, north = zip(*windows, strict=True)
+    return (min(west), min(south), max(east), max(north))
 
 
 def _scales(panels: Sequence[Panel]) -> dict[str, Scale]:
-    """A scale for each kind of map, of all its values."""
     result = {}
     for source in dict.fromkeys(panel.source for panel in panels):
         same = [panel for panel in panels if panel.source == source]
         values = np.concatenate([panel.values[np.isfinite(panel.values)] for panel in same])
         is_saturated = any(panel.is_saturated for panel in same)
-        result[source] = scale_of(source, values, is_saturated=is_saturated)
+        result[source] = plot.scale_of(source, values, is_saturated=is_saturated)
     return result
 
 
@@ -214,14 +194,12 @@ class _Page:
 
     @property
     def map_size(self) -> tuple[float, float]:
-        """Width and height of a map."""
         width = (self.width - 2.0 * _MARGIN) / self.columns - _AROUND[0] - _AROUND[1]
         room = self.height - _HEADER - self.footer
         return width, room / self.rows - _AROUND[2] - _AROUND[3]
 
     @property
     def aspect(self) -> float:
-        """Width over height of a map."""
         return self.map_size[0] / self.map_size[1]
 
     def axes(self, figure: Any, index: int) -> tuple[Any, tuple[float, float, float, float]]:
@@ -298,7 +276,7 @@ def _page(count: int, bounds: Window, notes: Mapping[str, str]) -> _Page:
             if min(page.map_size) > 0.8:
                 pages.append(page)
     if not pages:
-        raise LavaError('maps', count, 'fewer maps on one page')
+        raise LavaError('maps', count, 'fewer maps: they do not fit on one page')
     return max(pages, key=size)
 
 
@@ -319,10 +297,6 @@ def _columns(notes: Mapping[str, str], width: float) -> list[list[str]]:
     return [*columns, *([] for _ in range(count - len(columns)))]
 
 
-def _colour(number: int) -> str:
-    return _COLOURS[number % len(_COLOURS)]
-
-
 def _line(**look: Any) -> Any:
     from matplotlib.lines import Line2D
 
@@ -331,22 +305,20 @@ def _line(**look: Any) -> Any:
 
 def _outline(axes: Any, frame: Frame, cells: np.ndarray, number: int) -> Any:
     """Draw the outline of some cells; returns what the legend shows."""
-    style = ('solid', 'dashed', 'dotted')[number % 3]
-    rows, columns = cells.shape
-    x = frame.origin[0] + (np.arange(columns) + 0.5) * frame.resolution
-    y = frame.origin[1] + (np.arange(rows) + 0.5) * frame.resolution
+    style, colour = ('solid', 'dashed', 'dotted')[number % 3], _COLOURS[number % len(_COLOURS)]
     if cells.any():
         axes.contour(
-            x, y, cells.astype(float), levels=[0.5], colors=_colour(number), linewidths=1.5,
-            linestyles=style,
+            *plot.middles_of(frame), cells.astype(float), levels=[0.5], colors=colour,
+            linewidths=1.5, linestyles=style,
         )
-    return _line(color=_colour(number), linewidth=1.5, linestyle=style)
+    return _line(color=colour, linewidth=1.5, linestyle=style)
 
 
 def _overlay(
-    axes: Any, features: Sequence[Feature], offset: tuple[float, float], colour: str
+    axes: Any, features: Sequence[Feature], offset: tuple[float, float], number: int
 ) -> Any:
     """Draw features of others; returns what the legend shows."""
+    colour = _COLOURS[number % len(_COLOURS)]
     point: dict[str, Any] = {'linestyle': 'none', 'marker': 'o', 'markersize': 5, 'color': colour}
     point['markeredgecolor'] = 'white'
     line: dict[str, Any] = {'color': colour, 'linewidth': 1.4}

@@ -28,7 +28,7 @@ import lava_ros
 from lava_ros.errors import LavaError
 from lava_ros.files import open_input
 from lava_ros.files.optional import require
-from lava_ros.files.rasters import open_raster
+from lava_ros.files.rasters import opened_raster
 from lava_ros.files.yaml import parse_json
 from lava_ros.forecast.ensemble import MANIFEST
 from lava_ros.forecast.picture import frame_of
@@ -273,14 +273,9 @@ def _ensemble(folder: Path) -> Run:
 
 def _raster(path: Path, shape: tuple[int, ...]) -> tuple[np.ndarray, dict[str, str]]:
     """A map of an ensemble, NaN without data, and what is noted with it."""
-    from rasterio.errors import RasterioError
-
-    try:
-        with open_raster(path) as source:
-            values = np.flipud(source.read(1, masked=True).astype(np.float64).filled(np.nan))
-            tags = dict(source.tags())
-    except RasterioError as error:
-        raise OSError(str(error)) from error
+    with opened_raster('a map', path) as source:
+        values = np.flipud(source.read(1, masked=True).astype(np.float64).filled(np.nan))
+        tags = dict(source.tags())
     if values.shape != shape:
         raise ValueError(f'{path.name} has other cells than {MANIFEST} says')
     return values, tags

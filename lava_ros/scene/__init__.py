@@ -20,14 +20,12 @@ from lava_ros.scene.scene import (
     ENVIRONMENT,
     KELVIN,
     MAX_VENT_VISCOSITY,
-    Scene,
-    scene_to_dict,
-    temperature_doubts,
-)
-from lava_ros.scene.scene_files import (
     read_scene,
+    Scene,
     scene_from_dict,
     scene_from_yaml,
+    scene_to_dict,
+    temperature_doubts,
     warn_of_celsius,
 )
 from lava_ros.scene.terrain import (

@@ -64,16 +64,11 @@ class Lava:
         def __getattr__(self, name: str) -> Any: ...  # noqa: D105
 
     def __post_init__(self) -> None:
-        """Validate every field.
-
-        Raises:
-            LavaError: A field is not usable, or two do not go together.
-        """
+        """Validate every field; LavaError names one that is wrong, alone or beside another."""
         check_fields('lava', self)
         if self.solidus >= self.liquidus:
-            raise LavaError(
-                'lava.solidus', self.solidus, f'below lava.liquidus, {self.liquidus:g} K'
-            )
+            right = f'below lava.liquidus, {self.liquidus:g} K'
+            raise LavaError('lava.solidus', self.solidus, right)
         for effect in EFFECTS.values():
             effect.check(self)
 

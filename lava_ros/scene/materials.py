@@ -33,13 +33,9 @@ DEFAULT = 'etna_basalt'
 
 @dataclass(frozen=True)
 class Constant:
-    """A number and where it is from.
+    """A number, or the name of a law, with its reference.
 
-    Attributes:
-        value: The number, or the name of a law.
-        source: Its reference.
-        range: Smallest and largest value that have been published, None where that is not known.
-        range_source: The reference of the range.
+    ``range`` has the smallest and the largest published value, where both are known.
     """
 
     value: float | str
@@ -50,13 +46,9 @@ class Constant:
 
 @dataclass(frozen=True)
 class Material:
-    """A lava.
+    """A lava, by its name in scene and case files, and the temperature [K] at its vent.
 
-    Attributes:
-        name: Its name in scene and case files.
-        title: What it is, in a few words.
-        vent_temperature: Temperature with which it comes out [K].
-        constants: The fields of ``Lava`` that have a source; the others keep their defaults.
+    ``constants`` are the fields of ``Lava`` that have a source; the others keep their defaults.
     """
 
     name: str
@@ -70,11 +62,7 @@ class Material:
         return self.lava_with({})
 
     def lava_with(self, overrides: Mapping[str, Any]) -> Lava:
-        """The lava with some constants replaced; ``overrides`` has values by field of ``Lava``.
-
-        Raises:
-            LavaError: A name is unknown or a value is not usable.
-        """
+        """The lava with other values of some fields of ``Lava``; LavaError names a wrong one."""
         names = [item.name for item in fields(Lava)]
         overrides = validation.keys('lava', overrides, allowed=names)
         # constants of an effect that was deleted have no field
@@ -101,11 +89,7 @@ def materials() -> dict[str, Material]:
 
 
 def material_named(name: object) -> Material:
-    """The lava of a name.
-
-    Raises:
-        LavaError: There is none of that name.
-    """
+    """The lava of a name; LavaError lists the names where it is none."""
     known = materials()
     return known[validation.choice('lava.material', name, known)]
 
@@ -116,15 +100,10 @@ def default_lava() -> Lava:
 
 
 def lava_from_dict(label: str, data: object) -> tuple[Lava, Material]:
-    """Build a lava from the plain data of a YAML file.
+    """Build a lava from the plain data of a YAML file, and return it with its material.
 
-    Args:
-        label: What messages call the data.
-        data: A mapping with the fields of ``Lava``; ``material`` names the lava whose constants
-            they replace, ``DEFAULT`` where it is absent.
-
-    Returns:
-        The lava, and the material it is made of.
+    The data are a mapping with the fields of ``Lava``; ``material`` names the lava whose constants
+    they replace, ``DEFAULT`` where it is absent. Errors call the data ``label``.
 
     Raises:
         LavaError: A key or a value is not usable.

@@ -106,7 +106,7 @@ def in_square_metres(raster: Raster, resolution: float | None) -> Raster:
         raise
     # GDAL's errors have no class in common
     except Exception as error:
-        right = f'one that GDAL can place on square cells of metres ({error})'
+        right = f'a place that GDAL can map to square cells of metres ({error})'
         raise LavaError('terrain file corner', raster.corner, right) from error
 
 
@@ -146,9 +146,8 @@ def _target_epsg(raster: Raster) -> int | None:
         return raster.epsg
     validation.number('terrain longitude', longitude, unit='degrees')
     if not abs(latitude) <= MAX_UTM_LATITUDE:
-        raise LavaError(
-            'terrain latitude', latitude, 'at most 84 degrees north or south, or metres'
-        )
+        right = 'at most 84 degrees north or south, or metres'
+        raise LavaError('terrain latitude', latitude, right)
     zone = math.floor((longitude + 180.0) / 6.0) % 60 + 1
     utm = int((32600 if latitude >= 0.0 else 32700) + zone)
     if crs.is_projected:
@@ -245,11 +244,7 @@ def cropped(raster: Raster, window: tuple[float, float, float, float]) -> Raster
 
 
 def projected(terrain: Terrain, longitude: float, latitude: float) -> tuple[float, float]:
-    """Easting and northing [m] of a place in the system of a terrain.
-
-    Raises:
-        LavaError: The terrain has no coordinate system.
-    """
+    """Easting and northing [m] of a place; LavaError for a terrain without coordinate system."""
     if terrain.epsg is None:
         right = 'easting and northing: the terrain has no coordinate system'
         raise LavaError('longitude, latitude', (longitude, latitude), right)

@@ -27,9 +27,8 @@ from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.scene.terrain import MAX_COORDINATE, Terrain
 
-#: Heights and widths that barriers can have [m]: that of 1983 on Etna was 18 m high.
-HEIGHT_RANGE = (0.1, 200.0)
-WIDTH_RANGE = (0.1, 1000.0)
+#: Smallest and largest numbers of barriers, and units: that of 1983 on Etna was 18 m high.
+LIMITS = {'height': (0.1, 200.0, 'm'), 'width': (0.1, 1000.0, 'm'), 'slope': (0.05, 100.0, '')}
 
 #: Places nearer to each other than this are one [m].
 APART = 1e-3
@@ -43,7 +42,7 @@ class Barrier:
         line: Its crest, two or more places (x, y) [m] in projected coordinates.
         height: Its height above the ground along the crest [m].
         width: Width of its crest [m].
-        slope: Fall of its sides, rise over run; infinite for walls.
+        slope: Fall of its sides, rise over run.
     """
 
     line: tuple[tuple[float, float], ...]
@@ -52,11 +51,7 @@ class Barrier:
     slope: float = 1.0
 
     def __post_init__(self) -> None:
-        """Validate and normalise every field.
-
-        Raises:
-            LavaError: A field is not usable.
-        """
+        """Validate and normalise every field; LavaError names one that is not usable."""
         if isinstance(self.line, str) or not isinstance(self.line, Sequence):
             raise LavaError('barrier.line', self.line, 'two or more places [x, y] m')
         places = tuple(
@@ -66,24 +61,18 @@ class Barrier:
         if len(places) < 2 or any(dist(a, b) < APART for a, b in pairwise(places)):
             raise LavaError('barrier.line', places, 'two or more places that differ')
         object.__setattr__(self, 'line', places)
-        for name, (least, most) in (('height', HEIGHT_RANGE), ('width', WIDTH_RANGE)):
+        for name, (least, most, unit) in LIMITS.items():
             value = validation.number(
-                f'barrier.{name}', getattr(self, name), at_least=least, at_most=most, unit='m'
+                f'barrier.{name}', getattr(self, name), at_least=least, at_most=most, unit=unit
             )
             object.__setattr__(self, name, value)
-        slope = validation.number('barrier.slope', self.slope, at_least=0.05, at_most=100.0)
-        object.__setattr__(self, 'slope', slope)
 
     @classmethod
     def from_dict(cls, label: str, data: object) -> 'Barrier':
-        """Build a barrier from the plain data of a YAML file.
-
-        Raises:
-            LavaError: A key or a value is not usable.
-        """
-        allowed = ['line', 'height', 'width', 'slope']
+        """Build a barrier from the plain data of a YAML file; LavaError names what is wrong."""
         required = ['line', 'height', 'width']
-        return cls(**validation.keys(label, data, allowed=allowed, required=required))  # type: ignore[arg-type]
+        values = validation.keys(label, data, allowed=[*required, 'slope'], required=required)
+        return cls(**values)  # type: ignore[arg-type]
 
 
 def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
@@ -106,16 +95,11 @@ def with_barrier(terrain: Terrain, barrier: Barrier) -> Terrain:
     reach = half + barrier.height / barrier.slope
     distance = np.full(terrain.shape, np.inf)
     for start, end in pairwise(barrier.line):
-        box = tuple(
-            slice(
-                *np.searchsorted(
-                    axis, (min(start[k], end[k]) - reach, max(start[k], end[k]) + reach)
-                )
-            )
-            for k, axis in ((1, y), (0, x))
-        )
-        near = _distance(x[box[1]], y[box[0]], start, end)
-        distance[box] = np.minimum(distance[box], near)
+        low, high = np.minimum(start, end) - reach, np.maximum(start, end) + reach
+        across = slice(*np.searchsorted(x, (low[0], high[0])))
+        up = slice(*np.searchsorted(y, (low[1], high[1])))
+        near = _distance(x[across], y[up], start, end)
+        distance[up, across] = np.minimum(distance[up, across], near)
     added = np.clip(barrier.height - (distance - half) * barrier.slope, 0.0, barrier.height)
     if not (terrain.has_data & (added > 0.0)).any():
         right = f'a line {terrain.bounds(projected=True)}'

@@ -12,19 +12,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a user describes: terrain, vents, lava, surroundings, and what is uncertain."""
+"""Scenes, and their files: terrain, vents, lava, surroundings, and what is uncertain."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
+import logging
+from pathlib import Path
 from typing import Any
 
+from lava_ros import validation
 from lava_ros.effects import EFFECTS, possible
 from lava_ros.effects.effect import check_fields, number, with_fields
 from lava_ros.errors import LavaError
+from lava_ros.files.yaml import read_yaml
 from lava_ros.scene.lava import Lava
-from lava_ros.scene.materials import default_lava
+from lava_ros.scene.materials import default_lava, lava_from_dict
 from lava_ros.scene.terrain import Terrain
-from lava_ros.scene.uncertainty import Uncertainty, uncertainty_to_dict
-from lava_ros.scene.vents import check_vents, Vent
+from lava_ros.scene.terrain_files import DEMO, load_terrain
+from lava_ros.scene.uncertainty import Uncertainty, uncertainty_from_dict, uncertainty_to_dict
+from lava_ros.scene.vents import check_vents, Vent, vents_from_list
+
+_LOG = logging.getLogger(__name__)
 
 #: Largest viscosity of lava that comes out of a vent [Pa s], crystals included.
 MAX_VENT_VISCOSITY = 1e15
@@ -66,12 +74,12 @@ class Scene:
             LavaError: A part is of the wrong kind, a vent is not on the terrain, or its lava is
                 solid.
         """
-        put = object.__setattr__
         kinds = (('terrain', Terrain), ('lava', Lava), ('uncertainty', Uncertainty))
         for name, kind in kinds:
             if not isinstance(getattr(self, name), kind):
                 raise LavaError(f'scene.{name}', getattr(self, name), f'a {kind.__name__}')
-        put(self, 'vents', check_vents(self.vents, self.terrain, self.lava))
+        vents = check_vents(self.vents, self.terrain, self.lava)
+        object.__setattr__(self, 'vents', vents)
         if self.uncertainty.yield_strength is not None and 'yielding' not in possible(self.lava):
             right = 'absent: lava.yield_strength is 0'
             raise LavaError('uncertainty.yield_strength', self.uncertainty.yield_strength, right)
@@ -87,8 +95,12 @@ class Scene:
                 raise LavaError(f'vents[{index}].temperature', vent.temperature, right)
         check_fields('scene', self)
 
+
 #: Fields of ``Scene`` that are numbers of the surroundings.
 ENVIRONMENT = tuple(item.name for item in fields(Scene) if 'limits' in item.metadata)
+
+#: Keys of a scene in a file.
+SCENE_KEYS = ('terrain', 'vents', 'lava', 'uncertainty', *ENVIRONMENT)
 
 
 def temperature_doubts(scene: Scene, *, is_celsius: bool = False) -> list[str]:
@@ -142,3 +154,80 @@ def scene_to_dict(scene: Scene) -> dict[str, Any]:
         **{name: getattr(scene, name) for name in ENVIRONMENT},
         'uncertainty': uncertainty_to_dict(scene.uncertainty),
     }
+
+
+def scene_from_yaml(path: str | Path, *, terrain: Terrain | None = None) -> Scene:
+    """Read a scene file; ``terrain`` replaces the file's own. LavaError names what is wrong."""
+    return scene_from_dict(*read_scene(path, terrain=terrain))
+
+
+def read_scene(
+    path: str | Path, *, terrain: Terrain | None = None, fill_holes: bool = False
+) -> tuple[dict[str, Any], Terrain]:
+    """Read a scene file without making a scene of it.
+
+    The file has the keys of ``scene_from_dict`` and ``terrain``, a mapping: ``file``, relative to
+    the scene file or ``st_helens.npz`` of the package, and the options of
+    ``terrain_files.load_terrain``.
+
+    Args:
+        path: The YAML file.
+        terrain: Ground to use in place of the file's own.
+        fill_holes: Fill the holes of the file's own ground, whatever the file says.
+
+    Returns:
+        What ``scene_from_dict`` takes.
+
+    Raises:
+        LavaError: The file cannot be read, or has other keys, or its ground is not usable.
+    """
+    path = Path(path)
+    data = validation.keys('scene', read_yaml('scene', path), allowed=SCENE_KEYS)
+    ground = data.pop('terrain', None)
+    if terrain is None:
+        options: dict[str, Any] = validation.keys(
+            'scene.terrain',
+            ground,
+            allowed=['file', 'epsg', 'resolution', 'offset', 'window', 'fill_holes'],
+            required=['file'],
+        )
+        name = options.pop('file')
+        if not isinstance(name, str):
+            raise LavaError('scene.terrain.file', name, 'the name of a file, text')
+        if fill_holes:
+            options['fill_holes'] = True
+        is_demo = name == DEMO.name and not (path.parent / name).exists()
+        terrain = load_terrain(DEMO if is_demo else path.parent / name, **options)
+    return data, terrain
+
+
+def scene_from_dict(data: Mapping[str, Any], terrain: Terrain) -> Scene:
+    """Build a scene from the plain data of a YAML file.
+
+    Args:
+        data: ``vents``, ``lava`` (fields of ``Lava``, and maybe ``material``, a name of ``lava
+            materials`` whose constants they replace; ``materials.DEFAULT`` where it is absent),
+            ``ambient_temperature``, ``gravity`` and ``uncertainty``; all may be left out.
+        terrain: The ground.
+
+    Raises:
+        LavaError: A field is not usable.
+    """
+    lava, material = lava_from_dict('scene.lava', data.get('lava', {}))
+    scene = Scene(
+        terrain=terrain,
+        vents=vents_from_list(
+            data.get('vents', []), terrain, temperature=material.vent_temperature.value
+        ),
+        lava=lava,
+        uncertainty=uncertainty_from_dict(data.get('uncertainty', {})),
+        **{name: data[name] for name in ENVIRONMENT if name in data},
+    )
+    warn_of_celsius(scene)
+    return scene
+
+
+def warn_of_celsius(scene: Scene) -> None:
+    """Warn of temperatures that were given in kelvin and make more sense in Celsius."""
+    for text in temperature_doubts(scene):
+        _LOG.warning(text)

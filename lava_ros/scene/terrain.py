@@ -58,49 +58,34 @@ class Terrain:
     source: str = ''
 
     def __post_init__(self) -> None:
-        """Validate and normalise every field.
-
-        Raises:
-            LavaError: A field is not usable.
-        """
+        """Validate and normalise every field; LavaError names one that is not usable."""
         put = object.__setattr__
+        field = 'terrain.elevation'
         try:
             if np.asarray(self.elevation).dtype.kind not in 'fiubO':
                 raise TypeError
             with np.errstate(over='ignore', invalid='ignore'):
                 elevation = np.array(self.elevation, dtype=np.float32, order='C')
         except (TypeError, ValueError, OverflowError):
-            raise LavaError(
-                'terrain.elevation', type(self.elevation).__name__, 'a 2-D array of numbers [m]'
-            ) from None
-        if elevation.ndim != 2 or min(elevation.shape) < 2:
-            right = 'a 2-D array of at least 2 x 2 cells'
-            raise LavaError('terrain.elevation', f'array of shape {elevation.shape}', right)
-        if max(elevation.shape) > MAX_SIDE_CELLS:
-            right = f'at most {MAX_SIDE_CELLS} cells a side'
-            raise LavaError('terrain.elevation', f'array of shape {elevation.shape}', right)
-        if np.isinf(elevation).any():
-            raise LavaError('terrain.elevation', math.inf, 'finite metres, NaN where unknown')
+            found = type(self.elevation).__name__
+            raise LavaError(field, found, 'a 2-D array of numbers [m]') from None
+        sides = elevation.shape
+        if len(sides) != 2 or not 2 <= min(sides) <= max(sides) <= MAX_SIDE_CELLS:
+            right = f'a 2-D array of 2 to {MAX_SIDE_CELLS} cells a side'
+            raise LavaError(field, f'array of shape {sides}', right)
         # NaN compares as False.
         beyond = np.abs(elevation) > MAX_ELEVATION
         if beyond.any():
             right = f'at most {MAX_ELEVATION:g} m above or below zero, NaN where unknown'
-            raise LavaError('terrain.elevation', float(elevation[beyond][0]), right)
+            raise LavaError(field, float(elevation[beyond][0]), right)
         if np.isnan(elevation).all():
-            raise LavaError('terrain.elevation', math.nan, 'at least one cell with data')
+            raise LavaError(field, math.nan, 'at least one cell with data')
         elevation.setflags(write=False)
         put(self, 'elevation', elevation)
-        put(
-            self,
-            'resolution',
-            validation.number(
-                'terrain.resolution',
-                self.resolution,
-                at_least=RESOLUTION_RANGE[0],
-                at_most=RESOLUTION_RANGE[1],
-                unit='m',
-            ),
-        )
+        least, most = RESOLUTION_RANGE
+        field, value = 'terrain.resolution', self.resolution
+        value = validation.number(field, value, at_least=least, at_most=most, unit='m')
+        put(self, 'resolution', value)
         for name in ('origin', 'offset'):
             place = validation.pair(f'terrain.{name}', getattr(self, name), most=MAX_COORDINATE)
             put(self, name, place)

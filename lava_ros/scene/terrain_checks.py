@@ -42,11 +42,7 @@ FILL_DISTANCE = 1000.0
 
 
 def check_heights(raster: Raster, path: Path) -> None:
-    """Refuse heights that no ground has: marks of missing data, and feet.
-
-    Raises:
-        LavaError: There are some.
-    """
+    """Raise LavaError for heights that no ground has: marks of missing data, and feet."""
     known = raster.elevation[np.isfinite(raster.elevation)]
     if not known.size:
         return
@@ -86,10 +82,10 @@ def tell(path: Path, terrain: Terrain, source: str, wrong: np.ndarray, *, is_fil
             terrain.offset[axis] + terrain.origin[axis] + (cell + 0.5) * terrain.resolution
             for axis, cell in enumerate((column, row))
         )
-        done = 'lava that gets there is lost or held '
+        done = 'the simulation would lose or trap lava there '
         done += '(--fill-holes, or fill_holes: true, fills them)'
         if is_filled:
-            done = 'filled from what is around'
+            done = 'they were filled from the cells around them'
         _LOG.warning(
             f'{path.name}: {count} cells inside have no data or lie deep below all their '
             f'neighbours, the first at {east:.10g}, {north:.10g}: {done}'
@@ -97,7 +93,7 @@ def tell(path: Path, terrain: Terrain, source: str, wrong: np.ndarray, *, is_fil
     if low >= 0.0 and 1.0 < high <= 90.0 and terrain.epsg is not None:
         _LOG.warning(
             f'{path.name}: elevations {low:.6g} to {high:.6g} m: '
-            'a map of slopes in degrees looks like that'
+            'they may be slopes in degrees instead of heights'
         )
 
 

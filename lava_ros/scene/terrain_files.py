@@ -25,13 +25,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files.npz import read_arrays
 from lava_ros.files.optional import require
 from lava_ros.files.rasters import opened_raster
-from lava_ros.scene.projection import (
-    cropped,
-    in_square_metres,
-    Raster,
-    WGS84,
-    with_epsg,
-)
+from lava_ros.scene.projection import cropped, in_square_metres, Raster, WGS84, with_epsg
 from lava_ros.scene.terrain import MAX_SIDE_CELLS, Terrain
 from lava_ros.scene.terrain_checks import check_heights, filled, holes_and_pits, tell
 
@@ -130,22 +124,16 @@ def _read_npz(path: Path) -> Raster:
     order = validation.choice('row_order', str(data.get('row_order', 'south')), ('south', 'north'))
     elevation = np.asarray(data['elevation'])
     if elevation.ndim != 2 or elevation.dtype.kind not in 'iuf':
-        raise LavaError(
-            'terrain file elevation',
-            f'{elevation.dtype} array of shape {elevation.shape}',
-            'numbers [m] of shape [rows, columns]',
-        )
-    if 'resolution' in data:
-        dx = dy = validation.number('resolution', data['resolution'], above=0.0, unit='m')
-    else:
-        dx = validation.number('dx', data.get('dx'), above=0.0, unit='m')
-        dy = validation.number('dy', data.get('dy'), above=0.0, unit='m')
+        found = f'{elevation.dtype} array of shape {elevation.shape}'
+        raise LavaError('terrain file elevation', found, 'numbers [m] of shape [rows, columns]')
+    sides = ('resolution', 'resolution') if 'resolution' in data else ('dx', 'dy')
+    dx, dy = (validation.number(name, data.get(name), above=0.0, unit='m') for name in sides)
     epsg = None
     if 'epsg' in data:
         code = validation.number('epsg', data['epsg'])
         epsg = validation.whole('epsg', code, at_least=1, at_most=MOST_EPSG)
-    offset = validation.pair('offset', data['offset']) if 'offset' in data else (0.0, 0.0)
-    origin = validation.pair('origin', data['origin']) if 'origin' in data else (0.0, 0.0)
+    none = np.zeros(2)
+    offset, origin = (validation.pair(name, data.get(name, none)) for name in ('offset', 'origin'))
     return Raster(
         elevation=(elevation[::-1] if order == 'north' else elevation).astype(np.float32),
         dx=dx,
@@ -186,21 +174,20 @@ def _read_gdal(path: Path) -> Raster:
 def _check_band(source: Any, path: Path) -> None:
     """Refuse what is not an elevation in metres on a north-up grid."""
     transform = source.transform
-    if source.count != 1:
-        raise LavaError('terrain file', str(path), f'one band of elevations, not {source.count}')
-    if np.dtype(source.dtypes[0]).kind not in 'iuf':
-        raise LavaError('terrain file', str(path), f'numbers, not {source.dtypes[0]}')
-    if max(source.shape) > MAX_SIDE_CELLS:
-        raise LavaError(
-            'terrain file', str(path), f'at most {MAX_SIDE_CELLS} cells a side, not {source.shape}'
-        )
-    if transform.is_identity or transform.b or transform.d or transform.a <= 0.0:
-        raise LavaError(
-            'terrain file', str(path), 'a georeferenced grid with north up (gdalwarp makes one)'
-        )
     unit = (source.units[0] or '').lower()
-    if unit not in METRES:
-        raise LavaError('terrain file', str(path), f'elevations in metres, not {unit}')
+    right = ''
+    if source.count != 1:
+        right = f'one band of elevations, not {source.count}'
+    elif np.dtype(source.dtypes[0]).kind not in 'iuf':
+        right = f'numbers, not {source.dtypes[0]}'
+    elif max(source.shape) > MAX_SIDE_CELLS:
+        right = f'at most {MAX_SIDE_CELLS} cells a side, not {source.shape}'
+    elif transform.is_identity or transform.b or transform.d or transform.a <= 0.0:
+        right = 'a georeferenced grid with north up (gdalwarp makes one)'
+    elif unit not in METRES:
+        right = f'elevations in metres, not {unit}'
+    if right:
+        raise LavaError('terrain file', str(path), right)
 
 
 def demo_terrain() -> Terrain:

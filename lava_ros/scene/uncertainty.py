@@ -76,11 +76,7 @@ class Distribution:
     limits: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
-        """Validate every field.
-
-        Raises:
-            LavaError: A field is not usable.
-        """
+        """Validate every field; LavaError names one that is not usable."""
         names = KINDS[validation.choice('distribution.kind', self.kind, KINDS)]
         if not isinstance(self.numbers, Sequence) or len(self.numbers) != len(names):
             right = f'{len(names)}: {", ".join(names)}'
@@ -166,9 +162,8 @@ def _triangular_quantile(share: float, low: float, mode: float, high: float) -> 
 class Displacement:
     """How far vents may be from where the scene has them; all of them move together.
 
-    Attributes:
-        deviation: Standard deviation of each coordinate, normal [m]; 0 where ``radius`` is used.
-        radius: Radius of the disc in which each place is as likely [m]; 0 for ``deviation``.
+    Either ``deviation`` is the standard deviation of each coordinate, normal [m], or ``radius``
+    that of the disc in which each place is as likely [m]; the other is 0.
     """
 
     deviation: float = number(0.0, 'Deviation', 0.0, MAX_LENGTH, 'm')
@@ -188,10 +183,8 @@ class Displacement:
     def quantile(self, first: float, second: float) -> tuple[float, float]:
         """The displacement (dx, dy) [m] that two shares between 0 and 1 stand for."""
         if self.deviation:
-            return (
-                self.deviation * _STANDARD.inv_cdf(first),
-                self.deviation * _STANDARD.inv_cdf(second),
-            )
+            x, y = _STANDARD.inv_cdf(first), _STANDARD.inv_cdf(second)
+            return (self.deviation * x, self.deviation * y)
         reach, angle = self.radius * math.sqrt(first), 2.0 * math.pi * second
         return (reach * math.cos(angle), reach * math.sin(angle))
 
@@ -200,20 +193,15 @@ class Displacement:
 class Roughness:
     """Errors of the terrain: a Gaussian random field with a Gaussian correlation.
 
-    Attributes:
-        deviation: Standard deviation of the elevation [m].
-        correlation: Distance at which the correlation has fallen to 1/e [m].
+    ``deviation`` is the standard deviation of the elevation [m], ``correlation`` the distance at
+    which the correlation has fallen to 1/e [m].
     """
 
     deviation: float
     correlation: float
 
     def __post_init__(self) -> None:
-        """Validate every field.
-
-        Raises:
-            LavaError: A field is not usable.
-        """
+        """Validate every field; LavaError names one that is not usable."""
         for name in ('deviation', 'correlation'):
             value = validation.number(
                 f'roughness.{name}', getattr(self, name), above=0.0, at_most=MAX_LENGTH, unit='m'
@@ -223,13 +211,9 @@ class Roughness:
 
 @dataclass(frozen=True)
 class EruptionClass:
-    """A kind of eruption: its probability, and its duration and volume.
+    """A kind of eruption: its duration [s], and the volume of all vents together [m3].
 
-    Attributes:
-        probability: Probability relative to those of the other classes, above 0.
-        duration: Duration [s].
-        volume: Volume that all vents emit together [m3].
-        name: Name of the class.
+    Its probability is relative to those of the other classes, above 0.
     """
 
     probability: float
@@ -238,15 +222,9 @@ class EruptionClass:
     name: str = ''
 
     def __post_init__(self) -> None:
-        """Validate every field.
-
-        Raises:
-            LavaError: A field is not usable.
-        """
+        """Validate every field; LavaError names one that is not usable."""
         where = 'eruptionclass'
-        value = validation.number(
-            f'{where}.probability', self.probability, above=0.0, at_most=1e9
-        )
+        value = validation.number(f'{where}.probability', self.probability, above=0.0, at_most=1e9)
         object.__setattr__(self, 'probability', value)
         for name in ('duration', 'volume'):
             item = getattr(self, name)
@@ -306,11 +284,7 @@ class Uncertainty:
 
 
 def uncertainty_from_dict(data: object) -> Uncertainty:
-    """Build an ``Uncertainty`` from the plain data of a scene file.
-
-    Raises:
-        LavaError: A key is unknown or a value is not usable; the message names it.
-    """
+    """Build it from the plain data of a scene file; LavaError names what is wrong."""
     where = 'uncertainty'
     names = [item.name for item in fields(Uncertainty)]
     values: dict[str, Any] = {}
@@ -338,33 +312,22 @@ def uncertainty_from_dict(data: object) -> Uncertainty:
 
 def uncertainty_to_dict(uncertainty: Uncertainty) -> dict[str, Any]:
     """Plain data from which ``uncertainty_from_dict`` makes the same again."""
-    result: dict[str, Any] = {}
-    for item in fields(uncertainty):
-        value = getattr(uncertainty, item.name)
-        if isinstance(value, Distribution):
-            result[item.name] = _plain(value)
-        elif isinstance(value, Mapping):
-            result |= {item.name: {key: _plain(value[key]) for key in value}} if value else {}
-        elif isinstance(value, tuple):
-            classes = [
-                {**vars(part), 'duration': _plain(part.duration), 'volume': _plain(part.volume)}
-                for part in value
-            ]
-            result |= {item.name: classes} if classes else {}
-        elif isinstance(value, Displacement):
-            name = 'deviation' if value.deviation else 'radius'
-            result[item.name] = {name: getattr(value, name)}
-        elif value is not None:
-            result[item.name] = {
-                'deviation': value.deviation, 'correlation': value.correlation
-            }
-    return result
+    known = vars(uncertainty).items()
+    return {name: _plain(value) for name, value in known if value not in (None, (), {})}
 
 
-def _plain(distribution: Distribution) -> dict[str, Any]:
-    numbers = dict(zip(KINDS[distribution.kind], distribution.numbers, strict=True))
-    limits = {} if distribution.limits is None else {'limits': list(distribution.limits)}
-    return {'distribution': distribution.kind, **numbers, **limits}
+def _plain(value: Any) -> Any:
+    if isinstance(value, Distribution):
+        numbers = dict(zip(KINDS[value.kind], value.numbers, strict=True))
+        limits = {} if value.limits is None else {'limits': list(value.limits)}
+        return {'distribution': value.kind, **numbers, **limits}
+    if isinstance(value, Displacement):
+        return {name: number for name, number in vars(value).items() if number}
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, (Roughness, EruptionClass)):
+        value = vars(value)
+    return {key: _plain(value[key]) for key in value} if isinstance(value, Mapping) else value
 
 
 def _distribution(where: str, data: object) -> Distribution:

@@ -15,8 +15,9 @@
 """Vents: where lava comes out, how much and how hot."""
 
 from bisect import bisect
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import partial
 import math
 
 import numpy as np
@@ -68,37 +69,25 @@ class Vent:
     velocity: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
-        """Validate and normalise every field.
-
-        Raises:
-            LavaError: A field is not usable.
-        """
-        put = object.__setattr__
+        """Validate and normalise every field; LavaError names one that is not usable."""
         if not isinstance(self.name, str):
             raise LavaError('vent.name', self.name, 'text')
         label = f'vent {self.name!r}.' if self.name else 'vent.'
-        for name in ('position', 'end'):
-            if name == 'position' or self.end is not None:
-                place = validation.pair(label + name, getattr(self, name), most=MAX_COORDINATE)
-                put(self, name, place)
-        velocity = validation.pair(
-            label + 'velocity', self.velocity, unit='m/s', most=MAX_VENT_VELOCITY
-        )
-        put(self, 'velocity', velocity)
-        radius = validation.number(
-            label + 'radius', self.radius, above=0.0, at_most=MAX_RADIUS, unit='m'
-        )
-        put(self, 'radius', radius)
-        if self.temperature is not None:
-            temperature = validation.number(
-                label + 'temperature',
-                self.temperature,
-                at_least=VENT_TEMPERATURE_RANGE[0],
-                at_most=VENT_TEMPERATURE_RANGE[1],
-                unit='K',
-            )
-            put(self, 'temperature', temperature)
-        put(self, 'discharge', _discharge(label + 'discharge', self.discharge))
+        coldest, hottest = VENT_TEMPERATURE_RANGE
+        checks: dict[str, Callable[[str, object], object]] = {
+            'position': partial(validation.pair, most=MAX_COORDINATE),
+            'end': partial(validation.pair, most=MAX_COORDINATE),
+            'velocity': partial(validation.pair, unit='m/s', most=MAX_VENT_VELOCITY),
+            'radius': partial(validation.number, above=0.0, at_most=MAX_RADIUS, unit='m'),
+            'temperature': partial(
+                validation.number, at_least=coldest, at_most=hottest, unit='K'
+            ),
+            'discharge': _discharge,
+        }
+        for name, check in checks.items():
+            value = getattr(self, name)
+            if value is not None or name not in ('end', 'temperature'):
+                object.__setattr__(self, name, check(label + name, value))
 
     @property
     def series(self) -> tuple[tuple[float, float], ...]:
@@ -145,16 +134,13 @@ class Vent:
 
 
 def _discharge(label: str, value: object) -> float | tuple[tuple[float, float], ...]:
+    number = partial(validation.number, at_least=0.0, at_most=MAX_DISCHARGE, unit='m3/s')
     if not isinstance(value, (list, tuple, np.ndarray)):
-        return validation.number(
-            label, value, at_least=0.0, at_most=MAX_DISCHARGE, unit='m3/s'
-        )
+        return number(label, value)
     pairs: list[tuple[float, float]] = []
     for index, item in enumerate(value):
         time, flux = validation.pair(f'{label}[{index}]', item, unit='(s, m3/s)')
-        validation.number(
-            f'{label}[{index}][1]', flux, at_least=0.0, at_most=MAX_DISCHARGE, unit='m3/s'
-        )
+        number(f'{label}[{index}][1]', flux)
         if pairs and time <= pairs[-1][0]:
             raise LavaError(f'{label}[{index}][0]', time, f'a time after {pairs[-1][0]:g} s')
         pairs.append((time, flux))
@@ -210,13 +196,12 @@ def erupting(vents: Sequence[Vent], *, duration: float, volume: float) -> tuple[
     span = max(ends, default=1.0)
     whole = sum(vent.volume_between(0.0, span) for vent in vents)
     if whole == 0.0:
-        raise LavaError('vents.discharge', 0.0, 'a vent that lava comes out of')
+        raise LavaError('vents.discharge', 0.0, 'a discharge above 0')
     longer = duration / span
     more = volume / (whole * longer)
-    curves = [_within(vent, span) for vent in vents]
     return tuple(
-        replace(vent, discharge=[(time * longer, flux * more) for time, flux in curve])
-        for vent, curve in zip(vents, curves, strict=True)
+        replace(vent, discharge=[(at * longer, q * more) for at, q in _within(vent, span)])
+        for vent in vents
     )
 
 
@@ -233,12 +218,8 @@ def vents_from_list(
     """Build vents from the plain data of a YAML file.
 
     Each item is a mapping with the fields of ``Vent``; ``projected: [easting, northing]`` may
-    stand in place of ``position`` (and ``projected_end`` of ``end``).
-
-    Args:
-        items: The data.
-        terrain: The ground.
-        temperature: Temperature of vents that have none of their own [K], None for the usual one.
+    stand in place of ``position`` (and ``projected_end`` of ``end``). ``temperature`` [K] is that
+    of vents that have none of their own; None: the usual one.
 
     Raises:
         LavaError: The data is not such a list.

@@ -25,12 +25,20 @@ import numpy as np
 import pytest
 from rosbags.typesys import get_typestore, Stores
 
-from lava_ros.bag import BagWriter, LATCHED, QosProfile
+from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
 
 GRID = 'nav_msgs/msg/OccupancyGrid'
 SECOND = 1_000_000_000
 
 Messages = list[tuple[str, int, bytes]]
+Bag = tuple[Path, Messages]
+MakeGrid = Callable[[int], bytes]
+
+
+def messages_of(reader: BagReader) -> Messages:
+    """Everything a reader yields."""
+    return [(item.topic, item.stamp_ns, item.data) for item in reader.messages()]
+
 
 #: Writes latched frames for ever, stamped 0, 1, 2, ...; says each that is flushed.
 RECORDER = """
@@ -48,7 +56,7 @@ for stamp in range(10**9):
 
 
 @pytest.fixture(scope='session')
-def make_grid() -> Callable[[int], bytes]:
+def make_grid() -> MakeGrid:
     """Serialises an OccupancyGrid of 40 x 60 cells with the given stamp [ns]."""
     store = get_typestore(Stores.ROS2_JAZZY)
     types = store.types
@@ -72,7 +80,7 @@ def make_grid() -> Callable[[int], bytes]:
 
 
 @pytest.fixture
-def bag(tmp_path: Path, make_grid: Callable[[int], bytes]) -> tuple[Path, Messages]:
+def bag(tmp_path: Path, make_grid: MakeGrid) -> Bag:
     """A finished bag and what was written: /hazard latched each second, /points each half."""
     directory = tmp_path / 'eruption'
     messages: Messages = []

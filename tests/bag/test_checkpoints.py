@@ -23,6 +23,7 @@ from mcap.reader import make_reader
 import pytest
 from rosbags.rosbag2 import Reader
 
+from bag.conftest import GRID, MakeGrid, messages_of, SECOND
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.checkpoints import (
     attachments_in,
@@ -34,26 +35,19 @@ from lava_ros.bag.checkpoints import (
 from lava_ros.bag.records import MAX_RECORD_SIZE
 from lava_ros.bag.recovery import recover
 from lava_ros.errors import LavaError
-from lava_ros.simulation.checkpoint import Checkpoint, MEDIA_TYPE
+from lava_ros.simulation.checkpoint import MEDIA_TYPE
 from small_checkpoint import small_checkpoint
 
-GRID = 'nav_msgs/msg/OccupancyGrid'
-SECOND = 1_000_000_000
 WRITTEN = {'first': b'lava ' * 8, 'second': bytes(range(50))}
 
 
-def checkpoint(time: float) -> Checkpoint:
-    """As many particles as seconds."""
-    return small_checkpoint(time, int(time))
-
-
-def attach(writer: BagWriter, time: float, stamp: int) -> None:
-    """Write a checkpoint."""
-    writer.attach(NAME, MEDIA_TYPE, checkpoint(time).to_bytes(), stamp)
+def checkpoint(time: float) -> bytes:
+    """One with as many particles as seconds."""
+    return small_checkpoint(time, int(time)).to_bytes()
 
 
 @pytest.fixture
-def directory(tmp_path: Path, make_grid: Callable[[int], bytes]) -> Path:
+def directory(tmp_path: Path, make_grid: MakeGrid) -> Path:
     """A finished bag of 20 messages in two files, a checkpoint after each fifth one."""
     path = tmp_path / 'eruption'
     with BagWriter(path, custom_data={}) as writer:
@@ -63,7 +57,7 @@ def directory(tmp_path: Path, make_grid: Callable[[int], bytes]) -> Path:
             stamp = (100 + second) * SECOND
             writer.write('/hazard', GRID, make_grid(stamp), stamp, qos=LATCHED)
             if second % 5 == 4:
-                attach(writer, second + 1.0, stamp)
+                writer.attach(NAME, MEDIA_TYPE, checkpoint(second + 1.0), stamp)
                 writer.flush()
         writer.attach('notes.txt', 'text/plain', b'nothing of use', stamp)
     return path
@@ -71,13 +65,10 @@ def directory(tmp_path: Path, make_grid: Callable[[int], bytes]) -> Path:
 
 def test_messages_are_read_as_without_them(directory: Path) -> None:
     """Other readers find the messages, no more topics, and the attachments where they are."""
-    ours = [(item.topic, item.stamp_ns, item.data) for item in BagReader(directory).messages()]
+    ours = messages_of(BagReader(directory))
     assert len(ours) == 20
     with Reader(directory) as reader:
-        theirs = [
-            (connection.topic, stamp, bytes(data))
-            for connection, stamp, data in reader.messages()
-        ]
+        theirs = [(conn.topic, stamp, bytes(data)) for conn, stamp, data in reader.messages()]
     assert theirs == ours
     with (directory / 'eruption_1.mcap').open('rb') as stream:
         reader = make_reader(stream, validate_crcs=True)
@@ -86,23 +77,16 @@ def test_messages_are_read_as_without_them(directory: Path) -> None:
     assert found == [(NAME, MEDIA_TYPE)] * 2 + [('notes.txt', 'text/plain')]
 
 
-def test_they_are_listed_with_time_and_size(directory: Path) -> None:
-    """Oldest first, over all files, nothing else among them."""
+def test_they_are_listed_and_read(directory: Path) -> None:
+    """Oldest first, over all files, nothing else among them; bytes are those that were written."""
     found = checkpoints_of(directory)
-    assert [item.time for item in found] == [5.0, 10.0, 15.0, 20.0]
-    assert [item.particle_count for item in found] == [5, 10, 15, 20]
-    assert [item.log_time_ns for item in found] == [
-        (104 + 5 * index) * SECOND for index in range(4)
+    assert [tuple(item) for item in found] == [
+        (5.0 * n, (99 + 5 * n) * SECOND, 5 * n, len(checkpoint(5.0 * n))) for n in range(1, 5)
     ]
-    assert found[0].size == len(checkpoint(5.0).to_bytes())
     assert checkpoints_of(directory / 'eruption_0.mcap') == found[:2]
-
-
-def test_the_newest_is_read(directory: Path) -> None:
-    """Its bytes are those that were written."""
-    found = newest_checkpoint(directory)
-    assert found.checkpoint.to_bytes() == checkpoint(20.0).to_bytes()
-    assert (found.log_time_ns, found.refused) == (119 * SECOND, ())
+    newest = newest_checkpoint(directory)
+    assert newest.checkpoint.to_bytes() == checkpoint(20.0)
+    assert (newest.log_time_ns, newest.refused) == (119 * SECOND, ())
 
 
 def test_the_last_whole_one_of_a_file_that_is_cut_off_is_found(directory: Path) -> None:
@@ -121,7 +105,7 @@ def test_the_last_whole_one_of_a_file_that_is_cut_off_is_found(directory: Path) 
         assert newest_checkpoint(directory).checkpoint.time == max([10.0, *whole])
 
 
-def test_no_checkpoint_is_an_error(tmp_path: Path, make_grid: Callable[[int], bytes]) -> None:
+def test_no_checkpoint_is_an_error(tmp_path: Path) -> None:
     """It says whether the bag is missing, is none, or has none."""
     with pytest.raises(LavaError, match='that exists'):
         newest_checkpoint(tmp_path / 'nothing')
@@ -130,12 +114,11 @@ def test_no_checkpoint_is_an_error(tmp_path: Path, make_grid: Callable[[int], by
     (tmp_path / 'text.mcap').write_text('not a bag at all')
     with pytest.raises(LavaError, match='does not start like one'):
         newest_checkpoint(tmp_path)
-    with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
-        writer.write('/hazard', GRID, make_grid(1), 1, qos=LATCHED)
+    BagWriter(tmp_path / 'bag', custom_data={}).close()
     with pytest.raises(LavaError, match='with a checkpoint in it; this one has none'):
         newest_checkpoint(tmp_path / 'bag')
     with BagWriter(tmp_path / 'later', custom_data={}) as writer:
-        later = bytearray(checkpoint(3.0).to_bytes())
+        later = bytearray(checkpoint(3.0))
         later[8] = 9
         writer.attach(NAME, MEDIA_TYPE, bytes(later), 1)
     with pytest.raises(LavaError, match=r'checkpoint\.version is 9'):
@@ -161,8 +144,8 @@ def test_a_clock_that_jumps_back_leaves_their_order(tmp_path: Path) -> None:
     """The newest is the one written last, whatever its stamp says."""
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         writer.write('/empty', 'std_msgs/msg/Empty', bytes(4), 50 * SECOND, qos=LATCHED)
-        attach(writer, 4.0, 50 * SECOND)
-        attach(writer, 6.0, 20 * SECOND)
+        writer.attach(NAME, MEDIA_TYPE, checkpoint(4.0), 50 * SECOND)
+        writer.attach(NAME, MEDIA_TYPE, checkpoint(6.0), 20 * SECOND)
     assert [item.time for item in checkpoints_of(tmp_path / 'bag')] == [4.0, 6.0]
     assert newest_checkpoint(tmp_path / 'bag').checkpoint.time == 6.0
 
@@ -173,9 +156,7 @@ def test_a_file_without_index_is_walked(directory: Path) -> None:
     indexed = attachments_in(path)
     path.write_bytes(path.read_bytes()[:-1])
     assert attachments_in(path) == indexed
-    assert [item.read() for item in indexed] == [
-        checkpoint(5.0).to_bytes(), checkpoint(10.0).to_bytes()
-    ]
+    assert [item.read() for item in indexed] == [checkpoint(5.0), checkpoint(10.0)]
     assert len(attachments_of(directory)) == 5
     with pytest.raises(LavaError, match='a readable file'):
         replace(indexed[0], path=directory / 'gone.mcap').read()
@@ -200,18 +181,19 @@ def test_no_damage_is_passed_over(path: Path, damage: Callable[[int], int]) -> N
     """Whichever byte it strikes: data that is read is what was written, all else is an error."""
     whole = path.read_bytes()
     read = refused = 0
-    for place in range(len(whole)):
-        damaged = bytearray(whole)
-        damaged[place] = damage(damaged[place])
-        if damaged == whole:
-            continue
-        path.write_bytes(damaged)
-        try:
-            for item in attachments_in(path):
-                assert item.read() in WRITTEN.values(), place
-                read += 1
-        except LavaError:
-            refused += 1
+    # to write the whole file each time would take most of the time
+    with path.open('r+b', buffering=0) as file:
+        for place, byte in enumerate(whole):
+            file.seek(place)
+            file.write(bytes([damage(byte)]))
+            try:
+                for item in attachments_in(path):
+                    assert item.read() in WRITTEN.values(), place
+                    read += 1
+            except LavaError:
+                refused += 1
+            file.seek(place)
+            file.write(bytes([byte]))
     assert read > len(whole)
     assert refused > 100
 

@@ -15,20 +15,16 @@
 """The timing of a replay, against a clock that the test turns."""
 
 from collections.abc import Iterator
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 import threading
 
 import pytest
 
+from bag.conftest import Bag, SECOND
 from lava_ros.bag import BagReader, BagWriter, LATCHED
 from lava_ros.bag.replay import JUMP, LOOP_PAUSE, pace, schedule, SPEEDS, Step, Transport
 from lava_ros.errors import LavaError
-
-SECOND = 1_000_000_000
-
-Messages = list[tuple[str, int, bytes]]
-Bag = tuple[Path, Messages]
 
 
 class FakeClock:
@@ -81,11 +77,8 @@ def test_an_offset_gives_latched_messages_first(bag: Bag) -> None:
     expected = [(topic, stamp) for topic, stamp, _ in written if stamp >= 103_250_000_000]
     assert [(due.message.topic, due.message.stamp_ns) for due in rest] == expected
     assert rest[0].at == pytest.approx(0.25)
-
-
-def test_a_latched_message_at_the_start_is_played_in_turn(bag: Bag) -> None:
-    """A map right at the start comes after the one before it, as recorded."""
-    dues = list(islice(schedule(BagReader(bag[0]), start_offset=3.0), 3))
+    # a map right at the start comes after the one before it, as recorded
+    dues = list(islice(schedule(BagReader(directory), start_offset=3.0), 3))
     assert [due.message.stamp_ns for due in dues] == [102 * SECOND, 103 * SECOND, 103 * SECOND]
 
 
@@ -134,14 +127,6 @@ def test_an_empty_bag_is_refused(tmp_path: Path) -> None:
         schedule(BagReader(tmp_path / 'bag'))
 
 
-def test_messages_are_taken_when_due(bag: Bag) -> None:
-    """The pace follows the clock."""
-    dues = list(schedule(BagReader(bag[0]), rate=2.0))
-    taken = steps(iter(dues), FakeClock(), rate=2.0)
-    assert [time for time, _ in taken] == pytest.approx([due.at for due in dues])
-    assert [step.message for _, step in taken] == [due.message for due in dues]
-
-
 @pytest.mark.parametrize('delay', [0.0, 0.003, 0.3])
 @pytest.mark.parametrize('rate', [0.5, 8.0])
 def test_the_clock_ticks_and_never_goes_back(bag: Bag, delay: float, rate: float) -> None:
@@ -167,13 +152,11 @@ def test_the_clock_stands_still_between_rounds(bag: Bag) -> None:
     pause = [step for time, step in taken if 0.52 < time < 1.48]
     assert len(pause) > 80
     assert {step.clock_ns for step in pause} == {109_500_000_000}
-    (jump,) = [
-        index
-        for index in range(1, len(taken))
-        if taken[index][1].clock_ns < taken[index - 1][1].clock_ns
+    (back,) = [
+        after for before, after in pairwise(taken) if after[1].clock_ns < before[1].clock_ns
     ]
-    assert taken[jump][0] == pytest.approx(1.5)
-    assert taken[jump][1].round == 1
+    assert back[0] == pytest.approx(1.5)
+    assert back[1].round == 1
 
 
 def test_a_stop_ends_the_replay(bag: Bag) -> None:
@@ -227,22 +210,19 @@ class Desk:
             place = min(max(place + round(jump * rate * SECOND), start), reader.end_ns or 0)
 
 
-def test_without_keys_it_is_the_real_clock(bag: Bag) -> None:
-    """Every message comes once, when it is due."""
-    taken = Desk().play(bag[0])
-    assert [place for _, _, place in taken] == [(stamp / 1e9) - 100.0 for _, stamp, _ in bag[1]]
-    for moment, _, place in taken:
-        assert moment == pytest.approx(place, abs=1e-3)
-
-
-def test_space_holds_it_and_lets_it_go_on(bag: Bag) -> None:
-    """Nothing comes while it is held, and what comes later is late by as much."""
-    desk = Desk(space1=3.2, space2=20.2)
+@pytest.mark.parametrize(
+    ('presses', 'late'), [({}, 0.0), ({'space1': 3.2, 'space2': 20.2}, 17.0)]
+)
+def test_space_holds_it_and_lets_it_go_on(
+    bag: Bag, presses: dict[str, float], late: float
+) -> None:
+    """Every message comes once, when it is due; what comes after a hold is late by as much."""
+    desk = Desk(**presses)
     taken = desk.play(bag[0])
     assert [place for _, _, place in taken] == [(stamp / 1e9) - 100.0 for _, stamp, _ in bag[1]]
     for moment, _, place in taken:
-        assert moment == pytest.approx(place if place < 3.2 else place + 17.0, abs=1e-3)
-    assert desk.changes == [(True, 1.0), (False, 1.0)]
+        assert moment == pytest.approx(place if place < 3.2 else place + late, abs=1e-3)
+    assert desk.changes == [(True, 1.0), (False, 1.0)][: len(presses)]
 
 
 def test_up_and_down_change_the_speed(bag: Bag) -> None:

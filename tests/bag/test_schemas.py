@@ -14,7 +14,6 @@
 
 """Types, QoS profiles and messages of a bag."""
 
-from collections.abc import Iterator
 import json
 from pathlib import Path
 
@@ -52,10 +51,16 @@ TYPES = [
 
 
 @pytest.fixture
-def share(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def share(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The share directory of a prefix that AMENT_PREFIX_PATH names."""
     monkeypatch.setenv('AMENT_PREFIX_PATH', str(tmp_path))
-    yield tmp_path / 'share'
+    return tmp_path / 'share'
+
+
+def headings(name: str) -> list[str]:
+    """Types that the definition of a type contains beside its own."""
+    parts = message_schema(name).text.split(SEPARATOR)[1:]
+    return [part.split('\n', 1)[0] for part in parts]
 
 
 def define(share: Path, package: str, name: str, text: str) -> None:
@@ -74,14 +79,12 @@ def test_definitions_are_complete_and_hashes_right(name: str) -> None:
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(schema.text, name))
     assert store.hash_rihs01(name) == schema.type_hash
-    headings = [part.split('\n', 1)[0] for part in schema.text.split(SEPARATOR)[1:]]
-    assert len(headings) == len(set(headings))
+    assert len(headings(name)) == len(set(headings(name)))
 
 
 def test_dependencies_come_once_in_rosbag2s_order() -> None:
     """An OccupancyGrid needs six other types, each depth first."""
-    text = message_schema('nav_msgs/msg/OccupancyGrid').text
-    assert [part.split('\n', 1)[0] for part in text.split(SEPARATOR)[1:]] == [
+    assert headings('nav_msgs/msg/OccupancyGrid') == [
         'nav_msgs/MapMetaData',
         'builtin_interfaces/Time',
         'geometry_msgs/Pose',
@@ -95,18 +98,10 @@ def test_every_kind_of_field_is_understood(share: Path) -> None:
     """Bounds, arrays, constants, defaults and comments do not hide a dependency or make one."""
     define(share, 'a_msgs', 'Leaf', 'uint8 value\n')
     define(share, 'b_msgs', 'Other', 'a_msgs/Leaf leaf\n')
-    define(
-        share,
-        'a_msgs',
-        'Root',
-        '# Missing type\nuint8 LIMIT=3\nstring<=5 name "x # y"\nwstring<=2[<=4] words\n'
-        'Leaf[<=3] leaves\n  b_msgs/msg/Other[2] others # Missing other\nfloat64[36] numbers\n',
-    )
-    text = message_schema('a_msgs/msg/Root').text
-    assert [part.split('\n', 1)[0] for part in text.split(SEPARATOR)[1:]] == [
-        'a_msgs/Leaf',
-        'b_msgs/Other',
-    ]
+    text = '# Missing type\nuint8 LIMIT=3\nstring<=5 name "x # y"\nwstring<=2[<=4] words\n'
+    text += 'Leaf[<=3] leaves\n  b_msgs/msg/Other[2] others # Missing other\nfloat64[36] numbers\n'
+    define(share, 'a_msgs', 'Root', text)
+    assert headings('a_msgs/msg/Root') == ['a_msgs/Leaf', 'b_msgs/Other']
 
 
 def test_the_ament_prefix_comes_first(share: Path) -> None:
@@ -126,42 +121,35 @@ def test_names_of_other_things_are_refused(name: str) -> None:
 
 
 def test_a_type_that_is_not_installed_says_what_to_do(share: Path) -> None:
-    """The message names the missing dependency, not only what was asked for."""
+    """It names the missing dependency; a distribution without type hashes is refused as well."""
     define(share, 'a_msgs', 'Root', 'gone_msgs/Leaf leaf\n')
     with pytest.raises(LavaError, match=r'gone_msgs/msg/Leaf.*install gone_msgs'):
         message_schema('a_msgs/msg/Root')
+    define(share, 'a_msgs', 'Other', 'uint8 x\n')
+    (share / 'a_msgs' / 'msg' / 'Other.json').unlink()
+    with pytest.raises(LavaError, match=r'Other\.json'):
+        message_schema('a_msgs/msg/Other')
 
 
-def test_a_type_without_a_hash_is_refused(share: Path) -> None:
-    """A package of a distribution without type hashes raises."""
-    define(share, 'a_msgs', 'Root', 'uint8 x\n')
-    (share / 'a_msgs' / 'msg' / 'Root.json').unlink()
-    with pytest.raises(LavaError, match=r'Root\.json'):
-        message_schema('a_msgs/msg/Root')
+#: The keys, order, words and infinite durations that rosbag2 of Jazzy writes.
+WRITTEN = """
+- history: keep_last
+  depth: 1
+  reliability: reliable
+  durability: transient_local
+  deadline: {sec: 9223372036, nsec: 854775807}
+  lifespan: {sec: 9223372036, nsec: 854775807}
+  liveliness: automatic
+  liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
+  avoid_ros_namespace_conventions: false
+"""
 
 
 def test_a_profile_is_a_yaml_list_of_words() -> None:
-    """The text has the keys, order, words and infinite durations that rosbag2 of Jazzy writes."""
-    infinite = {'sec': 9223372036, 'nsec': 854775807}
-    items = yaml.safe_load(profiles_to_yaml([LATCHED]))
-    assert items == [
-        {
-            'history': 'keep_last',
-            'depth': 1,
-            'reliability': 'reliable',
-            'durability': 'transient_local',
-            'deadline': infinite,
-            'lifespan': infinite,
-            'liveliness': 'automatic',
-            'liveliness_lease_duration': infinite,
-            'avoid_ros_namespace_conventions': False,
-        }
-    ]
-    assert list(items[0])[:4] == ['history', 'depth', 'reliability', 'durability']
-
-
-def test_a_profile_survives_a_round_trip() -> None:
-    """What is written is read back, finite durations included."""
+    """As rosbag2 writes it; what is written is read back, finite durations included."""
+    (item,) = yaml.safe_load(profiles_to_yaml([LATCHED]))
+    (expected,) = yaml.safe_load(WRITTEN)
+    assert list(item.items()) == list(expected.items())
     profile = QosProfile(depth=3, reliability='best_effort', deadline=1_500_000_000)
     assert profiles_from_yaml(profiles_to_yaml([profile, LATCHED])) == (profile, LATCHED)
 
@@ -186,13 +174,9 @@ NOT_PROFILES += [profiles_to_yaml([LATCHED]).replace('sec: 9223372036', 'sec: x'
 
 @pytest.mark.parametrize('text', NOT_PROFILES)
 def test_text_that_is_no_profile_list_is_refused(text: str) -> None:
-    """Anything but a list of complete profiles raises."""
+    """Anything but a list of complete profiles raises, and a policy that rmw does not know."""
     with pytest.raises(LavaError, match='offered_qos_profiles'):
         profiles_from_yaml(text)
-
-
-def test_an_unknown_word_is_refused() -> None:
-    """A policy that rmw does not know raises and says which there are."""
     with pytest.raises(LavaError, match=r'qos\.durability is .latched., expected one of'):
         QosProfile(durability='latched')
 
@@ -225,16 +209,12 @@ def test_a_grid(frame_id: str) -> None:
 
 
 def test_every_cut_is_refused() -> None:
-    """A message that breaks off anywhere is an error, never a grid of something else."""
+    """A message that breaks off anywhere, or has other cells than its size says, is an error."""
     whole = message()
     # Serialisation pads the end to four bytes.
     for length in range(len(whole.data) - 3):
         with pytest.raises(LavaError, match='message on /height'):
             read_grid(whole._replace(data=whole.data[:length]))
-
-
-def test_a_size_that_is_not_that_of_the_cells() -> None:
-    """Rows and columns that do not make the cells there are, are refused."""
     grid = OccupancyGrid()
     grid.info.width, grid.info.height, grid.data = 4, 4, [0] * 15
     with pytest.raises(LavaError, match='a grid'):

@@ -22,22 +22,18 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 import yaml
 
+from bag.conftest import GRID, MakeGrid, Messages, SECOND
 from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
 from lava_ros.bag.recovery import recover
 from lava_ros.bag.replay import schedule
 from lava_ros.errors import LavaError
 
-GRID = 'nav_msgs/msg/OccupancyGrid'
-SECOND = 1_000_000_000
-
-MakeGrid = Callable[[int], bytes]
 VOLATILE = QosProfile()
-
 
 
 def record(
     directory: Path, make_grid: MakeGrid, frames: int = 25, **limits: float
-) -> list[tuple[str, int, bytes]]:
+) -> Messages:
     """Write terrain once, and each second a frame of a latched and a volatile grid."""
     written = [('/terrain', 100 * SECOND, make_grid(1))]
     with BagWriter(directory, custom_data={'scene': 'Etna'}, **limits) as writer:
@@ -51,7 +47,7 @@ def record(
     return written
 
 
-def without_repeats(reader: BagReader) -> list[tuple[str, int, bytes]]:
+def without_repeats(reader: BagReader) -> Messages:
     """What was written: a repeated message was published before it is logged."""
     return [
         (item.topic, item.stamp_ns, item.data)
@@ -69,21 +65,14 @@ def test_a_bag_is_split_by_duration(tmp_path: Path, make_grid: MakeGrid) -> None
     document = yaml.safe_load((tmp_path / 'bag' / 'metadata.yaml').read_text())
     data = document['rosbag2_bagfile_information']
     assert data['relative_file_paths'] == ['bag_0.mcap', 'bag_1.mcap', 'bag_2.mcap']
-    files = [
-        (
-            item['path'],
-            item['starting_time']['nanoseconds_since_epoch'] // SECOND,
-            item['duration']['nanoseconds'] // SECOND,
-            item['message_count'],
-        )
-        for item in data['files']
-    ]
     # The terrain again, and not the hazard, which the new file's first frame brings anyway.
-    assert files == [
-        ('bag_0.mcap', 100, 9, 21),
-        ('bag_1.mcap', 110, 9, 21),
-        ('bag_2.mcap', 120, 4, 11),
-    ]
+    for index, (start, seconds, count) in enumerate([(100, 9, 21), (110, 9, 21), (120, 4, 11)]):
+        assert data['files'][index] == {
+            'path': f'bag_{index}.mcap',
+            'starting_time': {'nanoseconds_since_epoch': start * SECOND},
+            'duration': {'nanoseconds': seconds * SECOND},
+            'message_count': count,
+        }
     assert data['message_count'] == len(written) + 2
     assert data['duration']['nanoseconds'] == 24 * SECOND
     counts = {
@@ -100,11 +89,8 @@ def test_others_read_a_split_bag(tmp_path: Path, make_grid: MakeGrid) -> None:
         assert reader.message_count == len(written) + 2
         times = [time for _, time, _ in reader.messages()]
         assert times == sorted(times)
-    with AnyReader([tmp_path / 'bag']) as any_reader:
-        read = {
-            (connection.topic, time, bytes(data))
-            for connection, time, data in any_reader.messages()
-        }
+    with AnyReader([tmp_path / 'bag']) as reader:
+        read = {(conn.topic, time, bytes(data)) for conn, time, data in reader.messages()}
     assert set(written) <= read
     for path in sorted((tmp_path / 'bag').glob('*.mcap')):
         alone = tmp_path / path.stem
@@ -118,9 +104,9 @@ def test_others_read_a_split_bag(tmp_path: Path, make_grid: MakeGrid) -> None:
         assert (first.topic, first.data) == ('/terrain', written[0][2])
         assert first.publish_ns == 100 * SECOND
         recover(source, tmp_path / f'{path.stem}_bag')
-        with AnyReader([tmp_path / f'{path.stem}_bag']) as any_reader:
-            for connection, _, data in any_reader.messages():
-                grid = any_reader.deserialize(data, connection.msgtype)
+        with AnyReader([tmp_path / f'{path.stem}_bag']) as reader:
+            for connection, _, data in reader.messages():
+                grid = reader.deserialize(data, connection.msgtype)
                 assert grid.info.width == 60
 
 

@@ -33,7 +33,7 @@ from eruption import (
 from lava_ros.bag import BagReader
 from lava_ros.cli.main import main
 from lava_ros.hindcast.page import FALSE_ALARM, HIT, MISS
-from lava_ros.maps.frames import read_frame
+from lava_ros.maps.frames import Recording
 
 LAVA = 'title: A valley <b>\nepsg: 32633\nlava: {viscosity: 2.0e+4, yield_strength: 200}\n'
 
@@ -127,10 +127,10 @@ def test_bag_has_the_maps(finished):
     """The bag has a frame for each map, at its simulated time, and what describes the run."""
     bag = BagReader(finished / 'out/bag')
     assert len(list(bag.messages(['/height']))) == 3
-    frame = read_frame(finished / 'out/bag')
+    frame = Recording(finished / 'out/bag').frame_at()
     assert frame.time == pytest.approx(3600.0)
     assert frame.scene['lava']['viscosity'] == 2e4
-    assert read_frame(finished / 'out/bag', 2400.0).time == pytest.approx(2400.0)
+    assert Recording(finished / 'out/bag').frame_at(2400.0).time == pytest.approx(2400.0)
 
 
 def test_more_runs_say_how_sure_it_is(tmp_path):

@@ -17,7 +17,6 @@
 import os
 from pathlib import Path
 import shutil
-import stat
 import sys
 
 import numpy as np
@@ -28,18 +27,12 @@ from lava_ros.errors import LavaError
 from lava_ros.maps.animation import animate_bag
 from recording import record
 
-# Stands in for ffmpeg: says what it was told and how many pictures came.
-STAND_IN = """#!{python}
-import json, sys
+# Stand in for ffmpeg: the one says what it was told and how many pictures came, the other fails.
+STAND_IN = """
 size = len(sys.stdin.buffer.read())
 open(sys.argv[-1], 'w').write(json.dumps([sys.argv[1:], size]))
 """
-
-FAILING = """#!{python}
-import sys
-sys.stderr.write('Unknown encoder libx264')
-sys.exit(1)
-"""
+FAILING = "sys.exit('Unknown encoder libx264')"
 
 
 @pytest.fixture(scope='module')
@@ -52,8 +45,8 @@ def stand_in(text: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Put a program named ffmpeg on the path, and nothing else."""
     folder.mkdir()
     program = folder / 'ffmpeg'
-    program.write_text(text.format(python=sys.executable))
-    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    program.write_text(f'#!{sys.executable}\nimport json, sys\n{text}')
+    program.chmod(0o755)
     monkeypatch.setenv('PATH', str(folder))
 
 

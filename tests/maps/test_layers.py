@@ -22,16 +22,10 @@ import numpy as np
 import pytest
 import yaml
 
+from lava_ros.bag import LATCHED
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict, load_layers, switched
-from lava_ros.maps.layers import (
-    GRID_MAP,
-    hazard,
-    HazardLimits,
-    IMAGE,
-    OCCUPANCY_GRID,
-    POINT_CLOUD,
-)
+from lava_ros.maps.layers import GRID_MAP, hazard, HazardLimits, IMAGE, OCCUPANCY_GRID, POINT_CLOUD
 from lava_ros.scene import Terrain
 from recording import snapshot_at
 
@@ -64,46 +58,36 @@ def _layer(**changes):
     return layers_from_dict({'layers': {'one': data}})[0]
 
 
-def test_height_grid():
-    """Thickness maps to 1..100 where wet, 0 where dry, -1 outside."""
-    values = _layer(range=[0.0, 100.0]).values(SNAPSHOT)
+LIMITS = {'lethal_thickness': 1.0, 'safe_temperature': 40.0, 'lethal_temperature': 80.0}
+
+
+@pytest.mark.parametrize(
+    ('changes', 'expected'),
+    [
+        # 1..100 where wet, 0 where dry, -1 outside; a wet cell is never 0
+        ({'range': [0.0, 100.0]}, [[0, 0, 1], [5, 50, -1]]),
+        ({'range': [0.0, 10.0]}, [[0, 0, 1], [50, 100, -1]]),
+        ({'range': [5.0, 6.0]}, [[0, 0, 1], [1, 100, -1]]),
+        ({'threshold': 1.0, 'outside': 100}, [[0, 0, 0], [5, 50, 100]]),
+        # from a bound on the next class, evenly up to 100
+        ({'range': None, 'classes': [0.5, 5.0, 20.0]}, [[0, 0, 25], [75, 100, -1]]),
+        (
+            {'range': None, 'source': 'temperature', 'classes': [600.0]},
+            [[0, 0, 50], [100, 100, -1]],
+        ),
+        ({'source': 'temperature', 'range': [0.0, 1200.0]}, [[0, 0, 5], [50, 100, -1]]),
+        ({**HAZARD, 'range': None, 'threshold': 0.0}, [[0, 100, 23], [100, 100, -1]]),
+        (
+            {**HAZARD, 'range': None, 'threshold': 0.0, 'hazard': LIMITS},
+            [[0, 100, 55], [100, 100, -1]],
+        ),
+    ],
+)
+def test_grids(changes, expected):
+    """Ranges, classes and limits of the file decide, in metres and Celsius."""
+    values = _layer(**changes).values(SNAPSHOT)
     assert values.dtype == np.int8
-    assert values.tolist() == [[0, 0, 1], [5, 50, -1]]
-    assert _layer(range=[0.0, 10.0]).values(SNAPSHOT).tolist() == [[0, 0, 1], [50, 100, -1]]
-
-
-def test_classes():
-    """Each class has its value: from a bound on the next one, evenly up to 100, 0 where dry."""
-    layer = _layer(range=None, classes=[0.5, 5.0, 20.0])
-    assert layer.values(SNAPSHOT).tolist() == [[0, 0, 25], [75, 100, -1]]
-    hot = _layer(range=None, source='temperature', classes=[600.0])
-    assert hot.values(SNAPSHOT).tolist() == [[0, 0, 50], [100, 100, -1]]
-
-
-def test_a_wet_cell_is_never_zero():
-    """A wet cell at or below the range's low end is 1, not 0."""
-    assert _layer(range=[5.0, 6.0]).values(SNAPSHOT).tolist() == [[0, 0, 1], [1, 100, -1]]
-
-
-def test_temperature_grid():
-    """Temperature is in Celsius, and known only where there is lava."""
-    layer = _layer(source='temperature', range=[0.0, 1200.0])
-    assert layer.values(SNAPSHOT).tolist() == [[0, 0, 5], [50, 100, -1]]
-
-
-def test_hazard_grid():
-    """Hazard takes its limits from the file, in Celsius."""
-    layer = _layer(source='hazard', range=None, threshold=0.0)
-    assert layer.values(SNAPSHOT).tolist() == [[0, 100, 23], [100, 100, -1]]
-    limits = {'lethal_thickness': 1.0, 'safe_temperature': 40.0, 'lethal_temperature': 80.0}
-    layer = _layer(source='hazard', range=None, threshold=0.0, hazard=limits)
-    assert layer.values(SNAPSHOT).tolist() == [[0, 100, 55], [100, 100, -1]]
-
-
-def test_threshold_and_outside():
-    """The threshold decides what is wet; outside is the file's value."""
-    layer = _layer(threshold=1.0, outside=100)
-    assert layer.values(SNAPSHOT).tolist() == [[0, 0, 0], [5, 50, 100]]
+    assert values.tolist() == expected
 
 
 def test_raw_images():
@@ -129,12 +113,7 @@ def test_default_file():
     # err on the safe side, with the same limits
     assert layers['lava_grid_map'].threshold == layers['hazard'].threshold
     assert layers['lava_grid_map'].hazard == layers['hazard'].hazard
-    for layer in layers.values():
-        assert (layer.qos.reliability, layer.qos.durability, layer.qos.depth) == (
-            'reliable',
-            'transient_local',
-            1,
-        )
+    assert {layer.qos for layer in layers.values()} == {LATCHED}
 
 
 def test_a_changed_file_changes_the_values(tmp_path):
@@ -185,12 +164,8 @@ def test_points_stand_on_the_wet_cells():
 def test_points_are_where_the_map_is():
     """Origin and resolution of the terrain are those of the points."""
     ground = Terrain([[3.0, 4.0], [5.0, 6.0]], 2.5, origin=(-10.0, 20.0))
-    snapshot = dataclasses.replace(
-        SNAPSHOT,
-        terrain=ground,
-        thickness=np.array([[0.0, 0.0], [0.0, 1.5]], dtype=np.float32),
-        temperature=np.full((2, 2), np.nan, dtype=np.float32),
-    )
+    snapshot = _snapshot([[0.0, 0.0], [0.0, 1.5]], np.full((2, 2), np.nan))
+    snapshot = dataclasses.replace(snapshot, terrain=ground)
     layer = _layer(source='lava', message='sensor_msgs/PointCloud2', range=None)
     (point,) = np.stack(list(layer.points(snapshot).values()), axis=-1)
     assert point.tolist()[:4] == [-6.25, 23.75, 7.5, 1.5]
@@ -348,6 +323,8 @@ def _one(thickness, temperature, **limits):
         (0.05, 175.0, 55.0),
         (0.01, 1100.0, 100.0),
         (1e-4, 20.0, 1.0),
+        # lava of unknown temperature counts as hot
+        (0.1, np.nan, 100.0),
     ],
 )
 def test_combines_burial_and_heat(thickness, celsius, expected):
@@ -361,11 +338,6 @@ def test_dry_and_outside():
     assert values.dtype == np.float32
     assert values[0, 0] == 0.0
     assert np.isnan(values[0, 1])
-
-
-def test_unknown_temperature_is_lethal():
-    """Lava of unknown temperature counts as hot."""
-    assert _one(0.1, np.nan) == 100.0
 
 
 def test_is_monotone():

@@ -155,12 +155,3 @@ def test_within_is_what_every_pair_says(distance, share):
     before = marked.copy()
     np.testing.assert_array_equal(within(marked, distance), expected)
     np.testing.assert_array_equal(marked, before)
-
-
-def test_marks_at_the_border_stay_inside():
-    """Marks in the corners do not come round at the other side."""
-    marked = np.zeros((6, 8), dtype=bool)
-    marked[0, 0] = marked[5, 7] = True
-    near = within(marked, 1.0)
-    assert near.sum() == 6
-    assert near[0, 1] and near[1, 0] and near[4, 7] and near[5, 6]

@@ -26,28 +26,11 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.files.resources import share_path
 from lava_ros.maps.frames import Frame, LayerFrame
-from lava_ros.maps.layer_files import load_layers
-from lava_ros.maps.numbers import percent, seconds, table
+from lava_ros.maps.layers import IMAGE, Layer
+from lava_ros.maps.numbers import percent, seconds
 from lava_ros.maps.plot import duration, scale_of
 from lava_ros.maps.sheet import draw_sheet, Panel
-
-
-@pytest.mark.parametrize(
-    ('seconds', 'words'),
-    [
-        (0.0, '0 s'),
-        (119.0, '119 s'),
-        (300.0, '5 min'),
-        (7200.0, '2 h'),
-        (20_400.0, '5 h 40 min'),
-        (2.75 * 86_400.0, '2 d 18 h'),
-    ],
-)
-def test_duration(seconds, words):
-    """Times are said as people say them."""
-    assert duration(seconds) == words
 
 
 @pytest.mark.parametrize(
@@ -74,31 +57,12 @@ def frame():
     elevation = np.add.outer(np.arange(60.0), np.arange(90.0)).astype(np.float32)
     elevation[:, 80] = np.nan
     layers = {}
-    for layer in load_layers(share_path('msg_configs/default.yaml')):
-        if layer.enabled and layer.source != 'arrived':
-            values = np.full(elevation.shape, np.nan, dtype=np.float32)
-            values[30:50, 40:46] = {'thickness': 4.0, 'temperature': 800.0, 'hazard': 100.0}[
-                layer.source
-            ]
-            layers[layer.source] = LayerFrame(layer, values, False)
-    return Frame(
-        elevation=elevation,
-        resolution=10.0,
-        origin=(0.0, 0.0),
-        layers=layers,
-        vents=np.array([[430.0, 480.0]]),
-        time=5400.0,
-        scene={'terrain': {'epsg': 32633}},
-    )
-
-
-def dried(frame: Frame) -> Frame:
-    """The same frame without lava."""
-    layers = {
-        source: replace(item, values=np.full_like(item.values, np.nan))
-        for source, item in frame.layers.items()
-    }
-    return replace(frame, layers=layers, vents=np.empty((0, 2)))
+    for source, value in (('thickness', 4.0), ('temperature', 800.0), ('hazard', 100.0)):
+        values = np.full(elevation.shape, np.nan, dtype=np.float32)
+        values[30:50, 40:46] = value
+        layers[source] = LayerFrame(Layer(source, source, source, IMAGE), values, False)
+    vents, scene = np.array([[430.0, 480.0]]), {'terrain': {'epsg': 32633}}
+    return Frame(elevation, 10.0, (0.0, 0.0), layers, vents, 5400.0, scene)
 
 
 def plot_frame(frame: Frame, output: Path) -> None:
@@ -116,9 +80,10 @@ def red(path: Path) -> int:
 
 def test_lava_is_drawn(frame, tmp_path):
     """Lava is as red as its hazard; without lava the legend alone is."""
-    one = replace(frame, layers={'hazard': frame.layers['hazard']})
-    plot_frame(one, tmp_path / 'wet.png')
-    plot_frame(dried(one), tmp_path / 'dry.png')
+    hazard = frame.layers['hazard']
+    plot_frame(replace(frame, layers={'hazard': hazard}), tmp_path / 'wet.png')
+    dry = {'hazard': replace(hazard, values=np.full_like(hazard.values, np.nan))}
+    plot_frame(replace(frame, layers=dry, vents=np.empty((0, 2))), tmp_path / 'dry.png')
     assert red(tmp_path / 'wet.png') > red(tmp_path / 'dry.png') + 10_000
     assert (tmp_path / 'wet.png').stat().st_size < 800_000
 
@@ -159,7 +124,7 @@ def test_several_terrains_show_the_same_place(frame, tmp_path, monkeypatch):
     """Maps whose frames have other origins show the same eastings and northings."""
     seen = []
     monkeypatch.setattr(
-        'lava_ros.maps.sheet.draw_map', lambda axes, frame, picture, window, fissures: (
+        'lava_ros.maps.plot.draw_map', lambda axes, frame, picture, window, fissures: (
             axes.set_xlim(window[0], window[2]), axes.set_ylim(window[1], window[3]),
             seen.append(window),
         ),
@@ -198,31 +163,18 @@ def test_without_matplotlib(frame, tmp_path, monkeypatch):
         plot_frame(frame, tmp_path / 'a.png')
 
 
-def test_table():
-    """A line for the titles, one of dashes, and one for each entry."""
-    assert table(['a', 'b'], [['1', '2']]) == ['| a | b |', '|---|---|', '| 1 | 2 |']
-
-
 @pytest.mark.parametrize(
-    ('value', 'text'),
-    [(0.0123, '12 ms'), (3.21, '3.2 s'), (59.6, '60 s'), (1800.0, '30 min'), (9000.0, '2.5 h')],
-)
-def test_seconds(value, text):
-    """Times have two digits and the unit that suits them."""
-    assert seconds(value) == text
-
-
-@pytest.mark.parametrize(
-    ('value', 'text'),
+    ('format_value', 'value', 'text'),
     [
-        (0.0345, '3.5 %'),
-        (0.25, '25 %'),
-        (1.0, '100 %'),
-        (2e-7, '2e-07'),
-        (0.0, '0 %'),
-        (float('nan'), 'none'),
+        *[(duration, 0.0, '0 s'), (duration, 119.0, '119 s'), (duration, 300.0, '5 min')],
+        *[(duration, 7200.0, '2 h'), (duration, 20_400.0, '5 h 40 min')],
+        (duration, 2.75 * 86_400.0, '2 d 18 h'),
+        *[(seconds, 0.0123, '12 ms'), (seconds, 3.21, '3.2 s'), (seconds, 59.6, '60 s')],
+        *[(seconds, 1800.0, '30 min'), (seconds, 9000.0, '2.5 h')],
+        *[(percent, 0.0345, '3.5 %'), (percent, 0.25, '25 %'), (percent, 1.0, '100 %')],
+        *[(percent, 2e-7, '2e-07'), (percent, 0.0, '0 %'), (percent, float('nan'), 'none')],
     ],
 )
-def test_percent(value, text):
-    """Shares have two digits; rounding errors are powers of ten."""
-    assert percent(value) == text
+def test_numbers_are_said_as_people_say_them(format_value, value, text):
+    """Two digits and the unit that suits them; rounding errors are powers of ten."""
+    assert format_value(value) == text

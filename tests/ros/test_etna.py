@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lava_ros.maps.frames import read_frame
+from lava_ros.maps.frames import Recording
 
 DATA = Path(__file__).parents[3] / 'shared' / 'data' / 'etna2001'
 
@@ -74,7 +74,7 @@ def test_first_day_of_etna_2001(graph):
     assert float(status['volume_left_m3']) == 0.0
     assert node.end() == 0
 
-    frames = [read_frame(bag, hours * 3600.0) for hours in (6.0, 12.0, 24.0)]
+    frames = [Recording(bag).frame_at(hours * 3600.0) for hours in (6.0, 12.0, 24.0)]
     vent_height = 0.0
     lowest = []
     for frame in frames:

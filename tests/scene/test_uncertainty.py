@@ -14,6 +14,7 @@
 
 """Distributions of what is uncertain: quantiles are exact, what is no distribution is refused."""
 
+from dataclasses import replace
 import math
 from pathlib import Path
 
@@ -32,8 +33,14 @@ from lava_ros.scene.uncertainty import (
     uncertainty_from_dict,
     uncertainty_to_dict,
 )
-from lava_ros.simulation import Simulation
 from lava_ros.simulation.checkpoint import from_bytes
+from small_checkpoint import small_checkpoint
+
+SHORT = {
+    'name': 'short', 'probability': 3.0,
+    'duration': {'distribution': 'uniform', 'low': 3600, 'high': 86400},
+    'volume': {'distribution': 'lognormal', 'median': 1e5, 'factor': 2.0},
+}
 
 WHOLE = {
     'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.5, 'limits': [0.3, 3]},
@@ -44,11 +51,7 @@ WHOLE = {
     'terrain': {'deviation': 1.5, 'correlation': 100.0},
     'constants': {'crust_temperature': {'distribution': 'uniform', 'low': 700, 'high': 750}},
     'eruption': [
-        {
-            'name': 'short', 'probability': 3.0,
-            'duration': {'distribution': 'uniform', 'low': 3600, 'high': 86400},
-            'volume': {'distribution': 'lognormal', 'median': 1e5, 'factor': 2.0},
-        },
+        SHORT,
         {
             'name': 'long', 'probability': 1.0,
             'duration': {'distribution': 'uniform', 'low': 86400, 'high': 864000},
@@ -56,6 +59,11 @@ WHOLE = {
         },
     ],
 }
+
+
+def drawn(quantity: str, kind: str, **numbers: object) -> dict[str, object]:
+    """A section that makes one quantity uncertain."""
+    return {quantity: {'distribution': kind, **numbers}}
 
 
 def scene_file(folder: Path, uncertainty: object) -> Path:
@@ -126,8 +134,8 @@ def test_a_scene_file_says_it_all(tmp_path: Path) -> None:
 def test_a_checkpoint_keeps_it(tmp_path: Path) -> None:
     """What is resumed can be forecast as before."""
     scene = scene_from_yaml(scene_file(tmp_path, WHOLE))
-    checkpoint = Simulation(scene, device='cpu').checkpoint()
-    assert from_bytes(checkpoint.to_bytes()).scene.uncertainty == scene.uncertainty
+    data = replace(small_checkpoint(1.0, 3), scene=scene).to_bytes()
+    assert from_bytes(data).scene.uncertainty == scene.uncertainty
 
 
 @pytest.mark.parametrize(
@@ -137,51 +145,29 @@ def test_a_checkpoint_keeps_it(tmp_path: Path) -> None:
         ({'discharge': 1.5}, 'uncertainty.discharge'),
         ({'discharge': {'median': 1.0, 'factor': 2.0}}, 'uncertainty.discharge'),
         ({'discharge': {'distribution': 'gamma'}}, 'uncertainty.discharge.distribution'),
+        (drawn('discharge', 'lognormal', median=1.0), 'uncertainty.discharge.factor'),
+        (drawn('discharge', 'lognormal', median=1.0, factor=1.0), 'uncertainty.discharge.factor'),
+        (drawn('viscosity', 'normal', mean=1.0, deviation=0.1), 'uncertainty.viscosity'),
+        (drawn('viscosity', 'uniform', low=2.0, high=1.0), 'uncertainty.viscosity.high'),
+        (drawn('viscosity', 'triangular', low=1, mode=3, high=2), 'uncertainty.viscosity.mode'),
         (
-            {'discharge': {'distribution': 'lognormal', 'median': 1.0}},
-            'uncertainty.discharge.factor',
-        ),
-        (
-            {'discharge': {'distribution': 'lognormal', 'median': 1.0, 'factor': 1.0}},
-            'uncertainty.discharge.factor',
-        ),
-        (
-            {'viscosity': {'distribution': 'normal', 'mean': 1.0, 'deviation': 0.1}},
-            'uncertainty.viscosity',
-        ),
-        (
-            {'viscosity': {'distribution': 'uniform', 'low': 2.0, 'high': 1.0}},
-            'uncertainty.viscosity.high',
-        ),
-        (
-            {'viscosity': {'distribution': 'triangular', 'low': 1.0, 'mode': 3.0, 'high': 2.0}},
-            'uncertainty.viscosity.mode',
-        ),
-        (
-            {'temperature': {'distribution': 'uniform', 'low': -9, 'high': 9, 'limits': [0, 1]}},
+            drawn('temperature', 'uniform', low=-9, high=9, limits=[0, 1]),
             'uncertainty.temperature.limits',
         ),
         (
-            {'temperature': {'distribution': 'normal', 'mean': 0.0, 'deviation': 1.0,
-                             'limits': [20.0, 30.0]}},
+            drawn('temperature', 'normal', mean=0.0, deviation=1.0, limits=[20.0, 30.0]),
             'uncertainty.temperature.limits',
         ),
-        (
-            {'temperature': {'distribution': 'normal', 'mean': 'hot', 'deviation': 1.0}},
-            'uncertainty.temperature.mean',
-        ),
+        (drawn('temperature', 'normal', mean='hot', deviation=1), 'uncertainty.temperature.mean'),
         ({'position': {'deviation': 10.0, 'radius': 10.0}}, 'uncertainty.position'),
         ({'position': {'radius': -1.0}}, 'uncertainty.position.radius'),
         ({'terrain': {'deviation': 1.0}}, 'uncertainty.terrain.correlation'),
         ({'terrain': {'deviation': 0.0, 'correlation': 5.0}}, 'uncertainty.terrain.deviation'),
         ({'eruption': {}}, 'uncertainty.eruption'),
         ({'eruption': [{'probability': 1.0}]}, 'uncertainty.eruption[0].duration'),
+        ({'eruption': [{**SHORT, 'probability': 0.0}]}, 'uncertainty.eruption[0].probability'),
         (
-            {'eruption': [{**WHOLE['eruption'][0], 'probability': 0.0}]},
-            'uncertainty.eruption[0].probability',
-        ),
-        (
-            {'eruption': [{**WHOLE['eruption'][0], 'volume': WHOLE['temperature']}]},
+            {'eruption': [{**SHORT, 'volume': WHOLE['temperature']}]},
             'uncertainty.eruption[0].volume',
         ),
         ([], 'uncertainty'),

@@ -29,7 +29,7 @@ from bokeh.util.token import generate_session_id
 
 from lava_ros.cli import main as cli
 from lava_ros.errors import LavaError
-from lava_ros.maps.frames import read_frame
+from lava_ros.maps.frames import Recording
 from lava_ros.maps.layers import ARRIVED, PROBABILITY
 from lava_ros.watch import page
 from lava_ros.watch.frames import BagFrames, Level, watched_layers
@@ -145,7 +145,7 @@ def test_texts_of_others_are_no_markup(shown):
 
 
 def test_a_bag_that_grows(tmp_path, monkeypatch):
-    """The frames of a bag are those there are by now, as `read_frame` reads them."""
+    """The frames of a bag are those there are by now, whatever reads them."""
     monkeypatch.setattr('lava_ros.watch.frames.PERIOD', 0.0)
     monkeypatch.setattr('lava_ros.watch.frames.REST', 0.0)
     whole = record(tmp_path / 'whole', close=False)
@@ -161,7 +161,7 @@ def test_a_bag_that_grows(tmp_path, monkeypatch):
     frames.poll()
     assert frames.times == [200.0, 400.0, 600.0, 800.0]
     assert frames.status.level is Level.WELL
-    seen, expected = frames.frame(1), read_frame(whole, 400.0)
+    seen, expected = frames.frame(1), Recording(whole).frame_at(400.0)
     assert seen.time == 400.0
     for source_name, item in expected.layers.items():
         np.testing.assert_array_equal(seen.layers[source_name].values, item.values)

@@ -30,7 +30,7 @@ import pytest
 
 from lava_ros.bag import BagReader
 from lava_ros.errors import LavaError
-from lava_ros.maps.frames import read_frame, Recording
+from lava_ros.maps.frames import Recording
 from lava_ros.pages.report.charts import (
     Chart,
     Curve,
@@ -241,7 +241,7 @@ def test_the_picture_and_the_page_agree(tmp_path):
         return thickness
 
     bag = record(tmp_path / 'bag', flow=flow)
-    frame = read_frame(bag)
+    frame = Recording(bag).frame_at()
     rows = dict(facts(Recording(bag), survey(Recording(bag))))
     # 10 rows of 8 columns, less the row that is too thin
     assert frame.area == 72 * 25.0
