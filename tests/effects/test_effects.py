@@ -19,6 +19,7 @@ from pathlib import Path
 import shutil
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 import warp as wp
@@ -64,27 +65,24 @@ ADDED = {
     'latent_heat': (set(), set()),
 }
 
-#: Writes a digest of a simulation of the effects that are named.
+#: Computes a digest of a simulation of the effects that are named.
 DIGEST = """
-import hashlib, sys
-sys.path.insert(0, sys.argv[1])
+import dataclasses, hashlib, sys
+import numpy as np
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
-import numpy as np
-import dataclasses, lava_ros
-assert lava_ros.__file__.startswith(sys.argv[1]), lava_ros.__file__
-on = dict.fromkeys((item.name for item in dataclasses.fields(Effects)), False)
-on.update(dict.fromkeys(sys.argv[2:], True))
-ground = Terrain(np.add.outer(np.zeros(20), np.arange(20.0)), 5.0, origin=(-50.0, -50.0))
-scene = Scene(ground, (Vent((0.0, 0.0), 2.0),), Lava())
-simulation = Simulation(
-    scene, effects=Effects(**on), accuracy=Accuracy(spacing=3.0), device='cpu'
-)
-simulation.advance(120.0)
-snapshot = simulation.snapshot()
-print(hashlib.sha256(snapshot.thickness.tobytes() + snapshot.temperature.tobytes()).hexdigest())
+def digest(names):
+    on = {item.name: item.name in names for item in dataclasses.fields(Effects)}
+    ground = Terrain(np.add.outer(np.zeros(20), np.arange(20.0)), 5.0, origin=(-50.0, -50.0))
+    scene = Scene(ground, (Vent((0.0, 0.0), 2.0),), Lava())
+    simulation = Simulation(
+        scene, effects=Effects(**on), accuracy=Accuracy(spacing=3.0), device='cpu'
+    )
+    simulation.advance(120.0)
+    seen = simulation.snapshot()
+    return hashlib.sha256(seen.thickness.tobytes() + seen.temperature.tobytes()).hexdigest()
 """
 
 
@@ -156,19 +154,23 @@ def test_an_effect_adds_what_is_its_own(launched, name):
 @pytest.mark.parametrize('names', [(), ('cooling', 'arrhenius', 'steep')])
 def test_deleted_effects_are_not_missed(tmp_path, names):
     """With the files of all other effects deleted the flow is the same to the bit."""
-
-    def digest(root):
-        words = [sys.executable, '-c', DIGEST, str(root), *names]
-        run = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, timeout=120)
-        assert run.returncode == 0, run.stderr
-        return run.stdout.split()[-1]
-
     shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
     deleted = [tmp_path / 'lava_ros/effects' / name for name in EFFECTS if name not in names]
     assert len(deleted) > 10
     for path in deleted:
         shutil.rmtree(path) if path.is_dir() else path.with_suffix('.py').unlink()
-    assert digest(tmp_path) == digest(ROOT)
+    code = f"""import sys
+sys.path.insert(0, {str(tmp_path)!r})
+{DIGEST}
+import lava_ros
+print(lava_ros.__path__[0], digest({names!r}))"""
+    run = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, cwd=tmp_path, timeout=120
+    )
+    assert run.returncode == 0, run.stderr
+    here: dict[str, Any] = {}
+    exec(DIGEST, here)
+    assert run.stdout.split()[-2:] == [str(tmp_path / 'lava_ros'), here['digest'](names)]
 
 
 def test_any_effect_can_be_deleted():

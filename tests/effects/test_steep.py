@@ -80,7 +80,7 @@ def test_a_cliff_is_no_dam(device, effects, cells, drops):
                 Lava(viscosity=5e3),
             ),
             effects=effects,
-            accuracy=Accuracy(spacing=8.0),
+            accuracy=Accuracy(spacing=12.0),
             device=device,
         )
         simulation.advance(6 * 3600.0)

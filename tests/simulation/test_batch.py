@@ -132,7 +132,7 @@ def test_members_wait_for_each_others_looks(device, monkeypatch):
         vent = Vent((200.0, 200.0), discharge=flux, temperature=1400.0)
         simulation = Simulation(
             Scene(slope, vents=(vent,), lava=Lava()),
-            accuracy=Accuracy(spacing=1.0, thickness=0.4, precision='float64', deterministic=True),
+            accuracy=Accuracy(spacing=1.0, thickness=0.4, deterministic=True),
             device=device,
         )
         return simulation, simulation.looks(0.1, len(times))

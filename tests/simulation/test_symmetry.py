@@ -61,7 +61,7 @@ def test_mirrored_and_rotated_scenes_give_mirrored_and_rotated_grids(device, kin
     """At double precision the grids agree to rounding noise, whatever the lateral stress."""
     effects = Effects(green=kind == 'green', helmholtz=kind == 'helmholtz')
     hills = smooth_hills()
-    places = np.random.default_rng(9).uniform(-40.0, 40.0, (400, 2))
+    places = np.random.default_rng(9).uniform(-20.0, 20.0, (100, 2))
     options = {'time': 40.0, 'precision': 'float64', 'device': device}
     plain, sample = flow(hills, places, effects, **options)
     assert np.linalg.norm(sample.velocity, axis=1).max() > 1e-3

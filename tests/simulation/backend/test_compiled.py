@@ -37,11 +37,10 @@ from lava_ros.simulation.state import State
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
 
 #: Sets of effects, by the names in the benchmark: one in every run, all of them nightly.
-SETS = (
-    'green',
-    *(pytest.param(name, marks=pytest.mark.nightly) for name in ('bare', 'everything with green')),
+GREEN_SETS = tuple(
+    pytest.param(name, marks=pytest.mark.nightly) for name in ('green', 'everything with green')
 )
-GREEN_SETS = (SETS[0], SETS[2])
+SETS = ('bare', *GREEN_SETS)
 
 #: Kernels that sum over neighbours in every step, and those that only carry particles.
 SUMS = ('thickness_and_velocity', 'elevate', 'velocity_of_differences', 'green_motion')
@@ -214,8 +213,19 @@ def check_local(code):
 
 def check_arithmetic(code):
     """No float32 takes the subroutines that are right to the last bit."""
-    slow = [name for name in opcodes(code.text) if re.fullmatch(r'(div|sqrt|rcp)\.r.\.f32', name)]
+    counts = opcodes(code.text)
+    slow = [name for name in counts if re.fullmatch(r'(div|sqrt|rcp)\.r.\.f32', name)]
     assert not slow, f'{code.name}: {slow}'
+    assert counts['sqrt.approx.f32'] or code.name not in SUMS
+
+
+def check_wait(code):
+    """Nothing is read or written before the kernels that this one comes after have ended."""
+    before, wait, after = code.text.partition('griddepcontrol.wait;')
+    assert wait, f'{code.name} does not wait'
+    access = re.compile(r'^\s*(@\S+\s+)?(ld|st|atom|red)\.(global|volatile|relaxed)', re.M)
+    assert not access.search(before), code.name
+    assert access.search(after), code.name
 
 
 @pytest.mark.parametrize('name', SETS)
@@ -250,19 +260,11 @@ def test_stages_are_carried_at_once(folder):
 
 
 @pytest.mark.parametrize('name', SETS)
-def test_nothing_is_in_local_memory(stage, name):
-    """No kernel of a stage spills registers, or has an array without a place."""
+@pytest.mark.parametrize('check', [check_local, check_arithmetic, check_wait])
+def test_every_kernel_of_a_stage(stage, name, check):
+    """None spills registers, divides slowly, or reads before those that it comes after end."""
     for code in stage(name):
-        check_local(code)
-
-
-@pytest.mark.parametrize('name', SETS)
-def test_arithmetic_is_the_hardwares(stage, name):
-    """Divisions and roots of float32 are approximate, and there are some."""
-    for code in stage(name):
-        check_arithmetic(code)
-        if code.name in SUMS:
-            assert opcodes(code.text)['sqrt.approx.f32'] >= 1
+        check(code)
 
 
 @pytest.mark.parametrize('name', GREEN_SETS)
@@ -278,17 +280,6 @@ def test_k0_is_one_logarithm_and_power(stage, name):
         assert counts[opcode] == neighbours, opcode
     others = ('div', 'rcp', 'rsqrt', 'sqrt')
     assert not [opcode for opcode in counts if opcode.startswith(others)]
-
-
-@pytest.mark.parametrize('name', SETS)
-def test_kernels_wait_before_they_read(stage, name):
-    """Kernels that may begin early touch no memory before those they come after have ended."""
-    for code in stage(name):
-        before, wait, after = code.text.partition('griddepcontrol.wait;')
-        assert wait, f'{code.name} does not wait'
-        access = re.compile(r'^\s*(@\S+\s+)?(ld|st|atom|red)\.(global|volatile|relaxed)', re.M)
-        assert not access.search(before), code.name
-        assert access.search(after), code.name
 
 
 @pytest.mark.nightly
@@ -325,9 +316,7 @@ def test_sums_of_differences(folder):
 @pytest.mark.nightly
 def test_deterministic_order(folder):
     """What only a deterministic run on a GPU launches is as lean."""
-    *_, order, _, members = neighbors._kernels(
-        wp.float32, True, False, True, False, True
-    )
+    *_, order, _, members = neighbors._kernels(wp.float32, True, False, True, False, True)
     for kernel in (order, members):
         code = compiled(kernel, 90, folder)
         check_local(code)
@@ -352,6 +341,7 @@ def test_few_particles_are_loaded_at_once(folder, name, lanes):
         check_local(code)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize('name', SETS)
 def test_members_of_a_batch_fill_a_processor(folder, name):
     """Four blocks have registers; what lies in memory is the first block's, and little else."""
@@ -381,25 +371,19 @@ def test_what_directs_takes_no_registers_of_others(folder, name):
     check_arithmetic(directed)
 
 
-@pytest.mark.parametrize(
-    ('names', 'is_short'),
-    [
-        (('everything with inertia',), False),
-        pytest.param(tuple(effect_sets()), False, marks=pytest.mark.nightly),
-        pytest.param(tuple(effect_sets()), True, marks=pytest.mark.nightly),
-    ],
-    ids=['with inertia', 'all', 'all, few particles'],
-)
-def test_effects_compile_without_local_memory(folder, names, is_short):
+@pytest.mark.nightly
+@pytest.mark.parametrize('is_short', [False, True])
+def test_effects_compile_without_local_memory(folder, is_short):
     """No effect, alone or with others, makes a kernel spill on the hardware with least room."""
     kernels = {
         kernel.module.name: kernel
-        for name in names
+        for name in effect_sets()
         for kernel in launched(name, is_short=is_short)
     }
     found = {kernel.key.rpartition('__')[2] for kernel in kernels.values()}
-    assert found >= {'accelerate', 'exchange_heat', 'freeze', 'merge', 'emit'}
-    assert len(names) == 1 or found >= {*CARRIERS, 'sweep'}
+    assert found >= {
+        'accelerate', 'exchange_heat', 'freeze', 'merge', 'emit', 'sweep', *CARRIERS
+    }
     for kernel in kernels.values():
         (file,) = wp.compile_aot_module(
             kernel.module, arch=80, module_dir=folder, use_ptx=False
