@@ -187,12 +187,8 @@ def emit(state: State, vents: VentSet, way: Any) -> None:
     """
     if vents.vents:
         threads = emitters(state, len(vents.vents))
-        state.launches(
-            _kernel(state.real, emission_of(state, vents)),
-            dim=threads,
-            inputs=[threads, vents.outlets],
-            outputs=[way],
-        )
+        kernel = _kernel(state.real, emission_of(state, vents))
+        state.launches(kernel, [threads, vents.outlets, way], dim=threads)
 
 
 def emitters(state: State, most: int) -> int:

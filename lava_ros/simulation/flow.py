@@ -340,5 +340,5 @@ def compute_flow(state: State, way: Any, kernels: FlowKernels, *, fills_flow: bo
     them in ``state.source`` and ``state.area``.
     """
     if state.has_surface:
-        launch_over(state, kernels.elevate, inputs=[], outputs=[way], lanes=state.lanes)
-    launch_over(state, kernels.flow, inputs=[], outputs=[way, fills_flow], lanes=state.lanes)
+        launch_over(state, kernels.elevate, [way], lanes=state.lanes)
+    launch_over(state, kernels.flow, [way, fills_flow], lanes=state.lanes)

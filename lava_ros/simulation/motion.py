@@ -301,8 +301,7 @@ def move_particles(
     launch_over(
         state,
         _kernel(state.real, motion_of(state), direction.function, direction.bounds),
-        inputs=[state.flow, direction.pace, direction.outlets],
-        outputs=[way],
+        [state.flow, direction.pace, direction.outlets, way],
         least=LEAST_MOVES,
         ahead=direction.threads,
     )

@@ -337,7 +337,7 @@ class NeighborGrid:
     def bin(self, state: State) -> None:
         """Put each particle into its cell, as a motion does that sets ``is_binned``."""
         way, (bins, *_) = self.journey(state), _kernels_of(state)
-        launch_over(state, bins, inputs=[], outputs=[way], least=LEAST_MOVES)
+        launch_over(state, bins, [way], least=LEAST_MOVES)
         self.is_binned = True
 
     def set_constants(self, **constants: Any) -> None:
@@ -360,13 +360,11 @@ class NeighborGrid:
         self.is_binned = False
         way, (_, order, rank, members) = self.journey(state), _kernels_of(state)
         if not state.device.is_cuda:
-            state.launches(rank, dim=state.extent, inputs=[], outputs=[way])
+            state.launches(rank, [way], dim=state.extent)
         self._scan(state.launches, self.cells.sizes, self.cells.starts)
         if state.is_ranked_again:
-            state.launches(
-                members, dim=state.capacity, inputs=[], outputs=[way], is_over_particles=True
-            )
-        launch_over(state, order, inputs=[], outputs=[way], least=LEAST_MOVES)
+            launch_over(state, members, [way], least=LEAST_MOVES)
+        launch_over(state, order, [way], least=LEAST_MOVES)
 
     def refuse_crowds(self) -> None:
         """Refuse what would take for ever: each particle looks at all of those around it.

@@ -291,6 +291,6 @@ class Raster:
         cells = self.thickness.size
         maps = [self.thickness, self.temperature]
         inputs = [neighbors.journey(state), self._terrain.exact_ground, self._radius]
-        launch_over(state, weigh, inputs=inputs, outputs=maps, count=cells)
-        launch_over(state, share_out, inputs=inputs, outputs=[self.thickness])
-        launch_over(state, gather, inputs=inputs, outputs=maps, count=cells)
+        launch_over(state, weigh, [*inputs, *maps], count=cells)
+        launch_over(state, share_out, [*inputs, self.thickness])
+        launch_over(state, gather, [*inputs, *maps], count=cells)

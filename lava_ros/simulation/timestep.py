@@ -281,4 +281,4 @@ def pace_of(state: State, longest: float, accuracy: Accuracy, due: Any) -> Any:
 
 def choose_stage(state: State, pace: Any) -> None:
     """Begin a step, bounded by the rates in the state, or go on to its next stage."""
-    state.launches(_kernel(state.real, choice_of(state)), dim=1, inputs=[pace], outputs=[])
+    state.launches(_kernel(state.real, choice_of(state)), [pace])

@@ -320,8 +320,7 @@ def move_particles(
             direction.function,
             direction.bounds,
         ),
-        inputs=[direction.pace, direction.outlets],
-        outputs=[way],
+        [direction.pace, direction.outlets, way],
         least=_LEAST_PART,
         lanes=state.lanes,
         ahead=direction.threads,
@@ -339,6 +338,4 @@ def spread_velocity(state: State, way: Any) -> None:
     kernel = _velocity_kernel(
         state.real, state.lanes, state.parts, state.is_short, state.is_wide
     )
-    launch_over(
-        state, kernel, inputs=[], outputs=[way], least=_LEAST_PART, lanes=state.lanes
-    )
+    launch_over(state, kernel, [way], least=_LEAST_PART, lanes=state.lanes)

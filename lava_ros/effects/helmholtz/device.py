@@ -288,12 +288,9 @@ def solve_velocity(
         state.real, kernel, ratio, state.lanes, state.parts, state.is_wide,
         'steep' in state.effects,
     )
-    launch_over(state, start, inputs=[], outputs=[way], least=LEAST_MOVES)
+    launch_over(state, start, [way], least=LEAST_MOVES)
     current, following = state.solution, state.next_solution
     for weights in _schedule(thickness, radius):
-        inputs = [way, *weights, current]
-        launch_over(state, sweep, inputs=inputs, outputs=[following], lanes=state.lanes)
+        launch_over(state, sweep, [way, *weights, current, following], lanes=state.lanes)
         current, following = following, current
-    state.launches(
-        finish, dim=state.capacity, inputs=[way, current], outputs=[], is_over_particles=True
-    )
+    launch_over(state, finish, [way, current], least=LEAST_MOVES)

@@ -218,12 +218,11 @@ class AfterStep:
 
     def apply(self, state: State, way: Any) -> None:
         """Turn the columns that are colder than the solidus into terrain."""
-        freeze, raise_ground = _kernels(state.real, state.rare_threads)
+        threads = state.rare_threads
+        freeze, raise_ground = _kernels(state.real, threads)
         laid = [self._widest, self._terrain.exact_ground, self._deposit]
-        inputs = [way, self._solidus, *laid]
-        state.launches(freeze, dim=state.rare_threads, inputs=inputs, outputs=[])
-        inputs = [way, *laid, self._ground]
-        state.launches(raise_ground, dim=state.rare_threads, inputs=inputs, outputs=[])
+        state.launches(freeze, [way, self._solidus, *laid], dim=threads)
+        state.launches(raise_ground, [way, *laid, self._ground], dim=threads)
 
     def show(self, state: State, grids: Any) -> None:
         """Add the frozen lava to a map.
@@ -233,13 +232,9 @@ class AfterStep:
             grids: Thickness [m] and temperature [K] of the fluid lava, to be made those of all,
                 and the thickness of what has frozen [m], to be filled; float32, on the device.
         """
-        launch_over(
-            state,
-            _show,
-            inputs=[self._deposit, self._terrain.known, self._solidus],
-            outputs=[grids[0], grids[1], grids[2]],
-            count=grids[0].size,
-        )
+        maps = [grids[n] for n in range(3)]
+        arguments = [self._deposit, self._terrain.known, self._solidus, *maps]
+        launch_over(state, _show, arguments, count=maps[0].size)
 
     def thickness(self) -> np.ndarray:
         """Thickness of the frozen lava [m], float64, shape [rows, columns]."""

@@ -88,9 +88,8 @@ def _default(text: str) -> int:
 def launch_over(
     state: 'State',
     kernel: Any,
+    arguments: Sequence[Any],
     *,
-    inputs: Sequence[Any],
-    outputs: Sequence[Any],
     least: int = LEAST_SUMS,
     lanes: int = 1,
     ahead: int = 0,
@@ -101,8 +100,7 @@ def launch_over(
     Args:
         state: The particles.
         kernel: The kernel.
-        inputs: Its arguments.
-        outputs: Those that it writes.
+        arguments: Its arguments.
         least: Fewest particles that are worth a part.
         lanes: Threads that share a particle.
         ahead: Threads that come before those of the particles, on a GPU only, and are a block.
@@ -116,13 +114,11 @@ def launch_over(
     workers = 1 if state.launches.is_capturing else _workers(state.device, count, least * lanes)
     if workers < 2:
         state.launches(
-            kernel, dim=count, inputs=inputs, outputs=outputs, block_dim=ahead or None,
+            kernel, arguments, dim=count, block_dim=ahead or None,
             is_over_particles=is_over_particles,
         )
         return
-    record = partial(
-        state.launches.packed, kernel, dim=1, arguments=[*inputs, *outputs, 0]
-    )
+    record = partial(state.launches.packed, kernel, [*arguments, 0], dim=1)
     _Job(record, _parts(count, workers, least)).compute(workers - 1)
 
 

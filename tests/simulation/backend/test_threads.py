@@ -88,9 +88,7 @@ def visited(count, parts, least=1):
     values = wp.array(np.random.default_rng(1).random(count), dtype=wp.float32, device='cpu')
     visits = wp.zeros(count, dtype=wp.int32, device='cpu')
     most = wp.zeros(1, dtype=wp.float32, device='cpu')
-    threads.launch_over(
-        state_of(count), count_visits, inputs=[values], outputs=[visits, most], least=least
-    )
+    threads.launch_over(state_of(count), count_visits, [values, visits, most], least=least)
     return visits.numpy(), most.numpy()[0], values.numpy().max()
 
 
@@ -182,7 +180,7 @@ def test_a_launch_that_cannot_be_recorded():
     """The helpers that were called find nothing to do, and the next launch is as any other."""
     threads.use_threads(2)
     with pytest.raises(RuntimeError, match='requires 4'):
-        threads.launch_over(state_of(1000), count_visits, inputs=[], outputs=[], least=1)
+        threads.launch_over(state_of(1000), count_visits, [], least=1)
     assert (visited(1000, 2)[0] == 1).all()
 
 
