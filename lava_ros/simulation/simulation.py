@@ -61,7 +61,7 @@ from lava_ros.simulation.state import (
     TIME,
 )
 from lava_ros.simulation.terrain import StaggeredTerrain
-from lava_ros.simulation.vents import check_rates, parting, vent_set, VentSet
+from lava_ros.simulation.vents import check_rates, parting, VentSet
 
 #: Particles there is room for at the start.
 _FIRST_CAPACITY = 4096
@@ -580,7 +580,7 @@ class Simulation:
         self, vents: tuple[Vent, ...], *, since: float, carried: Iterable[float]
     ) -> VentSet:
         terrain, volume = self.scene.terrain, self.particle_volume
-        return vent_set(
+        return VentSet(
             vents, terrain, self.accuracy, volume, self._device, since=since, carried=carried
         )
 
