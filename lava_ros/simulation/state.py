@@ -28,6 +28,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import forget_failure
 from lava_ros.simulation.backend.streams import Look, read
+from lava_ros.simulation.checkpoint import fitting
 
 # Places in State.clock.
 TIME = wp.constant(0)
@@ -425,13 +426,9 @@ class State:
         self._allocate(capacity)
         for name in ('particle', *self._carried, *self._sums):
             target = getattr(self, name)
-            values = arrays.get(name)
             template = target.numpy()
             shape = template.shape if name in self._sums else (count, *template.shape[1:])
-            if values is None or (values.shape, values.dtype) != (shape, template.dtype):
-                found = 'missing' if values is None else f'{values.dtype} of shape {values.shape}'
-                right = f'{template.dtype} of shape {shape}'
-                raise LavaError(f'checkpoint.state.{name}', found, right)
+            values = fitting(f'state.{name}', arrays.get(name), shape, template.dtype)
             if len(values):
                 rows = wp.array(values, dtype=target.dtype, device=self.device)
                 wp.copy(target, rows, count=len(values))

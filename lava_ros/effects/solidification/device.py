@@ -39,12 +39,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over
+from lava_ros.simulation.checkpoint import fitting
 from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import BORDER, HOLES, PARTICLES, State
 from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_functions
@@ -274,12 +274,8 @@ class AfterStep:
         Raises:
             LavaError: It is not of this terrain.
         """
-        parts = arrays.get('deposit')
-        shape = self._deposit.shape
-        if parts is None or (parts.shape, parts.dtype) != (shape, np.int64):
-            found = 'missing' if parts is None else f'{parts.dtype} of shape {parts.shape}'
-            raise LavaError('checkpoint.solidification.deposit', found, f'int64 of shape {shape}')
-        self._lay(parts)
+        name, shape = 'solidification.deposit', self._deposit.shape
+        self._lay(fitting(name, arrays.get('deposit'), shape, np.int64))
 
     def _lay(self, parts: np.ndarray) -> None:
         self._deposit.assign(parts)
