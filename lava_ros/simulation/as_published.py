@@ -78,9 +78,6 @@ def _kernel(real: Any) -> Any:
 def publish_velocity(state: State, way: Any, viscosity: float) -> None:
     """Replace the local velocity in ``state.flow`` by that of the printed formulas.
 
-    Args:
-        state: The particles; ``state.source`` and ``state.area`` are filled.
-        way: Their journey (motion_arguments.py).
-        viscosity: The constant mu [Pa s].
+    ``source`` and ``area`` of the state are filled; ``viscosity`` is the constant mu [Pa s].
     """
     launch_over(state, _kernel(state.real), [way, viscosity])

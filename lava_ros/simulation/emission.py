@@ -178,13 +178,7 @@ def _kernel(real: Any, emission: Any) -> Any:
 
 
 def emit(state: State, vents: VentSet, way: Any) -> None:
-    """Append to the state's particles what is due at its time.
-
-    Args:
-        state: The particles.
-        vents: Their vents.
-        way: The particles' journey (motion_arguments.py).
-    """
+    """Append to the state's particles what is due at its time."""
     if vents.vents:
         threads = emitters(state, len(vents.vents))
         kernel = _kernel(state.real, emission_of(state, vents))

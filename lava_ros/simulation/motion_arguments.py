@@ -108,11 +108,7 @@ def journey_type(real: Any) -> Any:
 def journey(state: State, ground: Any, cells: Any, **constants: Any) -> Any:
     """Collect what kernels read and write, for as long as the arrays and the cells are these.
 
-    Args:
-        state: The particles.
-        ground: The ground under them (terrain.py).
-        cells: Their cells (cells.py).
-        constants: Those of flow, its law and the heat balance; none to sort particles.
+    ``constants`` are those of flow, its law and the heat balance; none to sort particles.
     """
     made = journey_type(state.real)()
     parts = {'ground': ground, 'cells': cells, **constants}

@@ -249,14 +249,7 @@ class NeighborGrid:
     def __init__(
         self, terrain: StaggeredTerrain, radius: float, ratio: float, device: Any
     ) -> None:
-        """Cover the terrain with cells.
-
-        Args:
-            terrain: The terrain.
-            radius: Kernel radius [m].
-            ratio: Kernel radius over particle spacing.
-            device: Warp device.
-        """
+        """Cover the terrain with cells for a kernel's radius [m], and that over the spacing."""
         self._terrain = terrain
         self._radius = radius
         rows, columns = cells_to_radius(ratio)
@@ -283,10 +276,7 @@ class NeighborGrid:
         """Cover the surroundings of some places, or the whole of a small terrain.
 
         What is binned is forgotten. A journey has other cells then: what was launched with it has
-        to be forgotten, too.
-
-        Args:
-            places: Places from the terrain's centre [m], shape [count, 2].
+        to be forgotten, too. Places are from the terrain's centre [m], shape [count, 2].
         """
         cells = self.cells
         ends = np.stack((np.zeros(2, dtype=int), self._all))
@@ -299,11 +289,7 @@ class NeighborGrid:
         self._cover(ends)
 
     def widen(self, sides: int) -> None:
-        """Cover more on some sides, as ``counts[NEAR_BORDER]`` of a ``State`` has them.
-
-        What is binned is forgotten. A journey has other cells then: what was launched with it has
-        to be forgotten, too.
-        """
+        """Cover more on some sides (``State.counts[NEAR_BORDER]``); otherwise as ``fit``."""
         cells = self.cells
         first = np.array((cells.first_column, cells.first_row))
         length = np.array((cells.columns, cells.rows))

@@ -264,15 +264,10 @@ class Raster:
         *,
         more: int = 0,
     ) -> None:
-        """Allocate the grids.
+        """Allocate the grids, and some more for others to fill.
 
-        Args:
-            terrain: The terrain whose cells are filled.
-            radius: Kernel radius of the output, l_render in the paper [m].
-            kernel: Name of the smoothing kernel.
-            ratio: Kernel radius over particle spacing.
-            device: Warp device.
-            more: Grids for others to fill.
+        ``radius`` is that of the output's kernel [m], l_render in the paper; ``ratio`` that of the
+        particles' kernel over their spacing.
         """
         self._terrain = terrain
         self._radius = radius

@@ -274,15 +274,9 @@ def solve_velocity(
 ) -> None:
     """Replace the local velocity in ``state.flow`` by the solution of the balance.
 
-    ``state.rates`` is raised to what that velocity allows.
-
-    Args:
-        state: The particles.
-        way: Their journey (motion_arguments.py).
-        radius: Kernel radius [m].
-        thickness: Thickness up to which the sweeps converge as far as ``REDUCTION`` says [m].
-        kernel: Name of the smoothing kernel.
-        ratio: Kernel radius over particle spacing.
+    ``state.rates`` is raised to what that velocity allows. Up to ``thickness`` [m] the sweeps
+    converge as far as ``REDUCTION`` says; ``radius`` is the kernel's [m], ``ratio`` that over the
+    particles' spacing.
     """
     start, sweep, finish = _kernels(
         state.real, kernel, ratio, state.lanes, state.parts, state.is_wide,

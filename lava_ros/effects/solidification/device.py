@@ -227,10 +227,8 @@ class AfterStep:
     def show(self, state: State, grids: Any) -> None:
         """Add the frozen lava to a map.
 
-        Args:
-            state: The particles.
-            grids: Thickness [m] and temperature [K] of the fluid lava, to be made those of all,
-                and the thickness of what has frozen [m], to be filled; float32, on the device.
+        The ``grids`` are thickness [m] and temperature [K] of the fluid lava, which become those
+        of all lava, and the thickness of what has frozen [m]; float32, on the device.
         """
         maps = [grids[n] for n in range(3)]
         arguments = [self._deposit, self._terrain.known, self._solidus, *maps]
