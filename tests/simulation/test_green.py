@@ -17,10 +17,9 @@
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain
-from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.scene import Lava
+from lava_ros.simulation import Particles
+from solver import flat, only, simulated
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
@@ -29,12 +28,15 @@ from lava_ros.simulation.accuracy import Accuracy
 def test_columns_push_each_other_apart(device, precision, height, distance):
     """However near and thick: one that counted more than the other itself drew it in."""
     places = 0.5 * distance * np.array([[-1.0, 0.0], [1.0, 0.0]])
-    simulation = Simulation(
-        Scene(Terrain(np.zeros((8, 8)), 1.0, (-4.0, -4.0)), lava=Lava(viscosity=1e6)),
-        effects=Effects(arrhenius=False, cooling=False, steep=False, green=True),
-        accuracy=Accuracy(spacing=1.0, ratio=3.5, precision=precision),
-        particles=Particles(places, [height, height], 1400.0),
+    simulation = simulated(
+        flat(8),
+        Lava(viscosity=1e6),
+        Particles(places, height, 1400.0),
+        effects=only('green'),
         device=device,
+        spacing=1.0,
+        ratio=3.5,
+        precision=precision,
     )
     sample = simulation.sample()
     apart = np.sign(sample.position[:, 0]) * sample.velocity[:, 0]
