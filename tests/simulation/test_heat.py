@@ -18,27 +18,26 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain
-from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.accuracy import Accuracy
-
-FLAT = Terrain(np.zeros((20, 20)), 1.0)
+from lava_ros.scene import Lava
+from lava_ros.simulation import Particles
+from solver import flat, lattice, only, simulated
 
 
-def cooled(lava, hours, *, longest_step, device='cpu', ambient=300.0, temperature=1423.0):
+def cooled(lava, hours, *, longest_step, device='cpu'):
     """Temperature and thickness of the middle of a sheet that is too stiff to move."""
-    places = np.stack(np.meshgrid(np.arange(4.0, 16.0), np.arange(4.0, 16.0)), -1).reshape(-1, 2)
-    simulation = Simulation(
-        Scene(FLAT, lava=lava, ambient_temperature=ambient),
-        effects=Effects(arrhenius=False, steep=False),
-        accuracy=Accuracy(spacing=1.0, thickness=2.0, longest_step=longest_step),
-        particles=Particles(places, 2.0, temperature),
+    simulation = simulated(
+        flat(20),
+        lava,
+        Particles(lattice(6.0), 2.0, 1423.0),
+        effects=only('cooling'),
         device=device,
+        spacing=1.0,
+        thickness=2.0,
+        longest_step=longest_step,
     )
     simulation.advance(3600.0 * hours)
     sample = simulation.sample()
-    middle = np.argmin(np.abs(sample.position - 9.0).sum(axis=1))
+    middle = np.argmin(np.abs(sample.position).sum(axis=1))
     return sample.temperature[middle], sample.thickness[middle]
 
 

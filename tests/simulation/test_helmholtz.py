@@ -20,26 +20,14 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
-from lava_ros.errors import LavaError
-from lava_ros.scene import Lava, Scene, Terrain
-from lava_ros.simulation import Particles, Simulation
+from lava_ros.scene import Lava, Terrain
+from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.state import ADVECTION
 from lava_ros.verification.cases.sheets import response
+from solver import flat, lattice, only, simulated
 
 LAVA = Lava(viscosity=1e4, arrhenius=0.0)
-
-
-def effects(**chosen):
-    """The bare physics and what is chosen."""
-    return Effects(arrhenius=False, cooling=False, steep=False, **chosen)
-
-
-def lattice(side, spacing):
-    """A square lattice around the origin."""
-    ticks = np.arange(-0.5 * side, 0.5 * side, spacing) + 0.5 * spacing
-    return np.stack(np.meshgrid(ticks, ticks), -1).reshape(-1, 2)
 
 
 @pytest.mark.parametrize('radius', [0.6, 1.0, 3.5, 10.0])
@@ -55,16 +43,14 @@ def test_sweeps_solve_the_matrix():
     places = rng.uniform(-4.0, 4.0, (200, 2))
     x = np.arange(40) * 0.5
     terrain = Terrain(np.tile(0.3 * np.sin(x / 2.0), (40, 1)), 0.5, origin=(-10.0, -10.0))
-    options = {
-        'accuracy': Accuracy(spacing=0.6, thickness=1.0, precision='float64'),
-        'particles': Particles(places, 0.36 * rng.uniform(0.5, 2.0, 200), 1400.0),
-        'device': 'cpu',
-    }
+    particles = Particles(places, 0.36 * rng.uniform(0.5, 2.0, 200), 1400.0)
     # slower than free fall, which bounds both
-    scene = Scene(terrain, lava=replace(LAVA, viscosity=1e5))
-    local = Simulation(scene, effects=effects(), **options).sample()
-    simulation = Simulation(scene, effects=effects(helmholtz=True), **options)
-    solved = simulation.sample()
+    lava, knobs = replace(LAVA, viscosity=1e5), {'spacing': 0.6, 'precision': 'float64'}
+    bare, simulation = (
+        simulated(terrain, lava, particles, effects=effects, thickness=1.0, **knobs)
+        for effects in (only(), only('helmholtz'))
+    )
+    local, solved = bare.sample(), simulation.sample()
     assert np.array_equal(local.position, solved.position)
     radius, h = simulation.radius, local.thickness
     q = np.linalg.norm(local.position[:, None] - local.position[None], axis=-1) / radius
@@ -83,32 +69,23 @@ def test_velocity_stays_within_the_local_one():
     terrain = Terrain(rng.normal(size=(40, 40)), 1.0)
     given = Particles(rng.uniform(8.0, 32.0, (600, 2)), rng.uniform(0.2, 3.0, 600), 1400.0)
     speeds = []
-    for helmholtz in (False, True):
-        sample = Simulation(
-            Scene(terrain, lava=LAVA),
-            effects=effects(helmholtz=helmholtz),
-            accuracy=Accuracy(spacing=1.0, thickness=2.0),
-            particles=given,
-            device='cpu',
-        ).sample()
-        speeds.append(np.abs(sample.velocity).max())
+    for effects in (only(), only('helmholtz')):
+        simulation = simulated(
+            terrain, LAVA, given, effects=effects, spacing=1.0, thickness=2.0
+        )
+        speeds.append(np.abs(simulation.sample().velocity).max())
     assert 0.0 < speeds[1] <= speeds[0]
-
-
-def test_green_and_helmholtz_exclude_each_other():
-    """They are two ways to the same stress."""
-    with pytest.raises(LavaError, match='effects.helmholtz'):
-        Effects(green=True, helmholtz=True)
 
 
 def test_steps_follow_the_speed_that_lateral_stress_leaves():
     """Where lava is thick that is a fraction of the local one, which steps were as short as."""
-    simulation = Simulation(
-        Scene(Terrain(np.zeros((20, 20)), 1.0, (-10.0, -10.0)), lava=replace(LAVA, viscosity=1e8)),
-        effects=effects(helmholtz=True),
-        accuracy=Accuracy(spacing=1.0, thickness=50.0),
-        particles=Particles(lattice(6.0, 1.0), 50.0, 1400.0),
-        device='cpu',
+    simulation = simulated(
+        flat(20),
+        replace(LAVA, viscosity=1e8),
+        Particles(lattice(3.0), 50.0, 1400.0),
+        effects=only('helmholtz'),
+        spacing=1.0,
+        thickness=50.0,
     )
     speed = np.linalg.norm(simulation.sample().velocity, axis=1).max()
     reach = simulation._stage.constants.reach
