@@ -20,10 +20,10 @@ import numpy as np
 import pytest
 import warp as wp
 
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Simulation
+from lava_ros.scene import Lava, Terrain, Vent
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.snapshot import Snapshot, StepReport
+from solver import simulated
 
 COLUMNS = {'x': 0, 'y': 1, 'volume': 2, 'temperature': 3}
 
@@ -37,9 +37,7 @@ def slope():
 @pytest.fixture
 def flow(device):
     """Lava that has come a little way."""
-    simulation = Simulation(Scene(
-        slope(), (Vent((60.0, 155.0), 20.0),), lava=Lava()
-    ), device=device)
+    simulation = simulated(slope(), Lava(), Vent((60.0, 155.0), 20.0), device=device)
     simulation.advance(120.0)
     assert simulation.snapshot().flaw() == ''
     return simulation
