@@ -14,7 +14,6 @@
 
 """Effects as a key; those that are off, or whose files are deleted, leave nothing behind."""
 
-from dataclasses import fields
 from pathlib import Path
 import shutil
 import subprocess
@@ -26,14 +25,11 @@ import warp as wp
 
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
-from lava_ros.scene import Lava, Scene, Vent
-from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.scene import Lava, Vent
 from lava_ros.verification.cases.case import plane
+from solver import only, simulated
 
 ROOT = Path(__file__).parents[2]
-
-NONE = {item.name: False for item in fields(Effects)}
 
 #: The arrays of a step without effects, and of a map.
 BARE_ARRAYS = {
@@ -50,6 +46,7 @@ BARE_KERNELS = [
 
 #: What each effect adds: arrays, and kernels of its own.
 ADDED = {
+    '': (set(), set()),
     'green': ({'source', 'area'}, {'green_motion'}),
     'helmholtz': (
         {'layer', 'solution', 'next_solution', 'correction'},
@@ -86,21 +83,6 @@ def digest(names):
 """
 
 
-def simulation_of(device, **on):
-    """A vent on a slope with the effects that are named."""
-    lava = Lava(solidus=1000.0, yield_strength=100.0, conductivity=2.0)
-    scene = Scene(plane((-50.0, -50.0, 50.0, 50.0), 5.0, 0.2), (Vent((0.0, 0.0), 2.0),), lava)
-    return Simulation(
-        scene, effects=Effects(**{**NONE, **on}), accuracy=Accuracy(spacing=4.0), device=device
-    )
-
-
-def arrays_of(simulation):
-    """Names of the arrays that are allocated."""
-    state = vars(simulation._state)
-    return {name for name, value in state.items() if isinstance(value, wp.array)}
-
-
 @pytest.fixture
 def launched(monkeypatch):
     """Names of the kernels that are launched, in their order."""
@@ -122,25 +104,16 @@ def launched(monkeypatch):
     return names
 
 
-def test_a_bare_step_has_the_bare_arrays_and_kernels(launched):
-    """Nothing is allocated or launched but what lava that flows needs."""
-    simulation = simulation_of('cpu')
-    assert arrays_of(simulation) == BARE_ARRAYS
-    simulation.advance(60.0)
-    assert simulation.particle_count > 0
-    # the first one has yet to put the particles into cells: later ones do so as they move them
-    simulation._stage.take(simulation.scene, simulation._vents)
-    launched.clear()
-    simulation._stage.take(simulation.scene, simulation._vents)
-    assert launched == BARE_KERNELS
-
-
 @pytest.mark.parametrize('name', ADDED)
 def test_an_effect_adds_what_is_its_own(launched, name):
     """An effect brings its own arrays and kernels and no one else's."""
     arrays, kernels = ADDED[name]
-    simulation = simulation_of('cpu', **{name: True})
-    assert arrays_of(simulation) == BARE_ARRAYS | arrays
+    lava = Lava(solidus=1000.0, yield_strength=100.0, conductivity=2.0)
+    ground, vent = plane((-50.0, -50.0, 50.0, 50.0), 5.0, 0.2), Vent((0.0, 0.0), 2.0)
+    simulation = simulated(ground, lava, vent, effects=only(name), spacing=4.0)
+    state = vars(simulation._state)
+    allocated = {key for key, value in state.items() if isinstance(value, wp.array)}
+    assert allocated == BARE_ARRAYS | arrays
     simulation.advance(60.0)
     assert simulation.particle_count > 0
     # the first one has yet to put the particles into cells: later ones do so as they move them
@@ -149,6 +122,7 @@ def test_an_effect_adds_what_is_its_own(launched, name):
     simulation._stage.take(simulation.scene, simulation._vents)
     without = {'move'} if name == 'green' else set()
     assert set(launched) == set(BARE_KERNELS) - without | kernels
+    assert name or launched == BARE_KERNELS
 
 
 @pytest.mark.parametrize('names', [(), ('cooling', 'arrhenius', 'steep')])

@@ -18,7 +18,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import warp as wp
 
 from lava_ros.scene import Lava, Terrain, Vent
 from lava_ros.simulation.budget import VolumeBudget
@@ -125,26 +124,3 @@ def test_a_sound_snapshot_has_no_flaw():
 def test_flaws_are_named(broken, words):
     """Each says what is wrong and in how many cells."""
     assert words in broken().flaw()
-
-
-def test_no_memory_to_grow_leaves_the_state(flow, monkeypatch):
-    """Where there is no room for more particles those there are stay as they were."""
-    before = flow.sample()
-    capacity = flow._state.capacity
-    zeros, sizes = wp.zeros, []
-
-    def scarce(shape, *args, **options):
-        sizes.append(shape)
-        if len(sizes) > 3:
-            raise RuntimeError("Failed to allocate 1 bytes on device 'cpu'")
-        return zeros(shape, *args, **options)
-
-    monkeypatch.setattr(wp, 'zeros', scarce)
-    with pytest.raises(RuntimeError, match='Failed to allocate'):
-        flow._state.grow(2 * capacity)
-    monkeypatch.undo()
-    assert sizes[0] == 2 * capacity
-    assert flow._state.capacity == capacity
-    np.testing.assert_array_equal(flow.sample().position, before.position)
-    flow.advance(150.0)
-    assert flow.snapshot().flaw() == ''

@@ -94,15 +94,6 @@ def test_bessel_functions_match_scipy():
     assert np.abs(evaluate(x_k1, x) - x * special.k1(x)).max() < 2e-7
 
 
-def test_bessel_is_positive_where_the_papers_series_is_not():
-    """The two-term series the paper prints (3.41) is negative past 1.9; K0 never is."""
-    x = np.linspace(1.9, 5.0, 50)
-    log = np.log(2 / x) - 0.577216
-    series = log + 0.25 * x**2 * (log + 1)
-    assert (series < 0).all()
-    assert (evaluate(bessel(wp.float64).k0, 0.25 * x**2) > 0).all()
-
-
 def k0_of(real, support, squares):
     """K0 of squared distances in the units of ``K0Within``, and of a support times k."""
     within = k0_within(real)
