@@ -20,12 +20,13 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene import Lava, Scene, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.checkpoint import from_bytes
+from solver import incline
 
-TERRAIN = Terrain(np.add.outer(np.zeros(30), -1.0 * np.arange(40.0)), 5.0)
+TERRAIN = incline(0.2, 30, 40, 5.0)
 SCENE = Scene(TERRAIN, (Vent((40.0, 75.0), 20.0),), lava=Lava())
 END = 60.0
 

@@ -151,23 +151,6 @@ def test_green_velocity_of_a_uniform_sheet_is_the_local_one(device):
     assert velocities[0] == pytest.approx(velocities[1], rel=1e-4, abs=1e-5)
 
 
-def test_viscosity_follows_arrhenius(device):
-    """A colder particle is slower by exp(-alpha dT)."""
-    speeds = []
-    for temperature in (1423.0, 1323.0):
-        simulation = simulated(
-            incline(1.0, 10, 10, 1.0),
-            Lava(viscosity=1e5),
-            Particles([[5.0, 5.0]], 1.0, temperature),
-            effects=only('arrhenius'),
-            device=device,
-            spacing=1.0,
-            thickness=1.0,
-        )
-        speeds.append(simulation.sample().velocity[0, 0])
-    assert speeds[1] / speeds[0] == pytest.approx(math.exp(-0.8), rel=1e-5)
-
-
 @pytest.mark.parametrize('integrator', ['euler', 'rkl2'])
 def test_steps_beyond_the_limit_are_not_taken(device, integrator):
     """No step moves a particle too far, and no Euler step exceeds the stable one."""

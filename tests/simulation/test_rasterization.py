@@ -68,15 +68,6 @@ def test_a_cell_at_the_border_holds_its_mean(device):
     assert error < 0.004
 
 
-def test_map_has_the_profile():
-    """Thickness along a radius follows the exact profile to the edge."""
-    snapshot, _ = mapped(8000, 3.0)
-    row = snapshot.thickness[150]
-    x = (np.arange(300) + 0.5) * 400.0 / 300 - 200.0
-    inside = np.abs(x) < 0.9 * RADIUS
-    assert row[inside] == pytest.approx(DOME.thickness(np.abs(x[inside]), TIME), rel=0.03)
-
-
 def slope(valley=0.0, holes=False, rows=30, columns=40, cell=5.0):
     """A plane that falls towards +x, a valley of a few cells along it, or holes on the way."""
     x, y = (np.arange(columns) + 0.5) * cell, (np.arange(rows) + 0.5) * cell
