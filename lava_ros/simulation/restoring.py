@@ -56,7 +56,7 @@ def take(simulation: Simulation) -> Checkpoint:
     )
 
 
-def put_back(simulation: Simulation, checkpoint: Checkpoint) -> Simulation:
+def restore(simulation: Simulation, checkpoint: Checkpoint) -> Simulation:
     """Make a new simulation of a checkpoint's scene, effects and accuracy go on from there.
 
     Raises:

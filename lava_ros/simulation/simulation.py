@@ -43,7 +43,7 @@ from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.particles import Particles, ParticleSample, rows_of
 from lava_ros.simulation.rasterization import Raster
 from lava_ros.simulation.resolution import Resolution, resolution_of, resolved_accuracy
-from lava_ros.simulation.restoring import put_back, take
+from lava_ros.simulation.restoring import restore, take
 from lava_ros.simulation.selection import decide, Decision, effects_for, HORIZON
 from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot
 from lava_ros.simulation.stage import Stage
@@ -456,7 +456,7 @@ class Simulation:
             horizon=checkpoint.horizon,
             notes_arrival='arrived.times' in checkpoint.arrays,
         )
-        return put_back(simulation, checkpoint)
+        return restore(simulation, checkpoint)
 
     @property
     def resolution(self) -> Resolution:

@@ -42,9 +42,10 @@ def route_of(flux, device, ends):
     ends[flux] = simulation.sample().position
 
 
-def run(routes, device):
-    """Take routes to their ends, three of them at a time."""
-    Batch(at_once=3).run(routes)
+def run(routes, device='', at_once=3):
+    """Take routes to their ends together."""
+    for _ in Batch(at_once=at_once).running(routes):
+        pass
 
 
 def one_by_one(routes, device):
@@ -97,7 +98,7 @@ def test_members_of_several_kinds_and_sizes(device, name, monkeypatch):
         ends[number] = simulation
 
     ends, maps = {}, {}
-    Batch().run(route(number) for number in range(3))
+    run((route(number) for number in range(3)), at_once=256)
     for number in range(3):
         alone = begun(number)
         for end, map_of in zip(ENDS, maps[number], strict=True):
@@ -128,7 +129,7 @@ def test_members_wait_for_each_others_looks(device, monkeypatch):
         ends[flux] = simulation.budget().held, simulation.seen(looks)
 
     ends = {}
-    Batch().run(map(route, fluxes))
+    run(map(route, fluxes), at_once=256)
     for flux in fluxes:
         alone, looks = begun(flux)
         for time in times:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The Helmholtz solve: its response, its bounds, and the matrix behind it."""
+"""Lateral stress: the solve, its response and its matrix; the Green's function; a channel."""
 
 from dataclasses import replace
 import math
@@ -24,6 +24,7 @@ from lava_ros.scene import Lava, Terrain
 from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.state import ADVECTION
+from lava_ros.verification.cases.confined import channel_velocity
 from lava_ros.verification.cases.sheets import response
 from solver import flat, lattice, only, simulated
 
@@ -91,3 +92,47 @@ def test_steps_follow_the_speed_that_lateral_stress_leaves():
     reach = simulation._stage.constants.reach
     simulation.advance(1e-3)
     assert simulation._state.rates.numpy()[ADVECTION] == pytest.approx(speed / reach, rel=0.01)
+
+
+@pytest.mark.parametrize('precision', ['float32', 'float64'])
+@pytest.mark.parametrize('height', [0.1, 1.0, 10.0])
+@pytest.mark.parametrize('distance', [0.02, 0.1, 0.3, 1.0])
+def test_columns_push_each_other_apart(device, precision, height, distance):
+    """However near and thick: one that counted more than the other itself drew it in."""
+    places = 0.5 * distance * np.array([[-1.0, 0.0], [1.0, 0.0]])
+    simulation = simulated(
+        flat(8),
+        Lava(viscosity=1e6),
+        Particles(places, height, 1400.0),
+        effects=only('green'),
+        device=device,
+        spacing=1.0,
+        ratio=3.5,
+        precision=precision,
+    )
+    sample = simulation.sample()
+    apart = np.sign(sample.position[:, 0]) * sample.velocity[:, 0]
+    # near each other thick columns count alike: they stay where they are
+    assert apart.min() >= 0.0
+
+
+@pytest.mark.parametrize(('width', 'spacing'), [(1.0, 0.05), (2.5, 0.125), (5.0, 0.125)])
+def test_helmholtz_solve_in_a_channel(device, width, spacing):
+    """The solve is within 1 % for channels from one to five thicknesses wide."""
+    accuracy = Accuracy(spacing=spacing, ratio=3.0)
+    _, mean = channel_velocity(width, effect='helmholtz', accuracy=accuracy, device=device)
+    assert mean.error < 0.01
+
+
+def test_green_function_in_a_channel(device):
+    """With a support of 6 / k the Green's function is within 1 %, six thicknesses wide."""
+    accuracy = Accuracy(spacing=0.3, ratio=11.5)
+    _, mean = channel_velocity(6.0, effect='green', accuracy=accuracy, device=device)
+    assert mean.error < 0.01
+
+
+def test_a_short_support_loses_the_walls(device):
+    """Cut off at 1.7 thicknesses the Green's function sees half of the walls: it is no bargain."""
+    accuracy = Accuracy(spacing=0.3, ratio=5.5)
+    _, mean = channel_velocity(6.0, effect='green', accuracy=accuracy, device=device)
+    assert mean.measured > 1.03 * mean.exact
