@@ -30,7 +30,7 @@ from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, T
 from lava_ros.forecast.sampling import Member
 from lava_ros.forecast.store import Store
 from lava_ros.maps.forecast import HazardMaps
-from lava_ros.simulation.backend.cores import usable_cores
+from lava_ros.simulation.backend.threads import usable_cores
 
 #: Is told how many members there are, and how many of those were there before this run.
 Finished = Callable[[int, int], None]

@@ -47,12 +47,16 @@ from lava_ros.simulation.backend.compiled import (
     sum_over,
 )
 from lava_ros.simulation.backend.threads import launch_over
-from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.cells import (
+    cell_frame,
+    cell_functions,
+    sums_function,
+    wide_sums_function,
+)
 from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
 from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
-from lava_ros.simulation.sums import sums_function, wide_sums_function
 from lava_ros.simulation.terrain import terrain_functions
 
 

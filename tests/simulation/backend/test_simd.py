@@ -20,9 +20,8 @@ import warp as wp
 
 from lava_ros.effects.green import device as green
 from lava_ros.effects.helmholtz import device as helmholtz
-from lava_ros.simulation import sums as flow_sums
 from lava_ros.simulation.backend.simd import WIDTH
-from lava_ros.simulation.cells import cell_frame
+from lava_ros.simulation.cells import cell_frame, sums_function, wide_sums_function
 from lava_ros.simulation.kernels import k0_within, smoothing_kernel
 from lava_ros.simulation.state import SPARE
 
@@ -36,9 +35,9 @@ WENDLAND = smoothing_kernel('wendland', wp.float32)
 #: Sums of the flow and of two effects, in float32: one neighbour after the other, two and four of
 #: them at once, and eight.
 FLOW = (
-    flow_sums.sums_function(wp.float32, WENDLAND, 1, False),
-    flow_sums.sums_function(wp.float32, WENDLAND, 1, True),
-    flow_sums.wide_sums_function(WENDLAND.wide_terms),
+    sums_function(wp.float32, WENDLAND, 1, False),
+    sums_function(wp.float32, WENDLAND, 1, True),
+    wide_sums_function(WENDLAND.wide_terms),
 )
 GREEN = (
     green._sums_function(wp.float32, 1, False),
