@@ -255,6 +255,11 @@ class Batch:
             self._places[key] = group, row, state, state.launches.forgotten
         return group, row
 
+    def run(self, routes: Iterable[Iterator[None]]) -> None:
+        """Take all routes to their ends, as ``running`` does in parts."""
+        for _ in self.running(routes):
+            pass
+
     def running(self, routes: Iterable[Iterator[None]]) -> Iterator[None]:
         """Take all routes to their ends, with time for something else after each part.
 

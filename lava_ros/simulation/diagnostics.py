@@ -134,7 +134,7 @@ class Census:
                 state.clock,
                 state.counts,
                 state.left,
-                *state.optional('frozen'),
+                getattr(state, 'frozen', None),
                 vents.released,
             ],
             outputs=[self._numbers],

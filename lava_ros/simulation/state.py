@@ -16,12 +16,13 @@
 
 from collections.abc import Callable, Mapping
 import math
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 import warp as wp
 
 from lava_ros.effects import Effects
+from lava_ros.effects.effect import Array
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 from lava_ros.simulation.accuracy import Accuracy
@@ -96,6 +97,37 @@ SPARE = 3
 
 REAL = {'float32': wp.float32, 'float64': wp.float64}
 
+#: The solver's own arrays; what is in them is said in ``State``. What is carried on has a twin,
+#: ``ordered_`` and its name, in the order of the cells.
+ARRAYS = {
+    'stage': Array('real', 4),
+    'rates': Array('real', 2),
+    'top': Array('real', 1),
+    'share': Array('real'),
+    'age': Array('real', is_carried=True),
+    'remainder': Array('vec2', is_carried=True),
+    'surface': Array('vec2'),
+    'flow': Array('vec3'),
+    'particle': Array('vec4'),
+    'ordered': Array('vec4', has_spare=True),
+    'base': Array('vec4', is_carried=True),
+    'drift': Array('vec4', is_carried=True),
+    'counts': Array('int32', 11),
+    'chosen': Array('int32', 1),
+    'cell': Array('int32'),
+    'rank': Array('int32'),
+    'members': Array('int32'),
+    'home': Array('int32'),
+    'clock': Array('float64', 5),
+    'left': Array('float64', 2),
+}
+
+
+def kinds_of(real: Any) -> dict[str, Any]:
+    """The Warp types by the names that an ``Array`` has for them."""
+    vectors = {f'vec{length}': wp.types.vector(length, real) for length in (2, 3, 4)}
+    return {'real': real, 'int32': wp.int32, 'float64': wp.float64, **vectors}
+
 
 class State:
     """Every device array that depends on the number of particles, and the clock.
@@ -143,10 +175,10 @@ class State:
     """
 
     arrived: Any
-    #: Arrays of effects that others read: inertia, green.
-    velocity: Any
-    source: Any
-    area: Any
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...  # noqa: D105
 
     def __init__(
         self,
@@ -158,9 +190,6 @@ class State:
         """Allocate for ``capacity`` particles."""
         forget_failure(device)
         self.real = REAL[accuracy.precision]
-        self.vec2 = wp.types.vector(2, self.real)
-        self.vec3 = wp.types.vector(3, self.real)
-        self.vec4 = wp.types.vector(4, self.real)
         self.effects = effects
         # with inertia a step has one stage: effects/inertia.py
         self.is_staged = accuracy.integrator == 'rkl2' and 'inertia' not in effects
@@ -177,61 +206,43 @@ class State:
         # with inertia the pairs of the energy's gradient keep the momentum: a bore needs that
         self.has_surface = accuracy.gradient != 'energy' and 'inertia' not in effects
         self.device = device
-        self.clock = wp.zeros(5, dtype=wp.float64, device=device)
-        self.counts = wp.zeros(11, dtype=wp.int32, device=device)
+        self.launches = Launches(device)
+        self._allocate(capacity)
+        self.top.fill_(-FAR)
         if not device.is_cuda:
             # it sees what is there: to make it anew takes 10 us
             self._seen_counts = self.counts.numpy()
         self._looks = [Look((self.clock, self.counts)) for _ in range(3)]
-        self.chosen = wp.zeros(1, dtype=wp.int32, device=device)
-        self.rates = wp.zeros(2, dtype=self.real, device=device)
-        self.stage = wp.zeros(4, dtype=self.real, device=device)
-        self.top = wp.full(1, -FAR, dtype=self.real, device=device)
-        self.left = wp.zeros(2, dtype=wp.float64, device=device)
-        self.launches = Launches(device)
-        self.capacity = 0
-        self._allocate(capacity)
+
+    @property
+    def _arrays(self) -> dict[str, Array]:
+        """The arrays that this state has, by name: its own and those that the effects declare."""
+        is_needed = {
+            'age': self.has_age,
+            'remainder': self.has_remainder,
+            'surface': self.has_surface,
+            'base': self.is_staged,
+            'drift': self.is_staged,
+            'members': self.is_ranked_again,
+        }
+        own = {name: array for name, array in ARRAYS.items() if is_needed.get(name, True)}
+        return own | self.effects.arrays
 
     def _allocate(self, capacity: int) -> None:
+        """Make room for some particles; what does not depend on how many they are is kept."""
         self.launches.forget()
         self.capacity = capacity
-        self.particle = wp.zeros(capacity, dtype=self.vec4, device=self.device)
-        self.ordered = self._with_spare(self.vec4)
-        self.flow = wp.zeros(capacity, dtype=self.vec3, device=self.device)
-        self.share = wp.zeros(capacity, dtype=self.real, device=self.device)
-        self.home = wp.zeros(capacity, dtype=wp.int32, device=self.device)
-        self.cell = wp.zeros(capacity, dtype=wp.int32, device=self.device)
-        self.rank = wp.zeros(capacity, dtype=wp.int32, device=self.device)
-        if self.is_ranked_again:
-            self.members = wp.zeros(capacity, dtype=wp.int32, device=self.device)
-        if self.has_remainder:
-            self.remainder = wp.zeros(capacity, dtype=self.vec2, device=self.device)
-            self.ordered_remainder = wp.zeros(capacity, dtype=self.vec2, device=self.device)
-        if self.has_age:
-            self.age = wp.zeros(capacity, dtype=self.real, device=self.device)
-            self.ordered_age = wp.zeros(capacity, dtype=self.real, device=self.device)
-        if self.is_staged:
-            self.base = wp.zeros(capacity, dtype=self.vec4, device=self.device)
-            self.drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
-            self.ordered_base = wp.zeros(capacity, dtype=self.vec4, device=self.device)
-            self.ordered_drift = wp.zeros(capacity, dtype=self.vec4, device=self.device)
-        if self.has_surface:
-            self.surface = wp.zeros(capacity, dtype=self.vec2, device=self.device)
-        self._allocate_for_effects()
-
-    def _allocate_for_effects(self) -> None:
-        """Make what the effects declare; what does not depend on the particles is kept."""
-        kinds = {'real': self.real, 'int32': wp.int32, 'float64': wp.float64}
-        for name, array in self.effects.arrays.items():
-            dtype = kinds.get(array.dtype) or getattr(self, array.dtype)
+        kinds = kinds_of(self.real)
+        for name, array in self._arrays.items():
+            dtype = kinds[array.dtype]
             if array.has_spare:
                 setattr(self, name, self._with_spare(dtype))
             elif array.count is None:
-                setattr(self, name, wp.zeros(self.capacity, dtype=dtype, device=self.device))
+                setattr(self, name, wp.zeros(capacity, dtype=dtype, device=self.device))
             elif not hasattr(self, name):
                 setattr(self, name, wp.zeros(array.count, dtype=dtype, device=self.device))
             if array.is_carried:
-                twin = wp.zeros(self.capacity, dtype=dtype, device=self.device)
+                twin = wp.zeros(capacity, dtype=dtype, device=self.device)
                 setattr(self, f'ordered_{name}', twin)
 
     def _with_spare(self, dtype: Any) -> Any:
@@ -351,10 +362,6 @@ class State:
         names += [name for name, array in self.effects.arrays.items() if array.is_carried]
         return names + (['age'] if self.has_age else [])
 
-    def optional(self, *names: str) -> list[Any]:
-        """The arrays of these names, None for those that are not allocated."""
-        return [getattr(self, name, None) for name in names]
-
     def write_clock(self, place: int, value: float) -> None:
         """Replace one of the times in ``clock``, when all that is launched so far is done."""
         self.clock[place : place + 1].fill_(value)
@@ -383,7 +390,7 @@ class State:
         if len(values) > FULLEST * self.capacity:
             self._allocate(room_for(len(values)))
         if len(values):
-            rows = wp.array(values, dtype=self.vec4, device=self.device)
+            rows = wp.array(values, dtype=self.particle.dtype, device=self.device)
             wp.copy(self.particle, rows, count=len(values))
         for name in self._carried:
             getattr(self, name).zero_()

@@ -42,10 +42,9 @@ def route_of(flux, device, ends):
     ends[flux] = simulation.sample().position
 
 
-def run(routes, device='', at_once=3):
-    """Take routes to their ends together."""
-    for _ in Batch(at_once=at_once).running(routes):
-        pass
+def run(routes, device):
+    """Take routes to their ends, three of them at a time."""
+    Batch(at_once=3).run(routes)
 
 
 def one_by_one(routes, device):
@@ -98,7 +97,7 @@ def test_members_of_several_kinds_and_sizes(device, name, monkeypatch):
         ends[number] = simulation
 
     ends, maps = {}, {}
-    run((route(number) for number in range(3)), at_once=256)
+    Batch().run(route(number) for number in range(3))
     for number in range(3):
         alone = begun(number)
         for end, map_of in zip(ENDS, maps[number], strict=True):
@@ -129,7 +128,7 @@ def test_members_wait_for_each_others_looks(device, monkeypatch):
         ends[flux] = simulation.budget().held, simulation.seen(looks)
 
     ends = {}
-    run(map(route, fluxes), at_once=256)
+    Batch().run(map(route, fluxes))
     for flux in fluxes:
         alone, looks = begun(flux)
         for time in times:
