@@ -14,10 +14,9 @@
 
 """Named points on the measured front of accuracy against time.
 
-The ratio and the share of the stable step were chosen from the full `lava accuracy` run that is
-committed beside them (`EVIDENCE`, by `COMMAND`); docs/accuracy/ has its table and chart. The
-refinements were chosen by how far footprints of real flows agree
-(docs/benchmarks/convergence_h200.csv).
+The ratio and the share of the stable step were chosen from a full run of `lava accuracy`
+(docs/accuracy/h200.csv; docs/accuracy/ has its table and chart), the refinements by how far
+footprints of real flows agree (docs/benchmarks/convergence_h200.csv).
 """
 
 from __future__ import annotations
@@ -27,15 +26,6 @@ from dataclasses import dataclass, replace
 from lava_ros import validation
 from lava_ros.simulation.accuracy import Accuracy
 
-#: The measurements the presets rest on, in the repository.
-EVIDENCE = 'docs/accuracy/h200.csv'
-
-#: What made them.
-COMMAND = 'lava accuracy --device cuda:0 --longest 20'
-
-#: The case in them by which presets are compared, a name in ``verification.cases.CASES``.
-CASE = 'fixed_volume'
-
 
 @dataclass(frozen=True)
 class Preset:
@@ -44,7 +34,8 @@ class Preset:
     Attributes:
         accuracy: The knobs.
         summary: Who should take it, in one sentence.
-        errors: Largest relative error of each quantity in the case ``CASE``, rounded up.
+        errors: Largest relative error of each quantity in the case ``fixed_volume`` of that run,
+            rounded up.
     """
 
     accuracy: Accuracy
