@@ -44,22 +44,18 @@ BARE_KERNELS = [
     'move',
 ]
 
-#: What each effect adds: arrays, and kernels of its own.
+#: What effects add: arrays, and kernels of their own.
 ADDED = {
-    '': (set(), set()),
+    **dict.fromkeys(
+        ('', 'yielding', 'power_law', 'arrhenius', 'vft', 'crystals', 'steep', 'cooling',
+         'latent_heat'),
+        (set(), set()),
+    ),
     'green': ({'source', 'area'}, {'green_motion'}),
     'helmholtz': (
         {'layer', 'solution', 'next_solution', 'correction'},
         {'start', 'sweep', 'finish'},
     ),
-    'yielding': (set(), set()),
-    'power_law': (set(), set()),
-    'arrhenius': (set(), set()),
-    'vft': (set(), set()),
-    'crystals': (set(), set()),
-    'steep': (set(), set()),
-    'cooling': (set(), set()),
-    'latent_heat': (set(), set()),
 }
 
 #: Computes a digest of a simulation of the effects that are named.
