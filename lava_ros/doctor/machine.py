@@ -24,7 +24,7 @@ import tempfile
 from typing import Any
 
 from lava_ros.doctor import check, FAIL, OK, Said, WARN
-from lava_ros.simulation.backend.cores import usable_cores
+from lava_ros.simulation.backend.threads import usable_cores
 
 #: Oldest Python that works, and the first that was not tried.
 PYTHONS = ((3, 10), (3, 14))

@@ -74,14 +74,7 @@ LEAST_ROOM = 1e-3
 
 @lru_cache
 def stiffening(wp: Any, real: Any, law_type: Any, viscosity: Any) -> Any:
-    """Return the device function mu(T) [Pa s] of lava with crystals.
-
-    Args:
-        wp: Warp, or what stands for it on the host.
-        real: Scalar type to compute in.
-        law_type: Struct of the laws' constants.
-        viscosity: Device function mu(T) of the melt.
-    """
+    """Return the device function mu(T) [Pa s] of lava with crystals; that of the melt is given."""
 
     @wp.func
     def stiffened(law: law_type, temperature: real) -> real:

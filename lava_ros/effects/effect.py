@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from lava_ros.scene import Lava, Scene
 
 
-def number(default: float, text: str, least: float, most: float, unit: str = '') -> Any:
-    """A field that is a number within limits; its text goes to the node's parameter."""
+def number(default: float | None, text: str, least: float, most: float, unit: str = '') -> Any:
+    """A field that is a number within limits, or its default of None."""
     return field(
         default=default, metadata={'text': text, 'limits': (least, most), 'unit': unit}
     )
@@ -58,6 +58,8 @@ def check_fields(label: str, item: Any) -> None:
     """
     for one in fields(item):
         name, value = f'{label}.{one.name}', getattr(item, one.name)
+        if value is None and one.default is None:
+            continue
         if 'limits' in one.metadata:
             least, most = one.metadata['limits']
             value = validation.number(

@@ -64,12 +64,7 @@ _NO_SLOPE = 1e-12
 def speed(wp: Any, real: Any, law_type: Any, viscosity: Any, strength: Any) -> Any:
     """Return the device function that gives u / s and a bound of u / s and du/ds [m/s].
 
-    Args:
-        wp: Warp.
-        real: Scalar type to compute in.
-        law_type: Struct of the laws' constants.
-        viscosity: Device function K(T).
-        strength: Device function tau_y(T), None without yielding.
+    ``viscosity`` is K(T), ``strength`` tau_y(T) or None without yielding.
     """
     vec2 = wp.types.vector(2, real)
     has_strength = strength is not None

@@ -90,11 +90,8 @@ def along(real: Any, *, climbs: bool = False) -> Any:
     h cos^2 b thick on the slope sqrt(s^2 + r^2 cos^2 b): rho g (h cos b) sin b in a sheet, where
     s = tan b and r = 0. The velocity is along it; on the map its part down the slope is cos b
     times as long, which leaves it along (s, r), with the mobility of that layer on that slope.
-    With the ground's gradient G the slope is cos b (|grad S|^2 + (grad S . G)^2)^(1/2).
-
-    Args:
-        real: Warp scalar type to compute in.
-        climbs: Whether lava runs up the slope: then it is on it, however steep.
+    With the ground's gradient G the slope is cos b (|grad S|^2 + (grad S . G)^2)^(1/2). Lava that
+    ``climbs`` a slope is on it, however steep.
     """
     import warp as wp
 

@@ -90,18 +90,8 @@ def strength(wp: Any, real: Any, law_type: Any) -> Any:
 
 
 @lru_cache
-def speed(
-    wp: Any, real: Any, law_type: Any, viscosity: Any, yield_strength: Any
-) -> Any:
-    """Return the device function that gives u / s and the largest derivative du/ds [m/s].
-
-    Args:
-        wp: Warp.
-        real: Scalar type to compute in.
-        law_type: Struct of the laws' constants.
-        viscosity: Device function mu(T).
-        yield_strength: Device function tau_y(T).
-    """
+def speed(wp: Any, real: Any, law_type: Any, viscosity: Any, yield_strength: Any) -> Any:
+    """Return the device function that gives u / s and the largest derivative du/ds [m/s]."""
     vec2 = wp.types.vector(2, real)
 
     @wp.func

@@ -37,7 +37,7 @@ from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, T
 from lava_ros.forecast.sampling import Member, Susceptibility
 from lava_ros.maps.forecast import HazardMaps
 from lava_ros.scene import scene_to_dict
-from lava_ros.simulation.backend.cores import usable_cores
+from lava_ros.simulation.backend.threads import usable_cores
 
 #: Fewest members of which maps are shown while others still run.
 FIRST_MAPS = 16

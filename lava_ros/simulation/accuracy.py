@@ -16,10 +16,9 @@
 
 from dataclasses import dataclass, fields
 import math
-from typing import Any
 
 from lava_ros import validation
-from lava_ros.errors import LavaError
+from lava_ros.effects.effect import check_fields, choice, flag, number
 from lava_ros.scene import Scene
 
 #: Smoothing kernels by name: equations 3.6 to 3.8 of the paper, and Wendland C2.
@@ -45,57 +44,64 @@ GRADIENTS = ('energy', 'difference', 'balanced')
 
 @dataclass(frozen=True)
 class Accuracy:
-    """How finely a scene is resolved in space and time.
+    """How finely a scene is resolved in space and time; each field says what it is."""
 
-    Attributes:
-        spacing: Distance between neighbouring particles where the flow has its expected thickness
-            [m]; None derives it from the width of the flow (``resolution.py``).
-        refinement: Particles across the flow over those of preset ``standard``. An explicit
-            spacing is taken as it is.
-        thickness: Expected thickness of the flow [m], with the spacing it sets the volume of a
-            particle; None derives it from discharge and viscosity (``mature_thickness``).
-        ratio: Kernel radius over spacing: 3 to 6, neighbours 28 to 113.
-        kernel: One of ``wendland``, ``poly6``, ``spiky``, ``visc``.
-        raster_ratio: Kernel radius of the output grid over the particles' kernel radius; at least
-            one and a half cells are always covered.
-        diffusion_number: Rate of the fastest decaying thickness wave times the step: explicit
-            steps are stable up to 2.
-        courant_number: Largest displacement in a step over the smaller of kernel radius and
-            terrain cell.
-        longest_step: Longest step [s].
-        fixed_step: Step [s] to take whatever the limits say, as the paper does with 0.01 s; None
-            follows the limits.
-        gradient: Form of the surface's gradient: ``energy``, that of the particles' potential
-            energy; ``difference``, of differences between particles, zero on a level surface; or
-            ``balanced``, the first as far as the second allows: as accurate, at rest when level,
-            at the cost of one more pass over the neighbours (``simulation/flow.py``). With
-            inertia it is ``energy``, which keeps the momentum.
-        formulation: ``corrected``, or ``as-published``: the velocity by equations 3.36 to 3.44 as
-            they are printed, for comparison only.
-        deterministic: Whether runs on a GPU are identical to the bit; on the CPU they always are.
-        symmetric: Whether vents emit particles eight at a time (fissures four), in places that
-            have the grid's symmetries: a scene mirrored or turned by 90 degrees then gives the
-            same flow, mirrored or turned. Otherwise particles come out one by one.
-        integrator: ``rkl2``, second-order super-time-stepping, or ``euler``, the reference.
-        precision: ``float32``, or ``float64`` as the reference.
-    """
-
-    spacing: float | None = None
-    refinement: float = 1.0
-    thickness: float | None = None
-    ratio: float = 3.0
-    kernel: str = 'wendland'
-    raster_ratio: float = 1.2
-    diffusion_number: float = 1.6
-    courant_number: float = 0.5
-    longest_step: float = 60.0
-    fixed_step: float | None = None
-    gradient: str = 'energy'
-    formulation: str = 'corrected'
-    deterministic: bool = False
-    symmetric: bool = False
-    integrator: str = 'rkl2'
-    precision: str = 'float32'
+    spacing: float | None = number(
+        None, 'Distance between neighbouring particles where the flow has its expected thickness; '
+        'None: from the width of the flow (resolution.py)', 1e-6, 1e7, 'm',
+    )
+    refinement: float = number(
+        1.0, 'Particles across the flow over those of preset standard; an explicit spacing is '
+        'taken as it is', 0.05, 20.0,
+    )
+    thickness: float | None = number(
+        None, 'Expected thickness of the flow, which sets the volume of a particle with the '
+        'spacing; None: from discharge and viscosity (mature_thickness)', 1e-9, 1e5, 'm',
+    )
+    ratio: float = number(
+        3.0, 'Kernel radius over spacing: 3 to 6 gives 28 to 113 neighbours', 1.5, 12.0
+    )
+    kernel: str = choice('wendland', 'Smoothing kernel', KERNELS)
+    raster_ratio: float = number(
+        1.2, "Kernel radius of the output grid over the particles' kernel radius; at least one "
+        'and a half cells are always covered', 1e-3, 2.0,
+    )
+    diffusion_number: float = number(
+        1.6, 'Rate of the fastest decaying thickness wave times the step: explicit steps are '
+        'stable up to 2', 1e-4, 2.0,
+    )
+    courant_number: float = number(
+        0.5, 'Largest displacement in a step over the smaller of kernel radius and terrain cell',
+        1e-4, 1.0,
+    )
+    longest_step: float = number(60.0, 'Longest step', 1e-6, 1e9, 's')
+    fixed_step: float | None = number(
+        None, 'Step to take whatever the limits say, as the paper does with 0.01 s; None: the '
+        'limits decide', 1e-9, 1e9, 's',
+    )
+    # energy: that of the particles' potential energy; difference: of differences between
+    # particles, 0 on a level surface; balanced: the first as far as the second allows, as
+    # accurate, at rest when level, for one more pass over the neighbours (simulation/flow.py).
+    # With inertia it is energy, which keeps the momentum.
+    gradient: str = choice('energy', "Form of the surface's gradient", GRADIENTS)
+    formulation: str = choice(
+        'corrected', 'Equations of the velocity; as-published: 3.36 to 3.44 as they are printed, '
+        'for comparison only', FORMULATIONS,
+    )
+    deterministic: bool = flag(
+        False, 'Make runs on a GPU identical to the bit; on the CPU they always are'
+    )
+    # a scene that is mirrored, or turned by 90 degrees, then gives the same flow, mirrored or
+    # turned; otherwise particles come out one by one
+    symmetric: bool = flag(
+        False, 'Let vents emit particles eight at a time (fissures four), in places that have '
+        "the grid's symmetries",
+    )
+    integrator: str = choice(
+        'rkl2', 'Time integration: second-order super-time-stepping, or the reference',
+        INTEGRATORS,
+    )
+    precision: str = choice('float32', 'Precision; float64 is the reference', PRECISIONS)
 
     def __post_init__(self) -> None:
         """Validate every field.
@@ -103,35 +109,7 @@ class Accuracy:
         Raises:
             LavaError: A field is not usable.
         """
-        optional: dict[str, dict[str, Any]] = {
-            'spacing': {'at_least': 1e-6, 'at_most': 1e7, 'unit': 'm'},
-            'thickness': {'at_least': 1e-9, 'at_most': 1e5, 'unit': 'm'},
-            'fixed_step': {'at_least': 1e-9, 'at_most': 1e9, 'unit': 's'},
-        }
-        for name, limit in optional.items():
-            value = getattr(self, name)
-            if value is not None:
-                value = validation.number(f'accuracy.{name}', value, **limit)
-                object.__setattr__(self, name, value)
-        limits: dict[str, dict[str, Any]] = {
-            'refinement': {'at_least': 0.05, 'at_most': 20.0},
-            'ratio': {'at_least': 1.5, 'at_most': 12.0},
-            'raster_ratio': {'at_least': 1e-3, 'at_most': 2.0},
-            'diffusion_number': {'at_least': 1e-4, 'at_most': 2.0},
-            'courant_number': {'at_least': 1e-4, 'at_most': 1.0},
-            'longest_step': {'at_least': 1e-6, 'at_most': 1e9, 'unit': 's'},
-        }
-        for name, limit in limits.items():
-            value = validation.number(f'accuracy.{name}', getattr(self, name), **limit)
-            object.__setattr__(self, name, value)
-        validation.choice('accuracy.kernel', self.kernel, KERNELS)
-        validation.choice('accuracy.gradient', self.gradient, GRADIENTS)
-        validation.choice('accuracy.formulation', self.formulation, FORMULATIONS)
-        for name in ('deterministic', 'symmetric'):
-            if not isinstance(getattr(self, name), bool):
-                raise LavaError(f'accuracy.{name}', getattr(self, name), 'true or false')
-        validation.choice('accuracy.integrator', self.integrator, INTEGRATORS)
-        validation.choice('accuracy.precision', self.precision, PRECISIONS)
+        check_fields('accuracy', self)
 
 
 def accuracy_from_dict(data: object) -> Accuracy:

@@ -27,6 +27,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
+from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.cells import cell_functions
 from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import PARTICLES, State
@@ -77,12 +78,6 @@ def _kernel(real: Any) -> Any:
 def publish_velocity(state: State, way: Any, viscosity: float) -> None:
     """Replace the local velocity in ``state.flow`` by that of the printed formulas.
 
-    Args:
-        state: The particles; ``state.source`` and ``state.area`` are filled.
-        way: Their journey (motion_arguments.py).
-        viscosity: The constant mu [Pa s].
+    ``source`` and ``area`` of the state are filled; ``viscosity`` is the constant mu [Pa s].
     """
-    kernel = _kernel(state.real)
-    state.launches(
-        kernel, dim=state.capacity, inputs=[], outputs=[way, viscosity], is_over_particles=True
-    )
+    launch_over(state, _kernel(state.real), [way, viscosity])

@@ -269,6 +269,20 @@ def _arrays(entries: list[dict[str, Any]], body: memoryview) -> dict[str, np.nda
     return arrays
 
 
+def fitting(
+    name: str, values: np.ndarray | None, shape: tuple[int, ...], dtype: Any
+) -> np.ndarray:
+    """Return an array of a checkpoint, by its name there, if it has a shape and a type.
+
+    Raises:
+        LavaError: It is missing, or another one.
+    """
+    if values is None or (values.shape, values.dtype) != (shape, np.dtype(dtype)):
+        found = 'missing' if values is None else f'{values.dtype} of shape {values.shape}'
+        raise LavaError(f'checkpoint.{name}', found, f'{np.dtype(dtype)} of shape {shape}')
+    return values
+
+
 def _planes(array: np.ndarray) -> bytes:
     """An array byte plane by byte plane: first bytes of all rows, second bytes, and so on.
 

@@ -121,9 +121,7 @@ class Census:
     def take(self, state: State, vents: VentSet) -> Any:
         """Gather the numbers of now on the device, for ``moment_of``; the next time replaces them.
 
-        Args:
-            state: The particles, those that have left dropped.
-            vents: Their vents.
+        Particles that have left are dropped already.
         """
         length = _SUMS + 3 + state.clock.size + state.counts.size + vents.released.size
         if self._numbers is None or self._numbers.size != length:
@@ -136,7 +134,7 @@ class Census:
                 state.clock,
                 state.counts,
                 state.left,
-                *state.optional('frozen'),
+                getattr(state, 'frozen', None),
                 vents.released,
             ],
             outputs=[self._numbers],
@@ -146,12 +144,7 @@ class Census:
 
 
 def moment_of(numbers: np.ndarray, state: State) -> Moment:
-    """Read what was gathered.
-
-    Args:
-        numbers: A copy of what a census has gathered.
-        state: The particles; of them only the arrays' sizes are looked at.
-    """
+    """Read a copy of what a census has gathered; of the state only the arrays' sizes are read."""
     ends = np.cumsum([_SUMS, 3, state.clock.size, state.counts.size])
     sums, (border, holes, frozen), clock, places, released = np.split(numbers, ends)
     counts = places.astype(np.int64)
@@ -174,13 +167,7 @@ def moment_of(numbers: np.ndarray, state: State) -> Moment:
 
 
 def budget_of(moment: Moment, vents: VentSet, before: float) -> VolumeBudget:
-    """Account for the volume of a moment.
-
-    Args:
-        moment: Its numbers.
-        vents: The vents of then.
-        before: Volume that was emitted before these vents [m3].
-    """
+    """Account for the volume of a moment; ``before`` [m3] came out before these vents did."""
     pending = float(vents.pending(moment.time, moment.released).sum())
     return VolumeBudget(
         emitted=before + vents.emitted(moment.time),
@@ -206,7 +193,7 @@ def snapshot_of(
         copies: The grids, thickness, temperature and, with solidification, what has frozen of
             it, and where it is noted the arrival; and what a census has gathered.
         terrain: The ground that the grids lie on.
-        state: The particles; of them only the arrays' sizes are looked at.
+        state: The particles; only the arrays' sizes are read.
         vents: The vents of then.
         before: Volume that was emitted before these vents [m3].
     """

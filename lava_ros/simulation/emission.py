@@ -178,21 +178,11 @@ def _kernel(real: Any, emission: Any) -> Any:
 
 
 def emit(state: State, vents: VentSet, way: Any) -> None:
-    """Append to the state's particles what is due at its time.
-
-    Args:
-        state: The particles.
-        vents: Their vents.
-        way: The particles' journey (motion_arguments.py).
-    """
+    """Append to the state's particles what is due at its time."""
     if vents.vents:
         threads = emitters(state, len(vents.vents))
-        state.launches(
-            _kernel(state.real, emission_of(state, vents)),
-            dim=threads,
-            inputs=[threads, vents.outlets],
-            outputs=[way],
-        )
+        kernel = _kernel(state.real, emission_of(state, vents))
+        state.launches(kernel, [threads, vents.outlets, way], dim=threads)
 
 
 def emitters(state: State, most: int) -> int:

@@ -47,12 +47,16 @@ from lava_ros.simulation.backend.compiled import (
     sum_over,
 )
 from lava_ros.simulation.backend.threads import launch_over
-from lava_ros.simulation.cells import cell_frame, cell_functions
+from lava_ros.simulation.cells import (
+    cell_frame,
+    cell_functions,
+    sums_function,
+    wide_sums_function,
+)
 from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
 from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
-from lava_ros.simulation.sums import sums_function, wide_sums_function
 from lava_ros.simulation.terrain import terrain_functions
 
 
@@ -340,5 +344,5 @@ def compute_flow(state: State, way: Any, kernels: FlowKernels, *, fills_flow: bo
     them in ``state.source`` and ``state.area``.
     """
     if state.has_surface:
-        launch_over(state, kernels.elevate, inputs=[], outputs=[way], lanes=state.lanes)
-    launch_over(state, kernels.flow, inputs=[], outputs=[way, fills_flow], lanes=state.lanes)
+        launch_over(state, kernels.elevate, [way], lanes=state.lanes)
+    launch_over(state, kernels.flow, [way, fills_flow], lanes=state.lanes)

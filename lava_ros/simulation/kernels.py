@@ -329,22 +329,14 @@ class K0Within(NamedTuple):
     at: Any
 
 
-#: In sums over neighbours K0 is a weight of a mean, and the dearest pass is of little else. What
-#: takes longest is not multiplications but what a GPU has one unit in eight for: log2, 2^x and the
-#: root. So all of log2 K0 is one polynomial of log2 r^2, without a root: that of log2(e^x K0)
-#: around the middle of the octaves, and that of x.
-_POWERS_OF = """
-    const float support = x < LEASTf ? LEASTf : x > MOSTf ? MOSTf : x;
-    const float shift = wp::log2(support * support * SHIFTf);
-    SHIFTED
-    wp::vec_t<6, wp::float32> powers;
-    POWERS
-    return powers;
-"""
-
-
 def _powers_of() -> str:
-    """C++ that returns the polynomial of log2 K0 around the middle of the octaves."""
+    """C++ that returns the polynomial of log2 K0 around the middle of the octaves.
+
+    In sums over neighbours K0 is a weight of a mean, and the dearest pass is of little else. What
+    takes longest is not multiplications but what a GPU has one unit in eight for: log2, 2^x and
+    the root. So all of log2 K0 is one polynomial of log2 r^2, without a root: that of
+    log2(e^x K0) around the middle of the octaves, and that of x.
+    """
     degree = len(_K0) - 1
     lines = [f'float p{n} = {power!r}f;' for n, power in enumerate(_K0)]
     lines += [
@@ -354,22 +346,24 @@ def _powers_of() -> str:
     ]
     # the highest power, after Chebyshev, as those below it
     far = _OCTAVES / 2.0
-    most, *_ = _K0
+    highest, *_ = _K0
     lines += [
-        f'p{n} += {most * value!r}f;'
+        f'p{n} += {highest * value!r}f;'
         for n, value in ((2, 1.5 * far**2), (4, -0.5625 * far**4), (6, far**6 / 32.0))
     ]
     scale = -math.log2(math.e) / math.sqrt(SQUARED_SUPPORT)
     powers = [
         f'powers.c[{n}] = p{n + 1} + {scale * root!r}f * support;' for n, root in enumerate(_ROOT)
     ]
-    return (
-        _POWERS_OF.replace('LEAST', repr(_LEAST_RADII))
-        .replace('MOST', repr(_MOST_RADII))
-        .replace('SHIFTED', ' '.join(lines))
-        .replace('SHIFT', repr(0.25 / SQUARED_SUPPORT))
-        .replace('POWERS', ' '.join(powers))
-    )
+    least, most = (f'{radii!r}f' for radii in (_LEAST_RADII, _MOST_RADII))
+    return f"""
+    const float support = x < {least} ? {least} : x > {most} ? {most} : x;
+    const float shift = wp::log2(support * support * {0.25 / SQUARED_SUPPORT!r}f);
+    {' '.join(lines)}
+    wp::vec_t<6, wp::float32> powers;
+    {' '.join(powers)}
+    return powers;
+"""
 
 
 @lru_cache

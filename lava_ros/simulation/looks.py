@@ -278,14 +278,9 @@ class Looks:
             thickness: Thickness [m], same shape.
             temperature: Temperature [K], same shape, NaN without lava.
         """
-        launch_over(
-            state, _compare, inputs=[known, thickness, temperature], outputs=[self._looks],
-            count=self._cells,
-        )
-        launch_over(
-            state, _keep, inputs=[thickness, state.clock], outputs=[self._looks],
-            count=self._cells,
-        )
+        launch = partial(launch_over, state, count=self._cells)
+        launch(_compare, [known, thickness, temperature, self._looks])
+        launch(_keep, [thickness, state.clock, self._looks])
 
     def flaw(self) -> str:
         """Say what makes a look unfit to be shown as a map; empty when nothing does."""
@@ -309,11 +304,11 @@ class Looks:
                 has_changed = True
                 while has_changed:
                     for _ in range(launches - 1):
-                        launch(kernel, inputs=[*inputs, sweeps], outputs=[])
+                        launch(kernel, [*inputs, sweeps])
                     self._looks.count[_CHANGED : _CHANGED + 1].zero_()
-                    launch(kernel, inputs=[*inputs, sweeps], outputs=[])
+                    launch(kernel, [*inputs, sweeps])
                     has_changed = bool(read(self._looks.count)[_CHANGED])
-            launch(_show, inputs=inputs, outputs=found)
+            launch(_show, [*inputs, *found])
         return Seen(part[:2], *(read(one) for one in found))
 
     def _wet_part(self, state: State) -> tuple[int, int, int, int]:
@@ -321,7 +316,7 @@ class Looks:
         device = self._looks.count.device
         marks = wp.zeros(sum(self._shape), dtype=wp.int32, device=device)
         parts = [marks[: self._shape[0]], marks[self._shape[0] :]]
-        launch_over(state, _mark, inputs=[self._looks], outputs=parts, count=self._cells)
+        launch_over(state, _mark, [self._looks, *parts], count=self._cells)
         rows, columns = (
             np.flatnonzero(part).tolist() for part in np.split(read(marks), self._shape[:1])
         )

@@ -290,19 +290,11 @@ def _kernel(real: Any, motion: Any, direct: Any, bounds: tuple[int, int] | None)
 def move_particles(
     state: State, neighbors: NeighborGrid, way: Any, direction: Direction
 ) -> None:
-    """Move the ordered particles over the stage by the velocity in ``state.flow``.
-
-    Args:
-        state: The particles.
-        neighbors: Their neighbour grid.
-        way: Their journey.
-        direction: What is chosen and emitted meanwhile.
-    """
+    """Move the ordered particles over the stage by the velocity in ``state.flow``."""
     launch_over(
         state,
         _kernel(state.real, motion_of(state), direction.function, direction.bounds),
-        inputs=[state.flow, direction.pace, direction.outlets],
-        outputs=[way],
+        [state.flow, direction.pace, direction.outlets, way],
         least=LEAST_MOVES,
         ahead=direction.threads,
     )

@@ -26,7 +26,7 @@ from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.cells import cell_frame
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.state import State
+from lava_ros.simulation.state import ARRAYS, kinds_of, State
 from lava_ros.simulation.terrain import ground_type
 
 #: Thickness over the expected one up to which the Helmholtz solve converges in full.
@@ -73,28 +73,16 @@ def flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -
     return constants
 
 
-#: Arrays of ``State`` that kernels take, by what is in them; those of effects are with these.
-_ARRAYS = {
-    'real': ('stage', 'rates', 'top', 'share', 'age', 'ordered_age'),
-    'vec2': ('remainder', 'ordered_remainder', 'surface'),
-    'vec3': ('flow',),
-    'vec4': ('particle', 'ordered', 'base', 'ordered_base', 'drift', 'ordered_drift'),
-    'int32': ('counts', 'chosen', 'cell', 'rank', 'members', 'home'),
-    'float64': ('clock', 'left'),
-}
-
-
 @lru_cache
 def journey_type(real: Any) -> Any:
     """What kernels read and write: arrays of ``State``, the ground, the cells, constants."""
-    kinds = {'real': real, 'int32': wp.int32, 'float64': wp.float64}
-    kinds |= {f'vec{length}': wp.types.vector(length, real) for length in (2, 3, 4)}
-    arrays = {name: kind for kind, names in _ARRAYS.items() for name in names}
-    for effect in EFFECTS.values():
-        for name, array in effect.arrays.items():
-            arrays |= {name: array.dtype}
-            arrays |= {f'ordered_{name}': array.dtype} if array.is_carried else {}
-    types = {name: wp.array(dtype=kinds[kind]) for name, kind in arrays.items()} | {
+    kinds, types = kinds_of(real), {}
+    for arrays in (ARRAYS, *(effect.arrays for effect in EFFECTS.values())):
+        for name, array in arrays.items():
+            types[name] = wp.array(dtype=kinds[array.dtype])
+            if array.is_carried:
+                types[f'ordered_{name}'] = types[name]
+    types |= {
         'arrived': wp.array2d(dtype=wp.float32),
         'ground': ground_type(real),
         'cells': cell_frame(real),
@@ -108,11 +96,7 @@ def journey_type(real: Any) -> Any:
 def journey(state: State, ground: Any, cells: Any, **constants: Any) -> Any:
     """Collect what kernels read and write, for as long as the arrays and the cells are these.
 
-    Args:
-        state: The particles.
-        ground: The ground under them (terrain.py).
-        cells: Their cells (cells.py).
-        constants: Those of flow, its law and the heat balance; none to sort particles.
+    ``constants`` are those of flow, its law and the heat balance; none to sort particles.
     """
     made = journey_type(state.real)()
     parts = {'ground': ground, 'cells': cells, **constants}

@@ -249,14 +249,7 @@ class NeighborGrid:
     def __init__(
         self, terrain: StaggeredTerrain, radius: float, ratio: float, device: Any
     ) -> None:
-        """Divide the terrain into cells; ``fit`` says which of them there are.
-
-        Args:
-            terrain: The terrain.
-            radius: Kernel radius [m].
-            ratio: Kernel radius over particle spacing.
-            device: Warp device.
-        """
+        """Divide the terrain into cells for a kernel's radius [m], and that over the spacing."""
         self._terrain = terrain
         self._radius = radius
         rows, columns = cells_to_radius(ratio)
@@ -283,10 +276,7 @@ class NeighborGrid:
         """Cover the surroundings of some places, or the whole of a small terrain.
 
         What is binned is forgotten. A journey has other cells then: what was launched with it has
-        to be forgotten, too.
-
-        Args:
-            places: Places from the terrain's centre [m], shape [count, 2].
+        to be forgotten, too. Places are from the terrain's centre [m], shape [count, 2].
         """
         cells = self.cells
         ends = np.stack((np.zeros(2, dtype=int), self._all))
@@ -299,11 +289,7 @@ class NeighborGrid:
         self._cover(ends)
 
     def widen(self, sides: int) -> None:
-        """Cover more on some sides, as ``counts[NEAR_BORDER]`` of a ``State`` has them.
-
-        What is binned is forgotten. A journey has other cells then: what was launched with it has
-        to be forgotten, too.
-        """
+        """Cover more on some sides (``State.counts[NEAR_BORDER]``); otherwise as ``fit``."""
         cells = self.cells
         first = np.array((cells.first_column, cells.first_row))
         length = np.array((cells.columns, cells.rows))
@@ -337,7 +323,7 @@ class NeighborGrid:
     def bin(self, state: State) -> None:
         """Put each particle into its cell, as a motion does that sets ``is_binned``."""
         way, (bins, *_) = self.journey(state), _kernels_of(state)
-        launch_over(state, bins, inputs=[], outputs=[way], least=LEAST_MOVES)
+        launch_over(state, bins, [way], least=LEAST_MOVES)
         self.is_binned = True
 
     def set_constants(self, **constants: Any) -> None:
@@ -360,13 +346,11 @@ class NeighborGrid:
         self.is_binned = False
         way, (_, order, rank, members) = self.journey(state), _kernels_of(state)
         if not state.device.is_cuda:
-            state.launches(rank, dim=state.extent, inputs=[], outputs=[way])
+            state.launches(rank, [way], dim=state.extent)
         self._scan(state.launches, self.cells.sizes, self.cells.starts)
         if state.is_ranked_again:
-            state.launches(
-                members, dim=state.capacity, inputs=[], outputs=[way], is_over_particles=True
-            )
-        launch_over(state, order, inputs=[], outputs=[way], least=LEAST_MOVES)
+            launch_over(state, members, [way], least=LEAST_MOVES)
+        launch_over(state, order, [way], least=LEAST_MOVES)
 
     def refuse_crowds(self) -> None:
         """Refuse what would take for ever: each particle looks at all of those around it.

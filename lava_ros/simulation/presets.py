@@ -14,10 +14,9 @@
 
 """Named points on the measured front of accuracy against time.
 
-The ratio and the share of the stable step were chosen from the full `lava accuracy` run that is
-committed beside them (`EVIDENCE`, by `COMMAND`); docs/accuracy/ has its table and chart. The
-refinements were chosen by how far footprints of real flows agree
-(docs/benchmarks/convergence_h200.csv).
+The ratio and the share of the stable step were chosen from a full run of `lava accuracy`
+(docs/accuracy/h200.csv; docs/accuracy/ has its table and chart), the refinements by how far
+footprints of real flows agree (docs/benchmarks/convergence_h200.csv).
 """
 
 from __future__ import annotations
@@ -27,66 +26,44 @@ from dataclasses import dataclass, replace
 from lava_ros import validation
 from lava_ros.simulation.accuracy import Accuracy
 
-#: The measurements the presets rest on, in the repository.
-EVIDENCE = 'docs/accuracy/h200.csv'
-
-#: What made them.
-COMMAND = 'lava accuracy --device cuda:0 --longest 20'
-
-
-@dataclass(frozen=True)
-class Evidence:
-    """What a preset scored in ``EVIDENCE``, rounded up.
-
-    Attributes:
-        case: The case, a name in ``verification.cases.CASES``.
-        errors: Largest relative error of each quantity.
-    """
-
-    case: str
-    errors: dict[str, float]
-
 
 @dataclass(frozen=True)
 class Preset:
     """A named accuracy.
 
     Attributes:
-        name: Its name.
         accuracy: The knobs.
         summary: Who should take it, in one sentence.
-        evidence: What it scored.
+        errors: Largest relative error of each quantity in the case ``fixed_volume`` of that run,
+            rounded up.
     """
 
-    name: str
     accuracy: Accuracy
     summary: str
-    evidence: Evidence
+    errors: dict[str, float]
 
 
 # A ratio of 3.5 has the least mean error over the cases at refinements 0.5 and 1 alike; the
 # stages are taken a fifth below the stability limit, 2, at no loss but a tenth more of them.
-_PRESETS = (
-    Preset(
-        'draft',
+
+#: The presets by name, from the cheapest to the dearest.
+PRESETS: dict[str, Preset] = {
+    'draft': Preset(
         Accuracy(refinement=0.707, ratio=3.5, diffusion_number=1.6),
         'A first look, and ensembles of many runs: 11 particles across the flow.',
-        Evidence('fixed_volume', {'radius': 0.0013, 'profile': 0.0061, 'edge': 0.0073}),
+        {'radius': 0.0013, 'profile': 0.0061, 'edge': 0.0073},
     ),
-    Preset(
-        'standard',
+    'standard': Preset(
         Accuracy(refinement=1.0, ratio=3.5, diffusion_number=1.6),
         'For maps: 16 particles across the flow.',
-        Evidence('fixed_volume', {'radius': 0.0007, 'profile': 0.0036, 'edge': 0.0053}),
+        {'radius': 0.0007, 'profile': 0.0036, 'edge': 0.0053},
     ),
-    Preset(
-        'fine',
+    'fine': Preset(
         Accuracy(refinement=1.414, ratio=3.5, diffusion_number=1.6),
         'For figures: 23 particles across the flow.',
-        Evidence('fixed_volume', {'radius': 0.0008, 'profile': 0.0027, 'edge': 0.0043}),
+        {'radius': 0.0008, 'profile': 0.0027, 'edge': 0.0043},
     ),
-    Preset(
-        'reference',
+    'reference': Preset(
         # Half the displacement per step: what is left is the error of the particles.
         Accuracy(
             refinement=2.0,
@@ -99,10 +76,9 @@ _PRESETS = (
             symmetric=True,
         ),
         'To measure the others against: float64, short steps, ponds at rest.',
-        Evidence('fixed_volume', {'radius': 0.0008, 'profile': 0.0022, 'edge': 0.003}),
+        {'radius': 0.0008, 'profile': 0.0022, 'edge': 0.003},
     ),
-    Preset(
-        'as-published',
+    'as-published': Preset(
         # Table 3.1: dt = 0.01 s; V = (2 l / 3)^3 at l = h = 1 m is a ratio of (3 / 2)^(3 / 2).
         Accuracy(
             refinement=0.25,
@@ -113,12 +89,9 @@ _PRESETS = (
             formulation='as-published',
         ),
         "The paper's printed formulas and settings: for comparison only.",
-        Evidence('fixed_volume', {'radius': 0.06, 'profile': 2.2, 'scatter': 0.92}),
+        {'radius': 0.06, 'profile': 2.2, 'scatter': 0.92},
     ),
-)
-
-#: The presets by name, from the cheapest to the dearest.
-PRESETS: dict[str, Preset] = {preset.name: preset for preset in _PRESETS}
+}
 
 #: What is used when nothing is said.
 DEFAULT = 'standard'

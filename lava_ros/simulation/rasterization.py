@@ -264,15 +264,10 @@ class Raster:
         *,
         more: int = 0,
     ) -> None:
-        """Allocate the grids.
+        """Allocate the grids, and some more for others to fill.
 
-        Args:
-            terrain: The terrain whose cells are filled.
-            radius: Kernel radius of the output, l_render in the paper [m].
-            kernel: Name of the smoothing kernel.
-            ratio: Kernel radius over particle spacing.
-            device: Warp device.
-            more: Grids for others to fill.
+        ``radius`` is that of the output's kernel [m], l_render in the paper; ``ratio`` that of the
+        particles' kernel over their spacing.
         """
         self._terrain = terrain
         self._radius = radius
@@ -291,6 +286,6 @@ class Raster:
         cells = self.thickness.size
         maps = [self.thickness, self.temperature]
         inputs = [neighbors.journey(state), self._terrain.exact_ground, self._radius]
-        launch_over(state, weigh, inputs=inputs, outputs=maps, count=cells)
-        launch_over(state, share_out, inputs=inputs, outputs=[self.thickness])
-        launch_over(state, gather, inputs=inputs, outputs=maps, count=cells)
+        launch_over(state, weigh, [*inputs, *maps], count=cells)
+        launch_over(state, share_out, [*inputs, self.thickness])
+        launch_over(state, gather, [*inputs, *maps], count=cells)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.simulation.checkpoint import Checkpoint
+from lava_ros.simulation.checkpoint import Checkpoint, fitting
 from lava_ros.simulation.state import FAR
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def take(simulation: Simulation) -> Checkpoint:
     )
 
 
-def put_back(simulation: Simulation, checkpoint: Checkpoint) -> Simulation:
+def restore(simulation: Simulation, checkpoint: Checkpoint) -> Simulation:
     """Make a new simulation of a checkpoint's scene, effects and accuracy go on from there.
 
     Raises:
@@ -73,7 +73,9 @@ def put_back(simulation: Simulation, checkpoint: Checkpoint) -> Simulation:
     if np.shape(state.get('left')) == (1,):
         state['left'] = np.append(state['left'], 0.0)
     simulation._state.load(state, checkpoint.capacity)
-    carried, released = _conduits(checkpoint, parts.pop('vents', {}))
+    vents, shape = parts.pop('vents', {}), (len(checkpoint.scene.vents),)
+    carried = fitting('vents.carried', vents.get('carried'), shape, np.float64)
+    released = fitting('vents.released', vents.get('released'), shape, np.int32)
     simulation._vents = simulation._vent_set(
         checkpoint.scene.vents, since=checkpoint.since, carried=carried
     )
@@ -82,7 +84,8 @@ def put_back(simulation: Simulation, checkpoint: Checkpoint) -> Simulation:
     giving = simulation._vents.giving(checkpoint.time, others_than=())
     simulation._counted = simulation._vents, set(giving)
     if simulation._notes_arrival:
-        _put_arrival(simulation, parts.pop('arrived'))
+        target, times = simulation._state.arrived, parts.pop('arrived')['times']
+        target.assign(fitting('arrived.times', times, target.shape, np.float32))
     for effect, step in simulation._after_step.items():
         if hasattr(step, 'load'):
             step.load(parts.pop(effect, {}))
@@ -96,25 +99,3 @@ def put_back(simulation: Simulation, checkpoint: Checkpoint) -> Simulation:
     # it was made without the particles, and knows where vents are only
     simulation._cover()
     return simulation
-
-
-def _put_arrival(simulation: Simulation, arrays: dict[str, np.ndarray]) -> None:
-    times, target = arrays['times'], simulation._state.arrived
-    if (times.shape, times.dtype) != (target.shape, np.float32):
-        right = f'float32 of shape {target.shape}'
-        raise LavaError('checkpoint.arrived', f'{times.dtype} of shape {times.shape}', right)
-    target.assign(times)
-
-
-def _conduits(
-    checkpoint: Checkpoint, arrays: dict[str, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Volume carried over and particles released of each vent."""
-    shape = (len(checkpoint.scene.vents),)
-    kinds = {'carried': np.float64, 'released': np.int32}
-    for name, dtype in kinds.items():
-        values = arrays.get(name)
-        if values is None or (values.shape, values.dtype) != (shape, dtype):
-            found = 'missing' if values is None else f'{values.dtype} of shape {values.shape}'
-            raise LavaError(f'checkpoint.vents.{name}', found, f'one for each of {shape[0]} vents')
-    return arrays['carried'], arrays['released']

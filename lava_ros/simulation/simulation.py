@@ -43,7 +43,7 @@ from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.particles import Particles, ParticleSample, rows_of
 from lava_ros.simulation.rasterization import Raster
 from lava_ros.simulation.resolution import Resolution, resolution_of, resolved_accuracy
-from lava_ros.simulation.restoring import put_back, take
+from lava_ros.simulation.restoring import restore, take
 from lava_ros.simulation.selection import decide, Decision, effects_for, HORIZON
 from lava_ros.simulation.snapshot import PendingSnapshot, Snapshot
 from lava_ros.simulation.stage import Stage
@@ -60,7 +60,7 @@ from lava_ros.simulation.state import (
     TIME,
 )
 from lava_ros.simulation.terrain import StaggeredTerrain
-from lava_ros.simulation.vents import check_rates, parting, vent_set, VentSet
+from lava_ros.simulation.vents import check_rates, parting, VentSet
 
 #: Particles there is room for at the start.
 _FIRST_CAPACITY = 4096
@@ -456,7 +456,7 @@ class Simulation:
             horizon=checkpoint.horizon,
             notes_arrival='arrived.times' in checkpoint.arrays,
         )
-        return put_back(simulation, checkpoint)
+        return restore(simulation, checkpoint)
 
     @property
     def resolution(self) -> Resolution:
@@ -580,7 +580,7 @@ class Simulation:
         self, vents: tuple[Vent, ...], *, since: float, carried: Iterable[float]
     ) -> VentSet:
         terrain, volume = self.scene.terrain, self.particle_volume
-        return vent_set(
+        return VentSet(
             vents, terrain, self.accuracy, volume, self._device, since=since, carried=carried
         )
 

@@ -48,14 +48,9 @@ class Stage:
         neighbors: NeighborGrid,
         after_step: Mapping[str, Any],
     ) -> None:
-        """Collect the constants and the kernels.
+        """Collect the constants and the kernels for the effects that are on in ``state``.
 
-        Args:
-            scene: The scene.
-            accuracy: The resolution, resolved.
-            state: The particles; it says which effects are on.
-            neighbors: Their neighbour grid.
-            after_step: The passes that effects need at a step's end, by effect.
+        ``after_step`` has the passes that effects need at a step's end, by effect.
         """
         assert accuracy.spacing is not None and accuracy.thickness is not None
         self._accuracy, self._effects = accuracy, state.effects
@@ -92,10 +87,8 @@ class Stage:
     ) -> None:
         """Take one stage; at a step's end the vents emit what is due.
 
-        Args:
-            scene: The scene as it is now: steps are as short as its vents call for.
-            vents: Its vents as they emit.
-            look: Launches what looks at the flow, before it moves.
+        Steps are as short as the scene's vents call for. ``look`` launches what looks at the flow,
+        before it moves.
         """
         state, neighbors = self._state, self._neighbors
         neighbors.rebuild(state)

@@ -16,18 +16,20 @@
 
 from collections.abc import Callable, Mapping
 import math
-from typing import Any
+from typing import Any, TYPE_CHECKING
 
 import numpy as np
 import warp as wp
 
 from lava_ros.effects import Effects
+from lava_ros.effects.effect import Array
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import forget_failure, zeros
 from lava_ros.simulation.backend.streams import Look, read
+from lava_ros.simulation.checkpoint import fitting
 
 # Places in State.clock.
 TIME = wp.constant(0)
@@ -95,6 +97,37 @@ SPARE = 3
 
 REAL = {'float32': wp.float32, 'float64': wp.float64}
 
+#: The solver's own arrays; what is in them is said in ``State``. What is carried on has a twin,
+#: ``ordered_`` and its name, in the order of the cells.
+ARRAYS = {
+    'stage': Array('real', 4),
+    'rates': Array('real', 2),
+    'top': Array('real', 1),
+    'share': Array('real'),
+    'age': Array('real', is_carried=True),
+    'remainder': Array('vec2', is_carried=True),
+    'surface': Array('vec2'),
+    'flow': Array('vec3'),
+    'particle': Array('vec4'),
+    'ordered': Array('vec4'),
+    'base': Array('vec4', is_carried=True),
+    'drift': Array('vec4', is_carried=True),
+    'counts': Array('int32', 11),
+    'chosen': Array('int32', 1),
+    'cell': Array('int32'),
+    'rank': Array('int32'),
+    'members': Array('int32'),
+    'home': Array('int32'),
+    'clock': Array('float64', 5),
+    'left': Array('float64', 2),
+}
+
+
+def kinds_of(real: Any) -> dict[str, Any]:
+    """The Warp types by the names that an ``Array`` has for them."""
+    vectors = {f'vec{length}': wp.types.vector(length, real) for length in (2, 3, 4)}
+    return {'real': real, 'int32': wp.int32, 'float64': wp.float64, **vectors}
+
 
 class State:
     """Every device array that depends on the number of particles, and the clock.
@@ -141,26 +174,11 @@ class State:
     What effects keep besides is declared in their files (``Effect.arrays``).
     """
 
-    clock: Any
-    counts: Any
-    chosen: Any
-    rates: Any
-    stage: Any
-    left: Any
-    particle: Any
-    ordered: Any
-    flow: Any
-    share: Any
-    home: Any
-    cell: Any
-    rank: Any
-    base: Any
-    drift: Any
     arrived: Any
-    #: Arrays of effects that others read: inertia, green.
-    velocity: Any
-    source: Any
-    area: Any
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...  # noqa: D105
 
     def __init__(
         self,
@@ -172,9 +190,6 @@ class State:
         """Allocate for ``capacity`` particles."""
         forget_failure(device)
         self.real = REAL[accuracy.precision]
-        self.vec2 = wp.types.vector(2, self.real)
-        self.vec3 = wp.types.vector(3, self.real)
-        self.vec4 = wp.types.vector(4, self.real)
         self.effects = effects
         # with inertia a step has one stage: effects/inertia.py
         self.is_staged = accuracy.integrator == 'rkl2' and 'inertia' not in effects
@@ -191,44 +206,41 @@ class State:
         # with inertia the pairs of the energy's gradient keep the momentum: a bore needs that
         self.has_surface = accuracy.gradient != 'energy' and 'inertia' not in effects
         self.device = device
-        numbers = {'clock': (wp.float64, 5), 'counts': (wp.int32, 11), 'chosen': (wp.int32, 1)}
-        numbers |= {'rates': (self.real, 2), 'stage': (self.real, 4), 'left': (wp.float64, 2)}
-        vars(self).update(zeros(numbers, device))
+        self.launches = Launches(device)
+        self._allocate(capacity)
+        self.top.fill_(-FAR)
         if not device.is_cuda:
             # it sees what is there: to make it anew takes 10 us
             self._seen_counts = self.counts.numpy()
         self._target = self.clock[TARGET : TARGET + 1]
         self._looks = [Look((self.clock, self.counts))]
-        self.top = wp.full(1, -FAR, dtype=self.real, device=device)
-        self.launches = Launches(device)
-        self.capacity = 0
-        self._allocate(capacity)
+
+    @property
+    def _arrays(self) -> dict[str, Array]:
+        """The arrays that this state has, by name: its own and those that the effects declare."""
+        is_needed = {
+            'age': self.has_age,
+            'remainder': self.has_remainder,
+            'surface': self.has_surface,
+            'base': self.is_staged,
+            'drift': self.is_staged,
+            'members': self.is_ranked_again,
+        }
+        own = {name: array for name, array in ARRAYS.items() if is_needed.get(name, True)}
+        return own | self.effects.arrays
 
     def _allocate(self, capacity: int) -> None:
-        """Make room for as many particles; arrays that do not depend on them are kept."""
-        kinds = {'particle': self.vec4, 'ordered': self.vec4, 'flow': self.vec3}
-        kinds |= {'share': self.real} | dict.fromkeys(('home', 'cell', 'rank'), wp.int32)
-        if self.is_ranked_again:
-            kinds['members'] = wp.int32
-        if self.has_remainder:
-            kinds |= dict.fromkeys(('remainder', 'ordered_remainder'), self.vec2)
-        if self.has_age:
-            kinds |= dict.fromkeys(('age', 'ordered_age'), self.real)
-        if self.is_staged:
-            kinds |= dict.fromkeys(('base', 'drift', 'ordered_base', 'ordered_drift'), self.vec4)
-        if self.has_surface:
-            kinds['surface'] = self.vec2
-        items = {name: (kind, capacity) for name, kind in kinds.items()}
-        named = {'real': self.real, 'int32': wp.int32, 'float64': wp.float64}
-        for name, array in self.effects.arrays.items():
-            dtype = named.get(array.dtype) or getattr(self, array.dtype)
+        """Make room for some particles; what does not depend on how many they are is kept."""
+        kinds, items, others = kinds_of(self.real), {}, {}
+        for name, array in self._arrays.items():
+            dtype = kinds[array.dtype]
             if array.count is None:
                 items[name] = dtype, capacity
             elif not hasattr(self, name):
-                items[name] = dtype, array.count
+                others[name] = dtype, array.count
             if array.is_carried:
                 items[f'ordered_{name}'] = dtype, capacity
-        arrays = zeros(items, self.device, spare=SPARE)
+        arrays = zeros(items, self.device, spare=SPARE) | zeros(others, self.device)
         self.launches.forget()
         vars(self).update(arrays, capacity=capacity)
 
@@ -346,10 +358,6 @@ class State:
         names += [name for name, array in self.effects.arrays.items() if array.is_carried]
         return names + (['age'] if self.has_age else [])
 
-    def optional(self, *names: str) -> list[Any]:
-        """The arrays of these names, None for those that are not allocated."""
-        return [getattr(self, name, None) for name in names]
-
     def write_target(self, time: float) -> None:
         """Replace the target time [s] of ``clock``, when all that is launched so far is done."""
         self._target.fill_(time)
@@ -378,7 +386,7 @@ class State:
         if len(values) > FULLEST * self.capacity:
             self._allocate(room_for(len(values)))
         if len(values):
-            rows = wp.array(values, dtype=self.vec4, device=self.device)
+            rows = wp.array(values, dtype=self.particle.dtype, device=self.device)
             wp.copy(self.particle, rows, count=len(values))
         for name in self._carried:
             getattr(self, name).zero_()
@@ -421,13 +429,9 @@ class State:
         self._allocate(capacity)
         for name in ('particle', *self._carried, *self._sums):
             target = getattr(self, name)
-            values = arrays.get(name)
             template = target.numpy()
             shape = template.shape if name in self._sums else (count, *template.shape[1:])
-            if values is None or (values.shape, values.dtype) != (shape, template.dtype):
-                found = 'missing' if values is None else f'{values.dtype} of shape {values.shape}'
-                right = f'{template.dtype} of shape {shape}'
-                raise LavaError(f'checkpoint.state.{name}', found, right)
+            values = fitting(f'state.{name}', arrays.get(name), shape, template.dtype)
             if len(values):
                 rows = wp.array(values, dtype=target.dtype, device=self.device)
                 wp.copy(target, rows, count=len(values))

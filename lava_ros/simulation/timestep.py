@@ -242,12 +242,7 @@ def longest_step(
 ) -> float:
     """Longest step [s] whatever the flow: what the user, vents and freezing allow.
 
-    Args:
-        scene: The scene.
-        accuracy: The resolution, resolved.
-        effects: The physics.
-        vents: The scene's vents as they emit.
-        reach: Largest displacement in a step [m].
+    ``reach`` is the largest displacement in a step [m].
     """
     assert accuracy.thickness is not None
     longest = min(accuracy.longest_step, vents.longest_step(accuracy.thickness))
@@ -263,11 +258,7 @@ def longest_step(
 def pace_of(state: State, longest: float, accuracy: Accuracy, due: Any) -> Any:
     """Collect what the choice of a stage reads and writes.
 
-    Args:
-        state: The particles.
-        longest: Longest step [s].
-        accuracy: Says whether steps are fixed, and up to how many particles they wait for one.
-        due: Times at which the next particles of each vent come out, and those after them [s].
+    ``longest`` is the longest step [s], ``due`` that of a ``VentSet``.
     """
     pace = pace_type(state.real)()
     pace.longest, pace.fixed = longest, accuracy.fixed_step or 0.0
@@ -281,4 +272,4 @@ def pace_of(state: State, longest: float, accuracy: Accuracy, due: Any) -> Any:
 
 def choose_stage(state: State, pace: Any) -> None:
     """Begin a step, bounded by the rates in the state, or go on to its next stage."""
-    state.launches(_kernel(state.real, choice_of(state)), dim=1, inputs=[pace], outputs=[])
+    state.launches(_kernel(state.real, choice_of(state)), [pace])

@@ -129,54 +129,51 @@ class VentSet:
 
     def __init__(
         self,
-        vents: Sequence[Vent],
+        vents: tuple[Vent, ...],
+        terrain: Terrain,
+        accuracy: Accuracy,
+        particle_volume: float,
+        device: Any,
         *,
         since: float,
-        carried: Sequence[float],
-        centre: np.ndarray,
-        particle_volume: float,
-        least_radius: float,
-        downhill: Sequence[float],
-        symmetric: bool,
-        device: Any,
+        carried: Iterable[float],
     ) -> None:
         """Lay out the vents' tables.
 
         Args:
             vents: The vents.
+            terrain: The ground that they are on.
+            accuracy: The resolution; a vent narrower than its spacing is widened to that.
+            particle_volume: Volume of a particle [m3].
+            device: Warp device.
             since: Time from which they emit [s].
             carried: Volume already in each vent's conduit [m3].
-            centre: Map position particles are relative to [m].
-            particle_volume: Volume of a particle [m3].
-            least_radius: Radius below which a vent is not resolved [m]: it is widened to this.
-            downhill: Direction in which the ground falls at each vent [rad]: places of particles
-                in a disc turn with it, so a scene that is turned has the same ones.
-            symmetric: Whether particles come out in groups that have the vent's symmetries.
-            device: Warp device.
         """
-        self.vents = tuple(vents)
+        assert accuracy.spacing is not None
+        self.vents = vents
         self.since = since
-        self._carried = np.array(carried, dtype=np.float64)
+        self._carried = np.array(list(carried), dtype=np.float64)
         # asked at each advance: found once
         self._opening = [vent.opens_after(since) for vent in self.vents]
         self._particle_volume = particle_volume
-        self.is_symmetric = symmetric
+        self.is_symmetric = accuracy.symmetric
         self._device = device
         shape = np.zeros((len(self.vents), 11))
-        # in half turns
-        shape[:, 10] = np.divide(downhill, math.pi)
+        centre = centre_of(terrain)
         places: Counter[Any] = Counter()
         starts, times, fluxes, volumes = [0], [], [], []
-        for row, vent, conduit in zip(shape, self.vents, carried, strict=True):
+        for row, vent, conduit in zip(shape, vents, self._carried.tolist(), strict=True):
             end = vent.position if vent.end is None else vent.end
             row[0:2] = vent.position - centre
             row[2:4] = end - centre
-            row[4] = max(vent.radius, least_radius)
+            row[4] = max(vent.radius, accuracy.spacing)
             row[5] = vent.temperature
             row[6] = math.dist(vent.position, end)
             row[7:9] = vent.velocity
             row[9] = places[vent.position, vent.end]
             places[vent.position, vent.end] += 1
+            # in half turns: a scene that is turned has the same places of particles, turned
+            row[10] = _downhill(terrain, vent.position) / math.pi
             begins = [max(time, since) for time, _ in vent.series]
             times += begins
             fluxes += [flux for _, flux in vent.series]
@@ -305,31 +302,6 @@ def parting(
             angle = 0.5 * math.pi * (member // 2) + (angle if member % 2 else -angle)
             x, y = x + distance * math.cos(angle), y + distance * math.sin(angle)
         yield (x, y), waiting / count
-
-
-def vent_set(
-    vents: tuple[Vent, ...],
-    terrain: Terrain,
-    accuracy: Accuracy,
-    particle_volume: float,
-    device: Any,
-    *,
-    since: float,
-    carried: Iterable[float],
-) -> VentSet:
-    """Lay out the vents of a simulation; arguments as those of ``VentSet``."""
-    assert accuracy.spacing is not None
-    return VentSet(
-        vents,
-        since=since,
-        carried=list(carried),
-        centre=centre_of(terrain),
-        particle_volume=particle_volume,
-        least_radius=accuracy.spacing,
-        downhill=[_downhill(terrain, vent.position) for vent in vents],
-        symmetric=accuracy.symmetric,
-        device=device,
-    )
 
 
 def _downhill(terrain: Terrain, place: tuple[float, float]) -> float:

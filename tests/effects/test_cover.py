@@ -20,15 +20,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lava_ros.effects import Effects
 from lava_ros.effects.laws import heat_loss, STEFAN_BOLTZMANN
 from lava_ros.errors import LavaError
 from lava_ros.scene import Lava, Scene
-from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation import Particles
 from lava_ros.verification.cases.case import plane
+from solver import lattice, only, simulated
 
-COVER = Effects(arrhenius=False, cooling=False, steep=False, cover=True)
+COVER = only('cover')
 
 LAVA = Lava(
     viscosity=1e15,
@@ -79,13 +78,15 @@ def test_columns_at_rest_cool_as_the_equation_says(device, still_columns, precis
 def test_fast_lava_bares_its_core(device):
     """A sheet that slides at some metres a second loses what its speed says."""
     lava = replace(LAVA, viscosity=3e3, crust_cover_decay=0.5)
-    x, y = np.meshgrid(np.arange(-30.0, 30.0, 2.0), np.arange(-30.0, 30.0, 2.0))
-    simulation = Simulation(
-        Scene(plane((-100.0, -100.0, 100.0, 100.0), 5.0, 0.3), lava=lava),
+    simulation = simulated(
+        plane((-100.0, -100.0, 100.0, 100.0), 5.0, 0.3),
+        lava,
+        Particles(lattice(30.0, 2.0), 8.0, 1423.0),
         effects=COVER,
-        accuracy=Accuracy(spacing=2.0, thickness=2.0, precision='float64'),
-        particles=Particles(np.column_stack([x.ravel(), y.ravel()]), 8.0, 1423.0),
         device=device,
+        spacing=2.0,
+        thickness=2.0,
+        precision='float64',
     )
     start = simulation.sample()
     time = 1.0
@@ -103,23 +104,16 @@ def test_fast_lava_bares_its_core(device):
     assert lost > 1.5 * slow
 
 
-def test_no_cover_is_bare_cooling(still_columns):
-    """A share of 0 loses what ``cooling`` loses, to rounding."""
-    bare = replace(LAVA, crust_cover=0.0)
-    cooling = replace(COVER, cover=False, cooling=True)
+@pytest.mark.parametrize(
+    ('share', 'others'), [(0.0, only('cooling')), (0.9, only('cooling', 'cover'))]
+)
+def test_cover_takes_the_place_of_cooling(still_columns, share, others):
+    """A share of 0 loses what bare ground loses, and beside it the loss is not counted twice."""
+    lava = replace(LAVA, crust_cover=share)
     one, two = (
-        still_columns(bare, effects, [1423.0], [3600.0])[0][0][0] for effects in (COVER, cooling)
+        still_columns(lava, effects, [1423.0], [3600.0])[0][0][0] for effects in (COVER, others)
     )
     assert one == pytest.approx(two, abs=1e-9)
-
-
-def test_cover_beside_cooling_is_the_cover(still_columns):
-    """The covered surface's loss replaces the bare one: it is not counted twice."""
-    both = replace(COVER, cooling=True)
-    one, two = (
-        still_columns(LAVA, effects, [1423.0], [3600.0])[0][0][0] for effects in (COVER, both)
-    )
-    assert one == two
 
 
 def test_host_and_device_agree(still_columns):

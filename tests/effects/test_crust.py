@@ -21,11 +21,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from lava_ros.effects import Effects
 from lava_ros.scene import Lava
 from lava_ros.verification import exact
+from solver import only
 
-CRUST = Effects(arrhenius=False, cooling=False, steep=False, crust=True)
+CRUST = only('crust')
 
 LAVA = Lava(viscosity=1e15, emissivity=0.9, convection=50.0, conductivity=2.0, crust=True)
 
@@ -90,11 +90,10 @@ def test_convecting_slab_of_the_case_is_the_numerical_one():
 
 def test_fresh_lava_radiates_as_without_a_crust(device, still_columns):
     """At age 0 the surface is as hot as the core: bare cooling, less and less of it later."""
-    cooling = replace(CRUST, crust=False, cooling=True)
     for time, share in ((1e-3, (0.97, 1.0)), (3600.0, (0.05, 0.3))):
         crusted, bare = (
             1423.0 - still_columns(LAVA, effects, [1423.0], [time], device=device)[0][0][0]
-            for effects in (CRUST, cooling)
+            for effects in (CRUST, only('cooling'))
         )
         assert share[0] < crusted / bare < share[1]
 
@@ -111,9 +110,9 @@ def test_old_crust_lets_through_what_it_conducts(still_columns):
 
 def test_crust_beside_cooling_is_the_crust(still_columns):
     """The crust's loss replaces the bare one: it is not counted twice."""
-    both = replace(CRUST, cooling=True)
     one, two = (
-        still_columns(LAVA, effects, [1423.0], [3600.0])[0][0][0] for effects in (CRUST, both)
+        still_columns(LAVA, effects, [1423.0], [3600.0])[0][0][0]
+        for effects in (CRUST, only('crust', 'cooling'))
     )
     assert one == two
 

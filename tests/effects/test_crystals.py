@@ -19,11 +19,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
 from lava_ros.effects.crystals import LEAST_ROOM
 from lava_ros.scene import Lava
-
-BARE = Effects(arrhenius=False, cooling=False, steep=False)
+from solver import only
 
 LAVA = Lava(
     viscosity=50.0,
@@ -44,7 +42,7 @@ def test_viscosity_is_the_printed_law(viscosities, device, precision, law, arrhe
     temperatures = np.linspace(1200.0, 1500.0, 13)
     found = viscosities(
         temperatures,
-        replace(BARE, arrhenius=arrhenius, crystals=True),
+        only('crystals', *['arrhenius'] * arrhenius),
         lava=replace(LAVA, crystal_law=law),
         precision=precision,
         device=device,
@@ -60,7 +58,7 @@ def test_jammed_crystals_leave_a_finite_viscosity(viscosities, device):
     """Where crystals are packed as densely as they can, or would be more, mu stops rising."""
     found = viscosities(
         [1260.0, 1300.0, 1450.0],
-        replace(BARE, crystals=True),
+        only('crystals'),
         lava=replace(LAVA, crystals=0.9),
         precision='float32',
         device=device,

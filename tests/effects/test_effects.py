@@ -14,25 +14,22 @@
 
 """Effects as a key; those that are off, or whose files are deleted, leave nothing behind."""
 
-from dataclasses import fields
 from pathlib import Path
 import shutil
 import subprocess
 import sys
+from typing import Any
 
 import pytest
 import warp as wp
 
 from lava_ros.effects import EFFECTS, Effects
 from lava_ros.errors import LavaError
-from lava_ros.scene import Lava, Scene, Vent
-from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.scene import Lava, Vent
 from lava_ros.verification.cases.case import plane
+from solver import only, simulated
 
 ROOT = Path(__file__).parents[2]
-
-NONE = {item.name: False for item in fields(Effects)}
 
 #: The arrays of a step without effects, and of a map.
 BARE_ARRAYS = {
@@ -47,61 +44,39 @@ BARE_KERNELS = [
     'move',
 ]
 
-#: What each effect adds: arrays, and kernels of its own.
+#: What effects add: arrays, and kernels of their own.
 ADDED = {
+    **dict.fromkeys(
+        ('', 'yielding', 'power_law', 'arrhenius', 'vft', 'crystals', 'steep', 'cooling',
+         'latent_heat'),
+        (set(), set()),
+    ),
     'green': ({'source', 'area'}, {'green_motion'}),
     'helmholtz': (
         {'layer', 'solution', 'next_solution', 'correction'},
         {'start', 'sweep', 'finish'},
     ),
-    'yielding': (set(), set()),
-    'power_law': (set(), set()),
-    'arrhenius': (set(), set()),
-    'vft': (set(), set()),
-    'crystals': (set(), set()),
-    'steep': (set(), set()),
-    'cooling': (set(), set()),
-    'latent_heat': (set(), set()),
 }
 
-#: Writes a digest of a simulation of the effects that are named.
+#: Computes a digest of a simulation of the effects that are named.
 DIGEST = """
-import hashlib, sys
-sys.path.insert(0, sys.argv[1])
+import dataclasses, hashlib, sys
+import numpy as np
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.effects import Effects
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
-import numpy as np
-import dataclasses, lava_ros
-assert lava_ros.__file__.startswith(sys.argv[1]), lava_ros.__file__
-on = dict.fromkeys((item.name for item in dataclasses.fields(Effects)), False)
-on.update(dict.fromkeys(sys.argv[2:], True))
-ground = Terrain(np.add.outer(np.zeros(20), np.arange(20.0)), 5.0, origin=(-50.0, -50.0))
-scene = Scene(ground, (Vent((0.0, 0.0), 2.0),), Lava())
-simulation = Simulation(
-    scene, effects=Effects(**on), accuracy=Accuracy(spacing=3.0), device='cpu'
-)
-simulation.advance(120.0)
-snapshot = simulation.snapshot()
-print(hashlib.sha256(snapshot.thickness.tobytes() + snapshot.temperature.tobytes()).hexdigest())
-"""
-
-
-def simulation_of(device, **on):
-    """A vent on a slope with the effects that are named."""
-    lava = Lava(solidus=1000.0, yield_strength=100.0, conductivity=2.0)
-    scene = Scene(plane((-50.0, -50.0, 50.0, 50.0), 5.0, 0.2), (Vent((0.0, 0.0), 2.0),), lava)
-    return Simulation(
-        scene, effects=Effects(**{**NONE, **on}), accuracy=Accuracy(spacing=4.0), device=device
+def digest(names):
+    on = {item.name: item.name in names for item in dataclasses.fields(Effects)}
+    ground = Terrain(np.add.outer(np.zeros(20), np.arange(20.0)), 5.0, origin=(-50.0, -50.0))
+    scene = Scene(ground, (Vent((0.0, 0.0), 2.0),), Lava())
+    simulation = Simulation(
+        scene, effects=Effects(**on), accuracy=Accuracy(spacing=3.0), device='cpu'
     )
-
-
-def arrays_of(simulation):
-    """Names of the arrays that are allocated."""
-    state = vars(simulation._state)
-    # what begins with _ is a part of another
-    return {n for n, value in state.items() if isinstance(value, wp.array) and n[0] != '_'}
+    simulation.advance(120.0)
+    seen = simulation.snapshot()
+    return hashlib.sha256(seen.thickness.tobytes() + seen.temperature.tobytes()).hexdigest()
+"""
 
 
 @pytest.fixture
@@ -125,25 +100,18 @@ def launched(monkeypatch):
     return names
 
 
-def test_a_bare_step_has_the_bare_arrays_and_kernels(launched):
-    """Nothing is allocated or launched but what lava that flows needs."""
-    simulation = simulation_of('cpu')
-    assert arrays_of(simulation) == BARE_ARRAYS
-    simulation.advance(60.0)
-    assert simulation.particle_count > 0
-    # the first one has yet to put the particles into cells: later ones do so as they move them
-    simulation._stage.take(simulation.scene, simulation._vents)
-    launched.clear()
-    simulation._stage.take(simulation.scene, simulation._vents)
-    assert launched == BARE_KERNELS
-
-
 @pytest.mark.parametrize('name', ADDED)
 def test_an_effect_adds_what_is_its_own(launched, name):
     """An effect brings its own arrays and kernels and no one else's."""
     arrays, kernels = ADDED[name]
-    simulation = simulation_of('cpu', **{name: True})
-    assert arrays_of(simulation) == BARE_ARRAYS | arrays
+    lava = Lava(solidus=1000.0, yield_strength=100.0, conductivity=2.0)
+    ground, vent = plane((-50.0, -50.0, 50.0, 50.0), 5.0, 0.2), Vent((0.0, 0.0), 2.0)
+    simulation = simulated(ground, lava, vent, effects=only(name), spacing=4.0)
+    state = vars(simulation._state)
+    # what begins with _ is a part of another array
+    arrays_of_it = {key for key, value in state.items() if isinstance(value, wp.array)}
+    allocated = {key for key in arrays_of_it if key[0] != '_'}
+    assert allocated == BARE_ARRAYS | arrays
     simulation.advance(60.0)
     assert simulation.particle_count > 0
     # the first one has yet to put the particles into cells: later ones do so as they move them
@@ -152,24 +120,29 @@ def test_an_effect_adds_what_is_its_own(launched, name):
     simulation._stage.take(simulation.scene, simulation._vents)
     without = {'move'} if name == 'green' else set()
     assert set(launched) == set(BARE_KERNELS) - without | kernels
+    assert name or launched == BARE_KERNELS
 
 
 @pytest.mark.parametrize('names', [(), ('cooling', 'arrhenius', 'steep')])
 def test_deleted_effects_are_not_missed(tmp_path, names):
     """With the files of all other effects deleted the flow is the same to the bit."""
-
-    def digest(root):
-        words = [sys.executable, '-c', DIGEST, str(root), *names]
-        run = subprocess.run(words, capture_output=True, text=True, cwd=tmp_path, timeout=120)
-        assert run.returncode == 0, run.stderr
-        return run.stdout.split()[-1]
-
     shutil.copytree(ROOT / 'lava_ros', tmp_path / 'lava_ros')
     deleted = [tmp_path / 'lava_ros/effects' / name for name in EFFECTS if name not in names]
     assert len(deleted) > 10
     for path in deleted:
         shutil.rmtree(path) if path.is_dir() else path.with_suffix('.py').unlink()
-    assert digest(tmp_path) == digest(ROOT)
+    code = f"""import sys
+sys.path.insert(0, {str(tmp_path)!r})
+{DIGEST}
+import lava_ros
+print(lava_ros.__path__[0], digest({names!r}))"""
+    run = subprocess.run(
+        [sys.executable, '-c', code], capture_output=True, text=True, cwd=tmp_path, timeout=120
+    )
+    assert run.returncode == 0, run.stderr
+    here: dict[str, Any] = {}
+    exec(DIGEST, here)
+    assert run.stdout.split()[-2:] == [str(tmp_path / 'lava_ros'), here['digest'](names)]
 
 
 def test_any_effect_can_be_deleted():

@@ -15,24 +15,18 @@
 
 """Conduction into the ground against exact solutions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.scene import Lava, Vent
 from lava_ros.verification import exact
+from solver import flat, only, simulated
 
-GROUND = Effects(arrhenius=False, cooling=False, steep=False, ground=True)
+GROUND = only('ground')
 
 LAVA = Lava(viscosity=1e15, emissivity=0.0, convection=0.0, ground_conductivity=2.0)
-
-
-
-def solution(thickness):
-    """The exact temperature of a mixed column on a half-space."""
-    return exact.ColumnOnGround(LAVA, initial=1423.0, ground=300.0, thickness=thickness)
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
@@ -42,7 +36,8 @@ def test_column_that_cools_follows_the_exact_solution(device, still_columns, pre
     samples = still_columns(
         LAVA, GROUND, [1423.0], times, longest_step=1e4, precision=precision, device=device
     )
-    right = solution(samples[0][1][0])
+    thickness = samples[0][1][0]
+    right = exact.ColumnOnGround(LAVA, initial=1423.0, ground=300.0, thickness=thickness)
     exacts = np.array([right.temperature(time) for time in times])
     found = np.array([temperature[0] for temperature, _ in samples])
     assert exacts[-1] < 300.0 + 0.3 * 1123.0
@@ -71,15 +66,9 @@ def test_temperature_stays_between_ground_and_vent_for_any_step(device, still_co
 
 def test_each_column_has_its_own_age():
     """Lava that came out later is hotter, though all of it rests on the same ground."""
-    scene = Scene(
-        Terrain(np.zeros((40, 40)), 10.0, origin=(-200.0, -200.0)),
-        vents=(Vent((0.0, 0.0), 5.0),),
-        lava=Lava(viscosity=1e3, arrhenius=0.0, emissivity=0.0, convection=0.0,
-                  ground_conductivity=2.0),
-    )
-    simulation = Simulation(
-        scene, effects=GROUND, accuracy=Accuracy(spacing=10.0), device='cpu'
-    )
+    lava = replace(LAVA, viscosity=1e3, arrhenius=0.0)
+    vent = Vent((0.0, 0.0), 5.0)
+    simulation = simulated(flat(40, 10.0), lava, vent, effects=GROUND, spacing=10.0)
     simulation.advance(1500.0)
     sample = simulation.sample()
     distance = np.hypot(*sample.position.T)

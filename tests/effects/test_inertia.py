@@ -22,38 +22,26 @@ import pytest
 from scipy.integrate import trapezoid
 
 from lava_ros.errors import LavaError
-from lava_ros.scene import Lava, Scene, Terrain, Vent, vents_from_list
-from lava_ros.simulation import Particles, Simulation
+from lava_ros.scene import Lava, Vent, vents_from_list
+from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification import exact
 from lava_ros.verification.cases.inertia import INERTIAL, swing, THIN
+from solver import flat, incline, lattice, simulated
 
 LOCAL = replace(INERTIAL, inertia=False)
 
 
-def square(half, spacing, volume, **particles):
-    """A square layer of particles."""
-    ticks = np.arange(-half, half, spacing) + 0.5 * spacing
-    places = np.stack(np.meshgrid(ticks, ticks), -1).reshape(-1, 2)
-    return Particles(places, volume, 1400.0, **particles)
+def square(half, volume, **particles):
+    """A square layer of particles a metre apart."""
+    return Particles(lattice(half), volume, 1400.0, **particles)
 
 
-def ground(slope=0.0, half=40.0):
-    """A plane that falls towards +x."""
-    x = np.arange(-half, half) + 0.5
-    return Terrain(np.tile(-slope * x, (len(x), 1)), 1.0, origin=(-half, -half))
-
-
-def simulation(lava, particles, *, effects=INERTIAL, device='cpu', slope=0.0, **accuracy):
+def simulation(lava, particles, *, effects=INERTIAL, slope=0.0, **options):
     """Particles a metre apart on a plane."""
-    settings = {'spacing': 1.0, 'thickness': 1.0, 'precision': 'float64', **accuracy}
-    return Simulation(
-        Scene(ground(slope), lava=lava),
-        effects=effects,
-        accuracy=Accuracy(**settings),
-        particles=particles,
-        device=device,
-    )
+    ground = incline(slope, 80, 80, 1.0, top=40.0 * slope, origin=(-40.0, -40.0))
+    knobs = {'spacing': 1.0, 'thickness': 1.0, 'precision': 'float64', **options}
+    return simulated(ground, lava, particles, effects=effects, **knobs)
 
 
 def middle_velocity(seen):
@@ -104,7 +92,7 @@ def test_a_sheet_relaxes_to_the_local_speed(device, precision):
     sheet = exact.AcceleratingSheet(1.0, slope, lava.viscosity / lava.density, 9.81)
     seen = simulation(
         lava,
-        square(10.0, 1.0, 1.0),
+        square(10.0, 1.0),
         effects=effects,
         device=device,
         slope=0.1,
@@ -126,8 +114,7 @@ def test_stiff_lava_flows_as_without_inertia():
     lava = replace(THIN, viscosity=2e4)
     places = []
     for effects in (INERTIAL, LOCAL):
-        heap = square(8.0, 1.0, 2.0)
-        heap = Particles(heap.position, 2.0, 1000.0 + np.arange(len(heap.position)))
+        heap = Particles(lattice(8.0), 2.0, 1000.0 + np.arange(256))
         # with inertia a step is of the first order where drag rules: short ones
         seen = simulation(
             lava, heap, effects=effects, thickness=2.0, ratio=4.0, diffusion_number=0.2
@@ -145,10 +132,8 @@ def test_lava_of_any_law_runs_at_the_local_speed_in_the_end(power):
     """A sheet with strength or a power law ends at the speed it has without inertia."""
     lava = replace(THIN, viscosity=300.0, yield_strength=800.0, flow_index=power)
     effects = replace(INERTIAL, yielding=True, power_law=power != 1.0)
-    layer = square(12.0, 1.0, 1.0)
-    local = simulation(
-        lava, layer, effects=replace(effects, inertia=False), slope=0.1
-    )
+    layer = square(12.0, 1.0)
+    local = simulation(lava, layer, effects=replace(effects, inertia=False), slope=0.1)
     expected = middle_velocity(local)[0]
     assert expected > 0.1
     # as fast as that from the start: nothing has to change
@@ -165,7 +150,7 @@ def test_lava_of_any_law_runs_at_the_local_speed_in_the_end(power):
 def test_a_yield_strength_stops_a_layer_that_slides():
     """On the level u falls by tau_y / (rho h) t, and is 0, exactly, from then on."""
     lava = replace(THIN, yield_strength=2600.0)
-    layer = square(25.0, 1.0, 0.2, velocity=(2.0, 0.0))
+    layer = square(25.0, 0.2, velocity=(2.0, 0.0))
     seen = simulation(
         lava, layer, effects=replace(INERTIAL, yielding=True), thickness=0.2, longest_step=0.01
     )
@@ -186,7 +171,7 @@ def test_what_drag_takes_warms_lava():
     lava = replace(THIN, yield_strength=2600.0)
     seen = simulation(
         lava,
-        square(25.0, 1.0, 0.2, velocity=(2.0, 0.0)),
+        square(25.0, 0.2, velocity=(2.0, 0.0)),
         effects=replace(INERTIAL, yielding=True, viscous_heating=True),
         thickness=0.2,
         longest_step=0.002,
@@ -201,7 +186,7 @@ def test_what_drag_takes_warms_lava():
 def test_momentum_is_conserved():
     """What collapses and collides without drag on a plane keeps its momentum to rounding."""
     rng = np.random.default_rng(1)
-    heap = square(8.0, 1.0, 1.0)
+    heap = square(8.0, 1.0)
     drift = np.array([0.3, -0.2])
     velocity = drift - 0.3 * heap.position + 0.3 * rng.normal(size=heap.position.shape)
     heap = Particles(
@@ -226,22 +211,21 @@ def test_oscillation_in_a_bowl():
 def test_vents_give_lava_their_velocity(device):
     """Lava of a vent with a velocity flies off with it; without inertia it makes no difference."""
     lava = replace(THIN, viscosity=10.0)
-    terrain = ground()
     centres = {}
     for effects in (INERTIAL, LOCAL):
         for velocity in ((0.0, 0.0), (3.0, -1.5)):
             vent = Vent((0.0, 0.0), 2.0, radius=2.0, velocity=velocity)
-            seen = Simulation(
-                Scene(terrain, (vent,), lava),
+            seen = simulated(
+                flat(80),
+                lava,
+                vent,
                 effects=effects,
-                accuracy=Accuracy(
-                    spacing=0.5,
-                    thickness=0.1,
-                    symmetric=True,
-                    deterministic=True,
-                    longest_step=0.05,
-                ),
                 device=device,
+                spacing=0.5,
+                thickness=0.1,
+                symmetric=True,
+                deterministic=True,
+                longest_step=0.05,
             )
             seen.advance(3.0)
             sample = seen.sample()
@@ -254,21 +238,20 @@ def test_vents_give_lava_their_velocity(device):
 
 def test_new_vents_and_a_new_terrain_leave_lava_its_velocity():
     """What moves goes on moving when the scene around it changes."""
-    seen = simulation(THIN, square(10.0, 1.0, 0.01, velocity=(2.0, 1.0)), thickness=0.01)
+    seen = simulation(THIN, square(10.0, 0.01, velocity=(2.0, 1.0)), thickness=0.01)
     seen.advance(0.5)
     seen.set_vents([Vent((0.0, 20.0), 0.001)])
     seen.advance(1.0)
     seen.set_vents([])
-    seen.set_terrain(ground(half=45.0))
+    seen.set_terrain(flat(90))
     seen.advance(1.5)
     assert middle_velocity(seen) == pytest.approx([2.0, 1.0], rel=0.01)
 
 
 def test_vents_refuse_what_is_no_velocity():
     """Two finite numbers, from Python as from YAML."""
-    terrain = ground()
     vents = vents_from_list(
-        [{'position': [0.0, 0.0], 'discharge': 1.0, 'velocity': [3, -1]}], terrain
+        [{'position': [0.0, 0.0], 'discharge': 1.0, 'velocity': [3, -1]}], flat(80)
     )
     assert vents[0].velocity == (3.0, -1.0)
     for wrong in (5.0, (1.0,), (math.nan, 0.0)):
@@ -281,19 +264,14 @@ def test_vents_refuse_what_is_no_velocity():
 def test_the_printed_formulas_have_no_inertia():
     """The paper drops it."""
     with pytest.raises(LavaError, match='effects.inertia.*as-published'):
-        Simulation(
-            Scene(ground(), lava=Lava()),
-            effects=INERTIAL,
-            accuracy=Accuracy(formulation='as-published'),
-            device='cpu',
-        )
+        simulated(flat(80), Lava(), effects=INERTIAL, formulation='as-published')
 
 
 def test_a_step_is_bound_by_waves_or_by_the_viscous_limit():
     """Thin lava: half a radius over c; stiff lava: no longer than 2 gamma / (g h q^2)."""
     steps = {}
     for viscosity in (1e-6, 1e5):
-        seen = simulation(replace(THIN, viscosity=viscosity), square(8.0, 1.0, 1.0))
+        seen = simulation(replace(THIN, viscosity=viscosity), square(8.0, 1.0))
         seen.advance(0.1)
         steps[viscosity] = seen.snapshot().steps
         assert steps[viscosity].limit in ('waves', 'advection')

@@ -20,11 +20,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
 from lava_ros.scene import Lava
 from lava_ros.verification import exact
+from solver import only
 
-LATENT = Effects(arrhenius=False, steep=False, cooling=True, latent_heat=True)
+LATENT = only('cooling', 'latent_heat')
 
 LAVA = Lava(
     viscosity=1e15,
@@ -36,13 +36,6 @@ LAVA = Lava(
 )
 
 CAPACITY = LAVA.density * LAVA.specific_heat
-
-
-def solution(lava, thickness, initial=1423.0, ambient=300.0):
-    """The exact temperature of a sheet that convects and crystallises."""
-    return exact.CrystallisingSheet(
-        lava, initial=initial, ambient=ambient, thickness=thickness
-    )
 
 
 def heat_content(temperature):
@@ -59,7 +52,8 @@ def test_linear_loss_is_exact_for_any_step(device, still_columns, step, precisio
     samples = still_columns(
         LAVA, LATENT, [1423.0], times, longest_step=step, precision=precision, device=device
     )
-    right = solution(LAVA, samples[0][1][0])
+    thickness = samples[0][1][0]
+    right = exact.CrystallisingSheet(LAVA, initial=1423.0, ambient=300.0, thickness=thickness)
     found = [temperature[0] for temperature, _ in samples]
     within = 1e-8 if precision == 'float64' else 0.1
     assert found == pytest.approx([right.temperature(time) for time in times], abs=within)
@@ -115,7 +109,7 @@ def test_without_latent_heat_nothing_changes(still_columns):
     lava = replace(LAVA, latent_heat=0.0)
     with_effect, without = (
         still_columns(lava, effects, [1423.0, 1300.0, 1000.0], [1e5])[0][0]
-        for effects in (LATENT, replace(LATENT, latent_heat=False))
+        for effects in (LATENT, only('cooling'))
     )
     assert with_effect == pytest.approx(without, abs=1e-9)
 

@@ -17,36 +17,23 @@
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
 from lava_ros.effects.merging import device as merging
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Particles, Simulation
+from lava_ros.scene import Lava, Vent
+from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.state import FULL, IS_LAST, PARTICLES, STEP
 from lava_ros.verification.cases import CASES, spreading
+from solver import incline, only, simulated
 
 LAVA = Lava(viscosity=2e3, density=2600.0, arrhenius=0.0, emissivity=0.0, convection=0.0)
 
-MERGING = Effects(arrhenius=False, cooling=False, steep=False, merging=True)
-
-PLAIN = Effects(arrhenius=False, cooling=False, steep=False)
+MERGING = only('merging')
 
 
-def hillside(rows=60, columns=90, slope=0.2):
-    """A plane that falls towards +x."""
-    return Terrain(np.tile(-slope * 10.0 * np.arange(columns), (rows, 1)), 10.0)
-
-
-def simulation_of(device, particles, effects=MERGING, terrain=None, **accuracy):
-    """Particles on a plane, with a nominal spacing of 5 m and volume of 25 m3."""
-    accuracy = Accuracy(**{'spacing': 5.0, 'thickness': 1.0, **accuracy})
-    return Simulation(
-        Scene(terrain or hillside(slope=0.0), lava=LAVA),
-        effects=effects,
-        accuracy=accuracy,
-        device=device,
-        particles=particles,
-    )
+def simulation_of(device, particles, effects=MERGING, **knobs):
+    """Particles on level ground, with a nominal spacing of 5 m and volume of 25 m3."""
+    ground, knobs = incline(0.0, 60, 90, 10.0), {'spacing': 5.0, 'thickness': 1.0, **knobs}
+    return simulated(ground, LAVA, particles, effects=effects, device=device, **knobs)
 
 
 def one_pass(simulation):
@@ -133,9 +120,7 @@ def test_halves_are_no_smaller_than_what_vents_emit(device):
 
 def test_momentum_and_age_are_kept(device):
     """The sums of V u and of V times age stay, whether particles merge or split."""
-    effects = Effects(
-        arrhenius=False, cooling=True, steep=False, inertia=True, ground=True, merging=True
-    )
+    effects = only('cooling', 'inertia', 'ground', 'merging')
     for spacing, volume in ((2.5, 25.0), (10.0, 100.0)):
         simulation = simulation_of(device, lattice(spacing, 12, volume), effects)
         state = simulation._state
@@ -174,18 +159,18 @@ def test_splitting_waits_for_room(device):
     assert rows_of(simulation)[:, 2].sum() == 400 * 100.0
 
 
-def flow(device, effects, **accuracy):
-    """Half an hour of a strong vent on a slope."""
-    scene = Scene(hillside(slope=0.05), (Vent((150.0, 300.0), 20.0, radius=15.0),), LAVA)
-    accuracy = Accuracy(**{'spacing': 5.0, 'thickness': 0.6, **accuracy})
-    simulation = Simulation(scene, effects=effects, accuracy=accuracy, device=device)
+def flow(device, effects, **knobs):
+    """A quarter of an hour of a strong vent on a slope."""
+    ground, vent = incline(0.05, 60, 90, 10.0), Vent((150.0, 300.0), 20.0, radius=15.0)
+    knobs = {'spacing': 5.0, 'thickness': 0.6, **knobs}
+    simulation = simulated(ground, LAVA, vent, effects=effects, device=device, **knobs)
     simulation.advance(900.0)
     return simulation
 
 
 def test_fewer_particles_give_the_same_flow(device):
     """Two thirds of the particles or fewer, the same thickness to a few percent, exact volume."""
-    plain, merged = flow(device, PLAIN), flow(device, MERGING)
+    plain, merged = flow(device, only()), flow(device, MERGING)
     assert merged.particle_count < 0.67 * plain.particle_count
     assert merged.budget().error < 1e-9
     a, b = plain.snapshot().thickness, merged.snapshot().thickness

@@ -19,29 +19,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain
-from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.scene import Lava
+from lava_ros.simulation import Particles
+from solver import flat, incline, lattice, only, simulated
 
-BARE = Effects(arrhenius=False, cooling=False, steep=True)
+STEEP = only('steep')
 
 WEIGHT = 2500.0 * 9.81
 
 
-def scattered(effects, *, precision='float64', device='cpu', slope=0.1, **constants):
-    """300 random particles on a plane with the slope towards +x."""
+def scattered(effects, *, precision='float64', device='cpu', **constants):
+    """300 random particles on a plane that falls towards +x."""
     rng = np.random.default_rng(3)
-    x = np.arange(40) * 10.0
-    terrain = Terrain(np.tile(-slope * x, (40, 1)), 10.0, origin=(-100.0, -100.0))
-    return Simulation(
-        Scene(terrain, lava=Lava(arrhenius=0.0, **constants)),
+    return simulated(
+        incline(0.1, 40, 40, 10.0, origin=(-100.0, -100.0)),
+        Lava(arrhenius=0.0, **constants),
+        Particles(rng.uniform(0, 150, (300, 2)), rng.uniform(50, 150, 300), 1400.0),
         effects=effects,
-        accuracy=Accuracy(
-            spacing=9.0, thickness=1.0, precision=precision, deterministic=True
-        ),
-        particles=Particles(rng.uniform(0, 150, (300, 2)), rng.uniform(50, 150, 300), 1400.0),
         device=device,
+        spacing=9.0,
+        thickness=1.0,
+        precision=precision,
     )
 
 
@@ -50,7 +48,7 @@ def scattered(effects, *, precision='float64', device='cpu', slope=0.1, **consta
 def test_exponent_one_is_the_simpler_law(device, precision, yielding):
     """An exponent of 1 gives the speed of Newtonian and of Bingham lava."""
     constants = {'viscosity': 1e4, 'yield_strength': 1500.0 * yielding}
-    effects = replace(BARE, yielding=yielding)
+    effects = replace(STEEP, yielding=yielding)
     simple, general = (
         scattered(kind, precision=precision, device=device, **constants).sample().velocity
         for kind in (effects, replace(effects, power_law=True))
@@ -62,9 +60,8 @@ def test_exponent_one_is_the_simpler_law(device, precision, yielding):
 @pytest.mark.parametrize('index', [0.3, 0.5, 2.0, 3.0])
 def test_speed_follows_the_power_of_the_slope(index):
     """Every particle has n / (2 n + 1) (rho g h s / K)^(1/n) h."""
-    effects = replace(BARE, steep=False)
-    newtonian = scattered(effects, viscosity=1e4).sample()
-    sample = scattered(replace(effects, power_law=True), viscosity=1e4, flow_index=index).sample()
+    newtonian = scattered(only(), viscosity=1e4).sample()
+    sample = scattered(only('power_law'), viscosity=1e4, flow_index=index).sample()
     stress = 3e4 * np.hypot(*newtonian.velocity.T) / newtonian.thickness
     speed = index / (2 * index + 1) * (stress / 1e4) ** (1 / index) * sample.thickness
     assert (stress > 1e-3 * WEIGHT * sample.thickness).all()
@@ -74,17 +71,14 @@ def test_speed_follows_the_power_of_the_slope(index):
 @pytest.mark.parametrize('index', [0.5, 2.0, 5.0])
 def test_level_lava_has_a_finite_step(device, index):
     """On a level surface, where n > 1 has no viscosity at all, a step is still possible."""
-    ticks = np.arange(-15.0, 16.0)
-    places = np.stack(np.meshgrid(ticks, ticks), -1).reshape(-1, 2)
-    simulation = Simulation(
-        Scene(
-            Terrain(np.zeros((60, 60)), 1.0, origin=(-30.0, -30.0)),
-            lava=Lava(viscosity=1e4, flow_index=index, arrhenius=0.0),
-        ),
-        effects=replace(BARE, power_law=True),
-        accuracy=Accuracy(spacing=1.0, thickness=1.0),
-        particles=Particles(places, 1.0, 1400.0),
+    simulation = simulated(
+        flat(60),
+        Lava(viscosity=1e4, flow_index=index, arrhenius=0.0),
+        Particles(lattice(15.5), 1.0, 1400.0),
+        effects=only('steep', 'power_law'),
         device=device,
+        spacing=1.0,
+        thickness=1.0,
     )
     assert np.isfinite(simulation.sample().velocity).all()
     simulation.advance(0.5)

@@ -17,11 +17,10 @@
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.scene import Lava, Terrain, Vent
+from lava_ros.simulation import Particles
 from lava_ros.simulation.terrain import ringed_heights
+from solver import incline, only, simulated
 
 #: Isothermal but for a temperature it comes with: what is given below 1200 K freezes at once.
 LAVA = Lava(viscosity=2e3, density=2600.0, arrhenius=0.0, emissivity=0.0, convection=0.0,
@@ -32,10 +31,9 @@ COOLING = Lava(viscosity=2e4, density=2600.0, arrhenius=0.0, emissivity=0.0, con
                solidus=1300.0)
 
 
-def hillside(rows=40, columns=60, resolution=10.0, slope=0.1):
+def hillside(rows=40, columns=60, cell=10.0):
     """A plane that falls towards +x."""
-    x = np.arange(columns) * resolution
-    return Terrain(np.tile(1000.0 - slope * x, (rows, 1)), resolution)
+    return incline(0.1, rows, columns, cell, top=1000.0)
 
 
 def block(x0, y0, x1, y1, spacing, thickness, temperature):
@@ -45,26 +43,18 @@ def block(x0, y0, x1, y1, spacing, thickness, temperature):
     return Particles(places, spacing**2 * thickness, temperature)
 
 
-def freezing(device, terrain, *vents, lava=LAVA, spacing=5.0, **options):
+def freezing(device, terrain, *on_it, lava=LAVA, **knobs):
     """A simulation with solidification."""
-    effects = Effects(
-        arrhenius=False, cooling=lava.convection > 0.0, steep=False, solidification=True
-    )
-    accuracy = Accuracy(
-        spacing=spacing, thickness=1.0, longest_step=20.0, **options.pop('accuracy', {})
-    )
-    return Simulation(
-        Scene(terrain, vents, lava), effects=effects, accuracy=accuracy, device=device, **options
-    )
+    effects = only('solidification', *['cooling'] * (lava.convection > 0.0))
+    knobs = {'spacing': 5.0, 'thickness': 1.0, 'longest_step': 20.0, **knobs}
+    return simulated(terrain, lava, *on_it, effects=effects, device=device, **knobs)
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
 def test_an_even_layer_freezes_into_an_even_layer(device, precision):
     """The ground rises by volume over area, and holds the volume to the last digits."""
     particles = block(150.0, 100.0, 450.0, 300.0, 5.0, 2.0, 1100.0)
-    simulation = freezing(
-        device, hillside(), particles=particles, accuracy={'precision': precision}
-    )
+    simulation = freezing(device, hillside(), particles, precision=precision)
     simulation.advance(1.0)
     snapshot = simulation.snapshot()
     assert snapshot.particle_count == 0
@@ -85,8 +75,7 @@ def test_an_even_layer_freezes_into_an_even_layer(device, precision):
 def test_a_lone_column_makes_no_spike(device):
     """A column freezes over its own area, and no higher than it was thick."""
     particles = Particles([[303.0, 201.0]], 300.0, 1100.0)
-    simulation = freezing(device, hillside(resolution=2.0, columns=300, rows=200),
-                          particles=particles)
+    simulation = freezing(device, hillside(200, 300, 2.0), particles)
     thickness = simulation.sample().thickness[0]
     simulation.advance(1.0)
     frozen = simulation.snapshot().frozen
@@ -101,9 +90,7 @@ def test_volume_is_exact_beside_the_border_and_beside_holes(device):
     elevation = terrain.elevation.copy()
     elevation[15:25, 30:40] = np.nan
     places = np.array([[2.0, 3.0], [598.0, 399.0], [297.0, 201.0], [350.0, 148.0], [405.0, 255.0]])
-    simulation = freezing(
-        device, Terrain(elevation, 10.0), particles=Particles(places, 77.0, 1100.0)
-    )
+    simulation = freezing(device, Terrain(elevation, 10.0), Particles(places, 77.0, 1100.0))
     simulation.advance(1.0)
     snapshot = simulation.snapshot()
     assert snapshot.budget.frozen == pytest.approx(5 * 77.0, rel=1e-12)
@@ -121,7 +108,7 @@ def test_volume_is_exact_over_many_steps(device):
         hillside(),
         Vent((150.0, 200.0), 20.0, temperature=1423.0, radius=10.0),
         lava=COOLING,
-        accuracy={'precision': 'float64'},
+        precision='float64',
     )
     before = np.zeros((40, 60))
     for minutes in range(10, 41, 10):
@@ -140,21 +127,18 @@ def test_volume_is_exact_over_many_steps(device):
     assert frozen.max() < 3.0 * simulation.sample().thickness.max()
 
 
-def ridge_and_flow(device, terrain=None, **options):
-    """A frozen ridge aslant of the slope, and a vent above it."""
+def test_a_frozen_flow_diverts_a_second_one(device):
+    """A ridge that has frozen turns a flow aside, just as ground of its shape would."""
     index = np.arange(120)
     along = np.column_stack([260.0 + 1.0 * index, 120.0 + 1.5 * index])
     places = np.concatenate([along + shift * np.array([1.5, -1.0]) for shift in range(-4, 5)])
     ridge = Particles(places, 40.0, 1100.0)
     vent = Vent((150.0, 200.0), [(10.0, 30.0)], temperature=1423.0, radius=10.0)
-    if terrain is not None:
-        return freezing(device, terrain, vent, **options)
-    return freezing(device, hillside(), vent, particles=ridge, **options)
 
+    def flow(terrain, *ridge):
+        return freezing(device, terrain, vent, *ridge, precision='float64')
 
-def test_a_frozen_flow_diverts_a_second_one(device):
-    """A ridge that has frozen turns a flow aside, just as ground of its shape would."""
-    simulation = ridge_and_flow(device, accuracy={'precision': 'float64'})
+    simulation = flow(hillside(), ridge)
     simulation.advance(5.0)
     frozen = simulation._after_step['solidification'].thickness()
     assert frozen.max() > 5.0
@@ -164,7 +148,7 @@ def test_a_frozen_flow_diverts_a_second_one(device):
     assert np.array_equal(simulation._after_step['solidification'].thickness(), frozen)
 
     raised = Terrain(hillside().elevation + frozen, 10.0)
-    same = ridge_and_flow(device, raised, accuracy={'precision': 'float64'})
+    same = flow(raised)
     same.advance(5.0)
     same.advance(1800.0)
     second = same.sample().position
@@ -172,7 +156,7 @@ def test_a_frozen_flow_diverts_a_second_one(device):
     assert len(second) == pytest.approx(len(diverted), rel=0.01)
     assert second.mean(axis=0) == pytest.approx(diverted.mean(axis=0), abs=1.0)
 
-    plain = ridge_and_flow(device, hillside(), accuracy={'precision': 'float64'})
+    plain = flow(hillside())
     plain.advance(1800.0)
     assert abs(plain.sample().position[:, 1].mean() - 200.0) < 3.0
     assert abs(diverted[:, 1].mean() - 200.0) > 20.0
@@ -181,7 +165,7 @@ def test_a_frozen_flow_diverts_a_second_one(device):
 def test_a_new_terrain_keeps_what_has_frozen(device):
     """The same terrain keeps every digit; another keeps the volume; what is outside has left."""
     particles = block(150.0, 100.0, 450.0, 300.0, 5.0, 2.0, 1100.0)
-    simulation = freezing(device, hillside(), particles=particles)
+    simulation = freezing(device, hillside(), particles)
     simulation.advance(1.0)
     before = simulation.snapshot().frozen
     height = simulation._terrain.height.numpy().copy()
@@ -223,7 +207,7 @@ def test_deterministic_runs_are_identical_to_the_bit(device):
             hillside(),
             Vent((150.0, 200.0), 40.0, temperature=1423.0, radius=20.0),
             lava=COOLING,
-            accuracy={'deterministic': True},
+            deterministic=True,
         )
         simulation.advance(600.0)
         grids.append(simulation.snapshot())

@@ -19,11 +19,10 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
 from lava_ros.effects.steep import STEEPEST
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.scene import Lava, Terrain, Vent
+from lava_ros.simulation import Particles
+from solver import incline, lattice, only, simulated
 
 #: Cell of the plateau [m], and the column at whose centre it ends.
 CELL, EDGE = 25.0, 40
@@ -34,15 +33,16 @@ CELL, EDGE = 25.0, 40
 def test_speed_of_a_sheet(device, angle, strength):
     """Particles that keep their distance: cos^4 b up to the steepest layer, its own beyond."""
     slope = math.tan(math.radians(angle))
-    x = np.arange(-20, 21) * 10.0
-    places = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2) / 4.0
     lava = Lava(viscosity=1e6, yield_strength=strength, arrhenius=0.0)
-    simulation = Simulation(
-        Scene(Terrain(np.tile(-slope * x, (41, 1)), 10.0, origin=(-205.0, -205.0)), lava=lava),
-        effects=Effects(arrhenius=False, cooling=False, yielding=strength > 0.0),
-        accuracy=Accuracy(spacing=2.5, thickness=1.0, precision='float64'),
-        particles=Particles(places, 2.5**2, 1400.0),
+    simulation = simulated(
+        incline(slope, 41, 41, 10.0, top=200.0 * slope, origin=(-205.0, -205.0)),
+        lava,
+        Particles(lattice(51.25, 2.5), 2.5**2, 1400.0),
+        effects=only('steep', *['yielding'] * (strength > 0.0)),
         device=device,
+        spacing=2.5,
+        thickness=1.0,
+        precision='float64',
     )
     sample = simulation.sample()
     inner = (np.abs(sample.position) < 20.0).all(axis=1)
@@ -73,15 +73,13 @@ def test_a_cliff_is_no_dam(device, effects, cells, drops):
     for drop in drops:
         height = -math.tan(math.radians(5.0)) * x
         height = height - np.clip((np.arange(160) - EDGE) / cells, 0.0, 1.0) * drop
-        simulation = Simulation(
-            Scene(
-                Terrain(np.tile(height, (81, 1)), CELL),
-                (Vent((20 * CELL, 40.5 * CELL), 20.0, radius=30.0),),
-                Lava(viscosity=5e3),
-            ),
+        simulation = simulated(
+            Terrain(np.tile(height, (81, 1)), CELL),
+            Lava(viscosity=5e3),
+            Vent((20 * CELL, 40.5 * CELL), 20.0, radius=30.0),
             effects=effects,
-            accuracy=Accuracy(spacing=8.0),
             device=device,
+            spacing=12.0,
         )
         simulation.advance(6 * 3600.0)
         thickness = np.nan_to_num(simulation.snapshot().thickness)

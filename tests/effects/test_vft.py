@@ -14,15 +14,11 @@
 
 """Viscosity by the law of Vogel, Fulcher and Tammann."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
 from lava_ros.scene import Lava
-
-BARE = Effects(arrhenius=False, cooling=False, steep=False)
+from solver import only
 
 
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
@@ -31,7 +27,7 @@ def test_viscosity_is_the_printed_law(viscosities, device, precision):
     temperatures = np.linspace(1000.0, 1600.0, 13)
     lava = Lava(viscosity=7.0, vft_a=-4.55, vft_b=5700.0, vft_c=600.0)
     found = viscosities(
-        temperatures, replace(BARE, vft=True), lava=lava, precision=precision, device=device
+        temperatures, only('vft'), lava=lava, precision=precision, device=device
     )
     right = 10.0 ** (-4.55 + 5700.0 / (temperatures - 600.0))
     assert found == pytest.approx(right, rel={'float32': 1e-4, 'float64': 1e-12}[precision])
@@ -42,7 +38,7 @@ def test_viscosity_stays_finite_at_and_below_c(viscosities, device):
     temperatures = [300.0, 599.0, 600.0, 600.5, 900.0]
     lava = Lava(vft_a=-4.55, vft_b=5700.0, vft_c=600.0)
     found = viscosities(
-        temperatures, replace(BARE, vft=True), lava=lava, precision='float32', device=device
+        temperatures, only('vft'), lava=lava, precision='float32', device=device
     )
     assert found[:4] == pytest.approx(1e15, rel=1e-3)
     assert found[4] == pytest.approx(10.0 ** (-4.55 + 5700.0 / 300.0), rel=1e-3)
@@ -53,7 +49,7 @@ def test_a_wide_law_ends_a_kelvin_above_c(viscosities):
     lava = Lava(vft_a=1.0, vft_b=3.0, vft_c=900.0)
     found = viscosities(
         [900.0, 901.0, 903.0],
-        replace(BARE, vft=True),
+        only('vft'),
         lava=lava,
         precision='float64',
         device='cpu',

@@ -20,33 +20,22 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain
-from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.scene import Lava
+from lava_ros.simulation import Particles
 from lava_ros.verification import exact
-
-HEATING = Effects(arrhenius=False, cooling=False, steep=True, viscous_heating=True)
+from solver import flat, incline, lattice, only, simulated
 
 # a small heat capacity, to warm by degrees
 LAVA = Lava(viscosity=1e4, specific_heat=1.0, emissivity=0.0, convection=0.0)
 
 
-def sheet(device='cpu', effects=HEATING, slope=10.0, **knobs):
+def sheet(device='cpu', *lateral, slope=10.0, **knobs):
     """A sheet 1 m thick on a slope [degrees] of 200 m, and where its middle is."""
-    x = np.arange(200) - 99.5
-    terrain = Terrain(
-        np.tile(-math.tan(math.radians(slope)) * x, (60, 1)), 1.0, origin=(-100.0, -30.0)
-    )
-    ticks = np.arange(-24.0, 25.0)
-    places = np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
-    simulation = Simulation(
-        Scene(terrain, lava=LAVA),
-        effects=effects,
-        accuracy=Accuracy(spacing=1.0, thickness=1.0, **knobs),
-        particles=Particles(places, 1.0, 1400.0),
-        device=device,
-    )
+    ground = incline(math.tan(math.radians(slope)), 60, 200, 1.0, origin=(-100.0, -30.0))
+    sheet = Particles(lattice(24.5), 1.0, 1400.0)
+    effects = only('steep', 'viscous_heating', *lateral)
+    knobs = {'spacing': 1.0, 'thickness': 1.0, **knobs}
+    simulation = simulated(ground, LAVA, sheet, effects=effects, device=device, **knobs)
 
     def middle():
         sample = simulation.sample()
@@ -78,12 +67,15 @@ def test_spreading_turns_potential_energy_into_heat(gradient):
     """All columns together: rho c sum V dT is the sum of rho g V h / 2 that was lost, to 3 %."""
     solution = exact.FixedVolumeSpread(1e4, 4.0, 9.81)
     places = solution.particles(2000, solution.time_of_radius(60.0))
-    simulation = Simulation(
-        Scene(Terrain(np.zeros((40, 40)), 10.0, origin=(-200.0, -200.0)), lava=LAVA),
-        effects=Effects(arrhenius=False, cooling=False, steep=False, viscous_heating=True),
-        accuracy=Accuracy(spacing=2.5, thickness=1.0, gradient=gradient, longest_step=5.0),
-        particles=Particles(places, 5.0, 1400.0),
-        device='cpu',
+    simulation = simulated(
+        flat(40, 10.0),
+        LAVA,
+        Particles(places, 5.0, 1400.0),
+        effects=only('viscous_heating'),
+        spacing=2.5,
+        thickness=1.0,
+        gradient=gradient,
+        longest_step=5.0,
     )
     before = simulation.sample()
     simulation.advance(1000.0)
@@ -97,8 +89,7 @@ def test_spreading_turns_potential_energy_into_heat(gradient):
 @pytest.mark.parametrize('lateral', ['green', 'helmholtz'])
 def test_heat_is_the_work_of_gravity_under_lateral_stress(lateral):
     """Lateral stress moves the middle of a wide sheet as fast, so it warms as much."""
-    effects = Effects(arrhenius=False, cooling=False, viscous_heating=True, **{lateral: True})
-    simulation, middle = sheet(effects=effects)
+    simulation, middle = sheet('cpu', lateral)
     _, before = middle()
     simulation.advance(5.0)
     temperature, after = middle()

@@ -19,26 +19,26 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
 from lava_ros.effects.laws import heat_loss
 from lava_ros.effects.wind import TRANSFER
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.selection import effects_for
+from solver import only
 
 LAVA = Lava(viscosity=1e11, arrhenius=0.0, emissivity=0.0, convection=5.0)
 GROUND = Terrain(np.zeros((12, 12)), 2.0)
 TIME = 3600.0
 
 
-def cooled(device, speed, **on):
+def cooled(device, speed, on=True):
     """Temperature and thickness of lava that is too stiff to flow, in the middle of a slab."""
     x, y = (axis.ravel() for axis in np.mgrid[4.5:20.0:1.0, 4.5:20.0:1.0])
     slab = Particles(np.column_stack([x, y]), np.full(x.size, 1.0), 1400.0)
     simulation = Simulation(
         Scene(GROUND, lava=LAVA, wind_speed=speed),
-        effects=Effects(**{'arrhenius': False, 'cooling': True, 'wind': True, **on}),
+        effects=only('steep', 'cooling', *['wind'] * on),
         accuracy=Accuracy(spacing=1.0, thickness=1.0, precision='float64', longest_step=60.0),
         device=device,
         particles=slab,
@@ -61,7 +61,7 @@ def test_a_column_loses_what_the_wind_takes(device):
 
 def test_without_the_effect_the_wind_takes_nothing(device):
     """Its part is in no sum when it is off."""
-    assert cooled(device, 20.0, wind=False)[0].tolist() == cooled(device, 0.0)[0].tolist()
+    assert cooled(device, 20.0, on=False)[0].tolist() == cooled(device, 0.0)[0].tolist()
 
 
 def test_it_is_chosen_by_the_speed():

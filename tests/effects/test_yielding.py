@@ -14,44 +14,31 @@
 
 """Yield strength: the exact speed, rest that is rest, slumps that do not depend on the step."""
 
-from dataclasses import replace
 import math
 
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain
-from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.scene import Lava
+from lava_ros.simulation import Particles
 from lava_ros.verification import exact
+from solver import flat, incline, only, simulated
 
-BARE = Effects(arrhenius=False, cooling=False, steep=False)
+BARE, YIELDING, STEEP = only(), only('yielding'), only('yielding', 'steep')
 
 WEIGHT = 2500.0 * 9.81
 
 
-def scattered(effects, *, lava, slope=0.1, precision='float64', device='cpu', longest=60.0):
+def scattered(effects, *, lava, slope=0.1, **options):
     """500 random particles on a plane with the slope towards +x."""
     rng = np.random.default_rng(7)
-    x = np.arange(40) * 10.0
-    terrain = Terrain(np.tile(-slope * x, (40, 1)), 10.0, origin=(-100.0, -100.0))
-    return Simulation(
-        Scene(terrain, lava=lava),
+    places, volumes = rng.uniform(0, 200, (500, 2)), rng.uniform(50, 150, 500)
+    return simulated(
+        incline(slope, 40, 40, 10.0, origin=(-100.0, -100.0)),
+        lava,
+        Particles(places, volumes, rng.uniform(1100, 1400, 500)),
         effects=effects,
-        accuracy=Accuracy(
-            spacing=9.0,
-            thickness=1.0,
-            precision=precision,
-            longest_step=longest,
-            deterministic=True,
-        ),
-        particles=Particles(
-            rng.uniform(0, 200, (500, 2)),
-            rng.uniform(50, 150, 500),
-            rng.uniform(1100, 1400, 500),
-        ),
-        device=device,
+        **{'spacing': 9.0, 'thickness': 1.0, 'precision': 'float64', **options},
     )
 
 
@@ -61,7 +48,7 @@ def test_velocity_is_the_depth_average(device, precision):
     lava = Lava(viscosity=1e4, yield_strength=1500.0, yield_rate=0.002, arrhenius=0.0)
     options = {'lava': lava, 'precision': precision, 'device': device}
     newtonian = scattered(BARE, **options).sample()
-    sample = scattered(replace(BARE, yielding=True), **options).sample()
+    sample = scattered(YIELDING, **options).sample()
     mobility = WEIGHT * newtonian.thickness**2 / 3e4
     slope = -newtonian.velocity / mobility[:, None]
     strength = 1500.0 * np.exp(0.002 * (lava.reference_temperature - sample.temperature))
@@ -79,11 +66,7 @@ def test_lava_below_its_strength_never_moves(device):
     """Uneven lava whose stress is below the strength everywhere is where it was, to the bit."""
     lava = Lava(viscosity=1e2, yield_strength=3e4, arrhenius=0.0)
     simulation = scattered(
-        replace(BARE, steep=True, yielding=True),
-        lava=lava,
-        precision='float32',
-        device=device,
-        longest=5e3,
+        STEEP, lava=lava, precision='float32', device=device, longest_step=5e3
     )
     before = simulation.sample()
     assert (before.velocity == 0.0).all()
@@ -108,7 +91,7 @@ def test_stress_on_a_slope_has_parts_along_and_across_it(degrees, strength):
     share = np.where(b < 1.0, 1.0 - 1.5 * b + 0.5 * b**3, 0.0)
     # velocity in the plane of the slope, and its part down the slope as a map shows it
     velocity = -layer[:, None] / 3e4 * stress * share[:, None] * np.array([cosine, 1.0])
-    sample = scattered(replace(BARE, steep=True, yielding=True), lava=lava, slope=slope).sample()
+    sample = scattered(STEEP, lava=lava, slope=slope).sample()
     assert 20 < (b > 1.0).sum() < 480
     assert sample.velocity == pytest.approx(velocity, rel=1e-4, abs=1e-5)
 
@@ -122,18 +105,17 @@ def test_slump_does_not_depend_on_the_step(device, integrator):
     lava = Lava(density=density, viscosity=1e4, yield_strength=strength, arrhenius=0.0)
     radii = []
     for courant in (0.5, 0.1):
-        simulation = Simulation(
-            Scene(Terrain(np.zeros((50, 50)), 6.0, origin=(-150.0, -150.0)), lava=lava),
-            effects=replace(BARE, yielding=True),
-            accuracy=Accuracy(
-                spacing=solution.radius * math.sqrt(math.pi / count),
-                thickness=4.7,
-                ratio=3.5,
-                courant_number=courant,
-                integrator=integrator if courant == 0.5 else 'euler',
-            ),
-            particles=Particles(solution.particles(count, 70.0), 1.5e5 / count, 1400.0),
+        simulation = simulated(
+            flat(50, 6.0),
+            lava,
+            Particles(solution.particles(count, 70.0), 1.5e5 / count, 1400.0),
+            effects=YIELDING,
             device=device,
+            spacing=solution.radius * math.sqrt(math.pi / count),
+            thickness=4.7,
+            ratio=3.5,
+            courant_number=courant,
+            integrator=integrator if courant == 0.5 else 'euler',
         )
         start = np.hypot(*simulation.sample().velocity.T)
         simulation.advance(100.0)

@@ -236,7 +236,7 @@ def _compare(
     """Hold the footprint with steps half as long against this one: the module says how."""
     half = _with_steps(accuracy, 0.5)
     change = footprint_change(whole, _final(item, simulation_of(item, half, device)))
-    bound = PRESETS[outcome.preset].evidence.errors['edge'] + _cell_share(whole)
+    bound = PRESETS[outcome.preset].errors['edge'] + _cell_share(whole)
     if change > bound:
         # scatter only adds to the bound: without it the verdict is the same
         bound += _scatter(item, accuracy, whole, device)

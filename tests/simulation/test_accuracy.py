@@ -42,7 +42,8 @@ def test_knobs_are_checked_by_name(name, value):
 
 
 def test_unknown_knob_is_refused():
-    """A misspelt key is named with the allowed ones."""
+    """A misspelt key is named with the allowed ones, and none gives the defaults."""
+    assert accuracy_from_dict({}) == Accuracy()
     with pytest.raises(LavaError, match=r'accuracy\.spaceing.*one of spacing'):
         accuracy_from_dict({'spaceing': 3})
 
@@ -55,8 +56,3 @@ def test_expected_thickness_is_the_scale_of_a_point_source():
     assert expected_thickness(Scene(terrain, vents, lava)) == pytest.approx(3.703, abs=1e-3)
     assert expected_thickness(Scene(terrain, vents[:1], lava)) == pytest.approx(1.852, abs=1e-3)
     assert expected_thickness(Scene(terrain, (), lava)) == pytest.approx(1.041, abs=1e-3)
-
-
-def test_defaults_are_valid():
-    """The defaults pass their own checks."""
-    assert accuracy_from_dict({}) == Accuracy()

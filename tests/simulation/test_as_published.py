@@ -19,13 +19,11 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain
-from lava_ros.simulation import Particles, Simulation
+from lava_ros.scene import Lava
+from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.cases import spread_of_fixed_volume
-
-BARE = Effects(arrhenius=False, cooling=False, steep=False)
+from solver import incline, lattice, only, simulated
 
 
 def test_published_velocity_is_the_printed_sum(device):
@@ -33,19 +31,18 @@ def test_published_velocity_is_the_printed_sum(device):
     rng = np.random.default_rng(5)
     places = rng.uniform(4.0, 16.0, (150, 2))
     slope = 0.125
-    simulation = Simulation(
-        Scene(Terrain(np.tile(slope * np.arange(20.0), (20, 1)), 1.0), lava=Lava(viscosity=100.0)),
-        effects=BARE,
-        accuracy=Accuracy(
-            spacing=0.8,
-            ratio=2.5,
-            thickness=1.0,
-            kernel='poly6',
-            formulation='as-published',
-            precision='float64',
-        ),
-        particles=Particles(places, 0.64, 1423.0),
+    simulation = simulated(
+        incline(-slope, 20, 20, 1.0),
+        Lava(viscosity=100.0),
+        Particles(places, 0.64, 1423.0),
+        effects=only(),
         device=device,
+        spacing=0.8,
+        ratio=2.5,
+        thickness=1.0,
+        kernel='poly6',
+        formulation='as-published',
+        precision='float64',
     )
     sample = simulation.sample()
     radius = simulation.radius
@@ -66,18 +63,18 @@ def test_published_velocity_is_the_printed_sum(device):
 
 def test_published_speed_is_not_that_of_a_sheet():
     """On a uniform sheet the print is rho g h^6 grad S / mu^2, not rho g h^2 grad S / (3 mu)."""
-    places = np.stack(np.meshgrid(np.arange(4.0, 17.0), np.arange(4.0, 17.0)), -1).reshape(-1, 2)
-    terrain = Terrain(np.tile(0.1 * np.arange(20.0), (20, 1)), 1.0)
+    sheet = Particles(lattice(6.5) + 10.0, 2.0, 1423.0)
     speeds = {}
     for formulation in ('as-published', 'corrected'):
-        simulation = Simulation(
-            Scene(terrain, lava=Lava(viscosity=1e4)),
-            effects=BARE,
-            accuracy=Accuracy(
-                spacing=1.0, thickness=2.0, formulation=formulation, precision='float64'
-            ),
-            particles=Particles(places, 2.0, 1423.0),
-            device='cpu',
+        simulation = simulated(
+            incline(-0.1, 20, 20, 1.0),
+            Lava(viscosity=1e4),
+            sheet,
+            effects=only(),
+            spacing=1.0,
+            thickness=2.0,
+            formulation=formulation,
+            precision='float64',
         )
         sample = simulation.sample()
         middle = np.abs(sample.position - 10.0).max(axis=1) < 1.0

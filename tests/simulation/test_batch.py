@@ -14,33 +14,24 @@
 
 """Several simulations at once."""
 
-
 import numpy as np
 import pytest
 
-from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene import Lava, Vent
 from lava_ros.simulation import batch as batch_module
-from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.batch import Batch, side_by_side
 from lava_ros.verification.benchmarks.effects import effect_sets
+from solver import incline, simulated
 
 #: Sets of effects of ``lava bench effects`` that go through other kernels, and times of maps [s].
 SETS = ('everything with green', 'helmholtz', 'inertia', 'merging', 'conduction', 'solidification')
 ENDS = (0.25, 0.5)
 
 
-def scene_of(flux):
-    """Lava on a slope."""
-    slope = Terrain(-0.2 * np.tile(np.arange(24.0), (20, 1)) * 2.0, 2.0)
-    vent = Vent((12.0, 20.0), discharge=flux, temperature=1400.0)
-    return Scene(slope, vents=(vent,), lava=Lava())
-
-
 def simulation_of(flux, device):
-    """A simulation of it, that gives the same bits in every run."""
-    accuracy = Accuracy(spacing=1.5, deterministic=True)
-    return Simulation(scene_of(flux), accuracy=accuracy, device=device)
+    """Lava on a slope, to the same bits in every run."""
+    ground, vent = incline(0.2, 20, 24, 2.0), Vent((12.0, 20.0), flux, 1400.0)
+    return simulated(ground, Lava(), vent, device=device, spacing=1.5, deterministic=True)
 
 
 def route_of(flux, device, ends):
@@ -92,15 +83,11 @@ def test_members_of_several_kinds_and_sizes(device, name, monkeypatch):
     chosen = (effect_sets()[name], effect_sets()['bare'])
 
     def begun(number):
-        slope = Terrain(-0.2 * np.tile(np.arange(400.0), (400, 1)) * 2.0, 2.0)
         # the third one needs room for more particles
-        vent = Vent((400.0, 400.0), discharge=(20.0, 60.0, 4000.0)[number], temperature=1400.0)
-        return Simulation(
-            Scene(slope, vents=(vent,), lava=Lava()),
-            effects=chosen[number == 1],
-            accuracy=Accuracy(spacing=1.0, thickness=0.4, deterministic=True),
-            device=device,
-        )
+        vent = Vent((400.0, 400.0), (20.0, 60.0, 4000.0)[number], 1400.0)
+        knobs = {'spacing': 1.0, 'thickness': 0.4, 'deterministic': True, 'device': device}
+        ground = incline(0.2, 400, 400, 2.0)
+        return simulated(ground, Lava(), vent, effects=chosen[number == 1], **knobs)
 
     def route(number):
         simulation = begun(number)
@@ -125,16 +112,12 @@ def test_members_of_several_kinds_and_sizes(device, name, monkeypatch):
 def test_members_wait_for_each_others_looks(device, monkeypatch):
     """Who waits takes part in stages that change nothing, whatever it has been through before."""
     monkeypatch.setattr(batch_module, '_IDLE', 1.0)
-    slope = Terrain(-0.3 * np.tile(np.arange(200.0), (200, 1)) * 2.0, 2.0)
     fluxes, times = (10.0, 15.0, 20.0, 40.0, 60.0), np.linspace(0.5, 6.0, 12)
 
     def begun(flux):
-        vent = Vent((200.0, 200.0), discharge=flux, temperature=1400.0)
-        simulation = Simulation(
-            Scene(slope, vents=(vent,), lava=Lava()),
-            accuracy=Accuracy(spacing=1.0, thickness=0.4, precision='float64', deterministic=True),
-            device=device,
-        )
+        knobs = {'spacing': 1.0, 'thickness': 0.4, 'deterministic': True, 'device': device}
+        vent = Vent((200.0, 200.0), flux, 1400.0)
+        simulation = simulated(incline(0.3, 200, 200, 2.0), Lava(), vent, **knobs)
         return simulation, simulation.looks(0.1, len(times))
 
     def route(flux):

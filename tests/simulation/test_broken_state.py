@@ -18,12 +18,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import warp as wp
 
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Simulation
+from lava_ros.scene import Lava, Terrain, Vent
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.snapshot import Snapshot, StepReport
+from solver import simulated
 
 COLUMNS = {'x': 0, 'y': 1, 'volume': 2, 'temperature': 3}
 
@@ -37,9 +36,7 @@ def slope():
 @pytest.fixture
 def flow(device):
     """Lava that has come a little way."""
-    simulation = Simulation(Scene(
-        slope(), (Vent((60.0, 155.0), 20.0),), lava=Lava()
-    ), device=device)
+    simulation = simulated(slope(), Lava(), Vent((60.0, 155.0), 20.0), device=device)
     simulation.advance(120.0)
     assert simulation.snapshot().flaw() == ''
     return simulation
@@ -127,21 +124,3 @@ def test_a_sound_snapshot_has_no_flaw():
 def test_flaws_are_named(broken, words):
     """Each says what is wrong and in how many cells."""
     assert words in broken().flaw()
-
-
-def test_no_memory_to_grow_leaves_the_state(flow, monkeypatch):
-    """Where there is no room for more particles those there are stay as they were."""
-    before = flow.sample()
-    capacity = flow._state.capacity
-
-    def scarce(*args, **options):
-        raise RuntimeError("Failed to allocate 1 bytes on device 'cpu'")
-
-    monkeypatch.setattr(wp, 'zeros', scarce)
-    with pytest.raises(RuntimeError, match='Failed to allocate'):
-        flow._state.grow(2 * capacity)
-    monkeypatch.undo()
-    assert flow._state.capacity == capacity
-    np.testing.assert_array_equal(flow.sample().position, before.position)
-    flow.advance(150.0)
-    assert flow.snapshot().flaw() == ''

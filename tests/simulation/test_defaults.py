@@ -14,6 +14,7 @@
 
 """How Warp starts."""
 
+from contextlib import nullcontext
 import logging
 import os
 
@@ -23,33 +24,23 @@ import warp as wp
 from lava_ros.simulation import defaults as automatic
 
 
+@pytest.mark.parametrize('fails', [False, True])
 def test_what_warp_writes_is_logged(
+    fails: bool,
     monkeypatch: pytest.MonkeyPatch,
     caplog: pytest.LogCaptureFixture,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """Its library writes to stderr; what others write there meanwhile stays there."""
+    """Its library writes to stderr, why it fails too; what others write there stays there."""
 
     def start() -> None:
         os.write(2, b'Warp CUDA warning: no driver\n[INFO] [lava]: of another thread\n')
+        if fails:
+            raise RuntimeError('Warp did not start')
 
     monkeypatch.setattr(wp, 'init', start)
-    with caplog.at_level(logging.INFO, logger='lava_ros'):
+    expected = pytest.raises(RuntimeError) if fails else nullcontext()
+    with caplog.at_level(logging.INFO, logger='lava_ros'), expected:
         automatic._start_warp.__wrapped__()
     assert caplog.messages == ['Warp CUDA warning: no driver']
     assert capfd.readouterr().err == '[INFO] [lava]: of another thread\n'
-
-
-def test_what_warp_writes_is_not_lost_when_it_fails(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    """Why is in what it wrote."""
-
-    def start() -> None:
-        os.write(2, b'Warp CUDA error: broken\n')
-        raise RuntimeError('Warp did not start')
-
-    monkeypatch.setattr(wp, 'init', start)
-    with caplog.at_level(logging.INFO, logger='lava_ros'), pytest.raises(RuntimeError):
-        automatic._start_warp.__wrapped__()
-    assert caplog.messages == ['Warp CUDA error: broken']

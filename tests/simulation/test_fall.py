@@ -17,12 +17,10 @@
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.scene import Lava, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.state import FAR
+from solver import incline, only, simulated
 
 #: Ten cells by ten, 50 m deep.
 PIT = np.pad(np.zeros((10, 10)), 10, constant_values=50.0)
@@ -40,14 +38,16 @@ def heads(simulation):
     return (sample.velocity**2).sum(axis=1) / (2.0 * 9.81) - fall - sample.thickness
 
 
-@pytest.mark.parametrize('on', [None, 'helmholtz', 'green'])
+@pytest.mark.parametrize('on', [(), ('helmholtz',), ('green',)])
 def test_no_lava_is_faster_than_its_fall(device, on):
     """Lava that fills a pit: the balance alone makes it 79 m/s at the wall, 7 m deep."""
-    simulation = Simulation(
-        Scene(Terrain(PIT, 10.0), (Vent((150.0, 150.0), 200.0, radius=10.0),), THIN),
-        effects=Effects(arrhenius=False, cooling=False, **({on: True} if on else {})),
-        accuracy=preset_accuracy('draft'),
+    simulation = simulated(
+        Terrain(PIT, 10.0),
+        THIN,
+        Vent((150.0, 150.0), 200.0, radius=10.0),
+        effects=only('steep', *on),
         device=device,
+        refinement=0.5,
     )
     fastest = 0.0
     for time in range(50, 201, 50):
@@ -60,11 +60,12 @@ def test_no_lava_is_faster_than_its_fall(device, on):
 
 def test_slow_lava_is_what_it_was(device):
     """Lava that creeps down a slope moves as if there were no bound, to the bit."""
-    ground = Terrain(np.tile(-2.0 * np.arange(60), (40, 1)), 10.0)
-    scene = Scene(ground, (Vent((100.0, 200.0), 5.0, radius=10.0),), Lava(viscosity=1e4))
+    ground, vent = incline(0.2, 40, 60, 10.0), Vent((100.0, 200.0), 5.0, radius=10.0)
     samples = []
     for bound in (True, False):
-        simulation = Simulation(scene, accuracy=Accuracy(deterministic=True), device=device)
+        simulation = simulated(
+            ground, Lava(viscosity=1e4), vent, device=device, deterministic=True
+        )
         if not bound:
             simulation._state.top.fill_(FAR)
         simulation.advance(1800.0)
@@ -75,16 +76,14 @@ def test_slow_lava_is_what_it_was(device):
 
 def test_lava_has_fallen_from_wherever_it_came(device):
     """From the highest particle and open vent there were; on a new terrain from where it is."""
-    ground = Terrain(np.tile(100.0 - 2.0 * np.arange(50), (20, 1)), 10.0)
+    ground = incline(0.2, 20, 50, 10.0, top=100.0)
     vents = {x: Vent((x, 105.0), 1.0) for x in (105.0, 305.0)}
     lava = Particles(np.array([[205.0, 105.0]]), 10.0, 1400.0)
 
     def top(simulation):
         return float(simulation._state.top.numpy()[0] + simulation.scene.terrain.elevation.mean())
 
-    simulation = Simulation(Scene(
-        ground, (vents[305.0],), lava=Lava()
-    ), particles=lava, device=device)
+    simulation = simulated(ground, Lava(), vents[305.0], lava, device=device)
     assert top(simulation) == pytest.approx(60.0)
     simulation.set_vents((vents[105.0],))
     assert top(simulation) == pytest.approx(60.0)
@@ -103,7 +102,7 @@ def test_lava_has_fallen_from_wherever_it_came(device):
 
 def test_bound_of_an_older_checkpoint(device):
     """One that was written before there was a bound goes on without one."""
-    checkpoint = Simulation(Scene(Terrain(PIT, 10.0), lava=Lava()), device=device).checkpoint()
+    checkpoint = simulated(Terrain(PIT, 10.0), Lava(), device=device).checkpoint()
     del checkpoint.arrays['state.top']
     resumed = Simulation.resume(checkpoint, device=device)
     assert resumed._state.top.numpy()[0] == np.float32(FAR)

@@ -14,24 +14,21 @@
 
 """Thickness, velocity and the limits they set, against sums over all pairs and exact sheets."""
 
-from dataclasses import replace
 import math
 
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain
-from lava_ros.simulation import Particles, Simulation
+from lava_ros.scene import Lava, Terrain
+from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.state import State
 from lava_ros.verification.cases.case import ISOTHERMAL
 from lava_ros.verification.cases.sheets import GREEN_RADIUS, response, sheet_speed
+from solver import incline, lattice, only, simulated
 
-BARE = Effects(arrhenius=False, cooling=False, steep=False)
 
-
-def scattered(device, accuracy=None, **options):
+def scattered(effects, **options):
     """A simulation of 500 random particles on a wavy terrain, and the particles."""
     rng = np.random.default_rng(7)
     x = np.arange(30) * 10.0
@@ -41,29 +38,28 @@ def scattered(device, accuracy=None, **options):
         rng.uniform(50, 150, 500),
         rng.uniform(1100, 1400, 500),
     )
-    simulation = Simulation(
-        Scene(terrain, lava=Lava(viscosity=1e4)),
-        accuracy=accuracy or Accuracy(spacing=9.0, thickness=1.0, precision='float64'),
-        particles=particles,
-        device=device,
-        **options,
-    )
+    knobs = {'spacing': 9.0, 'thickness': 1.0, **options}
+    simulation = simulated(terrain, Lava(viscosity=1e4), particles, effects=effects, **knobs)
     return simulation, particles
 
 
 @pytest.mark.parametrize(
-    ('gradient', 'effect'),
-    [('energy', ''), ('balanced', ''), ('energy', 'green'), ('energy', 'helmholtz')],
+    ('gradient', 'effects'),
+    [
+        ('energy', only()),
+        ('balanced', only()),
+        ('energy', only('green')),
+        ('energy', only('helmholtz')),
+    ],
 )
-def test_sums_in_parts_are_the_same_sums(monkeypatch, gradient, effect):
+def test_sums_in_parts_are_the_same_sums(monkeypatch, gradient, effects):
     """As a GPU adds up those of a batch's members: one thread takes four parts."""
-    accuracy = Accuracy(spacing=9.0, thickness=1.0, precision='float64', gradient=gradient)
-    effects = replace(BARE, **{effect: True}) if effect else BARE
-    whole = scattered('cpu', accuracy, effects=effects)[0].sample()
+    knobs = {'precision': 'float64', 'gradient': gradient}
+    whole = scattered(effects, **knobs)[0].sample()
     monkeypatch.setattr(State, 'parts', 4)
     monkeypatch.setattr(State, 'lanes', 1)
     monkeypatch.setattr(State, 'is_wide', False)
-    parts = scattered('cpu', accuracy, effects=effects)[0].sample()
+    parts = scattered(effects, **knobs)[0].sample()
     for name in ('thickness', 'velocity'):
         expected = getattr(whole, name)
         assert np.abs(expected).max() > 0.0
@@ -73,8 +69,7 @@ def test_sums_in_parts_are_the_same_sums(monkeypatch, gradient, effect):
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
 def test_thickness_is_the_sum_over_all_pairs(device, precision):
     """The neighbour grid finds every pair: thickness equals the direct sum (3.9)."""
-    accuracy = Accuracy(spacing=9.0, thickness=1.0, precision=precision)
-    simulation, given = scattered(device, accuracy, effects=BARE)
+    simulation, given = scattered(only(), device=device, precision=precision)
     sample = simulation.sample()
     distance = np.linalg.norm(sample.position[:, None] - given.position[None], axis=-1)
     q = np.clip(distance / simulation.radius, 0, 1)
@@ -90,15 +85,16 @@ def test_velocity_is_minus_the_gradient_of_the_sum():
     """The SPH gradient is the derivative of the thickness sum with respect to position."""
     rng = np.random.default_rng(1)
     places = rng.uniform(20, 80, (60, 2))
-    scene = Scene(Terrain(np.zeros((10, 10)), 10.0), lava=Lava(viscosity=1e4))
 
     def sample(at):
-        simulation = Simulation(
-            scene,
-            effects=BARE,
-            accuracy=Accuracy(spacing=8.0, thickness=1.0, precision='float64'),
-            particles=Particles(at, 64.0, 1400.0),
-            device='cpu',
+        simulation = simulated(
+            Terrain(np.zeros((10, 10)), 10.0),
+            Lava(viscosity=1e4),
+            Particles(at, 64.0, 1400.0),
+            effects=only(),
+            spacing=8.0,
+            thickness=1.0,
+            precision='float64',
         )
         rows = simulation.sample()
         index = np.argmin(np.linalg.norm(rows.position - at[0], axis=1))
@@ -137,44 +133,28 @@ def test_green_velocity_has_the_exact_response(device, wavelength):
 
 def test_green_velocity_of_a_uniform_sheet_is_the_local_one(device):
     """On a uniform sheet the Green's function changes nothing."""
-    places = np.stack(np.meshgrid(np.arange(20.0), np.arange(20.0)), -1).reshape(-1, 2)
-    terrain = Terrain(np.tile(0.1 * np.arange(40.0), (40, 1)), 1.0, origin=(-10.0, -10.0))
     velocities = []
-    for green in (True, False):
-        simulation = Simulation(
-            Scene(terrain, lava=Lava()),
-            effects=Effects(green=green, arrhenius=False, cooling=False, steep=False),
-            accuracy=Accuracy(spacing=1.0, thickness=1.0, ratio=4.0),
-            particles=Particles(places, 1.0, 1400.0),
+    for effects in (only('green'), only()):
+        simulation = simulated(
+            incline(0.1, 40, 40, 1.0, origin=(-20.0, -20.0)),
+            Lava(),
+            Particles(lattice(10.0), 1.0, 1400.0),
+            effects=effects,
             device=device,
+            spacing=1.0,
+            thickness=1.0,
+            ratio=4.0,
         )
         sample = simulation.sample()
-        middle = np.abs(sample.position - 9.5).max(axis=1) < 1.0
+        middle = np.abs(sample.position).max(axis=1) < 1.0
         velocities.append(sample.velocity[middle].mean(axis=0))
     assert velocities[0] == pytest.approx(velocities[1], rel=1e-4, abs=1e-5)
-
-
-def test_viscosity_follows_arrhenius(device):
-    """A colder particle is slower by exp(-alpha dT)."""
-    speeds = []
-    for temperature in (1423.0, 1323.0):
-        simulation = Simulation(
-            Scene(Terrain(np.tile(np.arange(10.0), (10, 1)), 1.0), lava=Lava(viscosity=1e5)),
-            effects=Effects(cooling=False, steep=False),
-            accuracy=Accuracy(spacing=1.0, thickness=1.0),
-            particles=Particles([[5.0, 5.0]], 1.0, temperature),
-            device=device,
-        )
-        speeds.append(simulation.sample().velocity[0, 0])
-    assert speeds[1] / speeds[0] == pytest.approx(math.exp(-0.8), rel=1e-5)
 
 
 @pytest.mark.parametrize('integrator', ['euler', 'rkl2'])
 def test_steps_beyond_the_limit_are_not_taken(device, integrator):
     """No step moves a particle too far, and no Euler step exceeds the stable one."""
-    simulation, _ = scattered(
-        device, effects=BARE, accuracy=Accuracy(spacing=9.0, thickness=1.0, integrator=integrator)
-    )
+    simulation, _ = scattered(only(), device=device, integrator=integrator)
     for time in (5.0, 20.0, 50.0):
         simulation.advance(time)
         before = simulation.sample()

@@ -19,36 +19,27 @@ import math
 import numpy as np
 import pytest
 
-from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain
-from lava_ros.simulation import Particles, Simulation
+from lava_ros.scene import Lava
+from lava_ros.simulation import Particles
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.verification.cases import spread_of_fixed_volume
+from solver import flat, lattice, only, simulated
 
 
-def relaxed(
-    longest_step, integrator='rkl2', precision='float64', device='cpu', viscosity=2e4
-):
+def relaxed(longest_step, integrator='rkl2', viscosity=2e4, **options):
     """Positions of a heap of particles after 20 s, in their first order, and the evaluations."""
-    ticks = np.arange(-9.0, 10.0)
-    places = np.stack(np.meshgrid(ticks, ticks), -1).reshape(-1, 2)
+    places = lattice(9.5)
     places = places[np.hypot(*places.T) < 9.0]
     # each particle has a temperature of its own, which tells it from the others
     label = 1000.0 + np.arange(len(places))
-    terrain = Terrain(np.zeros((40, 40)), 1.0, origin=(-20.0, -20.0))
-    simulation = Simulation(
-        Scene(terrain, lava=Lava(viscosity=viscosity)),
-        effects=Effects(arrhenius=False, cooling=False, steep=False),
-        accuracy=Accuracy(
-            spacing=1.0,
-            thickness=1.0,
-            longest_step=longest_step,
-            courant_number=0.5,
-            integrator=integrator,
-            precision=precision,
-        ),
-        particles=Particles(places, 0.5 + 0.5 * np.exp(-0.02 * (places**2).sum(axis=1)), label),
-        device=device,
+    simulation = simulated(
+        flat(40),
+        Lava(viscosity=viscosity),
+        Particles(places, 0.5 + 0.5 * np.exp(-0.02 * (places**2).sum(axis=1)), label),
+        effects=only(),
+        longest_step=longest_step,
+        integrator=integrator,
+        **{'spacing': 1.0, 'thickness': 1.0, 'precision': 'float64', **options},
     )
     simulation.advance(20.0)
     sample = simulation.sample()

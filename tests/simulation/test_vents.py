@@ -122,17 +122,8 @@ def test_a_long_discharge_series_becomes_a_table() -> None:
     # what is validated point by point takes seconds
     series = tuple((float(time), float(time % 7)) for time in range(count))
     object.__setattr__(vent, 'discharge', series)
-    vents = VentSet(
-        [vent],
-        since=10.0,
-        carried=[4.0],
-        centre=np.zeros(2),
-        particle_volume=1.0,
-        least_radius=1.0,
-        downhill=[0.0],
-        symmetric=False,
-        device='cpu',
-    )
+    ground, accuracy = Terrain(np.zeros((3, 3)), 1.0), Accuracy(spacing=1.0)
+    vents = VentSet((vent,), ground, accuracy, 1.0, 'cpu', since=10.0, carried=[4.0])
     volumes = vents.outlets.volumes.numpy()
     assert volumes.shape == (count,)
     assert volumes[:14].tolist() == 11 * [4.0] + [7.0, 11.0, 16.0]

@@ -178,10 +178,9 @@ class AfterStep:
         """Let neighbours exchange heat at the end of a step, if enough time has passed."""
         threads = state.rare_threads
         wait, add_rates, exchange_heat, keep = self._kernels(threads)
-        state.launches(wait, dim=1, inputs=[way, self._rate], outputs=[])
-        state.launches(add_rates, dim=threads, inputs=[way, self._factor], outputs=[])
+        state.launches(wait, [way, self._rate])
+        state.launches(add_rates, [way, self._factor], dim=threads)
         for sweep in range(self.sweeps):
             if sweep:
-                state.launches(keep, dim=threads, inputs=[way], outputs=[])
-            inputs = [way, self._factor, self._share]
-            state.launches(exchange_heat, dim=threads, inputs=inputs, outputs=[])
+                state.launches(keep, [way], dim=threads)
+            state.launches(exchange_heat, [way, self._factor, self._share], dim=threads)

@@ -302,11 +302,7 @@ def move_particles(
 ) -> None:
     """Move the ordered particles over the stage by the Green's function's velocity.
 
-    Args:
-        state: The particles; ``source`` and ``area`` of it are filled.
-        neighbors: Their neighbour grid, built.
-        way: Their journey (motion_arguments.py).
-        direction: What is chosen and emitted meanwhile.
+    ``source`` and ``area`` of the state are filled; ``direction`` is chosen and emitted meanwhile.
     """
     launch_over(
         state,
@@ -320,8 +316,7 @@ def move_particles(
             direction.function,
             direction.bounds,
         ),
-        inputs=[direction.pace, direction.outlets],
-        outputs=[way],
+        [direction.pace, direction.outlets, way],
         least=_LEAST_PART,
         lanes=state.lanes,
         ahead=direction.threads,
@@ -332,13 +327,9 @@ def move_particles(
 def spread_velocity(state: State, way: Any) -> None:
     """Replace the local velocity in ``state.flow`` by the Green's function's.
 
-    Args:
-        state: The particles; ``source`` and ``area`` of it are filled.
-        way: Their journey; at the kernel's radius the Green's function is cut off.
+    ``source`` and ``area`` of the state are filled; at the kernel's radius it is cut off.
     """
     kernel = _velocity_kernel(
         state.real, state.lanes, state.parts, state.is_short, state.is_wide
     )
-    launch_over(
-        state, kernel, inputs=[], outputs=[way], least=_LEAST_PART, lanes=state.lanes
-    )
+    launch_over(state, kernel, [way], least=_LEAST_PART, lanes=state.lanes)

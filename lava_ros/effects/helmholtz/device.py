@@ -274,26 +274,17 @@ def solve_velocity(
 ) -> None:
     """Replace the local velocity in ``state.flow`` by the solution of the balance.
 
-    ``state.rates`` is raised to what that velocity allows.
-
-    Args:
-        state: The particles.
-        way: Their journey (motion_arguments.py).
-        radius: Kernel radius [m].
-        thickness: Thickness up to which the sweeps converge as far as ``REDUCTION`` says [m].
-        kernel: Name of the smoothing kernel.
-        ratio: Kernel radius over particle spacing.
+    ``state.rates`` is raised to what that velocity allows. Up to ``thickness`` [m] the sweeps
+    converge as far as ``REDUCTION`` says; ``radius`` is the kernel's [m], ``ratio`` that over the
+    particles' spacing.
     """
     start, sweep, finish = _kernels(
         state.real, kernel, ratio, state.lanes, state.parts, state.is_wide,
         'steep' in state.effects,
     )
-    launch_over(state, start, inputs=[], outputs=[way], least=LEAST_MOVES)
+    launch_over(state, start, [way], least=LEAST_MOVES)
     current, following = state.solution, state.next_solution
     for weights in _schedule(thickness, radius):
-        inputs = [way, *weights, current]
-        launch_over(state, sweep, inputs=inputs, outputs=[following], lanes=state.lanes)
+        launch_over(state, sweep, [way, *weights, current, following], lanes=state.lanes)
         current, following = following, current
-    state.launches(
-        finish, dim=state.capacity, inputs=[way, current], outputs=[], is_over_particles=True
-    )
+    launch_over(state, finish, [way, current], least=LEAST_MOVES)

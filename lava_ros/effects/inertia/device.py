@@ -267,14 +267,10 @@ class Momentum:
 
         ``state.kick`` gets the accelerations, ``state.rates`` is raised.
         """
-        kernel, inputs = self._kernels.synchronize, [way, self._number]
-        launch_over(self._state, kernel, inputs=inputs, outputs=[], least=LEAST_MOVES)
+        arguments = [way, self._number]
+        launch_over(self._state, self._kernels.synchronize, arguments, least=LEAST_MOVES)
 
     def accelerate(self, way: Any) -> None:
         """Bring the velocities to the middle of the step that was chosen."""
-        state = self._state
-        launch_over(state, self._kernels.accelerate, inputs=[], outputs=[way])
-        adopt = self._kernels.adopt
-        state.launches(
-            adopt, dim=state.capacity, inputs=[], outputs=[way], is_over_particles=True
-        )
+        launch_over(self._state, self._kernels.accelerate, [way])
+        launch_over(self._state, self._kernels.adopt, [way], least=LEAST_MOVES)

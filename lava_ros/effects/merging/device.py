@@ -232,13 +232,13 @@ class AfterStep:
         wait, choose, merge, split, count = _kernels(
             state.real, state.has_velocity, state.has_age, state.is_deterministic, threads
         )
-        state.launches(wait, dim=1, inputs=[way, EVERY], outputs=[])
-        state.launches(choose, dim=threads, inputs=[way, self._area, self._least], outputs=[])
-        state.launches(merge, dim=threads, inputs=[way], outputs=[])
+        state.launches(wait, [way, EVERY])
+        state.launches(choose, [way, self._area, self._least], dim=threads)
+        state.launches(merge, [way], dim=threads)
         if state.is_deterministic:
             # in the order of the particles, not of the threads
             if self._scan is None or self._scan.length != state.capacity:
                 self._scan = Scan(state.capacity, state.device)
             self._scan(state.launches, state.births, state.slots)
-        state.launches(split, dim=threads, inputs=[way], outputs=[])
-        state.launches(count, dim=1, inputs=[way], outputs=[])
+        state.launches(split, [way], dim=threads)
+        state.launches(count, [way])

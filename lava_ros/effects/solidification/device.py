@@ -39,12 +39,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from lava_ros.errors import LavaError
 from lava_ros.scene import Scene, Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over
+from lava_ros.simulation.checkpoint import fitting
 from lava_ros.simulation.motion_arguments import journey_type
 from lava_ros.simulation.state import BORDER, HOLES, PARTICLES, State
 from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_functions
@@ -218,28 +218,21 @@ class AfterStep:
 
     def apply(self, state: State, way: Any) -> None:
         """Turn the columns that are colder than the solidus into terrain."""
-        freeze, raise_ground = _kernels(state.real, state.rare_threads)
+        threads = state.rare_threads
+        freeze, raise_ground = _kernels(state.real, threads)
         laid = [self._widest, self._terrain.exact_ground, self._deposit]
-        inputs = [way, self._solidus, *laid]
-        state.launches(freeze, dim=state.rare_threads, inputs=inputs, outputs=[])
-        inputs = [way, *laid, self._ground]
-        state.launches(raise_ground, dim=state.rare_threads, inputs=inputs, outputs=[])
+        state.launches(freeze, [way, self._solidus, *laid], dim=threads)
+        state.launches(raise_ground, [way, *laid, self._ground], dim=threads)
 
     def show(self, state: State, grids: Any) -> None:
         """Add the frozen lava to a map.
 
-        Args:
-            state: The particles.
-            grids: Thickness [m] and temperature [K] of the fluid lava, to be made those of all,
-                and the thickness of what has frozen [m], to be filled; float32, on the device.
+        The ``grids`` are thickness [m] and temperature [K] of the fluid lava, which become those
+        of all lava, and the thickness of what has frozen [m]; float32, on the device.
         """
-        launch_over(
-            state,
-            _show,
-            inputs=[self._deposit, self._terrain.known, self._solidus],
-            outputs=[grids[0], grids[1], grids[2]],
-            count=grids[0].size,
-        )
+        maps = [grids[n] for n in range(3)]
+        arguments = [self._deposit, self._terrain.known, self._solidus, *maps]
+        launch_over(state, _show, arguments, count=maps[0].size)
 
     def thickness(self) -> np.ndarray:
         """Thickness of the frozen lava [m], float64, shape [rows, columns]."""
@@ -279,12 +272,8 @@ class AfterStep:
         Raises:
             LavaError: It is not of this terrain.
         """
-        parts = arrays.get('deposit')
-        shape = self._deposit.shape
-        if parts is None or (parts.shape, parts.dtype) != (shape, np.int64):
-            found = 'missing' if parts is None else f'{parts.dtype} of shape {parts.shape}'
-            raise LavaError('checkpoint.solidification.deposit', found, f'int64 of shape {shape}')
-        self._lay(parts)
+        name, shape = 'solidification.deposit', self._deposit.shape
+        self._lay(fitting(name, arrays.get('deposit'), shape, np.int64))
 
     def _lay(self, parts: np.ndarray) -> None:
         self._deposit.assign(parts)

@@ -20,7 +20,7 @@ What is done, why, and what it gains is in docs/PERFORMANCE.md:
   and on CUDA the hardware's own division, root and exponential in float32. Those are good to 2e-7,
   as is float32; a float64 is not touched by it, so the reference is not either.
 * ``load4``, ``store4``: Warp knows no alignment and reads a vec4 as four numbers; here it is one
-  16-byte access. Reads go through the read-only cache: never read so what the kernel writes.
+  access to 16 bytes. Reads go through the read-only cache: never read so what the kernel writes.
 * ``after_the_former``: a kernel may begin before the one that it comes after has ended.
 * ``unseen_one``: a step of a loop that no compiler unrolls further, for threads of a warp whose
   loops have different ends: what is left over of an unrolled one takes as long as the rest.
@@ -42,36 +42,12 @@ import warp as wp
 # Warp reports every kernel it loads on stdout, where commands print their results.
 wp.config.log_level = wp.LOG_WARNING
 
-#: The C++ of ``load4`` and ``store4`` on CUDA: a float4 is one access, a double4 is two.
-_LOAD = {
-    wp.float32: """
-    const float4 v = __ldg(reinterpret_cast<const float4*>(values.data) + i);
-    return wp::vec_t<4, wp::float32>(v.x, v.y, v.z, v.w);""",
-    wp.float64: """
-    const double2 a = __ldg(reinterpret_cast<const double2*>(values.data) + 2 * i);
-    const double2 b = __ldg(reinterpret_cast<const double2*>(values.data) + 2 * i + 1);
-    return wp::vec_t<4, wp::float64>(a.x, a.y, b.x, b.y);""",
-}
-_STORE = {
-    wp.float32: """
-    reinterpret_cast<float4*>(values.data)[i] = make_float4(v[0], v[1], v[2], v[3]);""",
-    wp.float64: """
-    reinterpret_cast<double2*>(values.data)[2 * i] = make_double2(v[0], v[1]);
-    reinterpret_cast<double2*>(values.data)[2 * i + 1] = make_double2(v[2], v[3]);""",
-}
-_LOAD_PAIR = {
-    wp.float32: """
-    const float2 v = __ldg(reinterpret_cast<const float2*>(values.data) + i);
-    return wp::vec_t<2, wp::float32>(v.x, v.y);""",
-    wp.float64: """
-    const double2 v = __ldg(reinterpret_cast<const double2*>(values.data) + i);
-    return wp::vec_t<2, wp::float64>(v.x, v.y);""",
-}
-_STORE_PAIR = {
-    wp.float32: """
-    reinterpret_cast<float2*>(values.data)[i] = make_float2(v[0], v[1]);""",
-    wp.float64: """
-    reinterpret_cast<double2*>(values.data)[i] = make_double2(v[0], v[1]);""",
+#: CUDA's type for some numbers that are read or written at once, and how often a vector has it.
+_WIDE = {
+    (wp.float32, 2): ('float2', 1),
+    (wp.float32, 4): ('float4', 1),
+    (wp.float64, 2): ('double2', 1),
+    (wp.float64, 4): ('double2', 2),
 }
 #: Strides of a 2-D array are bytes.
 _PATCH = """
@@ -277,53 +253,66 @@ def after_the_former():
 
 
 @lru_cache
+def _access(real: Any, length: int) -> tuple[Any, Any]:
+    """Return the device functions that read and write item i of an array of vectors."""
+    vector = wp.types.vector(length, real)
+    wide, count = _WIDE[real, length]
+    size = length // count
+    loads = ', '.join(f'v{n} = __ldg(from + {n})' for n in range(count))
+    numbers = ', '.join(f'v{n}.{axis}' for n in range(count) for axis in 'xyzw'[:size])
+    stores = (
+        f'to[{n}] = make_{wide}({", ".join(f"v[{size * n + m}]" for m in range(size))});'
+        for n in range(count)
+    )
+    read = f"""
+    const {wide}* from = reinterpret_cast<const {wide}*>(values.data) + {count} * i;
+    const {wide} {loads};
+    return wp::vec_t<{length}, wp::{real.__name__}>({numbers});"""
+    write = f"""
+    {wide}* to = reinterpret_cast<{wide}*>(values.data) + {count} * i;
+    {' '.join(stores)}"""
+
+    @wp.func_native(_on_cuda(read, 'return values.data[i];'))
+    def load(values: wp.array(dtype=vector), i: int) -> vector: ...
+
+    @wp.func_native(_on_cuda(write, 'values.data[i] = v;'))
+    def store(values: wp.array(dtype=vector), i: int, v: vector): ...
+
+    return load, store
+
+
 def load4(real: Any) -> Any:
     """Return the device function that reads item i of an array of vec4, which nothing writes."""
-    vec4 = wp.types.vector(4, real)
-
-    @wp.func_native(_on_cuda(_LOAD[real], 'return values.data[i];'))
-    def load(values: wp.array(dtype=vec4), i: int) -> vec4: ...
-
-    return load
+    return _access(real, 4)[0]
 
 
-@lru_cache
 def store4(real: Any) -> Any:
     """Return the device function that writes item i of an array of vec4."""
-    vec4 = wp.types.vector(4, real)
+    return _access(real, 4)[1]
 
-    @wp.func_native(_on_cuda(_STORE[real], 'values.data[i] = v;'))
-    def store(values: wp.array(dtype=vec4), i: int, v: vec4): ...
 
-    return store
+def load2(real: Any) -> Any:
+    """Return the device function that reads item i of an array of vec2, which nothing writes."""
+    return _access(real, 2)[0]
+
+
+def store2(real: Any) -> Any:
+    """Return the device function that writes item i of an array of vec2."""
+    return _access(real, 2)[1]
 
 
 @lru_cache
-def load2(real: Any) -> Any:
-    """Return the device function that reads item i of an array of vec2, which nothing writes."""
-    vec2 = wp.types.vector(2, real)
+def load1(kind: Any) -> Any:
+    """Return the device function that reads item i >= 0 of an array, which nothing writes."""
 
-    @wp.func_native(_on_cuda(_LOAD_PAIR[real], 'return values.data[i];'))
-    def load(values: wp.array(dtype=vec2), i: int) -> vec2: ...
+    @wp.func_native(_on_cuda('return __ldg(values.data + i);', 'return values.data[i];'))
+    def load(values: wp.array(dtype=kind), i: int) -> kind: ...
 
     return load
 
 
-@lru_cache
-def store2(real: Any) -> Any:
-    """Return the device function that writes item i of an array of vec2."""
-    vec2 = wp.types.vector(2, real)
-
-    @wp.func_native(_on_cuda(_STORE_PAIR[real], 'values.data[i] = v;'))
-    def store(values: wp.array(dtype=vec2), i: int, v: vec2): ...
-
-    return store
-
-
-@wp.func_native(_on_cuda('return __ldg(values.data + i);', 'return values.data[i];'))
-def load_int(values: wp.array(dtype=wp.int32), i: int) -> int:
-    """Read item i >= 0 of an array of integers, which nothing writes; a device function."""
-    ...
+#: That of integers.
+load_int = load1(wp.int32)
 
 
 @wp.func_native(_on_cuda(_PAST_THE_CACHE, 'return values.data[i];'))
@@ -368,16 +357,6 @@ def unseen_one() -> int:
 def can_count() -> bool:
     """Whether many threads may count together: on the CPU Warp's atomics are none."""
     ...
-
-
-@lru_cache
-def load1(real: Any) -> Any:
-    """Return the device function that reads item i of an array, which nothing writes."""
-
-    @wp.func_native(_on_cuda('return __ldg(values.data + i);', 'return values.data[i];'))
-    def load(values: wp.array(dtype=real), i: int) -> real: ...
-
-    return load
 
 
 @lru_cache

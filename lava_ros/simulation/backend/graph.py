@@ -115,10 +115,9 @@ class Launches:
     def __call__(
         self,
         kernel: Any,
+        arguments: Sequence[Any],
         *,
-        dim: int,
-        inputs: Sequence[Any],
-        outputs: Sequence[Any],
+        dim: int = 1,
         block_dim: int | None = None,
         is_over_particles: bool = False,
     ) -> None:
@@ -126,31 +125,23 @@ class Launches:
 
         Args:
             kernel: A ``compiled.quick_kernel``.
+            arguments: Its arguments.
             dim: Threads.
-            inputs: Its arguments.
-            outputs: Those that it writes.
             block_dim: Threads to a block of a GPU; Warp's own number when left out.
             is_over_particles: Whether the last threads have no particle yet, and nothing to do.
         """
         if self._taken_down is not None:
-            arguments = [*inputs, *outputs]
-            self._taken_down.append(
-                Launch(kernel, dim, block_dim, is_over_particles, arguments)
-            )
+            launch = Launch(kernel, dim, block_dim, is_over_particles, [*arguments])
+            self._taken_down.append(launch)
         elif self._device.is_cuda:
             self._captured.add(kernel)
             wp.launch(
-                kernel,
-                dim=dim,
-                inputs=inputs,
-                outputs=[*outputs, 0],
-                device=self._device,
-                block_dim=block_dim,
+                kernel, dim, [*arguments, 0], device=self._device, block_dim=block_dim
             )
         elif dim > 0:
-            self.packed(kernel, dim=dim, arguments=[*inputs, *outputs, 0]).launch()
+            self.packed(kernel, [*arguments, 0], dim=dim).launch()
 
-    def packed(self, kernel: Any, *, dim: int, arguments: list[Any]) -> Any:
+    def packed(self, kernel: Any, arguments: list[Any], *, dim: int) -> Any:
         """A launch of some threads on the CPU that is made by its ``launch()``."""
         key = (id(kernel), *map(id, arguments))
         kept = self._kept.get(key)

@@ -175,8 +175,7 @@ class Scan:
             self._words[fours] = wp.zeros(tiles + 1, dtype=wp.uint64, device=self._device)
         launches(
             _kernel(fours),
+            [sizes, starts, self._words[fours]],
             dim=tiles * _THREADS if self._device.is_cuda else 1,
-            inputs=[sizes],
-            outputs=[starts, self._words[fours]],
             block_dim=_THREADS,
         )

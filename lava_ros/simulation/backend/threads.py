@@ -27,16 +27,18 @@ processes give each of them one thread: ``use_threads``.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
 from functools import lru_cache, partial
+from itertools import product
+import math
 import os
+from pathlib import Path
 from queue import SimpleQueue
 from threading import Lock, Thread
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
-from lava_ros.simulation.backend.cores import usable_cores
 
 if TYPE_CHECKING:
     from lava_ros.simulation.state import State
@@ -51,6 +53,11 @@ LEAST_SUMS, LEAST_MOVES = 2048, 16384
 
 #: Parts to a thread: who is done early takes from the others, and each part costs 0.02 ms.
 PARTS = 4
+
+_ROOT = Path('/')
+
+#: Where version 2 and version 1 keep a group's time and the period that it is of.
+_FILES = (('cpu.max',), ('cpu.cfs_quota_us', 'cpu.cfs_period_us'))
 
 _asked: int | None = None
 
@@ -85,12 +92,57 @@ def _default(text: str) -> int:
     return usable_cores()
 
 
+def usable_cores(root: Path = _ROOT) -> int:
+    """Count the cores that this process may use: those it is bound to, or its group's share.
+
+    A container started with ``--cpus=2`` sees all cores of its host, and is stopped for the rest
+    of each tenth of a second in which it has used them. Linux keeps such a share in control groups
+    (``cpu.max`` of version 2, ``cpu.cfs_quota_us`` of version 1). Part of a core counts as one.
+
+    Args:
+        root: Where /proc and /sys are.
+    """
+    if hasattr(os, 'sched_getaffinity'):
+        cores = len(os.sched_getaffinity(0))
+    else:
+        cores = os.cpu_count() or 1
+    return max(1, min([cores, *map(math.ceil, _shares(root))]))
+
+
+def _shares(root: Path) -> Iterator[float]:
+    """Cores of each control group that holds this process and has a share [1]."""
+    for folder, names in product(_groups(root), _FILES):
+        try:
+            texts = [(folder / name).read_text(encoding='ascii') for name in names]
+            quota, period = ' '.join(texts).split()
+        except (OSError, ValueError):
+            continue
+        # 'max', or -1, is as many as there are
+        if quota.isdecimal() and period.isdecimal() and int(quota) > 0 and int(period) > 0:
+            yield int(quota) / int(period)
+
+
+def _groups(root: Path) -> Iterator[Path]:
+    """The groups of this process and those above them, of both versions."""
+    mounted = root / 'sys/fs/cgroup'
+    try:
+        lines = (root / 'proc/self/cgroup').read_text(encoding='utf-8').splitlines()
+    except (OSError, ValueError):
+        lines = []
+    for line in lines:
+        _, kinds, group = (*line.split(':', 2), '', '')[:3]
+        if kinds in ('', 'cpu', 'cpu,cpuacct', 'cpuacct,cpu'):
+            top = mounted / kinds
+            # in a container the group itself is mounted at the top
+            own = top / group.lstrip('/')
+            yield from (folder for folder in (own, *own.parents) if folder.is_relative_to(top))
+
+
 def launch_over(
     state: 'State',
     kernel: Any,
+    arguments: Sequence[Any],
     *,
-    inputs: Sequence[Any],
-    outputs: Sequence[Any],
     least: int = LEAST_SUMS,
     lanes: int = 1,
     ahead: int = 0,
@@ -101,8 +153,7 @@ def launch_over(
     Args:
         state: The particles.
         kernel: The kernel.
-        inputs: Its arguments.
-        outputs: Those that it writes.
+        arguments: Its arguments.
         least: Fewest particles that are worth a part.
         lanes: Threads that share a particle.
         ahead: Threads that come before those of the particles, on a GPU only, and are a block.
@@ -116,13 +167,11 @@ def launch_over(
     workers = 1 if state.launches.is_capturing else _workers(state.device, count, least * lanes)
     if workers < 2:
         state.launches(
-            kernel, dim=count, inputs=inputs, outputs=outputs, block_dim=ahead or None,
+            kernel, arguments, dim=count, block_dim=ahead or None,
             is_over_particles=is_over_particles,
         )
         return
-    record = partial(
-        state.launches.packed, kernel, dim=1, arguments=[*inputs, *outputs, 0]
-    )
+    record = partial(state.launches.packed, kernel, [*arguments, 0], dim=1)
     _Job(record, _parts(count, workers, least)).compute(workers - 1)
 
 

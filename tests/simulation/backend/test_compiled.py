@@ -19,8 +19,8 @@ that is no longer the hardware's changes no result, and takes up to twice the ti
 """
 
 from collections import Counter
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
+from functools import cached_property, partial
 import re
 import struct
 from types import SimpleNamespace
@@ -28,20 +28,18 @@ from types import SimpleNamespace
 import pytest
 import warp as wp
 
-from lava_ros.effects.green import device as green
-from lava_ros.simulation import flow, neighbors, Simulation, sums
+from lava_ros.simulation import flow, neighbors, Simulation
 from lava_ros.simulation import stage as stages
-from lava_ros.simulation.backend.compiled import FEW_THREADS, quick_kernel
+from lava_ros.simulation.backend.compiled import FEW_THREADS
 from lava_ros.simulation.fused_stage import BOUNDS
 from lava_ros.simulation.state import State
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field
 
 #: Sets of effects, by the names in the benchmark: one in every run, all of them nightly.
-SETS = (
-    'green',
-    *(pytest.param(name, marks=pytest.mark.nightly) for name in ('bare', 'everything with green')),
+GREEN_SETS = tuple(
+    pytest.param(name, marks=pytest.mark.nightly) for name in ('green', 'everything with green')
 )
-GREEN_SETS = (SETS[0], SETS[2])
+SETS = ('bare', *GREEN_SETS)
 
 #: Kernels that sum over neighbours in every step, and those that only carry particles.
 SUMS = ('thickness_and_velocity', 'elevate', 'velocity_of_differences', 'green_motion')
@@ -63,21 +61,25 @@ FOUR_AT_ONCE = 40
 _STACK, _REGISTERS = 0x12, 0x2F
 
 
-@dataclass(frozen=True)
 class Code:
-    """A kernel as it is compiled.
+    """A kernel as it is compiled for an architecture, as far as anyone asks."""
 
-    Attributes:
-        name: The kernel's name.
-        text: Its PTX.
-        stack: Bytes of local memory of a thread, what registers are spilled to included.
-        registers: Registers of a thread.
-    """
+    def __init__(self, kernel, arch, folder):
+        """Take the kernel."""
+        self.name = kernel.key.rpartition('__')[2]
+        options = {'arch': arch, 'module_dir': folder}
+        self._compile = partial(wp.compile_aot_module, kernel.module, **options)
 
-    name: str
-    text: str
-    stack: int
-    registers: int
+    @cached_property
+    def text(self):
+        """Its PTX."""
+        ptx = self._compile(use_ptx=True)[0].read_text(encoding='latin-1')
+        return ptx[ptx.index('.entry') :]
+
+    @cached_property
+    def needs(self):
+        """Bytes of a thread's stack, what registers are spilled to included; its registers."""
+        return needs_of(self._compile(use_ptx=False)[0].read_bytes())
 
     @property
     def loops(self) -> list[str]:
@@ -112,17 +114,6 @@ def needs_of(cubin):
             offset += size
     (stack,), (registers,) = found.values()
     return stack, registers
-
-
-def compiled(kernel, arch, folder):
-    """Compile a kernel for an architecture."""
-    files = [
-        wp.compile_aot_module(kernel.module, arch=arch, module_dir=folder, use_ptx=use_ptx)[0]
-        for use_ptx in (True, False)
-    ]
-    ptx = files[0].read_text(encoding='latin-1')
-    entry = ptx[ptx.index('.entry') :]
-    return Code(kernel.key.rpartition('__')[2], entry, *needs_of(files[1].read_bytes()))
 
 
 def launched(name, lanes=1, integrator='euler', is_short=None, directs=None, parts=None):
@@ -174,7 +165,7 @@ def stage(folder):
 
     def of(name):
         if name not in known:
-            known[name] = [compiled(kernel, 90, folder) for kernel in launched(name)]
+            known[name] = [Code(kernel, 90, folder) for kernel in launched(name)]
         return known[name]
 
     return of
@@ -209,13 +200,24 @@ def check_carrier(code, wide):
 def check_local(code):
     """Nothing is kept, or spilled, outside the registers."""
     assert '.local' not in code.text, code.name
-    assert code.stack == 0, f'{code.name}: {code.stack} bytes'
+    assert code.needs[0] == 0, f'{code.name}: {code.needs[0]} bytes'
 
 
 def check_arithmetic(code):
     """No float32 takes the subroutines that are right to the last bit."""
-    slow = [name for name in opcodes(code.text) if re.fullmatch(r'(div|sqrt|rcp)\.r.\.f32', name)]
+    counts = opcodes(code.text)
+    slow = [name for name in counts if re.fullmatch(r'(div|sqrt|rcp)\.r.\.f32', name)]
     assert not slow, f'{code.name}: {slow}'
+    assert counts['sqrt.approx.f32'] or code.name not in SUMS
+
+
+def check_wait(code):
+    """Nothing is read or written before the kernels that this one comes after have ended."""
+    before, wait, after = code.text.partition('griddepcontrol.wait;')
+    assert wait, f'{code.name} does not wait'
+    access = re.compile(r'^\s*(@\S+\s+)?(ld|st|atom|red)\.(global|volatile|relaxed)', re.M)
+    assert not access.search(before), code.name
+    assert access.search(after), code.name
 
 
 @pytest.mark.parametrize('name', SETS)
@@ -243,26 +245,19 @@ def test_stages_are_carried_at_once(folder):
     kernels = [kernel for kernel in kernels if kernel.key.endswith(CARRIERS)]
     assert len(kernels) == CARRIED_BY
     for kernel in kernels:
-        code = compiled(kernel, 90, folder)
+        code = Code(kernel, 90, folder)
         check_carrier(code, 3)
         check_local(code)
         check_arithmetic(code)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize('name', SETS)
-def test_nothing_is_in_local_memory(stage, name):
-    """No kernel of a stage spills registers, or has an array without a place."""
+@pytest.mark.parametrize('check', [check_local, check_arithmetic, check_wait])
+def test_every_kernel_of_a_stage(stage, name, check):
+    """None spills registers, divides slowly, or reads before those that it comes after end."""
     for code in stage(name):
-        check_local(code)
-
-
-@pytest.mark.parametrize('name', SETS)
-def test_arithmetic_is_the_hardwares(stage, name):
-    """Divisions and roots of float32 are approximate, and there are some."""
-    for code in stage(name):
-        check_arithmetic(code)
-        if code.name in SUMS:
-            assert opcodes(code.text)['sqrt.approx.f32'] >= 1
+        check(code)
 
 
 @pytest.mark.parametrize('name', GREEN_SETS)
@@ -280,24 +275,13 @@ def test_k0_is_one_logarithm_and_power(stage, name):
     assert not [opcode for opcode in counts if opcode.startswith(others)]
 
 
-@pytest.mark.parametrize('name', SETS)
-def test_kernels_wait_before_they_read(stage, name):
-    """Kernels that may begin early touch no memory before those they come after have ended."""
-    for code in stage(name):
-        before, wait, after = code.text.partition('griddepcontrol.wait;')
-        assert wait, f'{code.name} does not wait'
-        access = re.compile(r'^\s*(@\S+\s+)?(ld|st|atom|red)\.(global|volatile|relaxed)', re.M)
-        assert not access.search(before), code.name
-        assert access.search(after), code.name
-
-
 @pytest.mark.nightly
 @pytest.mark.parametrize(('arch', 'lanes'), [(80, 1), (80, 4), (90, 4)])
 def test_sums_on_other_hardware_and_shared(folder, arch, lanes):
     """The same holds for the former architecture, and for threads that share a particle."""
     kernels = launched('green', lanes=lanes)
     codes = [
-        compiled(kernel, arch, folder)
+        Code(kernel, arch, folder)
         for kernel in kernels
         if kernel.key.rpartition('__')[2] in SUMS
     ]
@@ -316,7 +300,7 @@ def test_sums_of_differences(folder):
         wp.float32, 'wendland', 3.0, 'balanced', effect_sets()['everything with green']
     )
     for kernel in (kernels.elevate, kernels.flow):
-        code = compiled(kernel, 90, folder)
+        code = Code(kernel, 90, folder)
         check_sum(code)
         check_local(code)
         check_arithmetic(code)
@@ -325,11 +309,9 @@ def test_sums_of_differences(folder):
 @pytest.mark.nightly
 def test_deterministic_order(folder):
     """What only a deterministic run on a GPU launches is as lean."""
-    *_, order, _, members = neighbors._kernels(
-        wp.float32, True, False, True, False, True
-    )
+    *_, order, _, members = neighbors._kernels(wp.float32, True, False, True, False, True)
     for kernel in (order, members):
-        code = compiled(kernel, 90, folder)
+        code = Code(kernel, 90, folder)
         check_local(code)
         if kernel is order:
             check_carrier(code, 3)
@@ -342,16 +324,17 @@ def test_few_particles_are_loaded_at_once(folder, name, lanes):
     """With few particles the compiler spares no registers, and does not wait for each load."""
     kernels = launched(name, lanes=lanes, is_short=True)
     codes = [
-        compiled(kernel, 90, folder)
+        Code(kernel, 90, folder)
         for kernel in kernels
         if kernel.key.rpartition('__')[2] in (*SUMS, 'move')
     ]
     assert len(codes) == 2
     for code in codes:
-        assert FOUR_AT_ONCE <= code.registers <= 65536 // FEW_THREADS[0] // FEW_THREADS[1]
+        assert FOUR_AT_ONCE <= code.needs[1] <= 65536 // FEW_THREADS[0] // FEW_THREADS[1]
         check_local(code)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize('name', SETS)
 def test_members_of_a_batch_fill_a_processor(folder, name):
     """Four blocks have registers; what lies in memory is the first block's, and little else."""
@@ -359,9 +342,9 @@ def test_members_of_a_batch_fill_a_processor(folder, name):
         what = kernel.key.rpartition('__')[2]
         if what in (*SUMS, 'move'):
             one = kernel.for_many(FEW_THREADS[0], what != 'green_motion')[1]
-            code = compiled(one, 90, folder)
-            assert code.registers <= 65536 // FEW_THREADS[0] // FEW_THREADS[1], what
-            assert code.stack <= (MEMBERS_STACK if what == 'green_motion' else 32), what
+            stack, registers = Code(one, 90, folder).needs
+            assert registers <= 65536 // FEW_THREADS[0] // FEW_THREADS[1], what
+            assert stack <= (MEMBERS_STACK if what == 'green_motion' else 32), what
 
 
 @pytest.mark.nightly
@@ -373,39 +356,29 @@ def test_what_directs_takes_no_registers_of_others(folder, name):
         for kernels in (launched(name), launched(name, directs=True))
     ]
     assert motions[1].options['launch_bounds'] == BOUNDS[False]
-    alone, directed = (compiled(kernel, 90, folder) for kernel in motions)
-    assert alone.registers >= directed.registers == 65536 // BOUNDS[False][0] // 8 // 6 * 8
-    assert alone.stack == 0 < directed.stack <= DIRECTORS_STACK
+    alone, directed = (Code(kernel, 90, folder) for kernel in motions)
+    assert alone.needs[1] >= directed.needs[1] == 65536 // BOUNDS[False][0] // 8 // 6 * 8
+    assert alone.needs[0] == 0 < directed.needs[0] <= DIRECTORS_STACK
     check_sum(directed)
     check_carrier(directed, 1)
     check_arithmetic(directed)
 
 
-@pytest.mark.parametrize(
-    ('names', 'is_short'),
-    [
-        (('everything with inertia',), False),
-        pytest.param(tuple(effect_sets()), False, marks=pytest.mark.nightly),
-        pytest.param(tuple(effect_sets()), True, marks=pytest.mark.nightly),
-    ],
-    ids=['with inertia', 'all', 'all, few particles'],
-)
-def test_effects_compile_without_local_memory(folder, names, is_short):
+@pytest.mark.nightly
+@pytest.mark.parametrize('is_short', [False, True])
+def test_effects_compile_without_local_memory(folder, is_short):
     """No effect, alone or with others, makes a kernel spill on the hardware with least room."""
     kernels = {
         kernel.module.name: kernel
-        for name in names
+        for name in effect_sets()
         for kernel in launched(name, is_short=is_short)
     }
     found = {kernel.key.rpartition('__')[2] for kernel in kernels.values()}
-    assert found >= {'accelerate', 'exchange_heat', 'freeze', 'merge', 'emit'}
-    assert len(names) == 1 or found >= {*CARRIERS, 'sweep'}
+    assert found >= {
+        'accelerate', 'exchange_heat', 'freeze', 'merge', 'emit', 'sweep', *CARRIERS
+    }
     for kernel in kernels.values():
-        (file,) = wp.compile_aot_module(
-            kernel.module, arch=80, module_dir=folder, use_ptx=False
-        )
-        stack, _ = needs_of(file.read_bytes())
-        assert stack == 0, kernel.key
+        assert Code(kernel, 80, folder).needs[0] == 0, kernel.key
 
 
 vec64 = wp.types.vector(64, float)
@@ -422,58 +395,7 @@ def indexed_at_run_time(values: wp.array(dtype=float)):
 
 def test_checks_see_local_memory(folder):
     """An array that is indexed at run time is in local memory."""
-    code = compiled(indexed_at_run_time, 90, folder)
-    assert code.stack > 0
+    code = Code(indexed_at_run_time, 90, folder)
+    assert code.needs[0] > 0
     with pytest.raises(AssertionError):
         check_local(code)
-
-
-def plain_load(width):
-    """Read as Warp does, number by number."""
-
-    def load_of(real):
-        kind = wp.types.vector(width, real) if width > 1 else real
-
-        @wp.func
-        def load(values: wp.array(dtype=kind), i: int):
-            return values[i]
-
-        return load
-
-    return load_of
-
-
-@pytest.mark.nightly
-def test_checks_see_plain_reads(folder, monkeypatch):
-    """Without the loads of compiled.py no sum passes."""
-    for module in (sums, flow, green):
-        for width in (1, 2, 4):
-            if hasattr(module, f'load{width}'):
-                monkeypatch.setattr(module, f'load{width}', plain_load(width))
-    # none that was made with the others
-    monkeypatch.setattr(flow, 'sums_function', sums.sums_function.__wrapped__)
-    monkeypatch.setattr(green, '_sums_function', green._sums_function.__wrapped__)
-    monkeypatch.setattr(green, '_velocity_function', green._velocity_function.__wrapped__)
-    kernels = [
-        flow.flow_kernels.__wrapped__(
-            wp.float32, 'wendland', 3.0, 'energy', effect_sets()['green']
-        ).flow,
-        green._velocity_kernel.__wrapped__(
-            wp.float32, lanes=1, parts=1, is_short=False, is_wide=False
-        ),
-    ]
-    for kernel in kernels:
-        with pytest.raises(AssertionError):
-            check_sum(compiled(kernel, 90, folder))
-
-
-@pytest.mark.nightly
-def test_checks_see_slow_arithmetic(folder, monkeypatch):
-    """Without the hardware's own arithmetic the flow does not pass."""
-    assert flow.quick_kernel is quick_kernel
-    monkeypatch.setattr(flow, 'quick_kernel', partial(quick_kernel, fast_math=False))
-    kernels = flow.flow_kernels.__wrapped__(
-        wp.float32, 'wendland', 3.0, 'energy', effect_sets()['bare']
-    )
-    with pytest.raises(AssertionError):
-        check_arithmetic(compiled(kernels.flow, 90, folder))

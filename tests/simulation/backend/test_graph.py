@@ -48,7 +48,7 @@ def test_each_launch_has_its_own_arguments():
     for array, by, dim in (
         (one, 1.0, 6), (one, 1.0, 2), (other, 1.0, 3), (one, 10.0, 1), (one, 1.0, 6), (one, 1.0, 0)
     ):
-        launches(add, dim=dim, inputs=[by], outputs=[array])
+        launches(add, [by, array], dim=dim)
     np.testing.assert_array_equal(one.numpy(), [13.0, 3.0, 2.0, 2.0, 2.0, 2.0])
     np.testing.assert_array_equal(other.numpy(), [1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 
@@ -58,7 +58,7 @@ def test_arrays_are_kept_until_they_are_forgotten():
     launches = Launches(wp.get_device('cpu'))
     array = zeros()
     gone = weakref.ref(array)
-    launches(add, dim=6, inputs=[1.0], outputs=[array])
+    launches(add, [1.0, array], dim=6)
     del array
     assert gone() is not None
     launches.forget()
@@ -72,8 +72,8 @@ def test_launches_that_never_come_again_do_not_pile_up():
     for _ in range(2 * MOST):
         array = zeros()
         gone.append(weakref.ref(array))
-        launches(add, dim=6, inputs=[1.0], outputs=[array])
-        launches(add, dim=6, inputs=[1.0], outputs=[kept])
+        launches(add, [1.0, array], dim=6)
+        launches(add, [1.0, kept], dim=6)
     del array
     assert sum(item() is not None for item in gone) <= MOST
     assert (kept.numpy() == 2 * MOST).all()
@@ -133,17 +133,17 @@ def test_captured_launches_wait_for_their_replay():
 
     def launch():
         assert launches.is_capturing and launches.extent == 5
-        launches(add, dim=6, inputs=[1.0], outputs=[one])
-        launches(add, dim=2, inputs=[10.0], outputs=[one])
-        launches(add, dim=0, inputs=[100.0], outputs=[one])
-        launches(add, dim=3, inputs=[1.0], outputs=[other])
+        launches(add, [1.0, one], dim=6)
+        launches(add, [10.0, one], dim=2)
+        launches(add, [100.0, one], dim=0)
+        launches(add, [1.0, other], dim=3)
 
     launches.capture(launch, 5)
     assert launches.can_replay(5) and not launches.can_replay(6) and not launches.is_capturing
     assert not one.numpy().any()
     launches.replay()
     # what is packed for others changes nothing
-    launches(add, dim=1, inputs=[1.0], outputs=[other])
+    launches(add, [1.0, other], dim=1)
     launches.replay()
     np.testing.assert_array_equal(one.numpy(), [22.0, 22.0, 2.0, 2.0, 2.0, 2.0])
     np.testing.assert_array_equal(other.numpy(), [3.0, 2.0, 2.0, 0.0, 0.0, 0.0])
@@ -154,7 +154,7 @@ def test_captured_arrays_are_kept_until_they_are_forgotten():
     launches = Launches(wp.get_device('cpu'))
     arrays = [zeros()]
     gone = weakref.ref(arrays[0])
-    launches.capture(lambda: launches(add, dim=6, inputs=[1.0], outputs=arrays), 6)
+    launches.capture(lambda: launches(add, [1.0, *arrays], dim=6), 6)
     arrays.clear()
     launches.replay()
     assert gone() is not None
@@ -167,13 +167,13 @@ def test_a_capture_that_fails_leaves_nothing():
     launches, values = Launches(wp.get_device('cpu')), zeros()
 
     def launch():
-        launches(add, dim=6, inputs=[1.0], outputs=[values])
+        launches(add, [1.0, values], dim=6)
         raise ValueError('no more')
 
     with pytest.raises(ValueError, match='no more'):
         launches.capture(launch, 6)
     assert not launches.can_replay(0) and not launches.is_capturing
-    launches(add, dim=1, inputs=[1.0], outputs=[values])
+    launches(add, [1.0, values], dim=1)
     assert values.numpy().sum() == 1.0
 
 
@@ -181,7 +181,7 @@ def test_another_warp_launches_itself(monkeypatch):
     """What a launch has is not public: without it a replay is slower, and the same."""
     launches, values = Launches(wp.get_device('cpu')), zeros()
     monkeypatch.setattr(launches_module.ctypes, 'byref', None)
-    launches.capture(lambda: launches(add, dim=6, inputs=[1.0], outputs=[values]), 6)
+    launches.capture(lambda: launches(add, [1.0, values], dim=6), 6)
     ((function, arguments, _),) = launches._again.args[0]
     assert function.__name__ == 'launch' and not arguments
     monkeypatch.undo()
@@ -193,7 +193,7 @@ def test_another_warp_launches_itself(monkeypatch):
 def test_this_warp_is_called_at_once():
     """The compiled functions themselves are called, or replays would be no faster."""
     launches = Launches(wp.get_device('cpu'))
-    launches.capture(lambda: launches(add, dim=6, inputs=[1.0], outputs=[zeros()]), 6)
+    launches.capture(lambda: launches(add, [1.0, zeros()], dim=6), 6)
     ((function, arguments, command),) = launches._again.args[0]
     assert function is command.hooks.forward and len(arguments) == 2
 

@@ -16,15 +16,13 @@
 
 from contextlib import contextmanager
 
-import numpy as np
 import pytest
 import warp as wp
 
 from lava_ros.ros.session import failure_text
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Simulation
-from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.scene import Lava, Vent
 from lava_ros.simulation.state import SPARE
+from solver import incline, only, simulated
 
 #: More particles than any GPU has room for: an array of them takes up to 34 GB, and there are ten.
 TOO_MANY = 2**31 - 1 - SPARE
@@ -34,16 +32,9 @@ NO_ROOM = f'room for {TOO_MANY} particles: Failed to allocate'
 
 def flow(device):
     """Lava that has come a little way down a plane."""
-    x = np.arange(40) * 10.0
-    simulation = Simulation(
-        Scene(
-            Terrain(np.tile(500.0 - 0.2 * x, (30, 1)), 10.0),
-            (Vent((60.0, 155.0), 20.0),),
-            lava=Lava(),
-        ),
-        accuracy=Accuracy(spacing=5.0, deterministic=True),
-        device=device,
-    )
+    ground, vent = incline(0.2, 30, 40, 10.0, top=500.0), Vent((60.0, 155.0), 20.0)
+    knobs = {'spacing': 5.0, 'deterministic': True}
+    simulation = simulated(ground, Lava(), vent, effects=only('inertia'), device=device, **knobs)
     simulation.advance(60.0)
     return simulation
 

@@ -20,9 +20,8 @@ import warp as wp
 
 from lava_ros.effects.green import device as green
 from lava_ros.effects.helmholtz import device as helmholtz
-from lava_ros.simulation import sums as flow_sums
 from lava_ros.simulation.backend.simd import WIDTH
-from lava_ros.simulation.cells import cell_frame
+from lava_ros.simulation.cells import cell_frame, sums_function, wide_sums_function
 from lava_ros.simulation.kernels import k0_within, smoothing_kernel
 from lava_ros.simulation.state import SPARE
 
@@ -36,9 +35,9 @@ WENDLAND = smoothing_kernel('wendland', wp.float32)
 #: Sums of the flow and of two effects, in float32: one neighbour after the other, two and four of
 #: them at once, and eight.
 FLOW = (
-    flow_sums.sums_function(wp.float32, WENDLAND, 1, False),
-    flow_sums.sums_function(wp.float32, WENDLAND, 1, True),
-    flow_sums.wide_sums_function(WENDLAND.wide_terms),
+    sums_function(wp.float32, WENDLAND, 1, False),
+    sums_function(wp.float32, WENDLAND, 1, True),
+    wide_sums_function(WENDLAND.wide_terms),
 )
 GREEN = (
     green._sums_function(wp.float32, 1, False),
@@ -51,26 +50,8 @@ HELMHOLTZ = (
 )
 
 
-def kernel_of_flow(sums):
-    """A kernel of the flow's sums around one place."""
-
-    @wp.kernel(module='unique')
-    def sum_up(
-        values: wp.array(dtype=wp.vec4),
-        area: wp.array(dtype=float),
-        pairs: wp.array(dtype=wp.vec2),
-        cells: cell_frame(wp.float32),
-        box: wp.vec4i,
-        p: wp.vec4,
-        result: wp.array(dtype=wp.vec3),
-    ):
-        result[0] = sums(0, values, cells, box, p, wp.static(1.0 / RADIUS))
-
-    return sum_up
-
-
-def kernel_of_green(sums):
-    """A kernel of the Green's function's sums around one place, of lava half as thick as wide."""
+def kernel_of(name, sums):
+    """A kernel of some sums around one place; to green, lava is half as thick as wide."""
     powers_of = k0_within(wp.float32).powers_of
 
     @wp.kernel(module='unique')
@@ -83,34 +64,20 @@ def kernel_of_green(sums):
         p: wp.vec4,
         result: wp.array(dtype=wp.vec3),
     ):
-        result[0] = sums(0, values, area, cells, box, p, powers_of(2.0), 0.2)
-
-    return sum_up
-
-
-def kernel_of_helmholtz(sums):
-    """A kernel of the sums of a sweep around one place."""
-
-    @wp.kernel(module='unique')
-    def sum_up(
-        values: wp.array(dtype=wp.vec4),
-        area: wp.array(dtype=float),
-        pairs: wp.array(dtype=wp.vec2),
-        cells: cell_frame(wp.float32),
-        box: wp.vec4i,
-        p: wp.vec4,
-        result: wp.array(dtype=wp.vec3),
-    ):
-        u = wp.vec2(0.3, -0.4)
-        result[0] = sums(0, values, pairs, cells, box, p, u, wp.static(1.0 / RADIUS))
+        inverse = wp.static(1.0 / RADIUS)
+        if wp.static(name == 'flow'):
+            result[0] = sums(0, values, cells, box, p, inverse)
+        if wp.static(name == 'green'):
+            result[0] = sums(0, values, area, cells, box, p, powers_of(2.0), 0.2)
+        if wp.static(name == 'helmholtz'):
+            result[0] = sums(0, values, pairs, cells, box, p, wp.vec2(0.3, -0.4), inverse)
 
     return sum_up
 
 
 KERNELS = {
-    'flow': [kernel_of_flow(sums) for sums in FLOW],
-    'green': [kernel_of_green(sums) for sums in GREEN],
-    'helmholtz': [kernel_of_helmholtz(sums) for sums in HELMHOLTZ],
+    name: [kernel_of(name, sums) for sums in every]
+    for name, every in (('flow', FLOW), ('green', GREEN), ('helmholtz', HELMHOLTZ))
 }
 
 

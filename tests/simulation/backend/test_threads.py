@@ -12,8 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Launches in parts on the cores of a CPU: the same to the bit, and no part is lost."""
+"""Launches in parts on the cores of a CPU: the same to the bit, no part is lost; which cores."""
 
+import os
 import subprocess
 import sys
 import threading
@@ -27,8 +28,8 @@ from lava_ros.errors import LavaError
 from lava_ros.simulation import motion, neighbors
 from lava_ros.simulation.backend import threads
 from lava_ros.simulation.backend.compiled import quick_kernel, raise_to
-from lava_ros.simulation.backend.cores import usable_cores
 from lava_ros.simulation.backend.graph import Launches
+from lava_ros.simulation.backend.threads import usable_cores
 from lava_ros.verification.benchmarks.effects import effect_sets, lava_field, STEP
 
 #: Sets of effects: in them every kernel that is launched in parts has a part.
@@ -88,9 +89,7 @@ def visited(count, parts, least=1):
     values = wp.array(np.random.default_rng(1).random(count), dtype=wp.float32, device='cpu')
     visits = wp.zeros(count, dtype=wp.int32, device='cpu')
     most = wp.zeros(1, dtype=wp.float32, device='cpu')
-    threads.launch_over(
-        state_of(count), count_visits, inputs=[values], outputs=[visits, most], least=least
-    )
+    threads.launch_over(state_of(count), count_visits, [values, visits, most], least=least)
     return visits.numpy(), most.numpy()[0], values.numpy().max()
 
 
@@ -182,7 +181,7 @@ def test_a_launch_that_cannot_be_recorded():
     """The helpers that were called find nothing to do, and the next launch is as any other."""
     threads.use_threads(2)
     with pytest.raises(RuntimeError, match='requires 4'):
-        threads.launch_over(state_of(1000), count_visits, inputs=[], outputs=[], least=1)
+        threads.launch_over(state_of(1000), count_visits, [], least=1)
     assert (visited(1000, 2)[0] == 1).all()
 
 
@@ -214,3 +213,77 @@ def test_a_number_of_threads_that_is_none(monkeypatch, text):
         threads.threads()
     with pytest.raises(LavaError, match='threads'):
         threads.use_threads(0)
+
+
+@pytest.fixture
+def many(monkeypatch):
+    """A host of 64 cores."""
+    monkeypatch.setattr(os, 'sched_getaffinity', lambda _: set(range(64)), raising=False)
+
+
+#: Where control groups are.
+GROUPS = 'sys/fs/cgroup'
+
+
+def put(root, files):
+    """Write files below a root, by their paths."""
+    for name, text in files.items():
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding='utf-8')
+
+
+def test_here():
+    """At least one, and no more than the process is bound to."""
+    assert 1 <= usable_cores() <= len(os.sched_getaffinity(0))
+
+
+def test_without_groups(many, tmp_path):
+    """Where nothing says otherwise it is the cores that the process is bound to."""
+    assert usable_cores(tmp_path) == 64
+
+
+@pytest.mark.parametrize(
+    ('quota', 'expected'),
+    [('max', 64), ('200000', 2), ('150000', 2), ('5000', 1), ('9900000', 64), ('nonsense', 64)],
+)
+def test_a_container(many, tmp_path, quota, expected):
+    """``docker run --cpus``: of its group it sees the top."""
+    put(tmp_path, {'proc/self/cgroup': '0::/\n', f'{GROUPS}/cpu.max': f'{quota} 100000\n'})
+    assert usable_cores(tmp_path) == expected
+
+
+def test_the_least_share_of_all_groups_holds(many, tmp_path):
+    """A service in a slice has no more than the slice."""
+    put(
+        tmp_path,
+        {
+            'proc/self/cgroup': '0::/lava.slice/node.service\n',
+            f'{GROUPS}/lava.slice/cpu.max': '300000 100000\n',
+            f'{GROUPS}/lava.slice/node.service/cpu.max': '800000 100000\n',
+            f'{GROUPS}/other.slice/cpu.max': '100000 100000\n',
+        },
+    )
+    assert usable_cores(tmp_path) == 3
+
+
+@pytest.mark.parametrize(('quota', 'expected'), [('-1', 64), ('400000', 4)])
+def test_the_first_version(many, tmp_path, quota, expected):
+    """Of its controllers that of the CPU counts; a container's path is its host's."""
+    put(
+        tmp_path,
+        {
+            'proc/self/cgroup': '5:memory:/docker/1f\n4:cpu,cpuacct:/docker/1f\n0::/\n',
+            f'{GROUPS}/cpu,cpuacct/cpu.cfs_quota_us': f'{quota}\n',
+            f'{GROUPS}/cpu,cpuacct/cpu.cfs_period_us': '100000\n',
+        },
+    )
+    assert usable_cores(tmp_path) == expected
+
+
+def test_what_cannot_be_read_says_nothing(many, tmp_path):
+    """Half a file, or no text at all."""
+    put(tmp_path, {'proc/self/cgroup': '0::/\nnonsense\n', f'{GROUPS}/cpu.max': '100000\n'})
+    assert usable_cores(tmp_path) == 64
+    (tmp_path / 'proc/self/cgroup').write_bytes(b'\xff\xfe')
+    assert usable_cores(tmp_path) == 64

@@ -1,0 +1,138 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Lateral stress: the solve, its response and its matrix; the Green's function; a channel."""
+
+from dataclasses import replace
+import math
+
+import numpy as np
+import pytest
+
+from lava_ros.scene import Lava, Terrain
+from lava_ros.simulation import Particles
+from lava_ros.simulation.accuracy import Accuracy
+from lava_ros.simulation.state import ADVECTION
+from lava_ros.verification.cases.confined import channel_velocity
+from lava_ros.verification.cases.sheets import response
+from solver import flat, lattice, only, simulated
+
+LAVA = Lava(viscosity=1e4, arrhenius=0.0)
+
+
+@pytest.mark.parametrize('radius', [0.6, 1.0, 3.5, 10.0])
+def test_response_is_exact_for_any_radius_over_thickness(device, radius):
+    """The response to sin(q x) is 1 / (1 + q^2 h^2 / 3) within 1 %, waves of 8 radii."""
+    run = response('helmholtz', radius, 8.0 * radius, Accuracy(ratio=3.0), device)
+    assert run.measurements[0].error < 0.01
+
+
+def test_sweeps_solve_the_matrix():
+    """The Chebyshev sweeps reach the solution of the dense matrix, edges and all."""
+    rng = np.random.default_rng(2)
+    places = rng.uniform(-4.0, 4.0, (200, 2))
+    x = np.arange(40) * 0.5
+    terrain = Terrain(np.tile(0.3 * np.sin(x / 2.0), (40, 1)), 0.5, origin=(-10.0, -10.0))
+    particles = Particles(places, 0.36 * rng.uniform(0.5, 2.0, 200), 1400.0)
+    # slower than free fall, which bounds both
+    lava, knobs = replace(LAVA, viscosity=1e5), {'spacing': 0.6, 'precision': 'float64'}
+    bare, simulation = (
+        simulated(terrain, lava, particles, effects=effects, thickness=1.0, **knobs)
+        for effects in (only(), only('helmholtz'))
+    )
+    local, solved = bare.sample(), simulation.sample()
+    assert np.array_equal(local.position, solved.position)
+    radius, h = simulation.radius, local.thickness
+    q = np.linalg.norm(local.position[:, None] - local.position[None], axis=-1) / radius
+    force = 7 / math.pi / radius**4 * 20 * np.clip(1 - q, 0, None) ** 3
+    matrix = -force * (local.volume / h) * (h[:, None] + h)
+    np.fill_diagonal(matrix, 0.0)
+    np.fill_diagonal(matrix, 3 / h - matrix.sum(axis=1))
+    exact = np.linalg.solve(matrix, (3 / h)[:, None] * local.velocity)
+    error = np.abs(solved.velocity - exact).max()
+    assert error < 2e-3 * np.abs(local.velocity - exact).max()
+
+
+def test_velocity_stays_within_the_local_one():
+    """The solve obeys a maximum principle: no speed exceeds the largest local one."""
+    rng = np.random.default_rng(4)
+    terrain = Terrain(rng.normal(size=(40, 40)), 1.0)
+    given = Particles(rng.uniform(8.0, 32.0, (600, 2)), rng.uniform(0.2, 3.0, 600), 1400.0)
+    speeds = []
+    for effects in (only(), only('helmholtz')):
+        simulation = simulated(
+            terrain, LAVA, given, effects=effects, spacing=1.0, thickness=2.0
+        )
+        speeds.append(np.abs(simulation.sample().velocity).max())
+    assert 0.0 < speeds[1] <= speeds[0]
+
+
+def test_steps_follow_the_speed_that_lateral_stress_leaves():
+    """Where lava is thick that is a fraction of the local one, which steps were as short as."""
+    simulation = simulated(
+        flat(20),
+        replace(LAVA, viscosity=1e8),
+        Particles(lattice(3.0), 50.0, 1400.0),
+        effects=only('helmholtz'),
+        spacing=1.0,
+        thickness=50.0,
+    )
+    speed = np.linalg.norm(simulation.sample().velocity, axis=1).max()
+    reach = simulation._stage.constants.reach
+    simulation.advance(1e-3)
+    assert simulation._state.rates.numpy()[ADVECTION] == pytest.approx(speed / reach, rel=0.01)
+
+
+@pytest.mark.parametrize('precision', ['float32', 'float64'])
+@pytest.mark.parametrize('height', [0.1, 1.0, 10.0])
+@pytest.mark.parametrize('distance', [0.02, 0.1, 0.3, 1.0])
+def test_columns_push_each_other_apart(device, precision, height, distance):
+    """However near and thick: one that counted more than the other itself drew it in."""
+    places = 0.5 * distance * np.array([[-1.0, 0.0], [1.0, 0.0]])
+    simulation = simulated(
+        flat(8),
+        Lava(viscosity=1e6),
+        Particles(places, height, 1400.0),
+        effects=only('green'),
+        device=device,
+        spacing=1.0,
+        ratio=3.5,
+        precision=precision,
+    )
+    sample = simulation.sample()
+    apart = np.sign(sample.position[:, 0]) * sample.velocity[:, 0]
+    # near each other thick columns count alike: they stay where they are
+    assert apart.min() >= 0.0
+
+
+@pytest.mark.parametrize(('width', 'spacing'), [(1.0, 0.05), (2.5, 0.125), (5.0, 0.125)])
+def test_helmholtz_solve_in_a_channel(device, width, spacing):
+    """The solve is within 1 % for channels from one to five thicknesses wide."""
+    accuracy = Accuracy(spacing=spacing, ratio=3.0)
+    _, mean = channel_velocity(width, effect='helmholtz', accuracy=accuracy, device=device)
+    assert mean.error < 0.01
+
+
+def test_green_function_in_a_channel(device):
+    """With a support of 6 / k the Green's function is within 1 %, six thicknesses wide."""
+    accuracy = Accuracy(spacing=0.3, ratio=11.5)
+    _, mean = channel_velocity(6.0, effect='green', accuracy=accuracy, device=device)
+    assert mean.error < 0.01
+
+
+def test_a_short_support_loses_the_walls(device):
+    """Cut off at 1.7 thicknesses the Green's function sees half of the walls: it is no bargain."""
+    accuracy = Accuracy(spacing=0.3, ratio=5.5)
+    _, mean = channel_velocity(6.0, effect='green', accuracy=accuracy, device=device)
+    assert mean.measured > 1.03 * mean.exact

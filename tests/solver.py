@@ -1,0 +1,65 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Simulations for tests: grounds, lattices of particles, and lava on them in one call."""
+
+from typing import Any
+
+import numpy as np
+
+from lava_ros.effects import EFFECTS, Effects
+from lava_ros.scene import Lava, Scene, Terrain, Vent
+from lava_ros.simulation import Particles, Simulation
+from lava_ros.simulation.accuracy import Accuracy
+
+
+def only(*names: str) -> Effects:
+    """The effects with these names on and all others off."""
+    return Effects(**{name: name in names for name in EFFECTS})
+
+
+def flat(cells: int, cell: float = 1.0) -> Terrain:
+    """Level ground with its middle at (0, 0)."""
+    return incline(0.0, cells, cells, cell, origin=(-0.5 * cell * cells,) * 2)
+
+
+def incline(
+    slope: float, rows: int, columns: int, cell: float, *, top: float = 0.0, **options: Any
+) -> Terrain:
+    """A plane that falls from ``top`` [m] towards +x."""
+    return Terrain(np.tile(top - slope * cell * np.arange(columns), (rows, 1)), cell, **options)
+
+
+def lattice(half: float, spacing: float = 1.0) -> np.ndarray:
+    """Places on a square around (0, 0), shape [count, 2]."""
+    ticks = np.arange(-half, half, spacing) + 0.5 * spacing
+    return np.stack(np.meshgrid(ticks, ticks), axis=-1).reshape(-1, 2)
+
+
+def simulated(
+    ground: Terrain,
+    lava: Lava,
+    *on_it: Particles | Vent,
+    effects: Any = None,
+    device: str = 'cpu',
+    **knobs: Any,
+) -> Simulation:
+    """A simulation of vents and particles; what is not named here is a knob of ``Accuracy``."""
+    return Simulation(
+        Scene(ground, tuple(item for item in on_it if isinstance(item, Vent)), lava),
+        effects=effects,
+        accuracy=Accuracy(**knobs),
+        device=device,
+        particles=next((item for item in on_it if isinstance(item, Particles)), None),
+    )
