@@ -105,7 +105,7 @@ class Operation:
             parameters=values,
         )
         self._entities = entities
-        snapshot_ready = entities.guard_condition(self._publish)
+        snapshot_ready = entities.create('guard_condition', self._publish)
         chooser = DeadlineChooser()
         self._worker = SimulationWorker(
             lambda scene: new_simulation(scene, self._settings, chooser),
@@ -135,14 +135,14 @@ class Operation:
         )
         publishers: list[LayerPublishers[Any]] = [self._layers, *self._forecasts.publishers]
         for rate in sorted({rate for item in publishers for rate in item.rates}):
-            entities.timer(1.0 / rate, lambda rate=rate: self._make_due(rate))
+            entities.create('timer', 1.0 / rate, lambda rate=rate: self._make_due(rate))
         self._scene = ScenePublisher(entities, frame_id=settings.frame_id)
-        self._diagnostics = entities.publisher(
-            DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
+        self._diagnostics = entities.create(
+            'publisher', DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
         )
         # The heartbeat must not stop with a simulated clock.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        entities.timer(1.0, self._publish_diagnostics, clock=steady)
+        entities.create('timer', 1.0, self._publish_diagnostics, clock=steady)
         self._inputs = InputTopics(
             entities,
             self._worker,
@@ -225,12 +225,10 @@ class Operation:
         """Use other settings from now on, or from the next start where they say so."""
         old, self._settings = self._settings, new
         command = self._inputs.command
-        if new.time_scale != old.time_scale:
-            command('time_scale', self._worker.set_time_scale(new.time_scale))
-        if new.max_particles != old.max_particles:
-            command('max_particles', self._worker.set_max_particles(new.max_particles))
-        if new.end_time != old.end_time:
-            command('end_time', self._worker.set_end_time(new.end_time))
+        for name in ('time_scale', 'max_particles', 'end_time'):
+            value = getattr(new, name)
+            if value != getattr(old, name):
+                command(name, self._worker.set(name, value))
         if (new.forced, new.horizon) != (old.forced, old.horizon):
             command('effects', self._worker.set_effects(new.forced, horizon=new.horizon))
         if new.constants != old.constants:

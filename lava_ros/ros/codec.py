@@ -16,6 +16,7 @@
 
 import array
 from collections.abc import Mapping
+import importlib
 import struct
 import sys
 from typing import Any
@@ -113,6 +114,22 @@ def serialise(message: Any) -> bytes:
     """Turn a message into the bytes that go over the wire, and into a bag."""
     data: bytes = serialize_message(message)
     return data
+
+
+def message_class(message_type: str) -> Any:
+    """Import the class of a message type such as ``nav_msgs/msg/OccupancyGrid``.
+
+    Raises:
+        LavaError: The name is not that of a message type, or the type is not installed.
+    """
+    package, _, name = message_type.partition('/msg/')
+    if not package.isidentifier() or not name.isidentifier():
+        raise LavaError('message_type', message_type, 'a name such as nav_msgs/msg/OccupancyGrid')
+    try:
+        return getattr(importlib.import_module(f'{package}.msg'), name)
+    except (ImportError, AttributeError) as error:
+        right = f'a type that is installed here ({error})'
+        raise LavaError('message_type', message_type, right) from error
 
 
 def type_name(message_class: Any) -> str:

@@ -16,6 +16,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import suppress
 import time
 import traceback
 from typing import Any
@@ -29,8 +30,8 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
-from lava_ros.maps.layers import OCCUPANCY_GRID
-from lava_ros.ros import codec, grid_map, inputs, qos
+from lava_ros.maps.layers import GRID_MAP, OCCUPANCY_GRID
+from lava_ros.ros import codec, inputs, qos
 from lava_ros.ros.codec import decode
 from lava_ros.ros.diagnostics import InputLog
 from lava_ros.ros.entities import Entities
@@ -63,7 +64,6 @@ class InputTopics:
         *,
         settings: Callable[[], Settings],
         steady: Clock,
-        grid_maps: grid_map.Classes | None = None,
         observe: Callable[[Mask, float], 'Future[None]'] | None = None,
         recorder: Recorder | None = None,
         is_own: Callable[[str, bytes], bool] = lambda topic, data: False,
@@ -75,7 +75,6 @@ class InputTopics:
             worker: The simulation.
             settings: Returns the settings in use.
             steady: A clock that advances independently of ``/clock``.
-            grid_maps: Message classes of grid maps, None for those installed.
             observe: Takes a mask of where lava was observed and its ROS time [s]; None for no
                 subscription to outlines.
             recorder: Records the outlines, if any.
@@ -105,15 +104,16 @@ class InputTopics:
         ]
         if observe is not None:
             topics.append((OccupancyGrid, _OUTLINE, self._on_outline, command_qos))
-        grid_maps = grid_maps or grid_map.installed_classes()
-        if grid_maps is not None:
-            topics.append((grid_maps.map, 'terrain_grid', self._on_terrain_grid, terrain_qos))
+        # without grid_map_msgs there is no such topic
+        with suppress(LavaError):
+            kind = codec.message_class(GRID_MAP)
+            topics.append((kind, 'terrain_grid', self._on_terrain_grid, terrain_qos))
         by = ', '.join(topic for _, topic, _, profile in topics if profile is terrain_qos)
         self.wanted = f'waiting for terrain on {by}'
         for message_class, topic, callback, profile in topics:
             take = self._guarded(topic, message_class, callback)
-            entities.subscription(message_class, topic, take, profile, raw=True)
-        entities.timer(PAIRING_PERIOD, self._poll_pairing, clock=steady)
+            entities.create('subscription', message_class, topic, take, profile, raw=True)
+        entities.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=steady)
 
     def command(self, topic: str, future: 'Future[None]') -> None:
         """Report how a command for the worker ends; that is in the worker's thread."""

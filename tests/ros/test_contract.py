@@ -30,7 +30,7 @@ import yaml
 
 from lava_ros.bag.qos import QosProfile
 from lava_ros.maps.layer_files import load_layers
-from lava_ros.ros import diagnostics, grid_map
+from lava_ros.ros import diagnostics
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from maps.test_masks import SNAPSHOT
 
@@ -41,7 +41,7 @@ POLICY = ROOT / 'sros2' / 'lava_ros.policy.xml'
 
 #: What is there only with grid_map_msgs.
 GRID_MAP_TOPICS = {'terrain_grid', 'lava_grid_map'}
-HAS_GRID_MAPS = grid_map.installed_classes() is not None
+HAS_GRID_MAPS = importlib.util.find_spec('grid_map_msgs') is not None
 
 #: Every layer that is off by default.
 OPTIONAL = [

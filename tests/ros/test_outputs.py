@@ -196,11 +196,11 @@ def test_masks_are_sent_when_they_change():
     """Nav2 works its costmaps out anew for each: hazard comes with each frame, masks do not."""
     sent = []
 
-    def publisher(message_class, topic, profile):
+    def create(kind, message_class, topic, profile):
         return SimpleNamespace(publish=lambda data: sent.append(topic), topic_name=f'/{topic}')
 
     publishers = LayerPublishers(
-        SimpleNamespace(publisher=publisher),
+        SimpleNamespace(create=create),
         load_layers(CONFIGS / 'nav2_speed.yaml'),
         Recorder(),
         frame_id='map',

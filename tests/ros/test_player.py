@@ -36,7 +36,7 @@ from lava_ros.bag import BagWriter, LATCHED, QosProfile
 from lava_ros.bag.qos import INFINITE_NS
 from lava_ros.bag.schemas import MessageSchema
 from lava_ros.errors import LavaError
-from lava_ros.ros.player import message_class
+from lava_ros.ros.codec import message_class
 from lava_ros.ros.qos import ros_profile
 from ros_domain import own_domain
 

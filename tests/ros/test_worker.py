@@ -49,7 +49,7 @@ def test_time_follows_the_clock(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.now += 0.5
     bench.wait(lambda: bench.simulation.time == pytest.approx(30.0))
-    bench.run(bench.worker.set_time_scale(2.0))
+    bench.run(bench.worker.set('time_scale', 2.0))
     bench.now += 0.5
     bench.wait(lambda: bench.simulation.time == pytest.approx(31.0))
 
@@ -138,7 +138,7 @@ def test_end_time(bench):
     bench.now += 0.9
     bench.wait_for_state(WorkerState.FINISHED)
     bench.wait(lambda: bench.worker.latest.time == 2.0)
-    bench.run(bench.worker.set_end_time(5.0))
+    bench.run(bench.worker.set('end_time', 5.0))
     bench.wait_for_state(WorkerState.RUNNING)
     bench.now += 0.9
     bench.wait(lambda: bench.worker.latest.time == 5.0)

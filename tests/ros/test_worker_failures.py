@@ -81,7 +81,7 @@ def test_too_many_particles(bench):
     bench.wait_for_state(WorkerState.FAILED)
     assert bench.worker.status.error.startswith('11 particles, expected at most 10 (max_part')
     assert bench.worker.latest.time == pytest.approx(1.0)
-    bench.run(bench.worker.set_max_particles(20))
+    bench.run(bench.worker.set('max_particles', 20))
     bench.run(bench.worker.reset())
     bench.simulation.particle_count = 11
     bench.now += 0.5
