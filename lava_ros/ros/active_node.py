@@ -43,7 +43,6 @@ from lava_ros.ros.services import Services
 from lava_ros.ros.sources import new_simulation, resumed_simulation, Sources
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
-from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.snapshot import Snapshot
 
 #: How long the end waits for the simulation's thread: a step, or the compiler at the start [s].
@@ -51,6 +50,9 @@ STOP_TIMEOUT = 4.0
 
 #: How long the end of a bag waits for its last checkpoint: a step, or the compiler [s].
 CHECKPOINT_TIMEOUT = 2.0
+
+#: Period of the diagnostics [s].
+HEARTBEAT = 1.0
 
 
 class Operation:
@@ -83,11 +85,10 @@ class Operation:
         self._bag_folder = BagFolder(
             settings.bag_root, settings.bag_directory, node=node.get_fully_qualified_name()
         )
-        config = find_file(settings.msg_config, 'msg_configs')
-        forecast_config: Path | None = None
+        configs = {'msg_config': find_file(settings.msg_config, 'msg_configs')}
         if settings.forecast_horizon:
-            forecast_config = find_file(settings.forecast_config, 'msg_configs')
-        layers = published_layers(config, forecast_config, settings)
+            configs['forecast_config'] = find_file(settings.forecast_config, 'msg_configs')
+        layers = published_layers(*configs.values(), settings=settings)
         self.is_active = False
         self._is_paused = False
         self._is_recording_wanted = settings.record
@@ -98,10 +99,7 @@ class Operation:
             node,
             self._recorder,
             frame_id=settings.frame_id,
-            msg_config=config.read_text(encoding='utf-8'),
-            forecast_config=(
-                forecast_config.read_text(encoding='utf-8') if forecast_config else ''
-            ),
+            configs={name: path.read_text(encoding='utf-8') for name, path in configs.items()},
             parameters=values,
         )
         self._entities = entities
@@ -142,7 +140,7 @@ class Operation:
         )
         # The heartbeat must not stop with a simulated clock.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        entities.create('timer', 1.0, self._publish_diagnostics, clock=steady)
+        entities.create('timer', HEARTBEAT, self._publish_diagnostics, clock=steady)
         self._inputs = InputTopics(
             entities,
             self._worker,
@@ -377,7 +375,6 @@ class Operation:
         clock = self._clock_watch.look(stamp_ns, time.monotonic()) if is_simulated else ''
         resolution = self._worker.eruption.resolution
         self._log.worker(worker, resolution, clock, is_paused=self._is_paused)
-        wet = 0 if snapshot is None else int((snapshot.thickness >= COVERED).sum())
         message = DiagnosticArray(
             header=codec.header('', stamp_ns),
             status=[
@@ -385,7 +382,6 @@ class Operation:
                     worker,
                     snapshot,
                     is_active=self.is_active,
-                    wet_cells=wet,
                     frame_stamp_ns=self._layers.shown_stamp_ns,
                     resolution=resolution,
                     clock=clock,
@@ -399,13 +395,8 @@ class Operation:
         diagnostics.sign(message, self._node.get_fully_qualified_name(), worker.device)
         data = codec.serialise(message)
         self._diagnostics.publish(data)
-        self._recorder.write(
-            '/diagnostics',
-            'diagnostic_msgs/msg/DiagnosticArray',
-            data,
-            stamp_ns,
-            qos=qos.DIAGNOSTICS,
-        )
+        kind = codec.type_name(DiagnosticArray)
+        self._recorder.write('/diagnostics', kind, data, stamp_ns, qos=qos.DIAGNOSTICS)
         self._recorder.flush()
         period = self._settings.checkpoint_period
         self._report_checkpoint(self._checkpoints.poll(period, stamp_ns))

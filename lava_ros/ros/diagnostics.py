@@ -31,6 +31,7 @@ from lava_ros.ros.recorder import RecorderStatus
 from lava_ros.ros.recording import LastCheckpoint
 from lava_ros.ros.session import is_on
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
+from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.snapshot import Snapshot
 
@@ -136,7 +137,6 @@ def simulation_status(
     snapshot: Snapshot | None,
     *,
     is_active: bool,
-    wet_cells: int,
     frame_stamp_ns: int,
     resolution: Resolution | None = None,
     clock: str = '',
@@ -147,7 +147,6 @@ def simulation_status(
         worker: The state of the worker.
         snapshot: The snapshot that was published last, None before the first.
         is_active: Whether the node is active.
-        wet_cells: Number of cells with lava in the snapshot.
         frame_stamp_ns: Stamp of the snapshot's maps [ns].
         resolution: How well particles resolve the flow, None if unknown.
         clock: What is wrong with the clock, empty if nothing is.
@@ -181,7 +180,8 @@ def simulation_status(
             'footprint_error': f'{resolution.error:.2g}',
         }
     if snapshot is not None:
-        values |= snapshot_values(snapshot, frame_stamp_ns) | {'wet_cells': wet_cells}
+        values |= snapshot_values(snapshot, frame_stamp_ns)
+        values['wet_cells'] = int((snapshot.thickness >= COVERED).sum())
     if not is_active:
         message = f'inactive: {message}'
     return status('simulation', level, message, values)

@@ -70,15 +70,10 @@ class InputTopics:
     ) -> None:
         """Subscribe to the input topics.
 
-        Args:
-            entities: Creates the subscriptions.
-            worker: The simulation.
-            settings: Returns the settings in use.
-            steady: A clock that advances independently of ``/clock``.
-            observe: Takes a mask of where lava was observed and its ROS time [s]; None for no
-                subscription to outlines.
-            recorder: Records the outlines, if any.
-            is_own: Whether a serialised message on a topic comes from this node.
+        ``settings`` returns the settings in use; ``steady`` is a clock that advances independently
+        of ``/clock``. ``observe`` takes a mask of where lava was observed and its ROS time [s];
+        without it there is no subscription to outlines. ``recorder`` records the outlines.
+        ``is_own`` says whether a serialised message on a topic comes from this node.
         """
         self.log = InputLog()
         self._node = entities.node
@@ -165,13 +160,13 @@ class InputTopics:
 
     def _on_terrain(self, image: Image) -> None:
         inputs.check_image(image, self._settings())
-        self._pairing.add_image(image, time.monotonic())
+        self._pairing.add(image, time.monotonic())
         self._poll_pairing()
 
     def _on_terrain_info(self, info: MapMetaData) -> None:
         inputs.check_info(info, self._settings())
         self.log.accept('terrain_info')
-        self._pairing.add_info(info, time.monotonic())
+        self._pairing.add(info, time.monotonic())
         self._poll_pairing()
 
     def _poll_pairing(self) -> None:
@@ -201,9 +196,8 @@ class InputTopics:
     def _on_clicked_point(self, point: PointStamped) -> None:
         settings, scene = self._settings(), self._worker.scene
         if scene is not None and len(scene.vents) >= settings.max_vents:
-            raise LavaError(
-                'clicked_point', 'one more vent', f'at most {settings.max_vents} (max_vents)'
-            )
+            right = f'at most {settings.max_vents} (max_vents)'
+            raise LavaError('clicked_point', 'one more vent', right)
         self._clicks += 1
         vent = inputs.vent_from_point(point, settings, name=f'click {self._clicks}')
         self.command('clicked_point', self._worker.add_vent(vent))
@@ -218,10 +212,5 @@ class InputTopics:
         assert self._observe is not None
         self.command(_OUTLINE, self._observe(mask, 1e-9 * stamp_ns))
         if self._recorder is not None and self._recorder.is_recording:
-            self._recorder.write(
-                self._node.resolve_topic_name(_OUTLINE),
-                OCCUPANCY_GRID,
-                codec.serialise(grid),
-                now_ns,
-                qos=qos.COMMANDS,
-            )
+            topic, data = self._node.resolve_topic_name(_OUTLINE), codec.serialise(grid)
+            self._recorder.write(topic, OCCUPANCY_GRID, data, now_ns, qos=qos.COMMANDS)

@@ -36,7 +36,9 @@ from lava_ros.simulation.snapshot import Snapshot
 Shown = TypeVar('Shown', Snapshot, Forecast, Outlook)
 
 
-def published_layers(config: Path, forecast: Path | None, settings: Settings) -> list[Layer]:
+def published_layers(
+    config: Path, forecast: Path | None = None, *, settings: Settings
+) -> list[Layer]:
     """The enabled layers; layers of ensembles only if there are ensembles.
 
     ``forecast`` is the file of the layers of forecasts, None without forecasts.

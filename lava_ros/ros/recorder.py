@@ -225,9 +225,6 @@ SAVES = 5
 #: Wall time in which one more may come [s].
 SAVE_PERIOD = 10.0
 
-#: Most data that saves may write unless the user says otherwise [bytes].
-MAX_SAVED_BYTES = 10 * 2**30
-
 
 class SaveAllowance:
     """Counts saves and what they have written, and refuses those that are too many."""

@@ -322,7 +322,6 @@ def test_foxglove_plots_what_the_diagnostics_say(foxglove):
         WorkerStatus(WorkerState.RUNNING, '', 1.0, 1.0, False, 'cpu'),
         SNAPSHOT,
         is_active=True,
-        wet_cells=1,
         frame_stamp_ns=0,
     )
     diagnostics.sign(DiagnosticArray(status=[status]), '/lava', 'cpu')

@@ -14,7 +14,6 @@
 
 """Forecasts and ensembles of a node in a real graph: maps, what was seen, withdrawals, the bag."""
 
-from dataclasses import replace
 import json
 from pathlib import Path
 import time
@@ -223,7 +222,7 @@ def test_the_bag_has_them(graph, node):
 def _refusal(settings, msg_config='default.yaml', forecast_config='forecast.yaml'):
     with pytest.raises(LavaError) as caught:
         published_layers(
-            CONFIGS / msg_config, CONFIGS / forecast_config, replace(Settings(), **settings)
+            CONFIGS / msg_config, CONFIGS / forecast_config, settings=Settings(**settings)
         )
     return str(caught.value)
 
@@ -234,7 +233,9 @@ def test_files_that_do_not_fit_are_refused(tmp_path):
     assert "layers.arrival_time.source is 'arrival'" in _refusal({}, msg_config='forecast.yaml')
     assert 'layers_off' in _refusal({'layers_off': ('arrivals',)})
     layers = published_layers(
-        CONFIGS / 'default.yaml', CONFIGS / 'forecast.yaml', Settings(layers_off=('arrival',))
+        CONFIGS / 'default.yaml',
+        CONFIGS / 'forecast.yaml',
+        settings=Settings(layers_off=('arrival',)),
     )
     assert {layer.topic for layer in layers if layer.is_forecast} == {*FORECASTS} - {'arrival'}
     path = tmp_path / 'forecast.yaml'

@@ -57,7 +57,7 @@ class Taped:
         self.origin = None
         self.recorder = Recorder()
         self.recording = SceneRecording(
-            Names(), self.recorder, frame_id='map', msg_config='', parameters=dict
+            Names(), self.recorder, frame_id='map', configs={}, parameters=dict
         )
 
     def write(self, time, effects):
