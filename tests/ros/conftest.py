@@ -32,6 +32,13 @@ from ros_domain import own_domain
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 
+#: Runs the node with five heartbeats a second: tests wait for what it tells.
+QUICK = """
+from lava_ros.ros import active_node, node
+active_node.HEARTBEAT = 0.2
+raise SystemExit(node.main())
+"""
+
 #: How long to wait for what has to come, on a busy machine too [s].
 PATIENCE = 60.0
 
@@ -50,7 +57,7 @@ def _environment(aside):
 class Process:
     """A child process whose output is read line by line."""
 
-    def __init__(self, arguments, directory, aside=False):
+    def __init__(self, directory, arguments, aside=False):
         self.environment = _environment(aside)
         self.child = subprocess.Popen(
             [sys.executable, *arguments],
@@ -127,36 +134,17 @@ class Process:
             raise
 
 
-def _ros_arguments(remap):
-    return ['--ros-args', *(word for rule in remap for word in ('-r', rule))]
-
-
-class Node(Process):
-    """The node itself."""
-
-    def __init__(
-        self,
-        directory,
-        aside=False,
-        program=('-m', 'lava_ros.ros.node'),
-        remap=(),
-        **parameters,
-    ):
-        words = [
-            word
-            for name, value in parameters.items()
-            for word in ('-p', f'{name}:={json.dumps(value)}')
-        ]
-        super().__init__([*program, *_ros_arguments(remap), *words], directory, aside)
-
+def _ros_arguments(remap, **parameters):
+    words = [('-r', rule) for rule in remap]
+    words += [('-p', f'{name}:={json.dumps(value)}') for name, value in parameters.items()]
+    return ['--ros-args', *(word for pair in words for word in pair)]
 
 
 class Publisher(Process):
     """A process that tells nodes what a test says, and asks them; ``node`` is /lava without."""
 
-    def __init__(self, directory, aside=False, remap=()):
-        arguments = [str(HERE / 'graph_publisher.py'), *_ros_arguments(remap)]
-        super().__init__(arguments, directory, aside)
+    def __init__(self, directory, remap=()):
+        super().__init__(directory, [str(HERE / 'graph_publisher.py'), *_ros_arguments(remap)])
 
     def publish(self, *names):
         """Send messages by their names in ``graph_publisher.CASES``."""
@@ -192,16 +180,16 @@ class Publisher(Process):
         """The state that the node is in."""
         return self.ask(state=True, **node)
 
-    def names(self, expected=None, **node):
+    def names(self, expected=(), **options):
         """Topics and services of the node, once they are as expected or have stopped changing."""
-        return self.ask(names=expected, **node)
+        return self.ask(names=list(expected), **options)
 
 
 class Listener(Process):
     """A process that reports what the node publishes."""
 
-    def __init__(self, directory, *topics, aside=False):
-        super().__init__([str(HERE / 'graph_listener.py'), *topics], directory, aside)
+    def __init__(self, directory, *topics):
+        super().__init__(directory, [str(HERE / 'graph_listener.py'), *topics])
         self.seen = []
 
     def wait(self, condition, timeout=PATIENCE):
@@ -320,28 +308,30 @@ class Graph:
         self.directory = directory
         self._started = []
 
-    def _start(self, kind, *arguments, **options):
-        process = kind(self.directory, *arguments, **options)
+    def _start(self, kind, *arguments):
+        process = kind(self.directory, *arguments)
         self._started.append(process)
         return process
 
-    def node(self, *, aside=False, **parameters):
-        """Start a node with parameters; ``program`` runs another in its place."""
-        return self._start(Node, aside=aside, **parameters)
+    def node(self, *, aside=False, program=('-c', QUICK), remap=(), **parameters):
+        """Start a node with parameters, and five maps a second; ``program`` runs another."""
+        often = self.directory / 'often.yaml'
+        default = (ROOT / 'msg_configs/default.yaml').read_text(encoding='utf-8')
+        often.write_text(default.replace('rate: 1.0 ', 'rate: 5.0 '), encoding='utf-8')
+        words = _ros_arguments(remap, **{'msg_config': str(often), **parameters})
+        return self.process(*program, *words, aside=aside)
 
-    def publisher(self, *, aside=False, remap=()):
+    def publisher(self, *, remap=()):
         """Start a process that publishes what it is told to."""
-        return self._start(Publisher, aside=aside, remap=remap)
+        return self._start(Publisher, remap)
 
-    def listener(self, *topics, aside=False):
+    def listener(self, *topics):
         """Start a process that reports what it hears."""
-        return self._start(Listener, *topics, aside=aside)
+        return self._start(Listener, *topics)
 
     def process(self, *arguments, aside=False):
         """Start any other Python process."""
-        process = Process(list(arguments), self.directory, aside)
-        self._started.append(process)
-        return process
+        return self._start(Process, arguments, aside)
 
     @property
     def logs(self):

@@ -303,11 +303,11 @@ class Teller:
         """The label of the state."""
         return self._ask(GetState, f'{node}/get_state').current_state.label
 
-    def names(self, expected, node='/lava'):
-        """Topics and services of a node, sorted, once they are as expected or change no more.
+    def names(self, expected, only=False, node='/lava'):
+        """Topics and services of a node, sorted, once those that are expected are there.
 
-        Without any that are expected they have to stay for two seconds: a busy machine learns of
-        them one by one.
+        With ``only`` there must be no others. Without any that are expected they have to stay for
+        two seconds: a busy machine learns of them one by one.
         """
         space, _, name = node.rpartition('/')
         ways = (
@@ -316,15 +316,21 @@ class Teller:
             self._node.get_service_names_and_types_by_node,
         )
         found, since, end = [], 0.0, time.monotonic() + PATIENCE
-        while found != expected and time.monotonic() < end:
-            time.sleep(0.1)
+        while time.monotonic() < end:
+            time.sleep(0.05)
             before = found
             try:
                 found = sorted({item for way in ways for item, _ in way(name, space or '/')})
             except NodeNameNonExistentError:
                 found = []
             since = since if found == before else time.monotonic()
-            if not expected and f'{node}/get_state' in found and time.monotonic() - since > 2.0:
+            if only:
+                is_there = found == expected
+            elif expected:
+                is_there = set(expected) <= set(found)
+            else:
+                is_there = f'{node}/get_state' in found and time.monotonic() - since > 2.0
+            if is_there:
                 break
         return found
 

@@ -53,6 +53,7 @@ OPTIONAL = [
 #: What the node of this test is told.
 GIVEN = {
     'device': 'cpu',
+    'msg_config': 'default.yaml',
     'use_sim_time': True,
     'layers_on': OPTIONAL,
     'forecast_horizon': 1.0,
@@ -82,7 +83,7 @@ def full_name(name):
 @pytest.fixture(scope='module')
 def shown(graph):
     """What a node with every optional layer shows."""
-    node = graph.node(**GIVEN)
+    node = graph.node(program=('-m', 'lava_ros.ros.node'), **GIVEN)
     node.wait_for_log('active')
     looking = graph.process(str(HERE / 'graph_contract.py'), 'lava')
     found = json.loads(looking.line(90.0))

@@ -32,7 +32,7 @@ from lava_ros.forecast import planning as affordable
 from lava_ros.forecast import process as forecast_process
 from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
 from lava_ros.forecast.planning import Affordable
-from lava_ros.ros import diagnostics
+from lava_ros.ros import diagnostics, forecaster
 from lava_ros.ros.deadline import DeadlineChooser
 from lava_ros.ros.ensemble_forecasts import ForecastRules
 from lava_ros.ros.forecaster import Forecaster, ForecastProcess, LEAST_PERIOD
@@ -142,10 +142,12 @@ class Bench:
 
 @pytest.fixture(scope='module')
 def running():
-    """A worker and a forecaster for all tests: a process takes a while to start."""
-    result = Bench()
-    yield result
-    result.close()
+    """A worker and a forecaster for all tests, which soon try again what has failed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(forecaster, '_RETRY_TIMES', (0.1, 0.2))
+        result = Bench()
+        yield result
+        result.close()
 
 
 @pytest.fixture

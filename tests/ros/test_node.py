@@ -17,7 +17,6 @@
 from collections import Counter
 import hashlib
 import json
-from pathlib import Path
 import re
 
 import pytest
@@ -25,7 +24,6 @@ import yaml
 
 from lava_ros.bag import BagReader
 
-CONFIGS = Path(__file__).parents[2] / 'msg_configs'
 GRIDS = ('height', 'temperature', 'hazard')
 
 
@@ -35,15 +33,11 @@ class Running:
     def __init__(self, graph):
         self.graph = graph
         self.bag = graph.directory / 'bag'
-        config = graph.directory / 'often.yaml'
-        default = (CONFIGS / 'default.yaml').read_text(encoding='utf-8')
-        config.write_text(default.replace('rate: 1.0 ', 'rate: 4.0 '), encoding='utf-8')
         self.node = graph.node(
             time_scale=60.0,
             device='cpu',
             record=True,
             bag_directory=str(self.bag),
-            msg_config=str(config),
         )
         self.publisher = graph.publisher()
         self.listener = graph.listener(*GRIDS)

@@ -141,6 +141,8 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
     bag = directory / 'soak'
     try:
         node = graph.node(
+            program=('-m', 'lava_ros.ros.node'),
+            msg_config='default.yaml',
             device='cpu',
             time_scale=20.0,
             spacing=SPACING,

@@ -99,6 +99,7 @@ def breaking(name, method):
 
 if __name__ == '__main__':
     operation.STOP_TIMEOUT = operation.CHECKPOINT_TIMEOUT = 1.0
+    operation.HEARTBEAT = 0.2
     for name, method in (
         ('configure', '_begin'),
         ('activate', '_publish'),
