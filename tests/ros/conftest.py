@@ -27,6 +27,7 @@ import time
 import numpy as np
 import pytest
 
+from ros.graph_publisher import Publisher
 from ros_domain import own_domain
 
 HERE = Path(__file__).parent
@@ -109,12 +110,6 @@ class Process:
             assert time.monotonic() < end, self.log
             time.sleep(0.05)
 
-    def ask(self, **order):
-        """Send a line and return the one that answers it."""
-        self.child.stdin.write(json.dumps(order) + '\n')
-        self.child.stdin.flush()
-        return json.loads(self.line(2.0 * PATIENCE))
-
     def wait_for_end(self, timeout=PATIENCE):
         """The exit code, once the process has ended and all that it wrote has been read."""
         code = self.child.wait(timeout)
@@ -138,51 +133,6 @@ def _ros_arguments(remap, **parameters):
     words = [('-r', rule) for rule in remap]
     words += [('-p', f'{name}:={json.dumps(value)}') for name, value in parameters.items()]
     return ['--ros-args', *(word for pair in words for word in pair)]
-
-
-class Publisher(Process):
-    """A process that tells nodes what a test says, and asks them; ``node`` is /lava without."""
-
-    def __init__(self, directory, remap=()):
-        super().__init__(directory, [str(HERE / 'graph_publisher.py'), *_ros_arguments(remap)])
-
-    def publish(self, *names):
-        """Send messages by their names in ``graph_publisher.CASES``."""
-        for name in names:
-            self.ask(publish=name)
-
-    def flood(self, count, rate, last):
-        """Send vents of discharges up to a last one, so many a second; return how long it took."""
-        return self.ask(flood=count, rate=rate, last=last)
-
-    def clock(self, seconds):
-        """Send a time on /clock."""
-        self.ask(clock=seconds)
-
-    def call(self, service, data=False, **node):
-        """Call a service of the node and return its answer."""
-        return self.ask(call=service, data=data, **node)
-
-    def map(self, topic):
-        """Get a map of the node: its shape, its stamp and the hash of its cells."""
-        return self.ask(map=topic)
-
-    def set(self, node='/lava', **values):
-        """Set parameters of the node and return the answer."""
-        values = {name.replace('__', '.'): item for name, item in values.items()}
-        return self.ask(set=values, node=node)
-
-    def change(self, transition, **node):
-        """Ask for a transition and return whether it went well."""
-        return self.ask(change=transition, **node)
-
-    def state(self, **node):
-        """The state that the node is in."""
-        return self.ask(state=True, **node)
-
-    def names(self, expected=(), **options):
-        """Topics and services of the node, once they are as expected or have stopped changing."""
-        return self.ask(names=list(expected), **options)
 
 
 class Listener(Process):
@@ -306,7 +256,7 @@ class Graph:
 
     def __init__(self, directory):
         self.directory = directory
-        self._started = []
+        self._started, self._publishers = [], []
 
     def _start(self, kind, *arguments):
         process = kind(self.directory, *arguments)
@@ -322,8 +272,9 @@ class Graph:
         return self.process(*program, *words, aside=aside)
 
     def publisher(self, *, remap=()):
-        """Start a process that publishes what it is told to."""
-        return self._start(Publisher, remap)
+        """Join the graph with what publishes as it is told to."""
+        self._publishers.append(Publisher(own_domain('graph'), remap))
+        return self._publishers[-1]
 
     def listener(self, *topics):
         """Start a process that reports what it hears."""
@@ -343,6 +294,8 @@ class Graph:
         """End what still runs."""
         while self._started:
             self._started.pop().end(signal.SIGKILL)
+        while self._publishers:
+            self._publishers.pop().close()
 
 
 @pytest.hookimpl(wrapper=True)
@@ -368,6 +321,8 @@ def bench(request):
 @pytest.fixture(scope='module')
 def graph(tmp_path_factory):
     """The graph of a module's tests."""
-    result = Graph(tmp_path_factory.mktemp('graph'))
-    yield result
-    result.close()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        result = Graph(tmp_path_factory.mktemp('graph'))
+        yield result
+        result.close()

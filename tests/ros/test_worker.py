@@ -66,7 +66,7 @@ def test_a_clock_that_jumps(bench):
     assert bench.simulation.time == pytest.approx(MAX_LAG)
 
 
-@pytest.mark.parametrize('time_scale', [1.0, 1e2, 1e3, 1e4, 1e5])
+@pytest.mark.parametrize('time_scale', [1.0, 1e5])
 def test_time_scales(time_scale):
     """At every scale time follows a clock that stutters, jumps and goes back, within the lag."""
     bench = Bench(time_scale=time_scale)
@@ -91,7 +91,7 @@ def test_time_scales(time_scale):
 def test_a_slow_simulation_does_not_chase_the_clock(bench):
     """Lost time is given up beyond the lag, and the achieved speed is reported."""
     bench.run(bench.worker.set_terrain(TERRAIN))
-    for _ in range(20):
+    for _ in range(10):
         bench.now += 0.05
         time.sleep(0.05)
     bench.wait(lambda: bench.worker.status.is_behind)
@@ -104,8 +104,12 @@ def test_a_slow_simulation_does_not_chase_the_clock(bench):
 
 
 def test_pause_and_step(bench):
-    """A pause holds time and shows the last state; a step advances by its length."""
+    """A pause holds time and shows the last state; a step, in a pause alone, has its length."""
+    with pytest.raises(LavaError, match='step'):
+        bench.run(bench.worker.step(1.0))
     bench.run(bench.worker.set_terrain(TERRAIN))
+    with pytest.raises(LavaError, match='a paused simulation'):
+        bench.run(bench.worker.step(1.0))
     bench.now += 0.5
     bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
     bench.run(bench.worker.pause(True))
@@ -120,15 +124,6 @@ def test_pause_and_step(bench):
     bench.run(bench.worker.pause(False))
     bench.now += 0.25
     bench.wait(lambda: bench.simulation.time == pytest.approx(10.75))
-
-
-def test_step_needs_a_pause(bench):
-    """A running simulation cannot be stepped, nor one that is not there."""
-    with pytest.raises(LavaError, match='step'):
-        bench.run(bench.worker.step(1.0))
-    bench.run(bench.worker.set_terrain(TERRAIN))
-    with pytest.raises(LavaError, match='a paused simulation'):
-        bench.run(bench.worker.step(1.0))
 
 
 @pytest.mark.parametrize('bench', [{'end_time': 2.0, 'time_scale': 10.0}], indirect=True)

@@ -25,7 +25,7 @@ from lava_ros.errors import LavaError
 from lava_ros.ros.commands import Command, CommandQueue
 from lava_ros.ros.worker_status import WorkerState
 from lava_ros.scene import Lava, Scene, Vent
-from worker_bench import Bench, OUTSIDE, TERRAIN, VENT
+from worker_bench import Bench, TERRAIN, VENT
 
 
 def test_a_failure_is_reported_and_reset_recovers(bench):
@@ -139,24 +139,6 @@ def test_a_flood_of_vents_is_coalesced(bench):
     assert sum(not future.cancelled() for future in futures) == len(given)
 
 
-def test_too_many_commands_are_refused(bench):
-    """What cannot be coalesced is bounded: more is refused, and taken again when there is room."""
-    bench.run(bench.worker.set_terrain(TERRAIN))
-    bench.run(bench.worker.pause(True))
-    bench.simulation.is_compiled.clear()
-    slow = bench.worker.set_effects({}, horizon=3600.0)
-    futures = [bench.worker.add_vent(OUTSIDE) for _ in range(1100)]
-    refused = [future for future in futures if future.done()]
-    assert 99 <= len(refused) <= 101
-    with pytest.raises(LavaError, match='1000 waiting'):
-        refused[0].result(0.0)
-    bench.simulation.is_compiled.set()
-    bench.run(slow)
-    with pytest.raises(LavaError, match='a place on the terrain'):
-        bench.run(futures[0])
-    bench.run(bench.worker.pause(False))
-
-
 def test_snapshots_come_on_request(bench):
     """A request renews the snapshot once there is something new, and says so once."""
     bench.run(bench.worker.set_terrain(TERRAIN))
@@ -170,20 +152,6 @@ def test_snapshots_come_on_request(bench):
     bench.worker.request_snapshot()
     bench.wait(lambda: len(bench.shown) == 2)
     assert bench.shown[-1].time == pytest.approx(0.5)
-
-
-def test_everything_happens_in_one_thread(bench):
-    """The simulation is made, advanced and read by the worker's thread alone."""
-    threads = set()
-    original = bench.make
-
-    def make(scene):
-        threads.add(threading.current_thread().name)
-        return original(scene)
-
-    bench.worker._make_simulation = make
-    bench.run(bench.worker.set_terrain(TERRAIN))
-    assert threads == {'lava simulation'}
 
 
 def test_stop_answers_what_waits():
@@ -211,25 +179,6 @@ def test_stop_answers_at_once_what_a_step_keeps_waiting():
         waiting.result(0.0)
     bench.simulation.is_compiled.set()
     bench.run(compiling)
-    assert bench.worker.stop(60.0)
-
-
-def test_stop_reports_a_thread_that_is_stuck():
-    """A thread that does not end in time is reported, not waited for."""
-    bench = Bench()
-    bench.run(bench.worker.set_terrain(TERRAIN))
-    stuck, freed = threading.Event(), threading.Event()
-
-    def advance(until, *, wall_limit=None):
-        stuck.set()
-        assert freed.wait(60.0)
-        return until
-
-    bench.simulation.advance = advance
-    bench.now += 0.5
-    assert stuck.wait(60.0)
-    assert not bench.worker.stop(0.1)
-    freed.set()
     assert bench.worker.stop(60.0)
 
 
@@ -341,16 +290,6 @@ def taken(commands):
     return [commands.get(0.0).action for _ in range(len(commands))]
 
 
-def test_commands_come_in_order():
-    """What was put first comes first, and nothing comes from nothing."""
-    commands = CommandQueue()
-    for name in 'abc':
-        put(commands, name)
-    assert taken(commands) == ['a', 'b', 'c']
-    with pytest.raises(queue.Empty):
-        commands.get(0.0)
-
-
 def test_the_newest_of_a_kind_replaces_the_one_that_waits():
     """The older one is cancelled; the newer one comes after what was put between them."""
     commands = CommandQueue()
@@ -364,6 +303,8 @@ def test_the_newest_of_a_kind_replaces_the_one_that_waits():
     later = put(commands, 'later vents', 'vents')
     assert not later.done()
     assert taken(commands) == ['later vents']
+    with pytest.raises(queue.Empty):
+        commands.get(0.0)
 
 
 def test_too_many_are_refused():
@@ -390,28 +331,3 @@ def test_a_callback_may_put_another():
     refused.add_done_callback(lambda _: put(commands, 'terrain', 'terrain'))
     commands.put(Command('click', refused, ''))
     assert taken(commands) == ['vents', 'terrain']
-
-
-def test_a_closed_queue_refuses_what_waits_and_what_comes():
-    """Nobody waits for ever: each future holds the reason, and the thread is woken."""
-    commands = CommandQueue()
-    futures = [put(commands, 'a'), put(commands, 'b', 'vents')]
-    commands.close(LavaError('simulation', 'stopped', 'one that runs'))
-    futures += [put(commands, 'c', 'vents'), put(commands, 'd')]
-    for future in futures:
-        with pytest.raises(LavaError, match='stopped'):
-            future.result(0.0)
-    assert len(commands) == 0
-    with pytest.raises(queue.Empty):
-        commands.get()
-
-
-def test_a_waiting_thread_is_woken():
-    """A command wakes the thread that waits for one."""
-    commands = CommandQueue()
-    seen = []
-    thread = threading.Thread(target=lambda: seen.append(commands.get(10.0).action))
-    thread.start()
-    put(commands, 'late')
-    thread.join(10.0)
-    assert seen == ['late']

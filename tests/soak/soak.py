@@ -137,6 +137,7 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
     Returns:
         Figures by name.
     """
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     graph = Graph(directory)
     bag = directory / 'soak'
     try:
