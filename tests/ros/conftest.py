@@ -14,6 +14,7 @@
 
 """Processes of a ROS graph of this test run's own."""
 
+import importlib.util
 import json
 import os
 from pathlib import Path
@@ -296,6 +297,15 @@ class Graph:
             self._started.pop().end(signal.SIGKILL)
         while self._publishers:
             self._publishers.pop().close()
+
+
+@pytest.fixture(scope='module')
+def example(request):
+    """The example of the module, ``EXAMPLE``, as a module."""
+    spec = importlib.util.spec_from_file_location('example', request.module.EXAMPLE)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.hookimpl(wrapper=True)

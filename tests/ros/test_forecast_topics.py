@@ -24,6 +24,8 @@ import pytest
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder
 from lava_ros.errors import LavaError
+from lava_ros.maps.layer_files import layers_from_dict
+from lava_ros.ros.forecast_topics import _threshold
 from lava_ros.ros.layer_publishers import published_layers
 from lava_ros.ros.parameters import Settings
 
@@ -242,3 +244,11 @@ def test_files_that_do_not_fit_are_refused(tmp_path):
     path.write_text(json.dumps({'layers': {'height': arrival}}))
     refusal = _refusal({}, forecast_config=path)
     assert "layers.height.topic is 'height', expected a topic" in refusal
+
+
+def test_arrivals_have_one_threshold():
+    """Lava of one forecast cannot arrive at two thicknesses."""
+    arrival = {'source': 'arrival', 'message': 'sensor_msgs/Image'}
+    thresholds = {'a': {**arrival, 'threshold': 0.01}, 'b': {**arrival, 'threshold': 0.5}}
+    with pytest.raises(LavaError, match=r'forecast_config is \[0.01, 0.5\], expected one thresh'):
+        _threshold(layers_from_dict({'layers': thresholds}))

@@ -14,7 +14,6 @@
 
 """The example of a robot that stays out: its search, and itself in a real graph."""
 
-import importlib.util
 from pathlib import Path
 
 import numpy as np
@@ -26,15 +25,6 @@ from ros.conftest import Robot
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / 'examples/keep_out.py'
-
-
-@pytest.fixture(scope='module')
-def keep_out():
-    """The example as a module."""
-    spec = importlib.util.spec_from_file_location('keep_out', EXAMPLE)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def _shortest(blocked, near, start):
@@ -56,7 +46,7 @@ def _shortest(blocked, near, start):
 
 
 @pytest.mark.parametrize('seed', range(6))
-def test_ways_are_the_shortest(keep_out, seed):
+def test_ways_are_the_shortest(example, seed):
     """On random maps each way is as long as Dijkstra's, and there is one when he has one."""
     random = np.random.default_rng(seed)
     blocked, near = random.random((18, 25)) < 0.3, random.random((18, 25)) < 0.3
@@ -65,7 +55,7 @@ def test_ways_are_the_shortest(keep_out, seed):
     for goal in [(17, 24), (9, 12), (0, 24), (17, 0), (3, 5)]:
         if blocked[goal]:
             continue
-        way = keep_out.find_way(blocked, near, (0, 0), goal)
+        way = example.find_way(blocked, near, (0, 0), goal)
         if not np.isfinite(lengths[goal]):
             assert way == []
             continue

@@ -14,7 +14,6 @@
 
 """The example of a robot that leaves in time: its search, against the lava, and in a graph."""
 
-import importlib.util
 import itertools
 from pathlib import Path
 
@@ -34,15 +33,6 @@ EXAMPLE = ROOT / 'examples/leave_in_time.py'
 CELL = 10.0
 
 NEVER = None
-
-
-@pytest.fixture(scope='module')
-def example():
-    """The example as a module."""
-    spec = importlib.util.spec_from_file_location('leave_in_time', EXAMPLE)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def _arrivals_by_waves(until, start, duration):

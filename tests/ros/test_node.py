@@ -303,10 +303,6 @@ def test_parameters_without_effect_are_warned_of(graph):
 
 def test_a_wrong_start_is_refused(graph):
     """A node that cannot start says why in one sentence and ends with 1."""
-    arrival = {'source': 'arrival', 'message': 'sensor_msgs/Image'}
-    thresholds = {'a': {**arrival, 'threshold': 0.01}, 'b': {**arrival, 'threshold': 0.5}}
-    forecasts = graph.directory / 'forecasts.yaml'
-    forecasts.write_text(json.dumps({'layers': thresholds}), encoding='utf-8')
     nodes = [
         (graph.node(aside=True, **parameters), words)
         for parameters, words in (
@@ -316,13 +312,7 @@ def test_a_wrong_start_is_refused(graph):
                 '-p discharge is 60.0, expected a parameter that this node has; similar names: '
                 'default_discharge; vents come by the scene file',
             ),
-            ({'msg_config': 'nothing.yaml'}, 'nothing.yaml'),
-            ({'terrain_file': 'nothing.npz'}, 'nothing.npz'),
             ({'layers_on': ['points']}, "layers_on is 'points', expected one of height, temp"),
-            (
-                {'forecast_horizon': 1.0, 'forecast_config': str(forecasts)},
-                'forecast_config is [0.01, 0.5], expected one threshold',
-            ),
         )
     ]
     for node, words in nodes:
