@@ -164,11 +164,7 @@ class Operation:
         return self._settings.time_scale
 
     def activate(self) -> None:
-        """Let time pass, and publish.
-
-        Raises:
-            LavaError: The simulation has failed, or the bag cannot be.
-        """
+        """Let time pass, and publish; LavaError after a failure, or where the bag cannot be."""
         status = self._worker.status
         if status.state is WorkerState.FAILED:
             raise LavaError('simulation', status.error, 'one that has not failed; ~/reset')
@@ -189,11 +185,7 @@ class Operation:
         self._worker.pause(True)
 
     def close(self) -> bool:
-        """Finish the bag, end the worker and leave the graph.
-
-        Returns:
-            Whether the worker has ended.
-        """
+        """Finish the bag, end the worker and leave the graph; whether the worker has ended."""
         self.is_active = False
         try:
             self._close_bag()
@@ -210,11 +202,7 @@ class Operation:
         return self._worker.stop(0.0)
 
     def check(self, settings: Settings) -> None:
-        """Refuse settings that cannot be used now.
-
-        Raises:
-            LavaError: The folder of the bag is not one that may be written to.
-        """
+        """Refuse settings by LavaError: a bag where none may be written."""
         # what has come in the way of a name since is no reason to refuse all else
         if settings.bag_directory != self._settings.bag_directory:
             self._bag_folder.path(settings.bag_directory)
@@ -251,22 +239,14 @@ class Operation:
         return self._worker.pause(paused or not self.is_active)
 
     def start_recording(self) -> str:
-        """Begin a bag, and give its name and when.
-
-        Raises:
-            LavaError: It cannot be.
-        """
+        """Begin a bag, and give its name and when; LavaError where it cannot be."""
         directory = str(self._arm_recorder())
         self._publish(repeat=True)
         self._check_recorder()
         return directory + ' from the first map on' * self._recorder.is_armed
 
     def stop_recording(self) -> str:
-        """Finish the bag and give its name, empty when there was none.
-
-        Raises:
-            LavaError: It could not be finished, or had stopped before.
-        """
+        """Finish the bag and give its name, empty for none; LavaError where it could not be."""
         self._is_recording_wanted = False
         self._close_bag()
         self._check_recorder()

@@ -67,10 +67,7 @@ class CommandQueue:
             return tuple(dict.fromkeys(item.kind or 'command' for item in self._waiting.values()))
 
     def put(self, command: Command) -> None:
-        """Add a command, in place of a waiting one of its kind.
-
-        It is refused when too many wait, and once the queue is closed.
-        """
+        """Add a command in place of one of its kind, or refuse it: too many, or closed."""
         with self._changed:
             former = self._waiting.pop(self._by_kind.pop(command.kind, -1), None)
             refusal = self._closed
@@ -90,10 +87,7 @@ class CommandQueue:
             finish(command.future, refusal)
 
     def get(self, timeout: float | None = None) -> Command:
-        """Take the oldest command, after waiting for one.
-
-        Args:
-            timeout: How long to wait [s], None for as long as it takes.
+        """Take the oldest command, after waiting for one for a time [s], None for ever.
 
         Raises:
             queue.Empty: There was none in time, or the queue is closed.

@@ -88,10 +88,9 @@ class InputLog:
             self._newest_is_bad[topic] = False
 
     def reject(self, topic: str, error: LavaError, number: int | None = None) -> bool:
-        """Note a message that was refused; the newest, or that of a number.
+        """Note a message that was refused, the newest or that of a number, and whether to log it.
 
-        Returns:
-            Whether to log it: not when the same thing was just said about the topic.
+        What was just said about the topic is not logged again.
         """
         with self._lock:
             self._rejected[topic] += 1
@@ -143,13 +142,8 @@ def simulation_status(
 ) -> DiagnosticStatus:
     """The status of the simulation.
 
-    Args:
-        worker: The state of the worker.
-        snapshot: The snapshot that was published last, None before the first.
-        is_active: Whether the node is active.
-        frame_stamp_ns: Stamp of the snapshot's maps [ns].
-        resolution: How well particles resolve the flow, None if unknown.
-        clock: What is wrong with the clock, empty if nothing is.
+    ``snapshot`` was published last, with maps of the stamp ``frame_stamp_ns`` [ns]; ``resolution``
+    says how well particles resolve the flow, and ``clock`` what is wrong with the clock.
     """
     level, message = _LEVELS.get(worker.state, OK), worker.state.value
     is_running = worker.state is WorkerState.RUNNING
@@ -212,14 +206,9 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
 def ahead_status(
     task: str, state: AheadStatus, latest: Live[Any] | None, *, age: float, staleness: str
 ) -> DiagnosticStatus:
-    """The status of the forecasts or of the ensembles.
+    """The status of the tasks ``forecast`` or ``ensemble``, of which ``latest`` is the newest.
 
-    Args:
-        task: ``forecast`` or ``ensemble``.
-        state: How they come on.
-        latest: The newest one, None before the first.
-        age: Its age [s].
-        staleness: Why it is stale, empty if it is not.
+    ``age`` is its age [s], ``staleness`` why it is stale, empty if it is not.
     """
     is_ensemble = task == 'ensemble'
     values: dict[str, object] = {

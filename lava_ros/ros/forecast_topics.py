@@ -122,10 +122,7 @@ class ForecastTopics:
         self._outlooks.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Weigh the members of ensembles by where lava was observed at ``clock``, a ROS time [s].
-
-        Returns:
-            A future as of ``Outlooks.observe``.
+        """Weigh members by where lava was observed at ``clock`` [s], as ``Outlooks.observe`` does.
 
         Raises:
             LavaError: The node is not active, or makes no ensembles.

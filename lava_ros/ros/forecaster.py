@@ -87,19 +87,11 @@ class ForecastProcess:
         return self._child.pid
 
     def order(self, name: str, **values: Any) -> None:
-        """Send an order.
-
-        Raises:
-            OSError: It has ended.
-        """
+        """Send an order; OSError where it has ended."""
         self._connection.send((name, values))
 
     def answer(self, timeout: float) -> Answer | None:
-        """The next answer, None when there is none within a time [s].
-
-        Raises:
-            OSError: It has ended.
-        """
+        """The next answer, None for none within a time [s]; OSError where it has ended."""
         try:
             if not self._connection.poll(timeout):
                 return None
@@ -201,11 +193,7 @@ class Forecaster:
         self._is_wanted = is_wanted
 
     def stop(self, timeout: float | None = None) -> bool:
-        """End the thread and the process, and wait for at most ``timeout`` [s].
-
-        Returns:
-            Whether the thread has ended.
-        """
+        """End the thread and the process within ``timeout`` [s], and say whether it has ended."""
         self._stopping.set()
         if self._thread.ident is not None:
             self._thread.join(timeout)

@@ -437,11 +437,7 @@ def fix(node: Node, specs: Iterable[ParameterSpec], *, fixed: bool) -> None:
 
 
 def put(node: Node, values: Mapping[str, Any]) -> None:
-    """Set parameters of a node, all or none.
-
-    Raises:
-        LavaError: One cannot have its value.
-    """
+    """Set parameters of a node, all or none; LavaError where one cannot have its value."""
     if not values:
         # rclpy refuses to set nothing
         return

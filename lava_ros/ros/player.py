@@ -171,13 +171,8 @@ def play(
 ) -> int:
     """Replay a bag in this process until it ends or SIGINT or SIGTERM arrives.
 
-    The function creates its own ROS context, and must be called from the main thread.
-
-    Args:
-        bag: The bag.
-        clock: Whether to publish /clock.
-        wait_for_subscribers: Longest wait for a subscriber on every topic [s].
-        how: Further arguments of ``Player.run``.
+    For the main thread, in a ROS context of its own. ``clock`` publishes /clock; ``how`` are
+    further arguments of ``Player.run``.
 
     Returns:
         The number of messages published.

@@ -184,22 +184,15 @@ class BagFolder:
     def __init__(self, root: str, given: str, *, node: str = DEFAULT_NODE) -> None:
         """Take what the user said at the start.
 
-        Args:
-            root: Folder of all bags; empty: the one that holds ``given``, else ``bags``.
-            given: The bag named at the start, empty for none.
-            node: Name of the node, with its namespace. Any but the usual one is part of a bag's
-                name: several nodes may share a folder.
+        Without a root it is the folder of ``given``, else ``bags``. The full name of a node is
+        part of its bags' names, unless it is the usual one: nodes may share a folder.
         """
         self._given = given
         self._suffix = '' if node == DEFAULT_NODE else node.replace('/', '_')
         self._root = Path(root) if root else Path(given).parent if given else Path('bags')
 
     def path(self, name: str) -> Path:
-        """The bag of a name; one named by the time for an empty name.
-
-        Raises:
-            LavaError: It lies outside the root.
-        """
+        """The bag of a name, by the time for an empty one; LavaError outside the root."""
         if not name:
             return self._unused(time.strftime('%Y-%m-%dT%H-%M-%S') + self._suffix)
         if name == self._given:

@@ -114,11 +114,7 @@ class SceneRecording:
     def _note_effects(
         self, effects: Mapping[str, str], snapshot: Snapshot, stamp_ns: int
     ) -> bool:
-        """Add what has gone on or off to the list; the first entry has all of the table.
-
-        Returns:
-            Whether there was anything.
-        """
+        """Add what has gone on or off to the list, all at first; whether there was anything."""
         changed = {
             name: text
             for name, text in effects.items()
@@ -200,10 +196,7 @@ class CheckpointRecording:
         """Write the requested checkpoint if it is ready, and request the next when it is due.
 
         ``period`` is the wall time between checkpoints [s], 0 for none; ``stamp_ns`` is the ROS
-        time [ns].
-
-        Returns:
-            Why a checkpoint could not be taken, empty when nothing went wrong.
+        time [ns]. Returns why one could not be taken, empty when nothing went wrong.
         """
         if not self._is_recording() or not period:
             return ''

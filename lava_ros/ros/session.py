@@ -244,9 +244,7 @@ class Eruption:
     def begin_snapshot(self) -> Callable[[], None] | None:
         """Begin to bring ``latest`` up to date, if anything has changed.
 
-        Returns:
-            What does the rest, in any thread and while the simulation goes on. It raises what
-            ``renew_snapshot`` does.
+        What is returned does the rest, in any thread, and raises what ``renew_snapshot`` does.
         """
         if self.simulation is None or not self._is_changed:
             return None
@@ -284,11 +282,7 @@ def _is_same(one: Terrain, other: Terrain) -> bool:
 
 
 def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, str]:
-    """List every effect, whether it is on, and the reason.
-
-    Returns:
-        Texts such as ``on: slope = 0.82 > 0.12`` by the name of the effect.
-    """
+    """Every effect, whether it is on, and why: ``on: slope = 0.82 > 0.12`` by its name."""
     decided = {item.name: item for item in decisions}
     return {
         name: f'{"on" if is_on else "off"}: {_reason(name, effects, decided.get(name))}'

@@ -81,15 +81,10 @@ class SimulationWorker:
     ) -> None:
         """Prepare the thread; ``start`` runs it.
 
-        Args:
-            make_simulation: Makes the simulation of a scene at time 0; called in the thread.
-            clock: Time that simulated time follows [s].
-            constants: Lava and surroundings until a scene brings its own.
-            time_scale: Simulated seconds per second of the clock.
-            end_time: Simulated time at which to stop [s], None for never.
-            paused: Whether to hold simulated time at the start.
-            max_particles: Most particles, beyond which the simulation stops.
-            on_snapshot: Called when ``latest`` has changed, in the thread or in another.
+        ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` is
+        what simulated time follows [s]. ``constants`` are lava and surroundings until a scene
+        brings its own, ``end_time`` is the simulated time at which to stop [s]. ``on_snapshot`` is
+        called when ``latest`` has changed, in the thread or in another.
         """
         self._make_simulation = make_simulation
         self.eruption = Eruption(self._make, constants=constants)
@@ -143,12 +138,9 @@ class SimulationWorker:
         self._thread.start()
 
     def stop(self, timeout: float | None = None) -> bool:
-        """End the thread after its present slice; commands that wait or come later are refused.
+        """End the thread after its present slice; whether it has ended within ``timeout`` [s].
 
-        Waits for at most ``timeout`` [s].
-
-        Returns:
-            Whether the thread has ended.
+        Commands that wait or come later are refused.
         """
         self._is_stopping = True
         self._commands.close(_STOPPED)
@@ -180,17 +172,11 @@ class SimulationWorker:
         return self._put(start)
 
     def checkpoint(self) -> 'Future[bytes]':
-        """Serialise all that is needed to go on from here (``lava_ros.simulation.checkpoint``).
-
-        The future holds a LavaError when there is no simulation.
-        """
+        """Serialise all that is needed to go on from here; LavaError without a simulation."""
         return self._put(lambda: self.eruption.checkpoint().to_bytes(), kind='checkpoint')
 
     def fork(self) -> 'Future[Fork]':
-        """Copy all that another simulation needs to go on from here.
-
-        The future holds a LavaError when there is no simulation.
-        """
+        """Copy all that another simulation needs to go on; LavaError without a simulation."""
         return self._put(self._fork, kind='fork')
 
     def set_terrain(self, terrain: Terrain) -> 'Future[None]':
