@@ -33,9 +33,10 @@ from lava_ros.maps.layer_files import load_layers
 from lava_ros.ros import diagnostics
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from maps.test_masks import SNAPSHOT
+from ros.graph_contract import contract_of
+from ros_domain import own_domain
 
 ROOT = Path(__file__).parents[2]
-HERE = Path(__file__).parent
 PAGE = ROOT / 'docs' / 'ROS.md'
 POLICY = ROOT / 'sros2' / 'lava_ros.policy.xml'
 
@@ -85,8 +86,7 @@ def shown(graph):
     """What a node with every optional layer shows."""
     node = graph.node(program=('-m', 'lava_ros.ros.node'), **GIVEN)
     node.wait_for_log('active')
-    looking = graph.process(str(HERE / 'graph_contract.py'), 'lava')
-    found = json.loads(looking.line(90.0))
+    found = contract_of('lava', own_domain('graph'))
     assert node.end() == 0
     return found
 
