@@ -45,6 +45,15 @@ raise SystemExit(node.main())
 PATIENCE = 60.0
 
 
+def wait_until(condition, what=lambda: ''):
+    """Wait until something holds, on a busy machine too, and return its value."""
+    end = time.monotonic() + PATIENCE
+    while not (value := condition()):
+        assert time.monotonic() < end, what()
+        time.sleep(0.01)
+    return value
+
+
 def _environment(aside):
     environment = dict(os.environ)
     environment['ROS_DOMAIN_ID'] = str(own_domain('aside' if aside else 'graph'))
@@ -284,6 +293,17 @@ class Graph:
     def process(self, *arguments, aside=False):
         """Start any other Python process."""
         return self._start(Process, arguments, aside)
+
+    def faulty_node(self, **parameters):
+        """Start a node that has the fault of the file ``fault`` (``faults/faulty_node.py``)."""
+        program = (str(HERE / 'faults/faulty_node.py'), str(self.directory / 'fault'))
+        return self.node(program=program, **parameters)
+
+    def fault(self, name=''):
+        """Switch a fault on, or off without a name."""
+        partial = self.directory / 'fault.partial'
+        partial.write_text(name, encoding='utf-8')
+        partial.replace(self.directory / 'fault')
 
     @property
     def logs(self):

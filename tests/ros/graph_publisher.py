@@ -31,8 +31,10 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Image, PointCloud2, PointField
+from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import SetBool, Trigger
+
+from lava_ros.ros import codec
 
 #: How long to wait for an answer, on a busy machine too [s].
 PATIENCE = 60.0
@@ -68,13 +70,10 @@ def elevation():
     return (500.0 - RESOLUTION * 0.1 * x + 0.05 * (y - ROWS / 2) ** 2).astype(np.float32)
 
 
-def image(values=None, **changes):
+def image(values=None, frame_id='map', **changes):
     """A terrain image, with fields changed."""
     values = elevation() if values is None else values
-    message = Image(height=values.shape[0], width=values.shape[1], encoding='32FC1')
-    message.header.frame_id = changes.pop('frame_id', 'map')
-    message.step = 4 * values.shape[1]
-    message.data.frombytes(values.tobytes())
+    message = codec.float_image(values, codec.header(frame_id, 0))
     for name, value in changes.items():
         setattr(message, name, value)
     return message
@@ -92,17 +91,7 @@ def info(width=COLUMNS, angle=0.0, **changes):
 
 def cloud(columns, frame_id='map'):
     """A cloud of FLOAT32 columns."""
-    points = np.stack([np.asarray(column, np.float32) for column in columns.values()], axis=-1)
-    message = PointCloud2(height=1, width=len(points), is_dense=True)
-    message.header.frame_id = frame_id
-    message.fields = [
-        PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
-        for index, name in enumerate(columns)
-    ]
-    message.point_step = 4 * len(columns)
-    message.row_step = message.point_step * message.width
-    message.data.frombytes(points.tobytes())
-    return message
+    return codec.point_cloud(columns, codec.header(frame_id, 0))
 
 
 def vents(frame_id='map', without=(), **changes):
@@ -124,12 +113,8 @@ def outline(reach=100.0, late=0.0, frame_id='map', **changes):
     """Lava from the vent down to a distance, seen now or so much later, with the info changed."""
     y, x = (np.mgrid[0:ROWS, 0:COLUMNS] + 0.5) * RESOLUTION
     lava = (np.abs(y - 155.0) < 25.0) & (x > 45.0) & (x < 60.0 + reach)
-    message = OccupancyGrid(info=info(**changes))
-    message.header.frame_id = frame_id
-    seconds = time.time() + late
-    message.header.stamp.sec, message.header.stamp.nanosec = int(seconds), int(seconds % 1 * 1e9)
-    message.data = np.where(lava, 100, 0).astype(np.int8).ravel().tolist()
-    return message
+    header = codec.header(frame_id, time.time_ns() + int(late * 1e9))
+    return codec.occupancy_grid(np.where(lava, 100, 0).astype(np.int8), info(**changes), header)
 
 
 def spoilt(value):
@@ -263,9 +248,7 @@ class Publisher:
 
     def clock(self, seconds):
         """Send a time on /clock."""
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = int(seconds), int(seconds % 1 * 1e9)
-        self._clock.publish(message)
+        self._clock.publish(Clock(clock=codec.time_message(round(seconds * 1e9))))
 
     def map(self, topic, node='/lava'):
         """Get a map of the node: its shape, its stamp and the hash of its cells."""
@@ -273,7 +256,7 @@ class Publisher:
         return {
             'cells': hashlib.sha256(grid.data).hexdigest(),
             'shape': [grid.info.height, grid.info.width],
-            'stamp_ns': grid.header.stamp.sec * 10**9 + grid.header.stamp.nanosec,
+            'stamp_ns': codec.nanoseconds(grid.header.stamp),
         }
 
     def set(self, node='/lava', **values):

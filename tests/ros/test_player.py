@@ -21,7 +21,6 @@ from pathlib import Path
 import signal
 import threading
 import time
-from typing import Any
 
 import pytest
 import rclpy
@@ -39,13 +38,11 @@ from lava_ros.errors import LavaError
 from lava_ros.ros.codec import message_class
 from lava_ros.ros.player import play
 from lava_ros.ros.qos import ros_profile
+from ros.conftest import PATIENCE, wait_until
 from ros_domain import own_domain
 
 SECOND = 1_000_000_000
 TEXT = 'std_msgs/msg/String'
-
-#: How long to wait for what has to come, on a busy machine too [s].
-PATIENCE = 60.0
 
 Written = dict[str, list[bytes]]
 
@@ -109,14 +106,6 @@ def listener(monkeypatch: pytest.MonkeyPatch) -> Iterator[Listener]:
     thread.join(PATIENCE)
     node.destroy_node()
     context.shutdown()
-
-
-def wait_until(condition: Any) -> None:
-    """Wait until something holds, on a busy machine too."""
-    deadline = time.monotonic() + PATIENCE
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.01)
 
 
 def same_bytes(received: list[bytes], written: list[bytes]) -> bool:

@@ -65,7 +65,7 @@ def faulty_advance(simulation, until, *, wall_limit=None):
         rows = state.particle.numpy()
         rows[0, 0] = np.nan
         state.particle.assign(rows)
-        FAULT.unlink()
+        FAULT.write_text('', encoding='utf-8')
     return advance(simulation, until, wall_limit=wall_limit)
 
 

@@ -39,13 +39,7 @@ class Faulty:
 
     def __init__(self, graph):
         self.graph = graph
-        self._fault = graph.directory / 'fault'
-        self.node = graph.node(
-            program=[str(HERE / 'faulty_node.py'), str(self._fault)],
-            time_scale=100.0,
-            device='cpu',
-            max_terrain_cells=1_000_000,
-        )
+        self.node = graph.faulty_node(time_scale=100.0, device='cpu', max_terrain_cells=1_000_000)
         self.publisher = graph.publisher()
         self.listener = graph.listener(*GRIDS)
         self.publisher.publish('vents', 'terrain_info', 'terrain')
@@ -55,15 +49,9 @@ class Faulty:
         """Wait for a map with lava on it."""
         self.listener.wait_for_topic('height', lambda grid: grid['wet'] > 0, timeout=90.0)
 
-    def begin(self, name):
-        """Switch a fault on."""
-        partial = self._fault.with_suffix('.partial')
-        partial.write_text(name, encoding='utf-8')
-        partial.replace(self._fault)
-
     def reset(self):
         """Switch the fault off and start again, until there is lava."""
-        self._fault.unlink(missing_ok=True)
+        self.graph.fault()
         assert self.publisher.call('reset')['success']
         assert self.status(lambda status: status['state'] == 'running')['level'] != ERROR
         self.wait_for_lava()
@@ -116,7 +104,7 @@ def faulty(graph):
 def test_a_fault_is_told_and_the_last_maps_stay(faulty, fault, words):
     """Error state with the reason, maps of before for who comes late, and a reset helps."""
     logged = len(faulty.node.log)
-    faulty.begin(fault)
+    faulty.graph.fault(fault)
     status = faulty.status(lambda status: status['state'] == 'failed')
     assert status['level'] == ERROR
     assert all(word in status['message'] for word in words), status['message']
@@ -139,7 +127,7 @@ def test_a_fault_is_told_and_the_last_maps_stay(faulty, fault, words):
 
 def test_no_memory_to_start_again(faulty):
     """A reset that finds no memory says so, and works as soon as there is some."""
-    faulty.begin('memory')
+    faulty.graph.fault('memory')
     faulty.status(lambda status: status['state'] == 'failed')
     assert faulty.publisher.call('reset')['success']
     status = faulty.status(lambda status: status['state'] == 'failed')
@@ -164,7 +152,7 @@ def test_a_step_that_does_not_end_is_told(faulty):
     """In diagnostics, in the log once, and to whoever asks for something; then all goes on."""
     # where kernels are compiled a step may have taken as long before
     logged = len(faulty.node.log)
-    faulty.begin('slow')
+    faulty.graph.fault('slow')
     status = faulty.status(lambda status: 'a step takes' in status['message'])
     assert (status['state'], status['level']) == ('running', 1)
     answer = faulty.publisher.call('reset')
