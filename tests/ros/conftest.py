@@ -14,7 +14,6 @@
 
 """Processes of a ROS graph of this test run's own."""
 
-import importlib.util
 import json
 import os
 from pathlib import Path
@@ -25,7 +24,6 @@ import sys
 import threading
 import time
 
-import numpy as np
 import pytest
 
 from ros.graph_publisher import Publisher
@@ -223,40 +221,6 @@ class Listener(Process):
         return len(self.seen)
 
 
-class Robot:
-    """An example and the rest of its robot, in one graph."""
-
-    def __init__(self, graph, example, topic, *parameters):
-        # A namespace of their own: nodes of other tests may publish maps in this domain.
-        words = ['--ros-args', '-r', '__ns:=/robot']
-        options = [word for item in parameters for word in ('-p', item)]
-        self.example = graph.process(str(example), *words, *options)
-        self.rest = graph.process(str(HERE / 'graph_robot.py'), topic, *words)
-        assert self.rest.line(PATIENCE) == 'ready'
-
-    def tell(self, **what):
-        """Publish something."""
-        self.rest.child.stdin.write(json.dumps(what) + '\n')
-        self.rest.child.stdin.flush()
-
-    def plan(self, condition, timeout=PATIENCE):
-        """The next plan that fulfils a condition."""
-        end = time.monotonic() + timeout
-        while True:
-            assert time.monotonic() < end, self.example.log
-            try:
-                line = self.rest.line(timeout)
-            except AssertionError as error:
-                raise AssertionError(f'{error}; the example:\n{self.example.log}') from error
-            plan = np.array(json.loads(line)).reshape(-1, 2)
-            if condition(plan):
-                return plan
-
-    def says(self, text):
-        """Wait until the example has logged a text."""
-        self.example.wait_for_log(text)
-
-
 class Graph:
     """Starts processes of one graph, or of a second one aside from it.
 
@@ -317,15 +281,6 @@ class Graph:
             self._started.pop().end(signal.SIGKILL)
         while self._publishers:
             self._publishers.pop().close()
-
-
-@pytest.fixture(scope='module')
-def example(request):
-    """The example of the module, ``EXAMPLE``, as a module."""
-    spec = importlib.util.spec_from_file_location('example', request.module.EXAMPLE)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.hookimpl(wrapper=True)

@@ -110,8 +110,7 @@ def test_pause_and_step(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     with pytest.raises(LavaError, match='a paused simulation'):
         bench.run(bench.worker.step(1.0))
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.go_on()
     bench.run(bench.worker.pause(True))
     bench.wait_for_state(WorkerState.PAUSED)
     bench.wait(lambda: bench.worker.latest.time == pytest.approx(0.5))
@@ -122,8 +121,7 @@ def test_pause_and_step(bench):
     bench.wait(lambda: bench.worker.latest.time == pytest.approx(10.5))
     assert bench.worker.status.state is WorkerState.PAUSED
     bench.run(bench.worker.pause(False))
-    bench.now += 0.25
-    bench.wait(lambda: bench.simulation.time == pytest.approx(10.75))
+    bench.go_on(0.25)
 
 
 @pytest.mark.parametrize('bench', [{'end_time': 2.0, 'time_scale': 10.0}], indirect=True)
@@ -146,9 +144,8 @@ def test_reset(bench):
     """A reset makes a new simulation of the scene at time 0; a pause stays."""
     with pytest.raises(LavaError, match='reset'):
         bench.run(bench.worker.reset())
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.start()
+    bench.go_on()
     bench.run(bench.worker.pause(True))
     bench.run(bench.worker.set_constants({'lava': Lava(viscosity=7.0)}))
     bench.run(bench.worker.reset())
@@ -178,8 +175,7 @@ def test_what_the_thread_is_at_is_told(bench):
     bench.wait(lambda: bench.worker.status.turn >= LONGEST_TURN)
     assert bench.worker.status.hold_up.startswith('a step takes ')
     bench.simulation.slowness = 0.0
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(1.0))
+    bench.go_on()
     bench.wait(lambda: bench.worker.status.hold_up == '')
 
 
@@ -228,13 +224,11 @@ def test_waiting_vents_off_the_terrain_are_refused(bench):
 def test_first_vents_start_again(bench):
     """Vents for a simulation without lava start it again: its resolution depends on them."""
     bench.run(bench.worker.set_terrain(TERRAIN))
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.go_on()
     bench.run(bench.worker.set_vents([VENT]))
     assert len(bench.made) == 2
     assert bench.simulation.scene.vents == (VENT,)
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.go_on()
     bench.run(bench.worker.set_vents([]))
     bench.run(bench.worker.add_vent(VENT))
     assert len(bench.made) == 2
@@ -261,7 +255,7 @@ def test_bad_input_changes_nothing(bench):
     """Refused vents and terrain leave the simulation as it was, and running."""
     with pytest.raises(LavaError, match='a terrain before'):
         bench.run(bench.worker.add_vent(VENT))
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     for command in (
         bench.worker.set_vents([OUTSIDE]),
         bench.worker.add_vent(OUTSIDE),
@@ -271,8 +265,7 @@ def test_bad_input_changes_nothing(bench):
             bench.run(command)
     assert bench.worker.scene.vents == bench.simulation.scene.vents == (VENT,)
     assert bench.simulation.scene.terrain is TERRAIN
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.go_on()
 
 
 def test_a_refused_start_keeps_the_old_simulation(bench):
@@ -317,7 +310,7 @@ def _is_on(bench, effect):
 def test_effects_follow_the_scene(bench):
     """The table is that of the simulation, and anew with every terrain and vent."""
     assert bench.worker.eruption.effects == {}
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     assert not _is_on(bench, 'steep')
     before = bench.worker.eruption.effects['arrhenius']
     bench.run(bench.worker.set_vents([Vent((25.0, 15.0), 2.0, temperature=1300.0)]))
@@ -330,21 +323,20 @@ def test_effects_follow_the_scene(bench):
 def test_effects_are_forced_while_it_runs(bench):
     """Forced effects are taken at once; those that do not go together change nothing."""
     bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
     assert bench.worker.eruption.effects['steep'] == 'on: forced'
     with pytest.raises(LavaError, match='vft'):
         bench.run(bench.worker.set_effects({'vft': True}, horizon=HORIZON))
     assert bench.worker.eruption.effects['steep'] == 'on: forced'
     assert bench.simulation.horizon == 60.0
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.go_on()
     assert len(bench.made) == 1
 
 
 def test_the_last_snapshot_stays_while_effects_are_compiled(bench):
     """Whoever asks for a frame meanwhile is not held up, and has the last one."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     last = bench.worker.latest
     bench.simulation.is_compiled.clear()
     change = bench.worker.set_effects({'steep': True}, horizon=HORIZON)
