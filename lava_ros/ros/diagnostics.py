@@ -248,7 +248,7 @@ def ahead_status(
         if not outlook.is_done:
             message += ' so far'
         elif maps.members < outlook.asked:
-            message += ': the others would have been late'
+            message += ': the others were left out to meet the deadline'
     if state.error:
         return status(task, ERROR, state.error, values)
     if latest is None:

@@ -138,7 +138,7 @@ class LiveFrames(Watcher):
             words = f"no node answers {where}{others}: start 'lava node', or give --namespace"
             return Status(Level.BAD, f'{words} and ROS_DOMAIN_ID of the one that runs')
         if silence > PATIENCE:
-            words = f'the node has been silent for {silence:.0f} s: what is shown is its last'
+            words = f'the node has been silent for {silence:.0f} s: these are its last maps'
             return Status(Level.BAD, words)
         for problem in self._problems.values():
             return Status(Level.BAD, problem)

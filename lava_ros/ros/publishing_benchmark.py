@@ -157,7 +157,7 @@ class Stepping:
         is_over.set()
         maker.join()
         if self._worker.status.error:
-            raise LavaError('worker', self._worker.status.error, 'one that steps')
+            raise LavaError('worker', self._worker.status.error, 'no failure')
         return rate, len(self._times) / elapsed, 1e3 * median(self._times or [0.0])
 
     def stop(self) -> None:
@@ -227,7 +227,7 @@ def held(device: str, particles: int, cells: int) -> Iterator[tuple[str, int, fl
         )
     except subprocess.SubprocessError as error:
         output = getattr(error, 'stderr', None) or str(error)
-        raise LavaError('memory', device, f'room ({output[-500:]})') from error
+        raise LavaError('memory', device, f'enough memory ({output[-500:]})') from error
     sizes = json.loads(done.stdout.splitlines()[-1])
     count = sizes.pop('particles')
     for name, size in sizes.items():

@@ -242,8 +242,8 @@ class SaveAllowance:
             raise LavaError('save', f'{self._written} bytes saved so far', right)
         if self._left < 1.0:
             wait = (1.0 - self._left) * SAVE_PERIOD
-            right = f'{SAVES} at once and one more each {SAVE_PERIOD:g} s; again in {wait:.1f} s'
-            raise LavaError('save', 'one too many', right)
+            right = f'at most {SAVES} at once and one more each {SAVE_PERIOD:g} s; try again in '
+            raise LavaError('save', 'too many', f'{right}{wait:.1f} s')
         self._left -= 1.0
 
     def note(self, size: int) -> None:

@@ -30,8 +30,7 @@ from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.recording import CheckpointRecording, PATIENCE, SceneRecording
 from lava_ros.ros.session import Origin
 from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation.budget import VolumeBudget
-from lava_ros.simulation.snapshot import Snapshot, StepReport
+from recording import snapshot_at
 from small_checkpoint import small_checkpoint
 
 TERRAIN = Terrain(np.zeros((4, 5)), 10.0)
@@ -62,10 +61,7 @@ class Taped:
 
     def write(self, time, effects):
         terrain = self.scene.terrain
-        empty = np.zeros(terrain.shape, np.float32)
-        budget, steps = VolumeBudget(0.0, 0.0, 0.0, 0.0), StepReport(1, 1, 1, 1.0, 'longest')
-        snapshot = Snapshot(time, terrain, empty, empty, budget, 0, steps)
-        stamp_ns = int(time * 1e9)
+        snapshot = snapshot_at(time, np.zeros(terrain.shape, np.float32), terrain)
         eruption = SimpleNamespace(
             scene=self.scene,
             effects=effects,
@@ -73,7 +69,7 @@ class Taped:
             origin=self.origin,
             device='cpu',
         )
-        self.recording.write(eruption, snapshot, stamp_ns)
+        self.recording.write(eruption, snapshot, int(time * 1e9))
         self.recorder.flush()
 
     def effects(self, name):
