@@ -324,7 +324,7 @@ class Operation:
 
     def _publish(self, *, repeat: bool = False) -> None:
         """Publish the layers that are due and have something new; all of them at rest."""
-        snapshot, scene = self._worker.latest, self._worker.scene
+        snapshot, scene = self._worker.latest, self._worker.eruption.scene
         if scene is not None:
             self._log.scene(scene, snapshot, self._worker.eruption.effects)
         if snapshot is None or not self.is_active:

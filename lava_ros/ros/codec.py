@@ -32,8 +32,6 @@ from std_msgs.msg import Header
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
 
-_BIG_ENDIAN_HOST = sys.byteorder == 'big'
-
 
 def time_message(stamp_ns: int) -> Time:
     """Turn nanoseconds into a message."""
@@ -84,7 +82,7 @@ def float_image(values: np.ndarray, message_header: Header) -> Image:
     """Make a 32FC1 image from float values, shape [rows, columns], row 0 at the smallest y."""
     rows, columns = values.shape
     image = Image(header=message_header, height=rows, width=columns, encoding='32FC1')
-    image.is_bigendian = int(_BIG_ENDIAN_HOST)
+    image.is_bigendian = int(sys.byteorder == 'big')
     image.step = 4 * columns
     image.data = message_array(values.astype(np.float32, copy=False), 'B')
     return image

@@ -55,8 +55,8 @@ class InputLog:
         self._rejected: Counter[str] = Counter()
         self._superseded = 0
         self._arrived = 0
-        self._newest_judged: dict[str, int] = {}
-        self._newest_is_bad: dict[str, bool] = {}
+        # number of a topic's newest message that was judged, and whether it was refused
+        self._newest: dict[str, tuple[int, bool]] = {}
         self._last_error = ''
         self._logged: dict[str, tuple[str, float]] = {}
 
@@ -85,7 +85,7 @@ class InputLog:
     def forgive(self, topic: str) -> None:
         """Leave it at a warning: nothing better can be expected on the topic to end an error."""
         with self._lock:
-            self._newest_is_bad[topic] = False
+            self._newest[topic] = self._newest[topic][0], False
 
     def reject(self, topic: str, error: LavaError, number: int | None = None) -> bool:
         """Note a message that was refused, the newest or that of a number, and whether to log it.
@@ -107,15 +107,14 @@ class InputLog:
         if number is None:
             self._arrived += 1
             number = self._arrived
-        if number >= self._newest_judged.get(topic, 0):
-            self._newest_judged[topic] = number
-            self._newest_is_bad[topic] = is_bad
+        if number >= self._newest.get(topic, (0, False))[0]:
+            self._newest[topic] = number, is_bad
 
     def status(self) -> DiagnosticStatus:
         """ERROR while a topic's newest message was refused, WARN when an earlier one was."""
         with self._lock:
             rejected = sum(self._rejected.values())
-            bad = sorted(topic for topic, is_bad in self._newest_is_bad.items() if is_bad)
+            is_bad = any(newest_is_bad for _, newest_is_bad in self._newest.values())
             values: dict[str, object] = {
                 'accepted': sum(self._accepted.values()),
                 'rejected': rejected,
@@ -124,7 +123,7 @@ class InputLog:
             }
             values |= {f'rejected.{topic}': count for topic, count in self._rejected.items()}
             last_error = self._last_error
-        if bad:
+        if is_bad:
             return status('inputs', ERROR, f'refused {last_error}', values)
         if rejected:
             return status('inputs', WARN, f'{rejected} refused so far', values)

@@ -177,7 +177,7 @@ class Forecaster:
         """Why a forecast or ensemble says nothing about what comes, empty when it does."""
         if live is None:
             return 'there is none yet'
-        if self._worker.changes != live.changes:
+        if self._worker.eruption.changes != live.changes:
             return 'the scene or the effects have changed'
         if self._worker.status.state is WorkerState.FAILED:
             return 'the simulation has failed'
@@ -211,7 +211,7 @@ class Forecaster:
     def _turn(self) -> None:
         """Begin a forecast that is due, pass on outlines, and take an answer of the process."""
         self._drop_outdated()
-        is_another = self._worker.changes != self._changes
+        is_another = self._worker.eruption.changes != self._changes
         due = self._due_after_change if is_another else self._due
         is_due = self._is_wanted and time.monotonic() >= due
         if is_due and self._process is None:
@@ -226,7 +226,7 @@ class Forecaster:
             return
         rules = self._rules()
         self.outlooks.send(
-            self._process.order, changes=self._worker.changes, time_scale=rules.time_scale
+            self._process.order, changes=self._worker.eruption.changes, time_scale=rules.time_scale
         )
         if self._at_hand is not None and self._renew_share(rules):
             self._process.order('share', share=self.status.share)
@@ -236,20 +236,20 @@ class Forecaster:
             self._hear(name, **values)
 
     def _report_changes(self) -> None:
-        if self._worker.changes != self._told:
-            self._told = self._worker.changes
+        if self._worker.eruption.changes != self._told:
+            self._told = self._worker.eruption.changes
             self._on_change()
 
     def _is_something_new(self) -> bool:
         snapshot = self._worker.latest
         if snapshot is None or self._worker.status.state is WorkerState.FAILED:
             return False
-        state = (self._worker.changes, snapshot.time)
+        state = (self._worker.eruption.changes, snapshot.time)
         is_new = state != self._forked
         return is_new or (self._rules().members > 0 and self.outlooks.is_wanted(*state))
 
     def _drop_outdated(self) -> None:
-        changes = self._worker.changes
+        changes = self._worker.eruption.changes
         is_outdated = not self._is_wanted or changes != self._changes
         if not is_outdated or not self._is_busy():
             return

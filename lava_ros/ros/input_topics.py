@@ -194,7 +194,7 @@ class InputTopics:
         self.command('vents', self._worker.set_vents(vents))
 
     def _on_clicked_point(self, point: PointStamped) -> None:
-        settings, scene = self._settings(), self._worker.scene
+        settings, scene = self._settings(), self._worker.eruption.scene
         if scene is not None and len(scene.vents) >= settings.max_vents:
             right = f'at most {settings.max_vents} (max_vents)'
             raise LavaError('clicked_point', 'one more vent', right)

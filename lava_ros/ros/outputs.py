@@ -29,9 +29,6 @@ from lava_ros.ros import codec, grid_map
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.snapshot import Snapshot
 
-#: The topics of a terrain, in the order of ``terrain_messages``.
-TERRAIN_TOPICS = ('terrain', 'terrain_info')
-
 
 def message_class(layer: Layer) -> Any:
     """The class of a layer's message.
@@ -66,10 +63,10 @@ def layer_message(
 
 def terrain_messages(
     terrain: Terrain, *, frame_id: str, stamp_ns: int
-) -> tuple[Image, MapMetaData]:
-    """Make the image and its description that stand for a terrain."""
+) -> dict[str, Image | MapMetaData]:
+    """Make the image and its description that stand for a terrain, by their topics."""
     image = codec.float_image(terrain.elevation, codec.header(frame_id, stamp_ns))
-    return image, codec.map_metadata(terrain, stamp_ns)
+    return {'terrain': image, 'terrain_info': codec.map_metadata(terrain, stamp_ns)}
 
 
 def relief_message(terrain: Terrain, *, frame_id: str, stamp_ns: int) -> OccupancyGrid:

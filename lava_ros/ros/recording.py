@@ -96,7 +96,7 @@ class SceneRecording:
         header: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}
         if snapshot.terrain is not self._terrain:
             messages = outputs.terrain_messages(snapshot.terrain, **header)
-            for topic, message in zip(outputs.TERRAIN_TOPICS, messages, strict=True):
+            for topic, message in messages.items():
                 self._write(topic, message, stamp_ns)
             self._terrain = snapshot.terrain
             self._told_ns, self._told_size = stamp_ns, self._recorder.size

@@ -70,8 +70,7 @@ class ScenePublisher:
         if is_heard:
             self._take_back()
             return
-        messages = outputs.terrain_messages(terrain, **options)
-        for topic, message in zip(outputs.TERRAIN_TOPICS, messages, strict=True):
+        for topic, message in outputs.terrain_messages(terrain, **options).items():
             data = codec.serialise(message)
             self._sent[topic] = sha256(data).digest()
             self._publishers[topic].publish(data)
@@ -89,12 +88,10 @@ class ScenePublisher:
             self._publishers = self._create()
 
     def _create(self) -> dict[str, Any]:
-        profile = qos.ros_profile(qos.LATCHED)
+        latched = qos.ros_profile(qos.LATCHED)
         return {
-            topic: self._entities.create('publisher', message_class, topic, profile)
-            for topic, message_class in zip(
-                outputs.TERRAIN_TOPICS, (Image, MapMetaData), strict=True
-            )
+            topic: self._entities.create('publisher', kind, topic, latched)
+            for topic, kind in (('terrain', Image), ('terrain_info', MapMetaData))
         }
 
 

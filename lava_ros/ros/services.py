@@ -67,7 +67,7 @@ class Services:
                 entities.create('service', GetMap, f'~/{topic}/get_map', get)
 
     def _reset(self) -> str:
-        if self._worker.scene is None:
+        if self._worker.eruption.scene is None:
             raise LavaError('reset', WorkerState.WAITING.value, 'a simulation that has started')
         self._logger.info('reset: starting again at time 0')
         return self._commanded('reset', self._worker.reset(), 'starting again at time 0')

@@ -123,16 +123,6 @@ class SimulationWorker:
         turn = max(so_far, self._status.turn)
         return replace(self._status, doing=doing, turn=turn, waiting=self._commands.kinds)
 
-    @property
-    def scene(self) -> Scene | None:
-        """The scene in use, None before there is a terrain."""
-        return self.eruption.scene
-
-    @property
-    def changes(self) -> int:
-        """How often what comes has become another: by a start, vents, terrain, effects."""
-        return self.eruption.changes
-
     def start(self) -> None:
         """Start the thread."""
         self._thread.start()

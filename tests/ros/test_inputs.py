@@ -82,7 +82,7 @@ def test_terrain_from_16_bit_image():
 def test_terrain_round_trip():
     """What the recorder writes for a terrain reads back as that terrain."""
     terrain = Terrain(ELEVATION, 2.5, origin=(3.0, 4.0))
-    image, info = outputs.terrain_messages(terrain, frame_id='map', stamp_ns=7)
+    image, info = outputs.terrain_messages(terrain, frame_id='map', stamp_ns=7).values()
     again = inputs.terrain_from_image(image, info, RULES)
     np.testing.assert_array_equal(again.elevation, terrain.elevation)
     assert (again.resolution, again.origin) == (terrain.resolution, terrain.origin)

@@ -56,7 +56,7 @@ class Speaker(Watcher):
 
     def ground(self) -> None:
         """Tell of the terrain and a vent."""
-        image, info = outputs.terrain_messages(TERRAIN, frame_id='map', stamp_ns=START)
+        image, info = outputs.terrain_messages(TERRAIN, frame_id='map', stamp_ns=START).values()
         self.say('terrain', image)
         self.say('terrain_info', info)
         markers = vent_markers((VENT,), 0.0, TERRAIN, frame_id='map', stamp_ns=START)

@@ -232,7 +232,7 @@ def test_first_vents_start_again(bench):
     bench.run(bench.worker.set_vents([]))
     bench.run(bench.worker.add_vent(VENT))
     assert len(bench.made) == 2
-    assert bench.worker.scene.vents == bench.simulation.scene.vents == (VENT,)
+    assert bench.worker.eruption.scene.vents == bench.simulation.scene.vents == (VENT,)
 
 
 def test_what_vents_have_emitted_is_kept(bench):
@@ -242,7 +242,7 @@ def test_what_vents_have_emitted_is_kept(bench):
     bench.run(bench.worker.pause(True))
     bench.run(bench.worker.go_on_with(lambda: bench.make(scene), scene, None, (earlier,)))
     bench.run(bench.worker.set_vents([replace(VENT, discharge=4.0)]))
-    assert bench.worker.scene.vents[0].discharge == 4.0
+    assert bench.worker.eruption.scene.vents[0].discharge == 4.0
     bench.simulation.time = 3.0
     bench.run(bench.worker.set_vents([]))
     (vent,) = bench.worker.eruption.schedule
@@ -263,7 +263,7 @@ def test_bad_input_changes_nothing(bench):
     ):
         with pytest.raises(LavaError, match='position'):
             bench.run(command)
-    assert bench.worker.scene.vents == bench.simulation.scene.vents == (VENT,)
+    assert bench.worker.eruption.scene.vents == bench.simulation.scene.vents == (VENT,)
     assert bench.simulation.scene.terrain is TERRAIN
     bench.go_on()
 
