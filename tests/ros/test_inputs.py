@@ -27,9 +27,9 @@ import pytest
 from sensor_msgs.msg import Image, PointField
 
 from lava_ros.errors import LavaError
-from lava_ros.ros import codec, inputs, outputs
+from lava_ros.ros import codec, inputs
 from lava_ros.ros.parameters import Settings
-from lava_ros.scene import Terrain, Vent
+from lava_ros.scene import Vent
 
 RULES = Settings()
 #: Lengths that no cell has [m].
@@ -77,15 +77,6 @@ def test_terrain_from_16_bit_image():
         image.data = codec.message_array((ELEVATION * 10.0).astype(mark + 'u2'), 'B')
         terrain = inputs.terrain_from_image(image, info, rules)
         np.testing.assert_allclose(terrain.elevation, ELEVATION - 100.0, atol=1e-4)
-
-
-def test_terrain_round_trip():
-    """What the recorder writes for a terrain reads back as that terrain."""
-    terrain = Terrain(ELEVATION, 2.5, origin=(3.0, 4.0))
-    image, info = outputs.terrain_messages(terrain, frame_id='map', stamp_ns=7).values()
-    again = inputs.terrain_from_image(image, info, RULES)
-    np.testing.assert_array_equal(again.elevation, terrain.elevation)
-    assert (again.resolution, again.origin) == (terrain.resolution, terrain.origin)
 
 
 def test_holes_are_taken_on_request():

@@ -85,12 +85,6 @@ def taped(tmp_path):
     return result
 
 
-def test_the_bag_begins_with_the_whole_table(taped):
-    """The first entry has every effect, with its reason."""
-    taped.recorder.stop()
-    assert taped.effects('one') == [{'stamp_ns': 10**9, 'time': 1.0, 'effects': STEEP}]
-
-
 def test_changes_of_effects_are_kept(taped):
     """Each time that some went on or off is an entry; a new number alone is none."""
     taped.write(2.0, {**STEEP, 'steep': 'on: slope = 0.6 > 0.12'})
