@@ -150,9 +150,7 @@ class Operation:
             recorder=self._recorder,
             is_own=self._scene.is_own,
         )
-        self._answers = Services(
-            self, entities, worker=self._worker, inputs=self._inputs, layers=publishers
-        )
+        Services(self, entities, worker=self._worker, inputs=self._inputs, layers=publishers)
         self._begin(sources)
         # The last thing: what fails before leaves no thread behind.
         self._worker.start()

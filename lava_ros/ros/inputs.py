@@ -206,8 +206,7 @@ def _vent_of_points(name: str, columns: Mapping[str, np.ndarray], rows: Sequence
     if 'time' not in columns:
         return _vent(name, x, y, fluxes[0], temperature, radius)
     times = [float(columns['time'][row]) for row in rows]
-    series = list(zip(times, fluxes, strict=True))
-    return _vent(name, x, y, series, temperature, radius)
+    return _vent(name, x, y, list(zip(times, fluxes, strict=True)), temperature, radius)
 
 
 def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Vent:
