@@ -32,12 +32,14 @@ from ros_domain import own_domain
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 
-#: Runs the node with five heartbeats a second: tests wait for what it tells.
-QUICK = """
-from lava_ros.ros import active_node, node
+#: Runs the node, or the module's ``main``, with five heartbeats a second: tests wait for them.
+QUICK_MODULE = """
+from lava_ros.ros import active_node
+from lava_ros.{} import main
 active_node.HEARTBEAT = 0.2
-raise SystemExit(node.main())
+raise SystemExit(main())
 """
+QUICK = QUICK_MODULE.format('ros.node')
 
 #: How long to wait for what has to come, on a busy machine too [s].
 PATIENCE = 60.0
