@@ -126,7 +126,7 @@ def record(
             f'{prefix}/{topic}', message_type, codec.serialise(message), stamp_ns, qos=LATCHED
         )
 
-    image, info = outputs.terrain_messages(terrain, frame_id='map', stamp_ns=START)
+    image, info = outputs.terrain_messages(terrain, frame_id='map', stamp_ns=START).values()
     write('terrain', 'sensor_msgs/msg/Image', image, START)
     write('terrain_info', 'nav_msgs/msg/MapMetaData', info, START)
     cloud = outputs.vents_message(

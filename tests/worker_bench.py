@@ -159,3 +159,13 @@ class Bench:
 
     def run(self, future):
         return future.result(timeout=PATIENCE)
+
+    def start(self):
+        """Start a scene with a vent."""
+        self.run(self.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+
+    def go_on(self, seconds=0.5):
+        """Move the clock, and let simulated time follow by as much."""
+        until = self.simulation.time + seconds
+        self.now += seconds
+        self.wait(lambda: abs(self.simulation.time - until) < 1e-6)

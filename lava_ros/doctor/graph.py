@@ -181,8 +181,7 @@ def _short_of(offered: QosProfile, asked: QosProfile) -> list[str]:
 def check_round_trip(timeout: float = PROBE_TIMEOUT) -> Iterator[Said]:
     """Check whether a message returns through the middleware within ``timeout`` [s], and how fast.
 
-    The probe runs in a process of its own, so that middleware that hangs or crashes is reported as
-    a finding.
+    In a process of its own: middleware that hangs or crashes is a finding.
     """
     if find_spec('rclpy') is None:
         yield FAIL, 'not tried: no rclpy', _WAY_TO_ROS

@@ -43,7 +43,6 @@ from lava_ros.ros.services import Services
 from lava_ros.ros.sources import new_simulation, resumed_simulation, Sources
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
-from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.snapshot import Snapshot
 
 #: How long the end waits for the simulation's thread: a step, or the compiler at the start [s].
@@ -51,6 +50,9 @@ STOP_TIMEOUT = 4.0
 
 #: How long the end of a bag waits for its last checkpoint: a step, or the compiler [s].
 CHECKPOINT_TIMEOUT = 2.0
+
+#: Period of the diagnostics [s].
+HEARTBEAT = 1.0
 
 
 class Operation:
@@ -83,11 +85,10 @@ class Operation:
         self._bag_folder = BagFolder(
             settings.bag_root, settings.bag_directory, node=node.get_fully_qualified_name()
         )
-        config = find_file(settings.msg_config, 'msg_configs')
-        forecast_config: Path | None = None
+        configs = {'msg_config': find_file(settings.msg_config, 'msg_configs')}
         if settings.forecast_horizon:
-            forecast_config = find_file(settings.forecast_config, 'msg_configs')
-        layers = published_layers(config, forecast_config, settings)
+            configs['forecast_config'] = find_file(settings.forecast_config, 'msg_configs')
+        layers = published_layers(*configs.values(), settings=settings)
         self.is_active = False
         self._is_paused = False
         self._is_recording_wanted = settings.record
@@ -98,14 +99,11 @@ class Operation:
             node,
             self._recorder,
             frame_id=settings.frame_id,
-            msg_config=config.read_text(encoding='utf-8'),
-            forecast_config=(
-                forecast_config.read_text(encoding='utf-8') if forecast_config else ''
-            ),
+            configs={name: path.read_text(encoding='utf-8') for name, path in configs.items()},
             parameters=values,
         )
         self._entities = entities
-        snapshot_ready = entities.guard_condition(self._publish)
+        snapshot_ready = entities.create('guard_condition', self._publish)
         chooser = DeadlineChooser()
         self._worker = SimulationWorker(
             lambda scene: new_simulation(scene, self._settings, chooser),
@@ -135,14 +133,14 @@ class Operation:
         )
         publishers: list[LayerPublishers[Any]] = [self._layers, *self._forecasts.publishers]
         for rate in sorted({rate for item in publishers for rate in item.rates}):
-            entities.timer(1.0 / rate, lambda rate=rate: self._make_due(rate))
+            entities.create('timer', 1.0 / rate, lambda rate=rate: self._make_due(rate))
         self._scene = ScenePublisher(entities, frame_id=settings.frame_id)
-        self._diagnostics = entities.publisher(
-            DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
+        self._diagnostics = entities.create(
+            'publisher', DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
         )
         # The heartbeat must not stop with a simulated clock.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        entities.timer(1.0, self._publish_diagnostics, clock=steady)
+        entities.create('timer', HEARTBEAT, self._publish_diagnostics, clock=steady)
         self._inputs = InputTopics(
             entities,
             self._worker,
@@ -152,9 +150,7 @@ class Operation:
             recorder=self._recorder,
             is_own=self._scene.is_own,
         )
-        self._answers = Services(
-            self, entities, worker=self._worker, inputs=self._inputs, layers=publishers
-        )
+        Services(self, entities, worker=self._worker, inputs=self._inputs, layers=publishers)
         self._begin(sources)
         # The last thing: what fails before leaves no thread behind.
         self._worker.start()
@@ -166,11 +162,7 @@ class Operation:
         return self._settings.time_scale
 
     def activate(self) -> None:
-        """Let time pass, and publish.
-
-        Raises:
-            LavaError: The simulation has failed, or the bag cannot be.
-        """
+        """Let time pass, and publish; LavaError after a failure, or where the bag cannot be."""
         status = self._worker.status
         if status.state is WorkerState.FAILED:
             raise LavaError('simulation', status.error, 'one that has not failed; ~/reset')
@@ -191,11 +183,7 @@ class Operation:
         self._worker.pause(True)
 
     def close(self) -> bool:
-        """Finish the bag, end the worker and leave the graph.
-
-        Returns:
-            Whether the worker has ended.
-        """
+        """Finish the bag, end the worker and leave the graph; whether the worker has ended."""
         self.is_active = False
         try:
             self._close_bag()
@@ -212,11 +200,7 @@ class Operation:
         return self._worker.stop(0.0)
 
     def check(self, settings: Settings) -> None:
-        """Refuse settings that cannot be used now.
-
-        Raises:
-            LavaError: The folder of the bag is not one that may be written to.
-        """
+        """Refuse settings by LavaError: a bag where none may be written."""
         # what has come in the way of a name since is no reason to refuse all else
         if settings.bag_directory != self._settings.bag_directory:
             self._bag_folder.path(settings.bag_directory)
@@ -225,12 +209,10 @@ class Operation:
         """Use other settings from now on, or from the next start where they say so."""
         old, self._settings = self._settings, new
         command = self._inputs.command
-        if new.time_scale != old.time_scale:
-            command('time_scale', self._worker.set_time_scale(new.time_scale))
-        if new.max_particles != old.max_particles:
-            command('max_particles', self._worker.set_max_particles(new.max_particles))
-        if new.end_time != old.end_time:
-            command('end_time', self._worker.set_end_time(new.end_time))
+        for name in ('time_scale', 'max_particles', 'end_time'):
+            value = getattr(new, name)
+            if value != getattr(old, name):
+                command(name, self._worker.set(name, value))
         if (new.forced, new.horizon) != (old.forced, old.horizon):
             command('effects', self._worker.set_effects(new.forced, horizon=new.horizon))
         if new.constants != old.constants:
@@ -255,22 +237,14 @@ class Operation:
         return self._worker.pause(paused or not self.is_active)
 
     def start_recording(self) -> str:
-        """Begin a bag, and give its name and when.
-
-        Raises:
-            LavaError: It cannot be.
-        """
+        """Begin a bag, and give its name and when; LavaError where it cannot be."""
         directory = str(self._arm_recorder())
         self._publish(repeat=True)
         self._check_recorder()
         return directory + ' from the first map on' * self._recorder.is_armed
 
     def stop_recording(self) -> str:
-        """Finish the bag and give its name, empty when there was none.
-
-        Raises:
-            LavaError: It could not be finished, or had stopped before.
-        """
+        """Finish the bag and give its name, empty for none; LavaError where it could not be."""
         self._is_recording_wanted = False
         self._close_bag()
         self._check_recorder()
@@ -348,7 +322,7 @@ class Operation:
 
     def _publish(self, *, repeat: bool = False) -> None:
         """Publish the layers that are due and have something new; all of them at rest."""
-        snapshot, scene = self._worker.latest, self._worker.scene
+        snapshot, scene = self._worker.latest, self._worker.eruption.scene
         if scene is not None:
             self._log.scene(scene, snapshot, self._worker.eruption.effects)
         if snapshot is None or not self.is_active:
@@ -379,7 +353,6 @@ class Operation:
         clock = self._clock_watch.look(stamp_ns, time.monotonic()) if is_simulated else ''
         resolution = self._worker.eruption.resolution
         self._log.worker(worker, resolution, clock, is_paused=self._is_paused)
-        wet = 0 if snapshot is None else int((snapshot.thickness >= COVERED).sum())
         message = DiagnosticArray(
             header=codec.header('', stamp_ns),
             status=[
@@ -387,7 +360,6 @@ class Operation:
                     worker,
                     snapshot,
                     is_active=self.is_active,
-                    wet_cells=wet,
                     frame_stamp_ns=self._layers.shown_stamp_ns,
                     resolution=resolution,
                     clock=clock,
@@ -401,13 +373,8 @@ class Operation:
         diagnostics.sign(message, self._node.get_fully_qualified_name(), worker.device)
         data = codec.serialise(message)
         self._diagnostics.publish(data)
-        self._recorder.write(
-            '/diagnostics',
-            'diagnostic_msgs/msg/DiagnosticArray',
-            data,
-            stamp_ns,
-            qos=qos.DIAGNOSTICS,
-        )
+        kind = codec.type_name(DiagnosticArray)
+        self._recorder.write('/diagnostics', kind, data, stamp_ns, qos=qos.DIAGNOSTICS)
         self._recorder.flush()
         period = self._settings.checkpoint_period
         self._report_checkpoint(self._checkpoints.poll(period, stamp_ns))

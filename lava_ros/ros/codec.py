@@ -16,6 +16,7 @@
 
 import array
 from collections.abc import Mapping
+import importlib
 import struct
 import sys
 from typing import Any
@@ -30,8 +31,6 @@ from std_msgs.msg import Header
 
 from lava_ros.errors import LavaError
 from lava_ros.scene import Terrain
-
-_BIG_ENDIAN_HOST = sys.byteorder == 'big'
 
 
 def time_message(stamp_ns: int) -> Time:
@@ -50,12 +49,7 @@ def header(frame_id: str, stamp_ns: int) -> Header:
 
 
 def message_array(values: np.ndarray, typecode: str) -> 'array.array[int]':
-    """Copy an array into the kind of array that message fields hold: 100 times faster than a list.
-
-    Args:
-        values: The values; their bytes are taken as they lie in memory.
-        typecode: Type code of the field's elements, ``b`` for int8[] and ``B`` for uint8[].
-    """
+    """Copy an array's bytes to an array of a field's typecode: 100 times faster than a list."""
     result: array.array[int] = array.array(typecode)
     # A view of no elements cannot be cast.
     if values.size:
@@ -88,7 +82,7 @@ def float_image(values: np.ndarray, message_header: Header) -> Image:
     """Make a 32FC1 image from float values, shape [rows, columns], row 0 at the smallest y."""
     rows, columns = values.shape
     image = Image(header=message_header, height=rows, width=columns, encoding='32FC1')
-    image.is_bigendian = int(_BIG_ENDIAN_HOST)
+    image.is_bigendian = int(sys.byteorder == 'big')
     image.step = 4 * columns
     image.data = message_array(values.astype(np.float32, copy=False), 'B')
     return image
@@ -113,6 +107,22 @@ def serialise(message: Any) -> bytes:
     """Turn a message into the bytes that go over the wire, and into a bag."""
     data: bytes = serialize_message(message)
     return data
+
+
+def message_class(message_type: str) -> Any:
+    """Import the class of a message type such as ``nav_msgs/msg/OccupancyGrid``.
+
+    Raises:
+        LavaError: The name is not that of a message type, or the type is not installed.
+    """
+    package, _, name = message_type.partition('/msg/')
+    if not package.isidentifier() or not name.isidentifier():
+        raise LavaError('message_type', message_type, 'a name such as nav_msgs/msg/OccupancyGrid')
+    try:
+        return getattr(importlib.import_module(f'{package}.msg'), name)
+    except (ImportError, AttributeError) as error:
+        right = f'a type that is installed here ({error})'
+        raise LavaError('message_type', message_type, right) from error
 
 
 def type_name(message_class: Any) -> str:

@@ -50,9 +50,8 @@ class CommandQueue:
     def __init__(self, limit: int = MAX_WAITING) -> None:
         """Start empty."""
         self._limit = limit
-        self._waiting: dict[int, Command] = {}
-        self._by_kind: dict[str, int] = {}
-        self._next_key = 0
+        # by kind, and those without one each by itself
+        self._waiting: dict[object, Command] = {}
         self._closed: LavaError | None = None
         self._changed = threading.Condition()
 
@@ -67,21 +66,15 @@ class CommandQueue:
             return tuple(dict.fromkeys(item.kind or 'command' for item in self._waiting.values()))
 
     def put(self, command: Command) -> None:
-        """Add a command, in place of a waiting one of its kind.
-
-        It is refused when too many wait, and once the queue is closed.
-        """
+        """Add a command in place of one of its kind, or refuse it: too many, or closed."""
         with self._changed:
-            former = self._waiting.pop(self._by_kind.pop(command.kind, -1), None)
+            former = self._waiting.pop(command.kind, None)
             refusal = self._closed
             if refusal is None and not command.kind and len(self._waiting) >= self._limit:
                 waiting = f'{self._limit} waiting'
                 refusal = LavaError('commands', waiting, 'fewer at a time; try again later')
             if refusal is None:
-                self._waiting[self._next_key] = command
-                if command.kind:
-                    self._by_kind[command.kind] = self._next_key
-                self._next_key += 1
+                self._waiting[command.kind or object()] = command
                 self._changed.notify()
         # Futures call back, and what they call may put another command.
         if former is not None:
@@ -90,10 +83,7 @@ class CommandQueue:
             finish(command.future, refusal)
 
     def get(self, timeout: float | None = None) -> Command:
-        """Take the oldest command, after waiting for one.
-
-        Args:
-            timeout: How long to wait [s], None for as long as it takes.
+        """Take the oldest command, after waiting for one for a time [s], None for ever.
 
         Raises:
             queue.Empty: There was none in time, or the queue is closed.
@@ -102,11 +92,7 @@ class CommandQueue:
             self._changed.wait_for(lambda: self._waiting or self._closed, timeout)
             if not self._waiting:
                 raise queue.Empty
-            key = next(iter(self._waiting))
-            command = self._waiting.pop(key)
-            if command.kind:
-                del self._by_kind[command.kind]
-            return command
+            return self._waiting.pop(next(iter(self._waiting)))
 
     def close(self, reason: LavaError) -> None:
         """Refuse what waits, and whatever comes from now on, for a reason."""
@@ -114,7 +100,6 @@ class CommandQueue:
             self._closed = reason
             commands = list(self._waiting.values())
             self._waiting.clear()
-            self._by_kind.clear()
             self._changed.notify()
         for command in commands:
             finish(command.future, reason)

@@ -73,7 +73,7 @@ class DeadlineChooser:
         except LavaError as error:
             # late maps of a flow are better than none
             self.choice = DeadlineChoice(
-                f'preset {settings.preset} as ever: {error}',
+                f'preset {settings.preset}, as without a deadline: {error}',
                 is_met=False,
                 spent=time.monotonic() - begun,
             )
@@ -105,7 +105,7 @@ class DeadlineChooser:
             f'spacing {plan.spacing:.3g} m'
             + (f' and {members} of {asked} members' if asked else '')
             + f': {plan.members} run{"s" * (plan.members > 1)} in about {plan.wall_time:.2g} s of '
-            f'{settings.deadline:g} s, from {plan.pilots} pilots'
+            f'{settings.deadline:g} s, from {plan.pilots} pilot runs'
             + ('; more time would not help' if plan.is_finest else ''),
             is_met=True,
             spacing=plan.spacing,

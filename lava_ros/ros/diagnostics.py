@@ -19,33 +19,30 @@ from collections.abc import Mapping
 from socket import gethostname
 import threading
 import time
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 import numpy as np
 
 from lava_ros.errors import LavaError
-from lava_ros.maps.forecast import Forecast, Outlook
 from lava_ros.ros.deadline import DeadlineChoice
-from lava_ros.ros.ensemble_forecasts import Ahead, AheadStatus, Live
+from lava_ros.ros.ensemble_forecasts import AheadStatus, Live
 from lava_ros.ros.recorder import RecorderStatus
 from lava_ros.ros.recording import LastCheckpoint
 from lava_ros.ros.session import is_on
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
+from lava_ros.simulation.accuracy import COVERED
 from lava_ros.simulation.resolution import Resolution
 from lava_ros.simulation.snapshot import Snapshot
 
 #: Time after which an unchanged error of a topic is logged again [s].
 LOG_INTERVAL = 60.0
 
-_LEVELS = {
-    WorkerState.WAITING: DiagnosticStatus.WARN,
-    WorkerState.STARTING: DiagnosticStatus.OK,
-    WorkerState.RUNNING: DiagnosticStatus.OK,
-    WorkerState.PAUSED: DiagnosticStatus.OK,
-    WorkerState.FINISHED: DiagnosticStatus.OK,
-    WorkerState.FAILED: DiagnosticStatus.ERROR,
-    WorkerState.STOPPED: DiagnosticStatus.OK,
-}
+#: Levels of a status.
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+#: Levels of states of the worker, where they are not OK.
+_LEVELS = {WorkerState.WAITING: WARN, WorkerState.FAILED: ERROR}
 
 
 class InputLog:
@@ -58,8 +55,8 @@ class InputLog:
         self._rejected: Counter[str] = Counter()
         self._superseded = 0
         self._arrived = 0
-        self._newest_judged: dict[str, int] = {}
-        self._newest_is_bad: dict[str, bool] = {}
+        # number of a topic's newest message that was judged, and whether it was refused
+        self._newest: dict[str, tuple[int, bool]] = {}
         self._last_error = ''
         self._logged: dict[str, tuple[str, float]] = {}
 
@@ -88,13 +85,12 @@ class InputLog:
     def forgive(self, topic: str) -> None:
         """Leave it at a warning: nothing better can be expected on the topic to end an error."""
         with self._lock:
-            self._newest_is_bad[topic] = False
+            self._newest[topic] = self._newest[topic][0], False
 
     def reject(self, topic: str, error: LavaError, number: int | None = None) -> bool:
-        """Note a message that was refused; the newest, or that of a number.
+        """Note a message that was refused, the newest or that of a number, and whether to log it.
 
-        Returns:
-            Whether to log it: not when the same thing was just said about the topic.
+        What was just said about the topic is not logged again.
         """
         with self._lock:
             self._rejected[topic] += 1
@@ -111,15 +107,14 @@ class InputLog:
         if number is None:
             self._arrived += 1
             number = self._arrived
-        if number >= self._newest_judged.get(topic, 0):
-            self._newest_judged[topic] = number
-            self._newest_is_bad[topic] = is_bad
+        if number >= self._newest.get(topic, (0, False))[0]:
+            self._newest[topic] = number, is_bad
 
     def status(self) -> DiagnosticStatus:
         """ERROR while a topic's newest message was refused, WARN when an earlier one was."""
         with self._lock:
             rejected = sum(self._rejected.values())
-            bad = sorted(topic for topic, is_bad in self._newest_is_bad.items() if is_bad)
+            is_bad = any(newest_is_bad for _, newest_is_bad in self._newest.values())
             values: dict[str, object] = {
                 'accepted': sum(self._accepted.values()),
                 'rejected': rejected,
@@ -128,11 +123,11 @@ class InputLog:
             }
             values |= {f'rejected.{topic}': count for topic, count in self._rejected.items()}
             last_error = self._last_error
-        if bad:
-            return status('inputs', DiagnosticStatus.ERROR, f'refused {last_error}', values)
+        if is_bad:
+            return status('inputs', ERROR, f'refused {last_error}', values)
         if rejected:
-            return status('inputs', DiagnosticStatus.WARN, f'{rejected} refused so far', values)
-        return status('inputs', DiagnosticStatus.OK, 'all taken', values)
+            return status('inputs', WARN, f'{rejected} refused so far', values)
+        return status('inputs', OK, 'all taken', values)
 
 
 def simulation_status(
@@ -140,23 +135,16 @@ def simulation_status(
     snapshot: Snapshot | None,
     *,
     is_active: bool,
-    wet_cells: int,
     frame_stamp_ns: int,
     resolution: Resolution | None = None,
     clock: str = '',
 ) -> DiagnosticStatus:
     """The status of the simulation.
 
-    Args:
-        worker: The state of the worker.
-        snapshot: The snapshot that was published last, None before the first.
-        is_active: Whether the node is active.
-        wet_cells: Number of cells with lava in the snapshot.
-        frame_stamp_ns: Stamp of the snapshot's maps [ns].
-        resolution: How well particles resolve the flow, None if unknown.
-        clock: What is wrong with the clock, empty if nothing is.
+    ``snapshot`` was published last, with maps of the stamp ``frame_stamp_ns`` [ns]; ``resolution``
+    says how well particles resolve the flow, and ``clock`` what is wrong with the clock.
     """
-    level, message = _LEVELS[worker.state], worker.state.value
+    level, message = _LEVELS.get(worker.state, OK), worker.state.value
     is_running = worker.state is WorkerState.RUNNING
     warnings = snapshot.budget.warnings() if snapshot is not None else []
     # what starts says so itself
@@ -168,7 +156,7 @@ def simulation_status(
         message = f'{message}: {worker.error}'
     elif any(warnings):
         is_lost = snapshot is not None and not snapshot.budget.is_conserved
-        level = DiagnosticStatus.ERROR if is_lost else DiagnosticStatus.WARN
+        level = ERROR if is_lost else WARN
         message = '; '.join(filter(None, warnings))
     values: dict[str, object] = {
         'state': worker.state.value,
@@ -185,7 +173,8 @@ def simulation_status(
             'footprint_error': f'{resolution.error:.2g}',
         }
     if snapshot is not None:
-        values |= snapshot_values(snapshot, frame_stamp_ns) | {'wet_cells': wet_cells}
+        values |= snapshot_values(snapshot, frame_stamp_ns)
+        values['wet_cells'] = int((snapshot.thickness >= COVERED).sum())
     if not is_active:
         message = f'inactive: {message}'
     return status('simulation', level, message, values)
@@ -210,49 +199,43 @@ def effects_status(effects: Mapping[str, str]) -> DiagnosticStatus:
     """The status of the effects: which are on, and why each is on or off."""
     names = ', '.join(name for name, text in effects.items() if is_on(text)) or 'none'
     message = f'on: {names}' if effects else 'not chosen yet'
-    return status('effects', DiagnosticStatus.OK, message, effects)
+    return status('effects', OK, message, effects)
 
 
-def forecast_status(
-    forecaster: AheadStatus, latest: Live[Forecast] | None, *, age: float, staleness: str
+def ahead_status(
+    task: str, state: AheadStatus, latest: Live[Any] | None, *, age: float, staleness: str
 ) -> DiagnosticStatus:
-    """The status of the forecasts.
+    """The status of the tasks ``forecast`` or ``ensemble``, of which ``latest`` is the newest.
 
-    ``latest`` is the newest forecast, ``age`` its age [s], and ``staleness`` why it is stale,
-    empty if it is not.
+    ``age`` is its age [s], ``staleness`` why it is stale, empty if it is not.
     """
+    is_ensemble = task == 'ensemble'
     values: dict[str, object] = {
-        'forecasts': forecaster.count,
-        'share': f'{forecaster.share:.2g}',
-        'progress': '' if forecaster.progress is None else f'{forecaster.progress:.2f}',
+        f'{task}s': state.count,
+        'progress': '' if state.progress is None else f'{state.progress:.2f}',
     }
+    if is_ensemble:
+        values['outlines'] = state.outlines
+    else:
+        values['share'] = f'{state.share:.2g}'
+    if state.jaccard_mean is not None:
+        values['jaccard_mean'] = f'{state.jaccard_mean:.3f}'
+    message = 'up to date'
     if latest is not None:
-        values |= _ahead_values(latest, age, staleness) | {
-            'particles': latest.shown.particle_count,
-            'cells_reached': int(np.isfinite(latest.shown.arrival).sum()),
+        values |= {
+            'start_time_s': repr(latest.shown.time),
+            'horizon_s': repr(latest.shown.horizon),
+            'duration_s': f'{latest.shown.duration:.3g}',
+            'age_s': f'{age:.6g}',
+            'is_stale': str(bool(staleness)).lower(),
+            'frame_stamp_ns': latest.stamp_ns,
         }
-    return _ahead_status('forecast', forecaster.error, latest, staleness, 'up to date', values)
-
-
-def ensemble_status(
-    ensembles: AheadStatus, latest: Live[Outlook] | None, *, age: float, staleness: str
-) -> DiagnosticStatus:
-    """The status of the ensembles.
-
-    ``latest`` is the newest ensemble, ``age`` its age [s], and ``staleness`` why it is stale,
-    empty if it is not.
-    """
-    values: dict[str, object] = {
-        'ensembles': ensembles.count,
-        'progress': '' if ensembles.progress is None else f'{ensembles.progress:.2f}',
-        'outlines': ensembles.outlines,
-    }
-    if ensembles.jaccard_mean is not None:
-        values['jaccard_mean'] = f'{ensembles.jaccard_mean:.3f}'
-    message = ''
-    if latest is not None:
+    if latest is not None and not is_ensemble:
+        values['particles'] = latest.shown.particle_count
+        values['cells_reached'] = int(np.isfinite(latest.shown.arrival).sum())
+    elif latest is not None:
         outlook, maps = latest.shown, latest.shown.maps
-        values |= _ahead_values(latest, age, staleness) | {
+        values |= {
             'members': maps.members,
             'members_asked': outlook.asked,
             'members_effective': f'{maps.effective_members:.1f}',
@@ -264,37 +247,14 @@ def ensemble_status(
         if not outlook.is_done:
             message += ' so far'
         elif maps.members < outlook.asked:
-            message += ': the others would have been late'
-    return _ahead_status('ensemble', ensembles.error, latest, staleness, message, values)
-
-
-def _ahead_values(latest: Live[Ahead], age: float, staleness: str) -> dict[str, object]:
-    return {
-        'start_time_s': repr(latest.shown.time),
-        'horizon_s': repr(latest.shown.horizon),
-        'duration_s': f'{latest.shown.duration:.3g}',
-        'age_s': f'{age:.6g}',
-        'is_stale': str(bool(staleness)).lower(),
-        'frame_stamp_ns': latest.stamp_ns,
-    }
-
-
-def _ahead_status(
-    task: str,
-    error: str,
-    latest: object,
-    staleness: str,
-    message: str,
-    values: Mapping[str, object],
-) -> DiagnosticStatus:
-    if error:
-        return status(task, DiagnosticStatus.ERROR, error, values)
+            message += ': the others were left out to meet the deadline'
+    if state.error:
+        return status(task, ERROR, state.error, values)
     if latest is None:
-        return status(task, DiagnosticStatus.OK, staleness, values)
+        return status(task, OK, staleness, values)
     if staleness:
-        withdrawn = f'stale, withdrawn: {staleness}'
-        return status(task, DiagnosticStatus.WARN, withdrawn, values)
-    return status(task, DiagnosticStatus.OK, message, values)
+        return status(task, WARN, f'stale, withdrawn: {staleness}', values)
+    return status(task, OK, message, values)
 
 
 def deadline_status(
@@ -314,14 +274,11 @@ def deadline_status(
             'expected_sampling_error': f'{choice.sampling_error:.2g}',
             'choosing_took_s': f'{choice.spent:.3g}',
         }
-    reason = 'nothing chosen: no simulation was started with a vent'
-    if choice is not None:
-        reason = choice.reason
+    reason = choice.reason if choice else 'nothing chosen: no simulation was started with a vent'
     if took > deadline:
         late = f'late: the newest took {took:.3g} s of {deadline:g} s; {reason}'
-        return status('deadline', DiagnosticStatus.WARN, late, values)
-    level = DiagnosticStatus.OK if choice is None or choice.is_met else DiagnosticStatus.WARN
-    return status('deadline', level, reason, values)
+        return status('deadline', WARN, late, values)
+    return status('deadline', OK if choice is None or choice.is_met else WARN, reason, values)
 
 
 def recorder_status(
@@ -339,8 +296,8 @@ def recorder_status(
         values['checkpoint_time_s'] = repr(checkpoint.time)
         values['checkpoint_bytes'] = checkpoint.size
     if recorder.error:
-        return status('recorder', DiagnosticStatus.ERROR, recorder.error, values)
-    return status('recorder', DiagnosticStatus.OK, recorder.state, values)
+        return status('recorder', ERROR, recorder.error, values)
+    return status('recorder', OK, recorder.state, values)
 
 
 def sign(message: DiagnosticArray, node: str, device: str) -> None:

@@ -137,9 +137,7 @@ class Outlooks:
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
         """Take a mask of where lava was observed at ``clock``, in ROS time [s], from any thread.
 
-        Returns:
-            A future that is done when the members have been weighed by the mask, or that holds the
-            LavaError why they were not.
+        The future is done when the members have been weighed, or holds the LavaError why not.
         """
         done: Future[None] = Future()
         self._seen.put(_Seen(mask, clock, done))

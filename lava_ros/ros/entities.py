@@ -14,39 +14,24 @@
 
 """What a node creates for as long as it is configured, and takes out of the graph afterwards."""
 
-from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
 
 
 class Entities:
-    """Creates publishers, subscriptions, timers and services, and remembers them."""
+    """Creates publishers, subscriptions, timers and others, and remembers them."""
 
     def __init__(self, node: Node) -> None:
         """Create nothing yet."""
         self.node = node
         self._made: list[tuple[str, Any]] = []
 
-    def publisher(self, *args: Any, **options: Any) -> Any:
-        """Do as ``Node.create_publisher``."""
-        return self._create('publisher', *args, **options)
-
-    def subscription(self, *args: Any, **options: Any) -> Any:
-        """Do as ``Node.create_subscription``."""
-        return self._create('subscription', *args, **options)
-
-    def timer(self, *args: Any, **options: Any) -> Any:
-        """Do as ``Node.create_timer``."""
-        return self._create('timer', *args, **options)
-
-    def service(self, *args: Any, **options: Any) -> Any:
-        """Do as ``Node.create_service``."""
-        return self._create('service', *args, **options)
-
-    def guard_condition(self, callback: Callable[[], None]) -> Any:
-        """Do as ``Node.create_guard_condition``."""
-        return self._create('guard_condition', callback)
+    def create(self, kind: str, *args: Any, **options: Any) -> Any:
+        """Do as ``Node.create_<kind>``: a publisher, subscription, timer, ..."""
+        made = getattr(self.node, f'create_{kind}')(*args, **options)
+        self._made.append((kind, made))
+        return made
 
     def drop(self, made: Any) -> None:
         """Take one of them out of the graph."""
@@ -58,11 +43,6 @@ class Entities:
         """Take all of them out of the graph, the newest first."""
         while self._made:
             self._destroy(*self._made.pop())
-
-    def _create(self, kind: str, *args: Any, **options: Any) -> Any:
-        made = getattr(self.node, f'create_{kind}')(*args, **options)
-        self._made.append((kind, made))
-        return made
 
     def _destroy(self, kind: str, made: Any) -> None:
         getattr(self.node, f'destroy_{kind}')(made)

@@ -43,18 +43,21 @@ class SceneFeed(Node):
         self._readers = 0
         self._refusal = ''
         latched = qos.ros_profile(qos.LATCHED)
-        self._terrain = self.create_publisher(Image, 'terrain', latched)
-        self._info = self.create_publisher(MapMetaData, 'terrain_info', latched)
+        # a latched publisher has to stay
+        self._terrain = {
+            'terrain': self.create_publisher(Image, 'terrain', latched),
+            'terrain_info': self.create_publisher(MapMetaData, 'terrain_info', latched),
+        }
         # who comes late gets them when published again: the node does not ask for old ones
         self._vents = self.create_publisher(PointCloud2, 'vents', qos.ros_profile(qos.COMMANDS))
         self.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
         )
-        image, info = outputs.terrain_messages(
+        messages = outputs.terrain_messages(
             scene.terrain, frame_id=frame_id, stamp_ns=self._stamp_ns()
         )
-        self._terrain.publish(image)
-        self._info.publish(info)
+        for topic, message in messages.items():
+            self._terrain[topic].publish(message)
         self.create_timer(0.2, self._publish_vents)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:

@@ -22,7 +22,6 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
-from lava_ros.maps.forecast import Forecast, Outlook
 from lava_ros.maps.layers import ARRIVAL, Layer, plain_source, PROBABILITY
 from lava_ros.ros import diagnostics
 from lava_ros.ros.deadline import DeadlineChoice
@@ -74,21 +73,21 @@ class ForecastTopics:
         self._threshold = _threshold(layers)
         self._is_active = False
         frame_id = settings().frame_id
-        forecasts = LayerPublishers[Forecast](
-            entities,
-            [layer for layer in layers if not layer.is_ensemble],
-            recorder,
-            frame_id=frame_id,
-        )
-        outlooks = LayerPublishers[Outlook](
-            entities, [layer for layer in layers if layer.is_ensemble], recorder, frame_id=frame_id
-        )
+        self.publishers: list[LayerPublishers[Any]] = [
+            LayerPublishers(
+                entities,
+                [layer for layer in layers if layer.is_ensemble is is_ensemble],
+                recorder,
+                frame_id=frame_id,
+            )
+            for is_ensemble in (False, True)
+        ]
+        forecasts, outlooks = self.publishers
         self._forecasts = _Withdrawable(forecasts, 'forecast', self._node)
         self._outlooks = _Withdrawable(outlooks, 'ensemble', self._node)
-        self.publishers: list[LayerPublishers[Any]] = [forecasts, outlooks]
         self._forecaster: Forecaster | None = None
         if settings().forecast_horizon:
-            ready = entities.guard_condition(self.publish)
+            ready = entities.create('guard_condition', self.publish)
             self._forecaster = Forecaster(worker, self._rules, on_change=ready.trigger)
 
     def start(self) -> None:
@@ -123,10 +122,7 @@ class ForecastTopics:
         self._outlooks.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Weigh the members of ensembles by where lava was observed at ``clock``, a ROS time [s].
-
-        Returns:
-            A future as of ``Outlooks.observe``.
+        """Weigh members by where lava was observed at ``clock`` [s], as ``Outlooks.observe`` does.
 
         Raises:
             LavaError: The node is not active, or makes no ensembles.
@@ -140,28 +136,25 @@ class ForecastTopics:
         forecaster, settings = self._forecaster, self._settings()
         if forecaster is None:
             return []
-        latest, ensemble = forecaster.latest, forecaster.outlooks.latest
-        found = [
-            diagnostics.forecast_status(
-                forecaster.status,
-                latest,
-                age=forecaster.age(latest),
-                staleness=forecaster.staleness(latest),
-            )
-        ]
+        outlooks = forecaster.outlooks
+        tasks: list[Any] = [('forecast', forecaster.status, forecaster.latest)]
         if settings.ensemble_members:
-            status = diagnostics.ensemble_status(
-                forecaster.outlooks.status,
-                ensemble,
-                age=forecaster.age(ensemble),
-                staleness=forecaster.staleness(ensemble),
+            tasks.append(('ensemble', outlooks.status, outlooks.latest))
+        found = [
+            diagnostics.ahead_status(
+                task,
+                status,
+                live,
+                age=forecaster.age(live),
+                staleness=forecaster.staleness(live),
             )
-            found.append(status)
+            for task, status, live in tasks
+        ]
         if settings.deadline:
             # an ensemble includes the forecast that comes before it
-            took = max(0.0 if item is None else item.shown.duration for item in (latest, ensemble))
-            status = diagnostics.deadline_status(settings.deadline, self._choice(), took=took)
-            found.append(status)
+            known = [live.shown.duration for _, _, live in tasks if live is not None]
+            took = max(known, default=0.0)
+            found.append(diagnostics.deadline_status(settings.deadline, self._choice(), took=took))
         return found
 
     def _rules(self) -> ForecastRules:
@@ -215,13 +208,9 @@ class _Withdrawable(Generic[Ahead]):
 
 def _threshold(layers: Sequence[Layer]) -> float:
     """The thickness from which on lava has arrived: it is one for all layers of the arrival."""
-    thresholds = {
-        layer.threshold
-        for layer in layers
-        if plain_source(layer.source) in (ARRIVAL, PROBABILITY)
-    }
+    arrivals = [item for item in layers if plain_source(item.source) in (ARRIVAL, PROBABILITY)]
+    thresholds = {layer.threshold for layer in arrivals}
     if len(thresholds) > 1 or 0.0 in thresholds:
-        raise LavaError(
-            'forecast_config', sorted(thresholds), 'one threshold above 0 for all arrivals'
-        )
+        right = 'one threshold above 0 for all arrivals'
+        raise LavaError('forecast_config', sorted(thresholds), right)
     return thresholds.pop() if thresholds else _THRESHOLD

@@ -87,19 +87,11 @@ class ForecastProcess:
         return self._child.pid
 
     def order(self, name: str, **values: Any) -> None:
-        """Send an order.
-
-        Raises:
-            OSError: It has ended.
-        """
+        """Send an order; OSError where it has ended."""
         self._connection.send((name, values))
 
     def answer(self, timeout: float) -> Answer | None:
-        """The next answer, None when there is none within a time [s].
-
-        Raises:
-            OSError: It has ended.
-        """
+        """The next answer, None for none within a time [s]; OSError where it has ended."""
         try:
             if not self._connection.poll(timeout):
                 return None
@@ -185,7 +177,7 @@ class Forecaster:
         """Why a forecast or ensemble says nothing about what comes, empty when it does."""
         if live is None:
             return 'there is none yet'
-        if self._worker.changes != live.changes:
+        if self._worker.eruption.changes != live.changes:
             return 'the scene or the effects have changed'
         if self._worker.status.state is WorkerState.FAILED:
             return 'the simulation has failed'
@@ -201,11 +193,7 @@ class Forecaster:
         self._is_wanted = is_wanted
 
     def stop(self, timeout: float | None = None) -> bool:
-        """End the thread and the process, and wait for at most ``timeout`` [s].
-
-        Returns:
-            Whether the thread has ended.
-        """
+        """End the thread and the process within ``timeout`` [s], and say whether it has ended."""
         self._stopping.set()
         if self._thread.ident is not None:
             self._thread.join(timeout)
@@ -223,7 +211,7 @@ class Forecaster:
     def _turn(self) -> None:
         """Begin a forecast that is due, pass on outlines, and take an answer of the process."""
         self._drop_outdated()
-        is_another = self._worker.changes != self._changes
+        is_another = self._worker.eruption.changes != self._changes
         due = self._due_after_change if is_another else self._due
         is_due = self._is_wanted and time.monotonic() >= due
         if is_due and self._process is None:
@@ -238,7 +226,7 @@ class Forecaster:
             return
         rules = self._rules()
         self.outlooks.send(
-            self._process.order, changes=self._worker.changes, time_scale=rules.time_scale
+            self._process.order, changes=self._worker.eruption.changes, time_scale=rules.time_scale
         )
         if self._at_hand is not None and self._renew_share(rules):
             self._process.order('share', share=self.status.share)
@@ -248,20 +236,20 @@ class Forecaster:
             self._hear(name, **values)
 
     def _report_changes(self) -> None:
-        if self._worker.changes != self._told:
-            self._told = self._worker.changes
+        if self._worker.eruption.changes != self._told:
+            self._told = self._worker.eruption.changes
             self._on_change()
 
     def _is_something_new(self) -> bool:
         snapshot = self._worker.latest
         if snapshot is None or self._worker.status.state is WorkerState.FAILED:
             return False
-        state = (self._worker.changes, snapshot.time)
+        state = (self._worker.eruption.changes, snapshot.time)
         is_new = state != self._forked
         return is_new or (self._rules().members > 0 and self.outlooks.is_wanted(*state))
 
     def _drop_outdated(self) -> None:
-        changes = self._worker.changes
+        changes = self._worker.eruption.changes
         is_outdated = not self._is_wanted or changes != self._changes
         if not is_outdated or not self._is_busy():
             return

@@ -24,12 +24,13 @@ The package is not on PyPI, and nothing here needs it: messages are objects with
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 
 from lava_ros.errors import LavaError
+from lava_ros.maps.layers import GRID_MAP
 from lava_ros.ros import codec
 from lava_ros.scene import Terrain
 
@@ -43,45 +44,21 @@ ELEVATION = 'elevation'
 LENGTH_TOLERANCE = 0.01
 
 
-class Classes(NamedTuple):
-    """The message classes of the package.
-
-    Attributes:
-        map: ``GridMap``.
-        info: ``GridMapInfo``.
-    """
-
-    map: Any
-    info: Any
-
-
-def installed_classes() -> Classes | None:
-    """The message classes, None where grid_map_msgs is not installed."""
-    try:
-        from grid_map_msgs.msg import GridMap, GridMapInfo
-    except ImportError:
-        return None
-    return Classes(GridMap, GridMapInfo)
-
-
 def grid_map_message(
-    classes: Classes, maps: Mapping[str, np.ndarray], terrain: Terrain, message_header: Header
+    maps: Mapping[str, np.ndarray], terrain: Terrain, message_header: Header
 ) -> Any:
     """Make a map from values by layer, shape [rows, columns], row 0 at the smallest y."""
     rows, columns = terrain.shape
-    info = classes.info()
+    message = codec.message_class(GRID_MAP)()
+    info = message.info
     info.resolution = terrain.resolution
     info.length_x, info.length_y = columns * terrain.resolution, rows * terrain.resolution
     info.pose.position.x = terrain.origin[0] + 0.5 * info.length_x
     info.pose.position.y = terrain.origin[1] + 0.5 * info.length_y
-    info.pose.orientation.w = 1.0
-    message = classes.map()
     message.header = message_header
-    message.info = info
     message.layers = list(maps)
     message.basic_layers = [ELEVATION] if ELEVATION in maps else []
     message.data = [_multi_array(values) for values in maps.values()]
-    message.outer_start_index = message.inner_start_index = 0
     return message
 
 

@@ -16,6 +16,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Future
+from contextlib import suppress
 import time
 import traceback
 from typing import Any
@@ -29,8 +30,8 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
-from lava_ros.maps.layers import OCCUPANCY_GRID
-from lava_ros.ros import codec, grid_map, inputs, qos
+from lava_ros.maps.layers import GRID_MAP, OCCUPANCY_GRID
+from lava_ros.ros import codec, inputs, qos
 from lava_ros.ros.codec import decode
 from lava_ros.ros.diagnostics import InputLog
 from lava_ros.ros.entities import Entities
@@ -63,23 +64,16 @@ class InputTopics:
         *,
         settings: Callable[[], Settings],
         steady: Clock,
-        grid_maps: grid_map.Classes | None = None,
         observe: Callable[[Mask, float], 'Future[None]'] | None = None,
         recorder: Recorder | None = None,
         is_own: Callable[[str, bytes], bool] = lambda topic, data: False,
     ) -> None:
         """Subscribe to the input topics.
 
-        Args:
-            entities: Creates the subscriptions.
-            worker: The simulation.
-            settings: Returns the settings in use.
-            steady: A clock that advances independently of ``/clock``.
-            grid_maps: Message classes of grid maps, None for those installed.
-            observe: Takes a mask of where lava was observed and its ROS time [s]; None for no
-                subscription to outlines.
-            recorder: Records the outlines, if any.
-            is_own: Whether a serialised message on a topic comes from this node.
+        ``settings`` returns the settings in use; ``steady`` is a clock that advances independently
+        of ``/clock``. ``observe`` takes a mask of where lava was observed and its ROS time [s];
+        without it there is no subscription to outlines. ``recorder`` records the outlines.
+        ``is_own`` says whether a serialised message on a topic comes from this node.
         """
         self.log = InputLog()
         self._node = entities.node
@@ -105,15 +99,16 @@ class InputTopics:
         ]
         if observe is not None:
             topics.append((OccupancyGrid, _OUTLINE, self._on_outline, command_qos))
-        grid_maps = grid_maps or grid_map.installed_classes()
-        if grid_maps is not None:
-            topics.append((grid_maps.map, 'terrain_grid', self._on_terrain_grid, terrain_qos))
+        # without grid_map_msgs there is no such topic
+        with suppress(LavaError):
+            kind = codec.message_class(GRID_MAP)
+            topics.append((kind, 'terrain_grid', self._on_terrain_grid, terrain_qos))
         by = ', '.join(topic for _, topic, _, profile in topics if profile is terrain_qos)
         self.wanted = f'waiting for terrain on {by}'
         for message_class, topic, callback, profile in topics:
             take = self._guarded(topic, message_class, callback)
-            entities.subscription(message_class, topic, take, profile, raw=True)
-        entities.timer(PAIRING_PERIOD, self._poll_pairing, clock=steady)
+            entities.create('subscription', message_class, topic, take, profile, raw=True)
+        entities.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=steady)
 
     def command(self, topic: str, future: 'Future[None]') -> None:
         """Report how a command for the worker ends; that is in the worker's thread."""
@@ -165,13 +160,13 @@ class InputTopics:
 
     def _on_terrain(self, image: Image) -> None:
         inputs.check_image(image, self._settings())
-        self._pairing.add_image(image, time.monotonic())
+        self._pairing.add(image, time.monotonic())
         self._poll_pairing()
 
     def _on_terrain_info(self, info: MapMetaData) -> None:
         inputs.check_info(info, self._settings())
         self.log.accept('terrain_info')
-        self._pairing.add_info(info, time.monotonic())
+        self._pairing.add(info, time.monotonic())
         self._poll_pairing()
 
     def _poll_pairing(self) -> None:
@@ -199,11 +194,10 @@ class InputTopics:
         self.command('vents', self._worker.set_vents(vents))
 
     def _on_clicked_point(self, point: PointStamped) -> None:
-        settings, scene = self._settings(), self._worker.scene
+        settings, scene = self._settings(), self._worker.eruption.scene
         if scene is not None and len(scene.vents) >= settings.max_vents:
-            raise LavaError(
-                'clicked_point', 'one more vent', f'at most {settings.max_vents} (max_vents)'
-            )
+            right = f'at most {settings.max_vents} (max_vents)'
+            raise LavaError('clicked_point', 'one more vent', right)
         self._clicks += 1
         vent = inputs.vent_from_point(point, settings, name=f'click {self._clicks}')
         self.command('clicked_point', self._worker.add_vent(vent))
@@ -218,10 +212,5 @@ class InputTopics:
         assert self._observe is not None
         self.command(_OUTLINE, self._observe(mask, 1e-9 * stamp_ns))
         if self._recorder is not None and self._recorder.is_recording:
-            self._recorder.write(
-                self._node.resolve_topic_name(_OUTLINE),
-                OCCUPANCY_GRID,
-                codec.serialise(grid),
-                now_ns,
-                qos=qos.COMMANDS,
-            )
+            topic, data = self._node.resolve_topic_name(_OUTLINE), codec.serialise(grid)
+            self._recorder.write(topic, OCCUPANCY_GRID, data, now_ns, qos=qos.COMMANDS)

@@ -206,8 +206,7 @@ def _vent_of_points(name: str, columns: Mapping[str, np.ndarray], rows: Sequence
     if 'time' not in columns:
         return _vent(name, x, y, fluxes[0], temperature, radius)
     times = [float(columns['time'][row]) for row in rows]
-    series = list(zip(times, fluxes, strict=True))
-    return _vent(name, x, y, series, temperature, radius)
+    return _vent(name, x, y, list(zip(times, fluxes, strict=True)), temperature, radius)
 
 
 def vent_from_point(point: PointStamped, settings: Settings, *, name: str) -> Vent:
@@ -263,27 +262,21 @@ class TerrainPairing:
 
     def __init__(self) -> None:
         """Start with nothing."""
-        self._image: Image | None = None
-        self._info: MapMetaData | None = None
-        self._image_is_new = False
-        self._info_is_new = False
+        self._halves: dict[type, Any] = {}
+        self._new: set[type] = set()
         self._changed = 0.0
         self._reported = True
 
-    def add_image(self, image: Image, now: float) -> None:
-        """Take a checked image at a monotonic time [s]."""
-        self._image, self._image_is_new = image, True
-        self._changed, self._reported = now, False
-
-    def add_info(self, info: MapMetaData, now: float) -> None:
-        """Take a checked description at a monotonic time [s]."""
-        self._info, self._info_is_new = info, True
+    def add(self, half: Image | MapMetaData, now: float) -> None:
+        """Take a checked image or description at a monotonic time [s]."""
+        self._halves[type(half)] = half
+        self._new.add(type(half))
         self._changed, self._reported = now, False
 
     @property
     def is_waiting(self) -> bool:
         """Whether ``poll`` may still have something to say."""
-        return (self._image_is_new or self._info_is_new) and not self._reported
+        return bool(self._new) and not self._reported
 
     def poll(self, now: float) -> tuple[Image, MapMetaData] | None:
         """Return a pair that has become complete.
@@ -293,12 +286,11 @@ class TerrainPairing:
         """
         if not self.is_waiting:
             return None
-        image, info = self._image, self._info
+        image, info = self._halves.get(Image), self._halves.get(MapMetaData)
         if image is not None and info is not None:
             fits = (image.width, image.height) == (info.width, info.height)
-            both_new = self._image_is_new and self._info_is_new
-            if fits and (both_new or now - self._changed >= SETTLE):
-                self._image_is_new = self._info_is_new = False
+            if fits and (len(self._new) == 2 or now - self._changed >= SETTLE):
+                self._new.clear()
                 return image, info
         is_alone = image is None or info is None
         if now - self._changed < (ABSENCE if is_alone else PATIENCE):

@@ -17,7 +17,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from nav_msgs.msg import OccupancyGrid
 from rclpy.publisher import Publisher
@@ -36,7 +36,9 @@ from lava_ros.simulation.snapshot import Snapshot
 Shown = TypeVar('Shown', Snapshot, Forecast, Outlook)
 
 
-def published_layers(config: Path, forecast: Path | None, settings: Settings) -> list[Layer]:
+def published_layers(
+    config: Path, forecast: Path | None = None, *, settings: Settings
+) -> list[Layer]:
     """The enabled layers; layers of ensembles only if there are ensembles.
 
     ``forecast`` is the file of the layers of forecasts, None without forecasts.
@@ -99,15 +101,11 @@ class LayerPublishers(Generic[Shown]):
         """Create a publisher for every layer."""
         self._recorder = recorder
         self._frame_id = frame_id
-        self._outputs: list[_Output[Shown]] = [
-            _Output[Shown](
-                layer,
-                entities.publisher(
-                    outputs.message_class(layer), layer.topic, qos.ros_profile(layer.qos)
-                ),
-            )
-            for layer in layers
-        ]
+        self._outputs: list[_Output[Shown]] = []
+        for layer in layers:
+            kind, profile = outputs.message_class(layer), qos.ros_profile(layer.qos)
+            publisher = entities.create('publisher', kind, layer.topic, profile)
+            self._outputs.append(_Output(layer, publisher))
         self.rates: list[float] = sorted({output.layer.rate for output in self._outputs})
         self.shown: Shown | None = None
         self.shown_stamp_ns = 0
@@ -122,10 +120,7 @@ class LayerPublishers(Generic[Shown]):
         """The grid of a topic for the snapshot that was shown last, None before the first."""
         if self.shown is None:
             return None
-        (layer,) = (item.layer for item in self._outputs if item.layer.topic == topic)
-        return outputs.layer_message(
-            layer, self.shown, frame_id=self._frame_id, stamp_ns=self.shown_stamp_ns
-        )
+        return self._message(*(o.layer for o in self._outputs if o.layer.topic == topic))
 
     def make_due(self, rate: float) -> None:
         """Let the layers of a rate be published with the next new snapshot."""
@@ -150,28 +145,20 @@ class LayerPublishers(Generic[Shown]):
         for output in self._outputs:
             is_new = snapshot is not output.published and (output.is_due or also_not_due)
             if is_new or repeat:
-                self._publish(output, snapshot, stamp_ns, recorded_ns or stamp_ns, repeat)
+                self.shown, self.shown_stamp_ns = snapshot, stamp_ns
+                self._publish(output, snapshot, recorded_ns or stamp_ns, repeat)
 
     def _publish(
-        self,
-        output: _Output[Shown],
-        snapshot: Shown,
-        stamp_ns: int,
-        recorded_ns: int,
-        repeat: bool,
+        self, output: _Output[Shown], snapshot: Shown, recorded_ns: int, repeat: bool
     ) -> None:
         layer, before = output.layer, output.published
-        output.is_due = False
-        output.published = snapshot
-        self.shown, self.shown_stamp_ns = snapshot, stamp_ns
+        output.is_due, output.published = False, snapshot
         is_recorded = layer.record and self._recorder.is_recording
         is_latched = layer.qos.durability == 'transient_local'
         # A latched topic has readers that are not here yet.
         if not (is_recorded or is_latched or output.publisher.get_subscription_count()):
             return
-        message = outputs.layer_message(
-            layer, snapshot, frame_id=self._frame_id, stamp_ns=stamp_ns
-        )
+        message = self._message(layer)
         if layer.is_mask and is_latched:
             # Nav2 works its costmaps out anew, and warns, for each mask it gets.
             known, output.cells = output.cells, message.data
@@ -181,10 +168,12 @@ class LayerPublishers(Generic[Shown]):
         data = codec.serialise(message)
         output.publisher.publish(data)
         if is_recorded:
-            self._recorder.write(
-                output.publisher.topic_name,
-                layer.message,
-                data,
-                recorded_ns,
-                qos=layer.qos,
-            )
+            topic = output.publisher.topic_name
+            self._recorder.write(topic, layer.message, data, recorded_ns, qos=layer.qos)
+
+    def _message(self, layer: Layer) -> Any:
+        """The message of a layer for what is shown."""
+        assert self.shown is not None
+        return outputs.layer_message(
+            layer, self.shown, frame_id=self._frame_id, stamp_ns=self.shown_stamp_ns
+        )

@@ -34,8 +34,7 @@ from lava_ros.maps.frames import Frame, grid_frame, image_frame, LayerFrame
 from lava_ros.maps.layers import ARRIVED, IMAGE, Layer
 from lava_ros.maps.message_arrays import image_array
 from lava_ros.ros import qos
-from lava_ros.ros.codec import nanoseconds
-from lava_ros.ros.outputs import MESSAGE_CLASSES
+from lava_ros.ros.codec import message_class, nanoseconds
 from lava_ros.ros.scene_publisher import PLACES
 from lava_ros.ros.spinning import Watcher
 from lava_ros.watch.frames import Level, Status, watched_layers
@@ -104,7 +103,7 @@ class LiveFrames(Watcher):
         self._others: set[str] = set()
         latched = qos.ros_profile(qos.LATCHED)
         subscribed: list[tuple[Any, str, Any]] = [
-            (MESSAGE_CLASSES[item.message], item.topic, partial(self._on_layer, item))
+            (message_class(item.message), item.topic, partial(self._on_layer, item))
             for item in watched_layers()
         ]
         subscribed += [
@@ -139,7 +138,7 @@ class LiveFrames(Watcher):
             words = f"no node answers {where}{others}: start 'lava node', or give --namespace"
             return Status(Level.BAD, f'{words} and ROS_DOMAIN_ID of the one that runs')
         if silence > PATIENCE:
-            words = f'the node has been silent for {silence:.0f} s: what is shown is its last'
+            words = f'the node has been silent for {silence:.0f} s: these are its last maps'
             return Status(Level.BAD, words)
         for problem in self._problems.values():
             return Status(Level.BAD, problem)

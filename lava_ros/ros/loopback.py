@@ -87,11 +87,7 @@ def probe() -> dict[str, Any]:
 
 
 def main() -> int:
-    """Print what was seen as a line of JSON.
-
-    Returns:
-        0, also when nothing arrived.
-    """
+    """Print what was seen as a line of JSON."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     print(json.dumps(probe()), flush=True)
     rclpy.shutdown()

@@ -187,12 +187,9 @@ class ForecastWatch(DiagnosticsWatch):
         return time.monotonic()
 
     def show_outline(self, lava: np.ndarray, terrain: Terrain, stamp_ns: int) -> float:
-        """Publish where lava was observed at ``stamp_ns``, a ROS time [ns].
+        """Publish where lava was observed at a ROS time [ns], and return the monotonic time [s].
 
         ``lava`` is bool, shape [rows, columns]; every cell counts as observed.
-
-        Returns:
-            Monotonic time of the publication [s].
         """
         info = codec.map_metadata(terrain, stamp_ns)
         cells = np.where(lava, 100, 0).astype(np.int8)

@@ -61,11 +61,7 @@ class LavaNode(LifecycleNode):
     """
 
     def __init__(self, *, typed: Collection[str] = (), **options: Any) -> None:
-        """Declare the parameters, and prepare the lifecycle.
-
-        Args:
-            typed: Names of parameters that a command line sets for this node.
-            options: What ``LifecycleNode`` takes.
+        """Declare the parameters; ``typed`` are the names that a command line sets for this node.
 
         Raises:
             ParameterException: A parameter of the lifecycle has the wrong type.
@@ -95,22 +91,14 @@ class LavaNode(LifecycleNode):
         return self._operation.failure if self._operation is not None else ''
 
     def autostart(self) -> bool:
-        """Configure and activate, unless the parameter ``autostart`` is false.
-
-        Returns:
-            Whether that went well; ``refusal`` says why not.
-        """
+        """Configure and activate unless told not to; whether it went well (``refusal``)."""
         good = TransitionCallbackReturn.SUCCESS
         if not self._is_autostarting:
             return True
         return bool(self.trigger_configure() == good and self.trigger_activate() == good)
 
     def close(self) -> bool:
-        """Finish the bag and end the simulation.
-
-        Returns:
-            Whether its thread has ended.
-        """
+        """Finish the bag and end the simulation, and say whether its thread has ended."""
         operation, self._operation = self._operation, None
         parameters.fix(self, _DECLARED, fixed=False)
         if operation is not None:
@@ -285,11 +273,7 @@ class _PackageLog(logging.Handler):
 
 
 def main(args: list[str] | None = None) -> int:
-    """Run the node until SIGINT or SIGTERM.
-
-    Returns:
-        0 after a signal, 1 when the node cannot start or resume.
-    """
+    """Run the node until SIGINT or SIGTERM: 0, or 1 when it cannot start or resume."""
     stopping: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: stopping.append(number))

@@ -60,7 +60,7 @@ class _Bag(BagWriter):
 
     def put_terrain(self, terrain: Terrain, stamp_ns: int) -> None:
         messages = outputs.terrain_messages(terrain, frame_id=_FRAME, stamp_ns=stamp_ns)
-        for topic, message in zip(outputs.TERRAIN_TOPICS, messages, strict=True):
+        for topic, message in messages.items():
             self.put(topic, message, stamp_ns)
 
     def put_vents(self, rows: Any, terrain: Terrain, stamp_ns: int) -> None:

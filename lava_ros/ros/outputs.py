@@ -24,16 +24,10 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import Forecast, Outlook
-from lava_ros.maps.layers import GRID_MAP, IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
+from lava_ros.maps.layers import IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
 from lava_ros.ros import codec, grid_map
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.snapshot import Snapshot
-
-#: The topics of a terrain, in the order of ``terrain_messages``.
-TERRAIN_TOPICS = ('terrain', 'terrain_info')
-
-#: Messages of layers that every ROS installation has.
-MESSAGE_CLASSES = {OCCUPANCY_GRID: OccupancyGrid, IMAGE: Image, POINT_CLOUD: PointCloud2}
 
 
 def message_class(layer: Layer) -> Any:
@@ -42,14 +36,12 @@ def message_class(layer: Layer) -> Any:
     Raises:
         LavaError: Its package is not installed.
     """
-    if layer.message != GRID_MAP:
-        return MESSAGE_CLASSES[layer.message]
-    classes = grid_map.installed_classes()
-    if classes is None:
+    try:
+        return codec.message_class(layer.message)
+    except LavaError as error:
         right = 'a message whose package is installed: install ros-jazzy-grid-map-msgs, '
         right += f"or switch the layer off (layers_off: ['{layer.name}'])"
-        raise LavaError(f'layers.{layer.name}.message', layer.message, right)
-    return classes.map
+        raise LavaError(f'layers.{layer.name}.message', layer.message, right) from error
 
 
 def layer_message(
@@ -66,19 +58,15 @@ def layer_message(
     assert not isinstance(snapshot, Outlook)
     if layer.message == POINT_CLOUD:
         return codec.point_cloud(layer.points(snapshot), message_header)
-    classes = grid_map.installed_classes()
-    assert classes is not None
-    return grid_map.grid_map_message(
-        classes, layer.maps(snapshot), snapshot.terrain, message_header
-    )
+    return grid_map.grid_map_message(layer.maps(snapshot), snapshot.terrain, message_header)
 
 
 def terrain_messages(
     terrain: Terrain, *, frame_id: str, stamp_ns: int
-) -> tuple[Image, MapMetaData]:
-    """Make the image and its description that stand for a terrain."""
+) -> dict[str, Image | MapMetaData]:
+    """Make the image and its description that stand for a terrain, by their topics."""
     image = codec.float_image(terrain.elevation, codec.header(frame_id, stamp_ns))
-    return image, codec.map_metadata(terrain, stamp_ns)
+    return {'terrain': image, 'terrain_info': codec.map_metadata(terrain, stamp_ns)}
 
 
 def relief_message(terrain: Terrain, *, frame_id: str, stamp_ns: int) -> OccupancyGrid:

@@ -16,7 +16,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
 from itertools import pairwise
 from typing import Any
@@ -43,6 +43,18 @@ WHEN = 'read-only while the node is configured'
 
 #: Wall time from one checkpoint to the next unless the user says otherwise [s].
 CHECKPOINT_PERIOD = 60.0
+
+
+def _texts(field: str, value: object) -> tuple[Any, ...]:
+    # ROS leaves a parameter unset that is an empty list at the start.
+    if value is None:
+        return ()
+    if not isinstance(value, list):
+        kind = field.partition('_')[0]
+        example = 'inertia' if kind == 'effects' else 'lava_points'
+        raise LavaError(field, value, f"a list of {kind}, such as ['{example}']")
+    # A list with one empty text is how ROS writes an empty list of texts.
+    return tuple(name for name in value if name != '')
 
 
 @dataclass(frozen=True)
@@ -131,18 +143,10 @@ SOURCES = (
 )
 
 
-def _parameter(
-    default: Any,
-    description: str,
-    limits: tuple[float, float] | None = None,
-    *,
-    read: Callable[[Any], Any] = lambda value: value,
-    **options: Any,
-) -> Any:
-    """Declare a field of ``Settings`` and its parameter; ``read`` makes the one of the other."""
-    metadata = {'default': default, 'description': description, 'limits': limits, 'read': read}
-    setting = () if isinstance(default, list) else read(default)
-    return field(default=setting, metadata={**metadata, **options})
+def _parameter(*values: Any, **options: Any) -> Any:
+    """Declare a field of ``Settings`` and its parameter, whose name is that of the field."""
+    spec = ParameterSpec('', *values, **options)
+    return field(default=spec.setting(spec.default), metadata={'spec': spec})
 
 
 def _or_none(value: Any) -> Any:
@@ -340,28 +344,25 @@ class Settings:
 
 #: The parameters that ``Settings`` declares.
 PARAMETERS = tuple(
-    ParameterSpec(item.name, **item.metadata) for item in fields(Settings) if item.metadata
+    replace(item.metadata['spec'], name=item.name) for item in fields(Settings) if item.metadata
 )
 
 
 def constant_parameters(constants: Mapping[str, Any]) -> tuple[ParameterSpec, ...]:
     """Parameters of surroundings and lava (``lava.*``); ``constants`` has the defaults."""
     lava = constants['lava']
-    declared = [
-        (item, item.name, constants[item.name])
-        for item in fields(Scene)
-        if item.name in ENVIRONMENT
-    ]
-    declared += [(item, LAVA + item.name, getattr(lava, item.name)) for item in fields(Lava)]
+    around = [item for item in fields(Scene) if item.name in ENVIRONMENT]
+    declared = [(item.name, constants[item.name], item.metadata) for item in around]
+    declared += [(LAVA + i.name, getattr(lava, i.name), i.metadata) for i in fields(Lava)]
     return tuple(
         ParameterSpec(
             name,
             value,
-            f'{_labelled(item.metadata)}; from the next start or reset on',
-            item.metadata.get('limits'),
-            choices=tuple(item.metadata.get('choices', ())),
+            f'{_labelled(metadata)}; from the next start or reset on',
+            metadata.get('limits'),
+            choices=tuple(metadata.get('choices', ())),
         )
-        for item, name, value in declared
+        for name, value, metadata in declared
     )
 
 
@@ -388,23 +389,19 @@ def with_numbers(node: Node, given: Iterable[Parameter]) -> list[Parameter]:
 
     ``ros2 param load`` sends 7e-07 of its own dump as text: YAML's numbers have a point.
     """
-    result = []
-    for item in given:
+    result = list(given)
+    for index, item in enumerate(result):
         is_text = item.type_ == Parameter.Type.STRING and node.has_parameter(item.name)
-        value = item.value
         if is_text and node.get_parameter(item.name).type_ == Parameter.Type.DOUBLE:
             with suppress(ValueError):
-                value = float(value)
-        result.append(Parameter(item.name, item.type_ if value is item.value else None, value))
+                result[index] = Parameter(item.name, value=float(item.value))
     return result
 
 
 def typed(args: Sequence[str]) -> set[str]:
     """Names of the parameters that a command line sets for this node: ``-p name:=value``."""
-    names = [
-        word.partition(':=')[0] for flag, word in pairwise(args) if flag in ('-p', '--param')
-    ]
-    return {name.removeprefix('lava:') for name in names}
+    words = [word for flag, word in pairwise(args) if flag in ('-p', '--param')]
+    return {word.partition(':=')[0].removeprefix('lava:') for word in words}
 
 
 def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
@@ -440,11 +437,7 @@ def fix(node: Node, specs: Iterable[ParameterSpec], *, fixed: bool) -> None:
 
 
 def put(node: Node, values: Mapping[str, Any]) -> None:
-    """Set parameters of a node, all or none.
-
-    Raises:
-        LavaError: One cannot have its value.
-    """
+    """Set parameters of a node, all or none; LavaError where one cannot have its value."""
     if not values:
         # rclpy refuses to set nothing
         return
@@ -494,15 +487,3 @@ def _check_effects(settings: Settings, lava: Lava) -> None:
     except LavaError as error:
         expected = f'{error.field.removeprefix("effects.")} {error.expected}'
         raise LavaError('effects_on', names_on, expected) from None
-
-
-def _texts(field: str, value: object) -> tuple[Any, ...]:
-    # ROS leaves a parameter unset that is an empty list at the start.
-    if value is None:
-        return ()
-    if not isinstance(value, list):
-        kind = field.partition('_')[0]
-        example = 'inertia' if kind == 'effects' else 'lava_points'
-        raise LavaError(field, value, f"a list of {kind}, such as ['{example}']")
-    # A list with one empty text is how ROS writes an empty list of texts.
-    return tuple(name for name in value if name != '')

@@ -17,19 +17,16 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-import importlib
 import signal
 import threading
 import time
 from types import FrameType
 from typing import Any
 
-import rclpy
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 from lava_ros import validation
@@ -37,7 +34,7 @@ from lava_ros.bag import replay
 from lava_ros.bag.reader import BagReader
 from lava_ros.bag.replay import Transport
 from lava_ros.errors import LavaError
-from lava_ros.ros.codec import time_message
+from lava_ros.ros.codec import message_class, time_message
 from lava_ros.ros.qos import ros_profile
 
 CLOCK_TOPIC = '/clock'
@@ -174,13 +171,8 @@ def play(
 ) -> int:
     """Replay a bag in this process until it ends or SIGINT or SIGTERM arrives.
 
-    The function creates its own ROS context, and must be called from the main thread.
-
-    Args:
-        bag: The bag.
-        clock: Whether to publish /clock.
-        wait_for_subscribers: Longest wait for a subscriber on every topic [s].
-        how: Further arguments of ``Player.run``.
+    For the main thread, in a ROS context of its own. ``clock`` publishes /clock; ``how`` are
+    further arguments of ``Player.run``.
 
     Returns:
         The number of messages published.
@@ -190,44 +182,16 @@ def play(
     """
     wait = validation.number('wait_for_subscribers', wait_for_subscribers, at_least=0.0, unit='s')
     stop = threading.Event()
-    with _set_on_signals(stop), _node('lava_player') as node:
-        player = Player(node, bag, clock=clock)
-        if wait > 0.0:
-            player.wait_for_subscribers(wait, stop)
-        player.run(stop, **how)
-        return player.published
-
-
-def message_class(message_type: str) -> type[Any]:
-    """Import the class of a message type such as ``nav_msgs/msg/OccupancyGrid``.
-
-    Raises:
-        LavaError: The name is not that of a message type, or the type is not installed.
-    """
-    package, _, name = message_type.partition('/msg/')
-    if not package.isidentifier() or not name.isidentifier():
-        raise LavaError('message_type', message_type, 'a name such as nav_msgs/msg/OccupancyGrid')
-    try:
-        found: type[Any] = getattr(importlib.import_module(f'{package}.msg'), name)
-        return found
-    except (ImportError, AttributeError) as error:
-        raise LavaError(
-            'message_type', message_type, f'a type that is installed here ({error})'
-        ) from error
-
-
-@contextmanager
-def _node(name: str) -> Iterator[Node]:
-    context = Context()
-    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        node = Node(name, context=context, start_parameter_services=False)
+    with _set_on_signals(stop), Context() as context:
+        node = Node('lava_player', context=context, start_parameter_services=False)
         try:
-            yield node
+            player = Player(node, bag, clock=clock)
+            if wait > 0.0:
+                player.wait_for_subscribers(wait, stop)
+            player.run(stop, **how)
         finally:
             node.destroy_node()
-    finally:
-        rclpy.shutdown(context=context)
+        return player.published
 
 
 @contextmanager

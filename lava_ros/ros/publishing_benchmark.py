@@ -79,11 +79,8 @@ def measure(
 ) -> Iterator[dict[str, Any]]:
     """Time steps with and without publishing grids, and measure the memory of a large simulation.
 
-    Args:
-        device: Warp device.
-        particles: Number of particles that are stepped, None for the usual one of the device.
-        repetitions: Number of repetitions of each measurement.
-        on_progress: Called with the name of the next measurement and the share of the work done.
+    ``particles`` are stepped, None for the usual number of the device; ``on_progress`` gets the
+    name of the next measurement and the share of the work done.
     """
     kind = 'cuda' if wp.get_device(device).is_cuda else 'cpu'
     parts = len(GRIDS) + 1
@@ -160,7 +157,7 @@ class Stepping:
         is_over.set()
         maker.join()
         if self._worker.status.error:
-            raise LavaError('worker', self._worker.status.error, 'one that steps')
+            raise LavaError('worker', self._worker.status.error, 'no failure')
         return rate, len(self._times) / elapsed, 1e3 * median(self._times or [0.0])
 
     def stop(self) -> None:
@@ -218,11 +215,7 @@ def hold(device: str, particles: int, cells: int) -> None:
 
 
 def held(device: str, particles: int, cells: int) -> Iterator[tuple[str, int, float, str]]:
-    """Name, particles, size and unit of what a process of its own holds, nothing on a CPU.
-
-    Raises:
-        LavaError: The process fails.
-    """
+    """Name, particles, size and unit of what a process of its own holds, nothing on a CPU."""
     call = _HOLD.format(device=device, particles=particles, cells=cells)
     try:
         done = subprocess.run(
@@ -234,7 +227,7 @@ def held(device: str, particles: int, cells: int) -> Iterator[tuple[str, int, fl
         )
     except subprocess.SubprocessError as error:
         output = getattr(error, 'stderr', None) or str(error)
-        raise LavaError('memory', device, f'room ({output[-500:]})') from error
+        raise LavaError('memory', device, f'enough memory ({output[-500:]})') from error
     sizes = json.loads(done.stdout.splitlines()[-1])
     count = sizes.pop('particles')
     for name, size in sizes.items():

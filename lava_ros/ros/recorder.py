@@ -184,22 +184,15 @@ class BagFolder:
     def __init__(self, root: str, given: str, *, node: str = DEFAULT_NODE) -> None:
         """Take what the user said at the start.
 
-        Args:
-            root: Folder of all bags; empty: the one that holds ``given``, else ``bags``.
-            given: The bag named at the start, empty for none.
-            node: Name of the node, with its namespace. Any but the usual one is part of a bag's
-                name: several nodes may share a folder.
+        Without a root it is the folder of ``given``, else ``bags``. The full name of a node is
+        part of its bags' names, unless it is the usual one: nodes may share a folder.
         """
         self._given = given
         self._suffix = '' if node == DEFAULT_NODE else node.replace('/', '_')
         self._root = Path(root) if root else Path(given).parent if given else Path('bags')
 
     def path(self, name: str) -> Path:
-        """The bag of a name; one named by the time for an empty name.
-
-        Raises:
-            LavaError: It lies outside the root.
-        """
+        """The bag of a name, by the time for an empty one; LavaError outside the root."""
         if not name:
             return self._unused(time.strftime('%Y-%m-%dT%H-%M-%S') + self._suffix)
         if name == self._given:
@@ -225,9 +218,6 @@ SAVES = 5
 #: Wall time in which one more may come [s].
 SAVE_PERIOD = 10.0
 
-#: Most data that saves may write unless the user says otherwise [bytes].
-MAX_SAVED_BYTES = 10 * 2**30
-
 
 class SaveAllowance:
     """Counts saves and what they have written, and refuses those that are too many."""
@@ -252,8 +242,8 @@ class SaveAllowance:
             raise LavaError('save', f'{self._written} bytes saved so far', right)
         if self._left < 1.0:
             wait = (1.0 - self._left) * SAVE_PERIOD
-            right = f'{SAVES} at once and one more each {SAVE_PERIOD:g} s; again in {wait:.1f} s'
-            raise LavaError('save', 'one too many', right)
+            right = f'at most {SAVES} at once and one more each {SAVE_PERIOD:g} s; try again in '
+            raise LavaError('save', 'too many', f'{right}{wait:.1f} s')
         self._left -= 1.0
 
     def note(self, size: int) -> None:

@@ -54,21 +54,18 @@ class SceneRecording:
         recorder: Recorder,
         *,
         frame_id: str,
-        msg_config: str,
+        configs: Mapping[str, str],
         parameters: Callable[[], Mapping[str, Any]],
-        forecast_config: str = '',
     ) -> None:
         """Prepare the recording, without writing yet.
 
-        ``msg_config`` and ``forecast_config`` are the texts of the layer files. ``parameters``
-        returns the parameters of the node by name.
+        ``configs`` has the texts of the layer files by their parameters. ``parameters`` returns
+        the parameters of the node by name.
         """
         self._node = node
         self._recorder = recorder
         self._frame_id = frame_id
-        self._configs = {'msg_config': msg_config}
-        if forecast_config:
-            self._configs['forecast_config'] = forecast_config
+        self._configs = configs
         self._parameters = parameters
         self._scene: Scene | None = None
         self._origin: Origin | None = None
@@ -96,20 +93,16 @@ class SceneRecording:
             self._scene = scene
         if self._is_to_repeat(snapshot.terrain, stamp_ns):
             self._terrain = self._vents = None
+        header: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}
         if snapshot.terrain is not self._terrain:
-            messages = outputs.terrain_messages(
-                snapshot.terrain, frame_id=self._frame_id, stamp_ns=stamp_ns
-            )
-            for topic, message in zip(outputs.TERRAIN_TOPICS, messages, strict=True):
+            messages = outputs.terrain_messages(snapshot.terrain, **header)
+            for topic, message in messages.items():
                 self._write(topic, message, stamp_ns)
             self._terrain = snapshot.terrain
             self._told_ns, self._told_size = stamp_ns, self._recorder.size
         rows = outputs.vent_rows(scene.vents, snapshot.time)
         if rows != self._vents:
-            cloud = outputs.vents_message(
-                rows, scene.terrain, frame_id=self._frame_id, stamp_ns=stamp_ns
-            )
-            self._write('vents', cloud, stamp_ns)
+            self._write('vents', outputs.vents_message(rows, scene.terrain, **header), stamp_ns)
             self._vents = rows
 
     def _is_to_repeat(self, terrain: Terrain, stamp_ns: int) -> bool:
@@ -121,11 +114,7 @@ class SceneRecording:
     def _note_effects(
         self, effects: Mapping[str, str], snapshot: Snapshot, stamp_ns: int
     ) -> bool:
-        """Add what has gone on or off to the list; the first entry has all of the table.
-
-        Returns:
-            Whether there was anything.
-        """
+        """Add what has gone on or off to the list, all at first; whether there was anything."""
         changed = {
             name: text
             for name, text in effects.items()
@@ -138,13 +127,8 @@ class SceneRecording:
         return bool(changed)
 
     def _write(self, topic: str, message: Any, stamp_ns: int) -> None:
-        self._recorder.write(
-            self._node.resolve_topic_name(topic),
-            codec.type_name(type(message)),
-            codec.serialise(message),
-            stamp_ns,
-            qos=qos.LATCHED,
-        )
+        name, kind = self._node.resolve_topic_name(topic), codec.type_name(type(message))
+        self._recorder.write(name, kind, codec.serialise(message), stamp_ns, qos=qos.LATCHED)
 
     def _description(self, scene: Scene, eruption: Eruption) -> dict[str, str]:
         resumed = {'resumed_from': json.dumps(self._origin._asdict())} if self._origin else {}
@@ -212,10 +196,7 @@ class CheckpointRecording:
         """Write the requested checkpoint if it is ready, and request the next when it is due.
 
         ``period`` is the wall time between checkpoints [s], 0 for none; ``stamp_ns`` is the ROS
-        time [ns].
-
-        Returns:
-            Why a checkpoint could not be taken, empty when nothing went wrong.
+        time [ns]. Returns why one could not be taken, empty when nothing went wrong.
         """
         if not self._is_recording() or not period:
             return ''

@@ -42,8 +42,8 @@ class ScenePublisher:
         self._sent: dict[str, bytes] = {}
         self._publishers = self._create()
         latched = qos.ros_profile(qos.LATCHED)
-        self._relief = entities.publisher(OccupancyGrid, 'relief', latched)
-        self._markers = entities.publisher(MarkerArray, 'vents_markers', latched)
+        self._relief = entities.create('publisher', OccupancyGrid, 'relief', latched)
+        self._markers = entities.create('publisher', MarkerArray, 'vents_markers', latched)
 
     def publish(self, scene: Scene, time: float, stamp_ns: int, *, is_heard: bool) -> None:
         """Publish the vents and the terrain if they have changed.
@@ -70,8 +70,7 @@ class ScenePublisher:
         if is_heard:
             self._take_back()
             return
-        messages = outputs.terrain_messages(terrain, **options)
-        for topic, message in zip(outputs.TERRAIN_TOPICS, messages, strict=True):
+        for topic, message in outputs.terrain_messages(terrain, **options).items():
             data = codec.serialise(message)
             self._sent[topic] = sha256(data).digest()
             self._publishers[topic].publish(data)
@@ -89,12 +88,10 @@ class ScenePublisher:
             self._publishers = self._create()
 
     def _create(self) -> dict[str, Any]:
-        profile = qos.ros_profile(qos.LATCHED)
+        latched = qos.ros_profile(qos.LATCHED)
         return {
-            topic: self._entities.publisher(message_class, topic, profile)
-            for topic, message_class in zip(
-                outputs.TERRAIN_TOPICS, (Image, MapMetaData), strict=True
-            )
+            topic: self._entities.create('publisher', kind, topic, latched)
+            for topic, kind in (('terrain', Image), ('terrain_info', MapMetaData))
         }
 
 
@@ -126,7 +123,6 @@ def vent_markers(
         discharge = vent.discharge_at(time)
         place = Marker(header=header, ns=PLACES, id=index, action=Marker.ADD)
         place.color = _color(OPEN if discharge > 0.0 else CLOSED)
-        place.pose.orientation.w = 1.0
         start = _point(vent.position, terrain)
         if vent.end is None:
             place.type = Marker.CYLINDER
@@ -140,7 +136,6 @@ def vent_markers(
         label = Marker(header=header, ns=LABELS, id=index, action=Marker.ADD)
         label.type = Marker.TEXT_VIEW_FACING
         label.pose.position = Point(x=start.x, y=start.y, z=start.z + vent.radius + letters)
-        label.pose.orientation.w = 1.0
         label.scale.z = letters
         label.color = _color(WORDS)
         celsius = vent.temperature - ZERO_CELSIUS

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from functools import partial
 import traceback
 from typing import Any, TYPE_CHECKING
 
@@ -59,13 +60,14 @@ class Services:
             (SetBool, 'pause', lambda request: self._pause(request.data)),
             (SetBool, 'record', lambda request: self._record(request.data)),
         ):
-            entities.service(service, f'~/{name}', self._answering(action))
+            entities.create('service', service, f'~/{name}', partial(self._answer, action))
         for publishers in layers:
             for topic in publishers.grid_topics:
-                entities.service(GetMap, f'~/{topic}/get_map', _getting(publishers, topic))
+                get = partial(_get_map, publishers, topic)
+                entities.create('service', GetMap, f'~/{topic}/get_map', get)
 
     def _reset(self) -> str:
-        if self._worker.scene is None:
+        if self._worker.eruption.scene is None:
             raise LavaError('reset', WorkerState.WAITING.value, 'a simulation that has started')
         self._logger.info('reset: starting again at time 0')
         return self._commanded('reset', self._worker.reset(), 'starting again at time 0')
@@ -102,27 +104,21 @@ class Services:
         if not self._operation.is_active:
             raise LavaError(name, 'inactive', 'an active node (ros2 lifecycle set ... activate)')
 
-    def _answering(self, action: Callable[[Any], str]) -> Callable[[Any, Any], Any]:
-        def answer(request: Any, response: Any) -> Any:
-            try:
-                response.message = action(request)
-            except LavaError as error:
-                response.message = str(error)
-            except Exception as error:
-                # Raised from here, the caller would wait for an answer for ever.
-                self._logger.error(traceback.format_exc())
-                response.message = f'{type(error).__name__}: {error}'
-            else:
-                response.success = True
-            return response
-
-        return answer
-
-
-def _getting(layers: LayerPublishers[Any], topic: str) -> Callable[[Any, Any], Any]:
-    def get(_: GetMap.Request, response: GetMap.Response) -> GetMap.Response:
-        # Without a map there is one of no cells: this type has no other way to say so.
-        response.map = layers.newest(topic) or response.map
+    def _answer(self, action: Callable[[Any], str], request: Any, response: Any) -> Any:
+        try:
+            response.message = action(request)
+        except LavaError as error:
+            response.message = str(error)
+        except Exception as error:
+            # Raised from here, the caller would wait for an answer for ever.
+            self._logger.error(traceback.format_exc())
+            response.message = f'{type(error).__name__}: {error}'
+        else:
+            response.success = True
         return response
 
-    return get
+
+def _get_map(layers: LayerPublishers[Any], topic: str, _: Any, response: Any) -> Any:
+    # Without a map there is one of no cells: this type has no other way to say so.
+    response.map = layers.newest(topic) or response.map
+    return response

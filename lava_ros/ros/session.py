@@ -83,7 +83,7 @@ class Eruption:
         effects: The table of effects (``effect_table``), empty before there is a simulation.
         resolution: How many particles lie across the flow, None before there is a simulation.
         changes: How often what comes has become another: by a start, vents, terrain, effects.
-        max_particles: Most particles, beyond which the simulation does not go on.
+        starts: How often a simulation has begun or gone on.
     """
 
     def __init__(
@@ -91,14 +91,11 @@ class Eruption:
         make_simulation: Callable[[Scene], 'Simulation'],
         *,
         constants: Mapping[str, Any] | None = None,
-        max_particles: int,
     ) -> None:
         """Start without a terrain; ``constants`` apply until a scene brings its own.
 
-        ``make_simulation`` makes a simulation of a scene at time 0. ``max_particles`` is the
-        largest number of particles.
+        ``make_simulation`` makes a simulation of a scene at time 0.
         """
-        self.max_particles = max_particles
         self._make_simulation = make_simulation
         self._constants = constants or constants_of(None)
         self._is_changed = False
@@ -111,7 +108,7 @@ class Eruption:
         self.latest: Snapshot | None = None
         self.effects: Mapping[str, str] = {}
         self.resolution: Resolution | None = None
-        self.changes = 0
+        self.changes = self.starts = 0
 
     @property
     def time(self) -> float:
@@ -145,13 +142,10 @@ class Eruption:
         self.schedule = schedule(before or scene.vents, scene.vents, simulation.time)
         self.simulation, self.scene, self._constants = simulation, scene, constants_of(scene)
         self.origin = origin
+        self.starts += 1
         self._note_change()
 
-    def checkpoint(self) -> bytes:
-        """Serialise all that is needed to go on from here."""
-        return self.copy().to_bytes()
-
-    def copy(self) -> Checkpoint:
+    def checkpoint(self) -> Checkpoint:
         """Copy all that is needed to go on from here."""
         if self.simulation is None:
             raise LavaError('checkpoint', 'no simulation', 'one that has started and not failed')
@@ -161,21 +155,21 @@ class Eruption:
         """Start on the first terrain."""
         self.start(Scene(terrain, vents=vents, **self._constants))
 
-    def advance(self, until: float, *, wall_limit: float) -> float:
+    def advance(self, until: float, *, wall_limit: float, max_particles: int) -> float:
         """Simulate up to a time [s], at most a wall time [s], and return the time reached [s].
 
         Raises:
-            SimulationError: There are too many particles; ``latest`` shows them.
+            SimulationError: There are more than ``max_particles``; ``latest`` shows them.
         """
         assert self.simulation is not None
         before = self.simulation.time
         reached = self.simulation.advance(until, wall_limit=wall_limit)
         self._is_changed |= reached > before
         particles = self.simulation.particle_count
-        if particles > self.max_particles:
+        if particles > max_particles:
             self.renew_snapshot()
             raise SimulationError(
-                f'{particles} particles, expected at most {self.max_particles} (max_particles); '
+                f'{particles} particles, expected at most {max_particles} (max_particles); '
                 'a larger spacing needs fewer'
             )
         return reached
@@ -193,8 +187,8 @@ class Eruption:
         self.scene = scene
         return True
 
-    def set_vents(self, vents: tuple[Vent, ...]) -> bool:
-        """Replace all vents and say whether that started the scene anew.
+    def set_vents(self, vents: tuple[Vent, ...]) -> None:
+        """Replace all vents.
 
         The first vents of a simulation without lava start it again at time 0: its resolution
         follows their discharge.
@@ -203,15 +197,13 @@ class Eruption:
         scene = replace(self.scene, vents=vents)
         if self.simulation is None:
             self.schedule, self.scene = vents, scene
-            return False
-        if vents and not self.scene.vents and self._is_without_lava():
+        elif vents and not self.scene.vents and self._is_without_lava():
             self.start(scene)
-            return True
-        self.simulation.set_vents(vents)
-        self.schedule = schedule(self.schedule, vents, self.simulation.time)
-        self.scene = scene
-        self._note_change()
-        return False
+        else:
+            self.simulation.set_vents(vents)
+            self.schedule = schedule(self.schedule, vents, self.simulation.time)
+            self.scene = scene
+            self._note_change()
 
     def set_constants(self, constants: Mapping[str, Any]) -> None:
         """Replace lava and surroundings from the next start on."""
@@ -221,10 +213,9 @@ class Eruption:
 
     def set_effects(self, forced: Mapping[str, bool], *, horizon: float) -> None:
         """Choose the effects anew, with some forced on or off, looking ahead by a time [s]."""
-        if self.simulation is None:
-            return
-        self.simulation.set_effects(forced, horizon=horizon)
-        self._note_change()
+        if self.simulation is not None:
+            self.simulation.set_effects(forced, horizon=horizon)
+            self._note_change()
 
     def reset(self) -> None:
         """Start the scene again at time 0, also after a failure."""
@@ -253,9 +244,7 @@ class Eruption:
     def begin_snapshot(self) -> Callable[[], None] | None:
         """Begin to bring ``latest`` up to date, if anything has changed.
 
-        Returns:
-            What does the rest, in any thread and while the simulation goes on. It raises what
-            ``renew_snapshot`` does.
+        What is returned does the rest, in any thread, and raises what ``renew_snapshot`` does.
         """
         if self.simulation is None or not self._is_changed:
             return None
@@ -293,11 +282,7 @@ def _is_same(one: Terrain, other: Terrain) -> bool:
 
 
 def effect_table(effects: Effects, decisions: Iterable[Decision]) -> dict[str, str]:
-    """List every effect, whether it is on, and the reason.
-
-    Returns:
-        Texts such as ``on: slope = 0.82 > 0.12`` by the name of the effect.
-    """
+    """Every effect, whether it is on, and why: ``on: slope = 0.82 > 0.12`` by its name."""
     decided = {item.name: item for item in decisions}
     return {
         name: f'{"on" if is_on else "off"}: {_reason(name, effects, decided.get(name))}'

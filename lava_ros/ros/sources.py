@@ -159,11 +159,7 @@ def _is_same(one: Any, other: Any) -> bool:
 def new_simulation(
     scene: Scene, settings: Settings, chooser: DeadlineChooser
 ) -> 'Simulation':
-    """Make a simulation of a scene at time 0.
-
-    Raises:
-        LavaError: The settings do not suit the scene.
-    """
+    """Make a simulation of a scene at time 0; LavaError where the settings do not suit it."""
     from lava_ros.simulation import Simulation
 
     return Simulation(
@@ -177,11 +173,7 @@ def new_simulation(
 
 
 def resumed_simulation(checkpoint: Checkpoint, settings: Settings) -> 'Simulation':
-    """A simulation that goes on from a checkpoint.
-
-    Raises:
-        LavaError: The checkpoint does not fit together, or there is no such device.
-    """
+    """A simulation that goes on from a checkpoint; LavaError where it does not fit together."""
     from lava_ros.simulation import Simulation
 
     return Simulation.resume(checkpoint, device=settings.device)

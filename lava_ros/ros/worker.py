@@ -81,22 +81,18 @@ class SimulationWorker:
     ) -> None:
         """Prepare the thread; ``start`` runs it.
 
-        Args:
-            make_simulation: Makes the simulation of a scene at time 0; called in the thread.
-            clock: Time that simulated time follows [s].
-            constants: Lava and surroundings until a scene brings its own.
-            time_scale: Simulated seconds per second of the clock.
-            end_time: Simulated time at which to stop [s], None for never.
-            paused: Whether to hold simulated time at the start.
-            max_particles: Most particles, beyond which the simulation stops.
-            on_snapshot: Called when ``latest`` has changed, in the thread or in another.
+        ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` is
+        what simulated time follows [s]. ``constants`` are lava and surroundings until a scene
+        brings its own, ``end_time`` is the simulated time at which to stop [s]. ``on_snapshot`` is
+        called when ``latest`` has changed, in the thread or in another.
         """
         self._make_simulation = make_simulation
-        self.eruption = Eruption(self._make, constants=constants, max_particles=max_particles)
+        self.eruption = Eruption(self._make, constants=constants)
         self._clock = clock
         self._time_scale = time_scale
         self._end_time = end_time
         self._paused = paused
+        self._max_particles = max_particles
         self._on_snapshot = on_snapshot
         self._waiting_vents: tuple[tuple[Vent, ...], Future[None]] | None = None
         self._snapshot_asked = False
@@ -127,27 +123,14 @@ class SimulationWorker:
         turn = max(so_far, self._status.turn)
         return replace(self._status, doing=doing, turn=turn, waiting=self._commands.kinds)
 
-    @property
-    def scene(self) -> Scene | None:
-        """The scene in use, None before there is a terrain."""
-        return self.eruption.scene
-
-    @property
-    def changes(self) -> int:
-        """How often what comes has become another: by a start, vents, terrain, effects."""
-        return self.eruption.changes
-
     def start(self) -> None:
         """Start the thread."""
         self._thread.start()
 
     def stop(self, timeout: float | None = None) -> bool:
-        """End the thread after its present slice; commands that wait or come later are refused.
+        """End the thread after its present slice; whether it has ended within ``timeout`` [s].
 
-        Waits for at most ``timeout`` [s].
-
-        Returns:
-            Whether the thread has ended.
+        Commands that wait or come later are refused.
         """
         self._is_stopping = True
         self._commands.close(_STOPPED)
@@ -157,7 +140,7 @@ class SimulationWorker:
 
     def set_scene(self, scene: Scene) -> 'Future[None]':
         """Start a simulation of the scene at time 0, in place of what there was."""
-        return self._put(lambda: self._start(lambda: self.eruption.start(scene)))
+        return self._put(lambda: self.eruption.start(scene))
 
     def go_on_with(
         self,
@@ -176,20 +159,14 @@ class SimulationWorker:
             self._status = replace(self._status, state=WorkerState.STARTING)
             self.eruption.go_on_with(make_simulation(), scene, origin, before)
 
-        return self._put(lambda: self._start(start))
+        return self._put(start)
 
     def checkpoint(self) -> 'Future[bytes]':
-        """Serialise all that is needed to go on from here (``lava_ros.simulation.checkpoint``).
-
-        The future holds a LavaError when there is no simulation.
-        """
-        return self._put(self.eruption.checkpoint, kind='checkpoint')
+        """Serialise all that is needed to go on from here; LavaError without a simulation."""
+        return self._put(lambda: self.eruption.checkpoint().to_bytes(), kind='checkpoint')
 
     def fork(self) -> 'Future[Fork]':
-        """Copy all that another simulation needs to go on from here.
-
-        The future holds a LavaError when there is no simulation.
-        """
+        """Copy all that another simulation needs to go on; LavaError without a simulation."""
         return self._put(self._fork, kind='fork')
 
     def set_terrain(self, terrain: Terrain) -> 'Future[None]':
@@ -222,19 +199,9 @@ class SimulationWorker:
         """
         return self._put(lambda: self._set_effects(forced, horizon), kind='effects')
 
-    def set_time_scale(self, time_scale: float) -> 'Future[None]':
-        """Change how fast simulated time follows the clock."""
-        return self._put(lambda: setattr(self, '_time_scale', time_scale), kind='time_scale')
-
-    def set_end_time(self, end_time: float | None) -> 'Future[None]':
-        """Change the simulated time at which to stop [s], None for never."""
-        return self._put(lambda: setattr(self, '_end_time', end_time), kind='end_time')
-
-    def set_max_particles(self, count: int) -> 'Future[None]':
-        """Change how many particles there may be."""
-        return self._put(
-            lambda: setattr(self.eruption, 'max_particles', count), kind='max_particles'
-        )
+    def set(self, name: str, value: float | None) -> 'Future[None]':
+        """Change ``time_scale``, ``end_time`` or ``max_particles``, as at the start."""
+        return self._put(lambda: setattr(self, f'_{name}', value), kind=name)
 
     def pause(self, paused: bool) -> 'Future[None]':
         """Hold simulated time, also in the middle of a step, or let it go on."""
@@ -242,7 +209,7 @@ class SimulationWorker:
 
     def reset(self) -> 'Future[None]':
         """Start the scene again at time 0, also after a failure; a pause stays."""
-        return self._put(lambda: self._start(self.eruption.reset), kind='reset')
+        return self._put(self.eruption.reset, kind='reset')
 
     def step(self, duration: float) -> 'Future[None]':
         """Advance a paused simulation by a duration [s]."""
@@ -297,10 +264,12 @@ class SimulationWorker:
             return
 
     def _execute(self, command: Command) -> None:
-        future = command.future
+        future, starts = command.future, self.eruption.starts
         self._turn = command.kind or 'a command', time.monotonic()
         try:
             result = command.action()
+            if self.eruption.starts != starts:
+                self._note_start()
         except LavaError as error:
             finish(future, error)
         except Exception as error:
@@ -346,7 +315,9 @@ class SimulationWorker:
             begun = time.monotonic()
             self._turn = 'a step', begun
             try:
-                reached = self.eruption.advance(self._target, wall_limit=SLICE_WALL_TIME)
+                reached = self.eruption.advance(
+                    self._target, wall_limit=SLICE_WALL_TIME, max_particles=self._max_particles
+                )
             finally:
                 self._turn, self._slice = ('', 0.0), time.monotonic() - begun
             self._speed.note(reached)
@@ -440,10 +411,6 @@ class SimulationWorker:
         self._status = replace(self._status, state=WorkerState.STARTING)
         return self._make_simulation(scene)
 
-    def _start(self, start: Callable[[], None]) -> None:
-        start()
-        self._note_start()
-
     def _note_start(self) -> None:
         self._error = ''
         self._step_target = None
@@ -453,10 +420,8 @@ class SimulationWorker:
 
     def _fork(self) -> Fork:
         begun = time.monotonic()
-        checkpoint = self.eruption.copy()
-        return Fork(
-            checkpoint, self.eruption.changes, self._clock(), time.monotonic() - begun
-        )
+        checkpoint = self.eruption.checkpoint()
+        return Fork(checkpoint, self.eruption.changes, self._clock(), time.monotonic() - begun)
 
     def _set_terrain(self, terrain: Terrain) -> None:
         if self.eruption.scene is None:
@@ -465,17 +430,15 @@ class SimulationWorker:
             self._show()
 
     def _start_with_waiting_vents(self, terrain: Terrain) -> None:
-        vents: tuple[Vent, ...] = ()
+        vents, future = self._waiting_vents or ((), None)
         error: LavaError | None = None
-        if self._waiting_vents is not None:
-            try:
-                vents = check_vents(self._waiting_vents[0], terrain)
-            except LavaError as refused:
-                error = refused
-        self._start(lambda: self.eruption.begin(terrain, vents))
-        if self._waiting_vents is not None:
-            future = self._waiting_vents[1]
-            self._waiting_vents = None
+        try:
+            vents = check_vents(vents, terrain)
+        except LavaError as refused:
+            vents, error = (), refused
+        self.eruption.begin(terrain, vents)
+        self._waiting_vents = None
+        if future is not None:
             finish(future, error)
 
     def _set_vents(self, vents: tuple[Vent, ...], future: 'Future[None]') -> None:
@@ -483,15 +446,14 @@ class SimulationWorker:
             if self._waiting_vents is not None:
                 self._waiting_vents[1].cancel()
             self._waiting_vents = (vents, future)
-        elif self.eruption.set_vents(vents):
-            self._note_start()
+        else:
+            self.eruption.set_vents(vents)
 
     def _add_vent(self, vent: Vent) -> None:
         scene = self.eruption.scene
         if scene is None:
             raise LavaError('vent', vent.position, 'a terrain before the first single vent')
-        if self.eruption.set_vents((*scene.vents, vent)):
-            self._note_start()
+        self.eruption.set_vents((*scene.vents, vent))
 
     def _set_effects(self, forced: Mapping[str, bool], horizon: float) -> None:
         self.eruption.set_effects(forced, horizon=horizon)

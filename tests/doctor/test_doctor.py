@@ -21,6 +21,7 @@ from pathlib import Path
 import re
 import subprocess
 import sys
+from types import SimpleNamespace
 from typing import Any
 
 from packaging.requirements import Requirement
@@ -102,36 +103,28 @@ def test_packages(monkeypatch):
     assert 'numpy>=1.26,<3' in levels['numpy'].way_out
 
 
-class Warp:
-    """A Warp with so many GPUs."""
-
-    class config:  # noqa: N801
-        """Its settings."""
-
-        kernel_cache_dir = ''
-
-    def __init__(self, count):
-        self.count = count
-
-    def get_cuda_devices(self):
-        """Its GPUs."""
-        device = namedtuple('Device', 'alias name arch free_memory total_memory')
-        return [
-            device(f'cuda:{index}', 'H200', 90, 130e9, 140e9) for index in range(self.count)
-        ]
-
-    def get_cuda_driver_version(self):
-        """Its driver's."""
-        return (12, 8)
+def warp(count, cache=''):
+    """A Warp with so many GPUs and a folder of kernels."""
+    devices = [
+        SimpleNamespace(
+            alias=f'cuda:{index}', name='H200', arch=90, free_memory=130e9, total_memory=140e9
+        )
+        for index in range(count)
+    ]
+    return SimpleNamespace(
+        config=SimpleNamespace(kernel_cache_dir=cache),
+        get_cuda_devices=lambda: devices,
+        get_cuda_driver_version=lambda: (12, 8),
+    )
 
 
 def test_gpus(monkeypatch):
     """Each is named with its memory and driver; without one it is said who does the work."""
-    monkeypatch.setattr(machine, '_warp', lambda: Warp(2))
+    monkeypatch.setattr(machine, '_warp', lambda: warp(2))
     first, second = machine.check_gpu()
     assert first.level == second.level == OK
     assert first.text == 'cuda:0: H200, sm_90, 130.0 of 140.0 GB free, driver for CUDA 12.8'
-    monkeypatch.setattr(machine, '_warp', lambda: Warp(0))
+    monkeypatch.setattr(machine, '_warp', lambda: warp(0))
     monkeypatch.setattr(machine.shutil, 'which', lambda name: None)
     monkeypatch.setattr(machine.Path, 'exists', lambda path: False)
     found = one(machine.check_gpu())
@@ -156,14 +149,12 @@ def test_a_warp_that_does_not_start(monkeypatch):
 
 def test_kernel_cache(tmp_path, monkeypatch):
     """Its size is told, and that it cannot be written."""
-    warp = Warp(0)
-    warp.config.kernel_cache_dir = str(tmp_path)
     (tmp_path / 'module').mkdir()
     (tmp_path / 'module/kernels.o').write_bytes(bytes(3_000_000))
-    monkeypatch.setattr(machine, '_warp', lambda: warp)
+    monkeypatch.setattr(machine, '_warp', lambda: warp(0, str(tmp_path)))
     found = one(machine.check_kernel_cache())
     assert (found.level, found.text) == (OK, f'{tmp_path}, 3 MB')
-    warp.config.kernel_cache_dir = '/proc/none'
+    monkeypatch.setattr(machine, '_warp', lambda: warp(0, '/proc/none'))
     found = one(machine.check_kernel_cache())
     assert found.level == FAIL
     assert 'WARP_CACHE_PATH' in found.way_out

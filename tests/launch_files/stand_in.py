@@ -30,91 +30,78 @@ import yaml
 
 ROOT = Path(__file__).parents[2]
 
-#: Where the stand-in FindPackageShare finds packages.
-SHARES = {'lava_ros': str(ROOT)}
+#: What constructors take that has to be given, and after / what may be, by class and module.
+MODULES = {
+    'launch': {'LaunchDescription': 'entities'},
+    'launch.actions': {
+        'DeclareLaunchArgument': 'name / default_value description choices',
+        'ExecuteProcess': 'cmd / output',
+        'IncludeLaunchDescription': 'launch_description_source / launch_arguments',
+        'OpaqueFunction': 'function',
+    },
+    'launch.launch_description_sources': {'PythonLaunchDescriptionSource': 'launch_file_path'},
+    'launch.substitutions': {
+        'LaunchConfiguration': 'variable_name',
+        'PathJoinSubstitution': 'substitutions',
+    },
+    'launch_ros': {},
+    'launch_ros.actions': {
+        'Node': 'package executable / name namespace parameters arguments remappings output',
+    },
+    'launch_ros.parameter_descriptions': {
+        'ParameterFile': 'param_file / allow_substs',
+        'ParameterValue': 'value / value_type',
+    },
+    'launch_ros.substitutions': {
+        'ExecutableInPackage': 'executable package',
+        'FindPackageShare': 'package',
+    },
+}
 
 
 def perform(value: Any, context: dict[str, str]) -> str:
     """What a substitution, a list of them, or a text comes to."""
     if isinstance(value, (list, tuple)):
         return ''.join(perform(item, context) for item in value)
-    return value if isinstance(value, str) else value.perform(context)
+    kind = type(value).__name__
+    if kind == 'str':
+        return value
+    if kind == 'LaunchConfiguration':
+        return context[perform(value.variable_name, context)]
+    if kind == 'PathJoinSubstitution':
+        return str(Path(*(perform(item, context) for item in value.substitutions)))
+    package = perform(value.package, context)
+    if kind == 'FindPackageShare':
+        assert package == 'lava_ros'
+        return str(ROOT)
+    assert kind == 'ExecutableInPackage', value
+    if package in context.get('missing', ''):
+        raise LookupError(f"package '{package}' not found")
+    return f'{package}:{perform(value.executable, context)}'
 
 
-@dataclass
-class LaunchConfiguration:
-    """The value of an argument."""
-
-    variable_name: Any
-
-    def perform(self, context):
-        return context[perform(self.variable_name, context)]
+def _made(name: str, takes: str) -> type:
+    """A class that holds what its constructor takes; actions take all by name, as launch's do."""
+    needed, _, optional = takes.partition('/')
+    fields = [*needed.split(), *((item, Any, field(default=())) for item in optional.split())]
+    is_action = name in ('ExecuteProcess', 'Node')
+    return make_dataclass(name, fields, namespace={'perform': perform}, kw_only=is_action)
 
 
-@dataclass
-class FindPackageShare:
-    """The share folder of a package."""
-
-    package: Any
-
-    def perform(self, context):
-        return SHARES[perform(self.package, context)]
+CLASSES = {
+    module: {name: _made(name, takes) for name, takes in classes.items()}
+    for module, classes in MODULES.items()
+}
 
 
-@dataclass
-class ExecutableInPackage:
-    """The path of a package's executable."""
-
-    executable: Any
-    package: Any
-
-    def perform(self, context):
-        package = perform(self.package, context)
-        if package in context.get('missing', ''):
-            raise LookupError(f"package '{package}' not found")
-        return f'{package}:{perform(self.executable, context)}'
-
-
-@dataclass
-class PathJoinSubstitution:
-    """Words joined to a path."""
-
-    substitutions: Any
-
-    def perform(self, context):
-        return str(Path(*(perform(item, context) for item in self.substitutions)))
-
-
-@dataclass
-class ParameterValue:
-    """A parameter with its type."""
-
-    value: Any
-    value_type: type | None = None
-
-    def evaluate(self, context):
-        # launch takes a plain text for a text
-        assert self.value_type is str or not isinstance(self.value, str), self.value
-        text = perform(self.value, context)
-        return yaml.safe_load(text) if self.value_type is bool else (self.value_type or str)(text)
-
-
-def _plain(name: str, *needed: str, **optional: Any) -> type:
-    """A class of launch that only holds what its constructor takes."""
-    fields = [(item, Any, value) for item, value in optional.items()]
-    return make_dataclass(name, [*needed, *fields])
-
-
-ParameterFile = _plain('ParameterFile', 'param_file', allow_substs=False)
-DeclareLaunchArgument = _plain(
-    'DeclareLaunchArgument', 'name', default_value=None, description=None, choices=None
-)
-OpaqueFunction = _plain('OpaqueFunction', 'function')
-PythonLaunchDescriptionSource = _plain('PythonLaunchDescriptionSource', 'launch_file_path')
-IncludeLaunchDescription = _plain(
-    'IncludeLaunchDescription', 'launch_description_source', launch_arguments=()
-)
-LaunchDescription = _plain('LaunchDescription', 'entities')
+def evaluate(value: Any, context: dict[str, str]) -> Any:
+    """What a parameter comes to, of its type where that is said."""
+    if type(value).__name__ != 'ParameterValue':
+        return perform(value, context)
+    # launch takes a plain text for a text
+    assert value.value_type is str or not isinstance(value.value, str), value.value
+    text = perform(value.value, context)
+    return yaml.safe_load(text) if value.value_type is bool else (value.value_type or str)(text)
 
 
 @dataclass
@@ -128,77 +115,26 @@ class Process:
     files: list[str] = field(default_factory=list)
 
 
-@dataclass(kw_only=True)
-class ExecuteProcess:
-    """A process."""
-
-    cmd: Any
-    output: str = 'log'
-
-    def start(self, context):
-        return Process([perform(word, context) for word in self.cmd])
-
-
-@dataclass(kw_only=True)
-class Node:
-    """A process that is a node."""
-
-    package: Any
-    executable: Any
-    name: Any = None
-    namespace: Any = ''
-    parameters: Any = ()
-    arguments: Any = ()
-    remappings: Any = ()
-    output: str = 'log'
-
-    def start(self, context):
-        words = [f'{perform(self.package, context)}:{perform(self.executable, context)}']
-        result = Process(
-            words + [perform(word, context) for word in self.arguments],
-            self.name,
-            perform(self.namespace, context),
-        )
-        for item in self.parameters:
-            if isinstance(item, ParameterFile):
-                result.files.append(perform(item.param_file, context))
-            else:
-                result.parameters |= {
-                    name: (
-                        value.evaluate(context)
-                        if isinstance(value, ParameterValue)
-                        else perform(value, context)
-                    )
-                    for name, value in item.items()
-                }
-        return result
-
-
-MODULES = {
-    'launch': [LaunchDescription],
-    'launch.actions': [
-        DeclareLaunchArgument,
-        ExecuteProcess,
-        IncludeLaunchDescription,
-        OpaqueFunction,
-    ],
-    'launch.launch_description_sources': [PythonLaunchDescriptionSource],
-    'launch.substitutions': [
-        LaunchConfiguration,
-        PathJoinSubstitution,
-    ],
-    'launch_ros': [],
-    'launch_ros.actions': [Node],
-    'launch_ros.parameter_descriptions': [ParameterFile, ParameterValue],
-    'launch_ros.substitutions': [ExecutableInPackage, FindPackageShare],
-}
+def started(action: Any, context: dict[str, str]) -> Process:
+    """What an action starts."""
+    if type(action).__name__ == 'ExecuteProcess':
+        return Process([perform(word, context) for word in action.cmd])
+    program = f'{perform(action.package, context)}:{perform(action.executable, context)}'
+    words = [perform(word, context) for word in action.arguments]
+    result = Process([program, *words], action.name, perform(action.namespace, context))
+    for item in action.parameters:
+        if type(item).__name__ == 'ParameterFile':
+            result.files.append(perform(item.param_file, context))
+        else:
+            result.parameters |= {name: evaluate(value, context) for name, value in item.items()}
+    return result
 
 
 def load(monkeypatch: Any, path: Path) -> Any:
     """Run a launch file against the stand-ins."""
-    for name, classes in MODULES.items():
+    for name, classes in CLASSES.items():
         module = ModuleType(name)
-        vars(module).update({item.__name__: item for item in classes})
+        vars(module).update(classes)
         monkeypatch.setitem(sys.modules, name, module)
     return runpy.run_path(str(path))['generate_launch_description']()
 
@@ -231,16 +167,17 @@ def _perform(monkeypatch, path, context, declared, processes):
 
 def _visit(monkeypatch, entities, context, declared, processes):
     for entity in entities:
-        if isinstance(entity, DeclareLaunchArgument):
+        kind = type(entity).__name__
+        if kind == 'DeclareLaunchArgument':
             declared.setdefault(entity.name, entity)
-            if entity.default_value is not None:
+            if entity.default_value != ():
                 context.setdefault(entity.name, perform(entity.default_value, context))
-        elif isinstance(entity, IncludeLaunchDescription):
+        elif kind == 'IncludeLaunchDescription':
             source = perform(entity.launch_description_source.launch_file_path, context)
             context |= {name: perform(value, context) for name, value in entity.launch_arguments}
             _perform(monkeypatch, Path(source), context, declared, processes)
-        elif isinstance(entity, OpaqueFunction):
+        elif kind == 'OpaqueFunction':
             found = entity.function(context) or []
             _visit(monkeypatch, found, context, declared, processes)
         else:
-            processes.append(entity.start(context))
+            processes.append(started(entity, context))

@@ -40,7 +40,7 @@ def test_every_argument_is_documented(path, monkeypatch):
     _, declared = start(monkeypatch, path)
     assert declared
     for argument in declared.values():
-        assert argument.description and argument.default_value is not None, argument.name
+        assert argument.description and argument.default_value != (), argument.name
 
 
 def test_the_node_gets_parameters_it_has(monkeypatch):

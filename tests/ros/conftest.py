@@ -24,16 +24,34 @@ import sys
 import threading
 import time
 
-import numpy as np
 import pytest
 
+from ros.graph_publisher import Publisher
 from ros_domain import own_domain
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 
+#: Runs the node, or the module's ``main``, with five heartbeats a second: tests wait for them.
+QUICK_MODULE = """
+from lava_ros.ros import active_node
+from lava_ros.{} import main
+active_node.HEARTBEAT = 0.2
+raise SystemExit(main())
+"""
+QUICK = QUICK_MODULE.format('ros.node')
+
 #: How long to wait for what has to come, on a busy machine too [s].
 PATIENCE = 60.0
+
+
+def wait_until(condition, what=lambda: ''):
+    """Wait until something holds, on a busy machine too, and return its value."""
+    end = time.monotonic() + PATIENCE
+    while not (value := condition()):
+        assert time.monotonic() < end, what()
+        time.sleep(0.01)
+    return value
 
 
 def _environment(aside):
@@ -50,7 +68,7 @@ def _environment(aside):
 class Process:
     """A child process whose output is read line by line."""
 
-    def __init__(self, arguments, directory, aside=False):
+    def __init__(self, directory, arguments, aside=False):
         self.environment = _environment(aside)
         self.child = subprocess.Popen(
             [sys.executable, *arguments],
@@ -102,12 +120,6 @@ class Process:
             assert time.monotonic() < end, self.log
             time.sleep(0.05)
 
-    def ask(self, **order):
-        """Send a line and return the one that answers it."""
-        self.child.stdin.write(json.dumps(order) + '\n')
-        self.child.stdin.flush()
-        return json.loads(self.line(2.0 * PATIENCE))
-
     def wait_for_end(self, timeout=PATIENCE):
         """The exit code, once the process has ended and all that it wrote has been read."""
         code = self.child.wait(timeout)
@@ -127,81 +139,17 @@ class Process:
             raise
 
 
-def _ros_arguments(remap):
-    return ['--ros-args', *(word for rule in remap for word in ('-r', rule))]
-
-
-class Node(Process):
-    """The node itself."""
-
-    def __init__(
-        self,
-        directory,
-        aside=False,
-        program=('-m', 'lava_ros.ros.node'),
-        remap=(),
-        **parameters,
-    ):
-        words = [
-            word
-            for name, value in parameters.items()
-            for word in ('-p', f'{name}:={json.dumps(value)}')
-        ]
-        super().__init__([*program, *_ros_arguments(remap), *words], directory, aside)
-
-
-
-class Publisher(Process):
-    """A process that tells nodes what a test says, and asks them; ``node`` is /lava without."""
-
-    def __init__(self, directory, aside=False, remap=()):
-        arguments = [str(HERE / 'graph_publisher.py'), *_ros_arguments(remap)]
-        super().__init__(arguments, directory, aside)
-
-    def publish(self, *names):
-        """Send messages by their names in ``graph_publisher.CASES``."""
-        for name in names:
-            self.ask(publish=name)
-
-    def flood(self, count, rate, last):
-        """Send vents of discharges up to a last one, so many a second; return how long it took."""
-        return self.ask(flood=count, rate=rate, last=last)
-
-    def clock(self, seconds):
-        """Send a time on /clock."""
-        self.ask(clock=seconds)
-
-    def call(self, service, data=False, **node):
-        """Call a service of the node and return its answer."""
-        return self.ask(call=service, data=data, **node)
-
-    def map(self, topic):
-        """Get a map of the node: its shape, its stamp and the hash of its cells."""
-        return self.ask(map=topic)
-
-    def set(self, node='/lava', **values):
-        """Set parameters of the node and return the answer."""
-        values = {name.replace('__', '.'): item for name, item in values.items()}
-        return self.ask(set=values, node=node)
-
-    def change(self, transition, **node):
-        """Ask for a transition and return whether it went well."""
-        return self.ask(change=transition, **node)
-
-    def state(self, **node):
-        """The state that the node is in."""
-        return self.ask(state=True, **node)
-
-    def names(self, expected=None, **node):
-        """Topics and services of the node, once they are as expected or have stopped changing."""
-        return self.ask(names=expected, **node)
+def _ros_arguments(remap, **parameters):
+    words = [('-r', rule) for rule in remap]
+    words += [('-p', f'{name}:={json.dumps(value)}') for name, value in parameters.items()]
+    return ['--ros-args', *(word for pair in words for word in pair)]
 
 
 class Listener(Process):
     """A process that reports what the node publishes."""
 
-    def __init__(self, directory, *topics, aside=False):
-        super().__init__([str(HERE / 'graph_listener.py'), *topics], directory, aside)
+    def __init__(self, directory, *topics):
+        super().__init__(directory, [str(HERE / 'graph_listener.py'), *topics])
         self.seen = []
 
     def wait(self, condition, timeout=PATIENCE):
@@ -275,40 +223,6 @@ class Listener(Process):
         return len(self.seen)
 
 
-class Robot:
-    """An example and the rest of its robot, in one graph."""
-
-    def __init__(self, graph, example, topic, *parameters):
-        # A namespace of their own: nodes of other tests may publish maps in this domain.
-        words = ['--ros-args', '-r', '__ns:=/robot']
-        options = [word for item in parameters for word in ('-p', item)]
-        self.example = graph.process(str(example), *words, *options)
-        self.rest = graph.process(str(HERE / 'graph_robot.py'), topic, *words)
-        assert self.rest.line(PATIENCE) == 'ready'
-
-    def tell(self, **what):
-        """Publish something."""
-        self.rest.child.stdin.write(json.dumps(what) + '\n')
-        self.rest.child.stdin.flush()
-
-    def plan(self, condition, timeout=PATIENCE):
-        """The next plan that fulfils a condition."""
-        end = time.monotonic() + timeout
-        while True:
-            assert time.monotonic() < end, self.example.log
-            try:
-                line = self.rest.line(timeout)
-            except AssertionError as error:
-                raise AssertionError(f'{error}; the example:\n{self.example.log}') from error
-            plan = np.array(json.loads(line)).reshape(-1, 2)
-            if condition(plan):
-                return plan
-
-    def says(self, text):
-        """Wait until the example has logged a text."""
-        self.example.wait_for_log(text)
-
-
 class Graph:
     """Starts processes of one graph, or of a second one aside from it.
 
@@ -318,30 +232,44 @@ class Graph:
 
     def __init__(self, directory):
         self.directory = directory
-        self._started = []
+        self._started, self._publishers = [], []
 
-    def _start(self, kind, *arguments, **options):
-        process = kind(self.directory, *arguments, **options)
+    def _start(self, kind, *arguments):
+        process = kind(self.directory, *arguments)
         self._started.append(process)
         return process
 
-    def node(self, *, aside=False, **parameters):
-        """Start a node with parameters; ``program`` runs another in its place."""
-        return self._start(Node, aside=aside, **parameters)
+    def node(self, *, aside=False, program=('-c', QUICK), remap=(), **parameters):
+        """Start a node with parameters, and five maps a second; ``program`` runs another."""
+        often = self.directory / 'often.yaml'
+        default = (ROOT / 'msg_configs/default.yaml').read_text(encoding='utf-8')
+        often.write_text(default.replace('rate: 1.0 ', 'rate: 5.0 '), encoding='utf-8')
+        words = _ros_arguments(remap, **{'msg_config': str(often), **parameters})
+        return self.process(*program, *words, aside=aside)
 
-    def publisher(self, *, aside=False, remap=()):
-        """Start a process that publishes what it is told to."""
-        return self._start(Publisher, aside=aside, remap=remap)
+    def publisher(self, *, remap=()):
+        """Join the graph with what publishes as it is told to."""
+        self._publishers.append(Publisher(own_domain('graph'), remap))
+        return self._publishers[-1]
 
-    def listener(self, *topics, aside=False):
+    def listener(self, *topics):
         """Start a process that reports what it hears."""
-        return self._start(Listener, *topics, aside=aside)
+        return self._start(Listener, *topics)
 
     def process(self, *arguments, aside=False):
         """Start any other Python process."""
-        process = Process(list(arguments), self.directory, aside)
-        self._started.append(process)
-        return process
+        return self._start(Process, arguments, aside)
+
+    def faulty_node(self, **parameters):
+        """Start a node that has the fault of the file ``fault`` (``faults/faulty_node.py``)."""
+        program = (str(HERE / 'faults/faulty_node.py'), str(self.directory / 'fault'))
+        return self.node(program=program, **parameters)
+
+    def fault(self, name=''):
+        """Switch a fault on, or off without a name."""
+        partial = self.directory / 'fault.partial'
+        partial.write_text(name, encoding='utf-8')
+        partial.replace(self.directory / 'fault')
 
     @property
     def logs(self):
@@ -353,6 +281,8 @@ class Graph:
         """End what still runs."""
         while self._started:
             self._started.pop().end(signal.SIGKILL)
+        while self._publishers:
+            self._publishers.pop().close()
 
 
 @pytest.hookimpl(wrapper=True)
@@ -378,6 +308,8 @@ def bench(request):
 @pytest.fixture(scope='module')
 def graph(tmp_path_factory):
     """The graph of a module's tests."""
-    result = Graph(tmp_path_factory.mktemp('graph'))
-    yield result
-    result.close()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+        result = Graph(tmp_path_factory.mktemp('graph'))
+        yield result
+        result.close()

@@ -12,15 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A process that prints, as JSON, everything a node shows of itself in the graph."""
+"""Everything a node shows of itself in the graph."""
 
-import json
-import sys
 import time
 
 from lifecycle_msgs.srv import GetAvailableTransitions
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
-import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 
 
@@ -47,7 +47,10 @@ def call(looking, kind, name, **fields):
     client = looking.create_client(kind, name)
     assert client.wait_for_service(timeout_sec=60.0), name
     future = client.call_async(kind.Request(**fields))
-    rclpy.spin_until_future_complete(looking, future, timeout_sec=60.0)
+    executor = SingleThreadedExecutor(context=looking.context)
+    executor.add_node(looking)
+    executor.spin_until_future_complete(future, timeout_sec=60.0)
+    executor.shutdown()
     assert future.done(), name
     return future.result()
 
@@ -79,37 +82,36 @@ def transitions_of(looking, name):
     )
 
 
-def main():
-    """Wait until what the node has has stopped changing."""
-    rclpy.init()
-    looking = rclpy.create_node('test_looking_at_the_contract')
-    name, end = sys.argv[1], time.monotonic() + 60.0
-    # a busy machine learns of them one by one: for two seconds nothing has come
-    seen = []
-    while len(seen) < 5 or not seen[-1][0]['publishers'] or seen[-1] != seen[-5]:
-        assert time.monotonic() < end, f'nothing steady of {name}: {seen[-1:]}'
-        time.sleep(0.5)
-        there = name in looking.get_node_names()
-        services, clients = (
-            get(name, '/') if there else []
-            for get in (
-                looking.get_service_names_and_types_by_node,
-                looking.get_client_names_and_types_by_node,
+def contract_of(name, domain):
+    """What a node in a domain has once that has stopped changing."""
+    context = Context()
+    context.init(args=[], domain_id=domain)
+    try:
+        looking = Node('test_looking_at_the_contract', context=context)
+        end = time.monotonic() + 60.0
+        # a busy machine learns of them one by one: for two seconds nothing has come
+        seen = []
+        while len(seen) < 5 or not seen[-1][0]['publishers'] or seen[-1] != seen[-5]:
+            assert time.monotonic() < end, f'nothing steady of {name}: {seen[-1:]}'
+            time.sleep(0.5)
+            there = name in looking.get_node_names()
+            services, clients = (
+                get(name, '/') if there else []
+                for get in (
+                    looking.get_service_names_and_types_by_node,
+                    looking.get_client_names_and_types_by_node,
+                )
             )
-        )
-        seen.append((endpoints_of(looking, name), services, clients))
-    endpoints, services, clients = seen[-1]
-    found = {
-        **endpoints,
-        'services': dict(services),
-        'clients': dict(clients),
-        'parameters': parameters_of(looking, name),
-        'transitions': transitions_of(looking, name),
-    }
-    print(json.dumps(found), flush=True)
-    looking.destroy_node()
-    rclpy.shutdown()
-
-
-if __name__ == '__main__':
-    main()
+            seen.append((endpoints_of(looking, name), services, clients))
+        endpoints, services, clients = seen[-1]
+        found = {
+            **endpoints,
+            'services': dict(services),
+            'clients': dict(clients),
+            'parameters': parameters_of(looking, name),
+            'transitions': transitions_of(looking, name),
+        }
+        looking.destroy_node()
+        return found
+    finally:
+        context.shutdown()

@@ -12,18 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A process that tells and asks nodes what it is told to, one JSON line at a time.
-
-{"publish": NAME} sends a message of CASES; {"clock": SECONDS} publishes /clock; {"flood": COUNT,
-"rate": HERTZ, "last": DISCHARGE} sends vents, the last ones with that discharge. {"call": SERVICE,
-"data": BOOL} calls a service; {"map": TOPIC} gets a map; {"set": {NAME: VALUE}} sets parameters;
-{"change": NAME} asks for a transition, {"state": true} for the state, {"names": NAMES} for what
-the node has in the graph; ``"node"`` says which, /lava without. Each is answered with a JSON line.
-"""
+"""Messages for nodes, sound and malformed, and what sends them and asks a node of this or that."""
 
 import hashlib
-import json
-import sys
 import time
 
 from geometry_msgs.msg import PointStamped
@@ -33,14 +24,17 @@ from nav_msgs.msg import MapMetaData, OccupancyGrid
 from nav_msgs.srv import GetMap
 import numpy as np
 from rcl_interfaces.srv import SetParametersAtomically
-import rclpy
-from rclpy.node import NodeNameNonExistentError
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Image, PointCloud2
 from std_srvs.srv import SetBool, Trigger
+
+from lava_ros.ros import codec
 
 #: How long to wait for an answer, on a busy machine too [s].
 PATIENCE = 60.0
@@ -76,13 +70,10 @@ def elevation():
     return (500.0 - RESOLUTION * 0.1 * x + 0.05 * (y - ROWS / 2) ** 2).astype(np.float32)
 
 
-def image(values=None, **changes):
+def image(values=None, frame_id='map', **changes):
     """A terrain image, with fields changed."""
     values = elevation() if values is None else values
-    message = Image(height=values.shape[0], width=values.shape[1], encoding='32FC1')
-    message.header.frame_id = changes.pop('frame_id', 'map')
-    message.step = 4 * values.shape[1]
-    message.data.frombytes(values.tobytes())
+    message = codec.float_image(values, codec.header(frame_id, 0))
     for name, value in changes.items():
         setattr(message, name, value)
     return message
@@ -100,19 +91,7 @@ def info(width=COLUMNS, angle=0.0, **changes):
 
 def cloud(columns, frame_id='map'):
     """A cloud of FLOAT32 columns."""
-    from sensor_msgs.msg import PointField
-
-    points = np.stack([np.asarray(column, np.float32) for column in columns.values()], axis=-1)
-    message = PointCloud2(height=1, width=len(points), is_dense=True)
-    message.header.frame_id = frame_id
-    message.fields = [
-        PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
-        for index, name in enumerate(columns)
-    ]
-    message.point_step = 4 * len(columns)
-    message.row_step = message.point_step * message.width
-    message.data.frombytes(points.tobytes())
-    return message
+    return codec.point_cloud(columns, codec.header(frame_id, 0))
 
 
 def vents(frame_id='map', without=(), **changes):
@@ -134,12 +113,8 @@ def outline(reach=100.0, late=0.0, frame_id='map', **changes):
     """Lava from the vent down to a distance, seen now or so much later, with the info changed."""
     y, x = (np.mgrid[0:ROWS, 0:COLUMNS] + 0.5) * RESOLUTION
     lava = (np.abs(y - 155.0) < 25.0) & (x > 45.0) & (x < 60.0 + reach)
-    message = OccupancyGrid(info=info(**changes))
-    message.header.frame_id = frame_id
-    seconds = time.time() + late
-    message.header.stamp.sec, message.header.stamp.nanosec = int(seconds), int(seconds % 1 * 1e9)
-    message.data = np.where(lava, 100, 0).astype(np.int8).ravel().tolist()
-    return message
+    header = codec.header(frame_id, time.time_ns() + int(late * 1e9))
+    return codec.occupancy_grid(np.where(lava, 100, 0).astype(np.int8), info(**changes), header)
 
 
 def spoilt(value):
@@ -217,23 +192,17 @@ CASES = {
 }
 
 
-def send_flood(publisher, flood, rate, last):
-    """Send vents of ever another discharge, at a steady rate, and return how long it took [s]."""
-    discharges = [*np.linspace(1.0, 40.0, flood - 1), last]
-    messages = [serialize_message(vents(discharge=float(value))) for value in discharges]
-    start = time.monotonic()
-    for index, message in enumerate(messages):
-        time.sleep(max(0.0, start + index / rate - time.monotonic()))
-        publisher.publish(message)
-    return time.monotonic() - start
+class Publisher:
+    """Tells nodes in a graph what a test says, and asks them; ``node`` is /lava without."""
 
-
-class Teller:
-    """Does what lines ask for; each kind of order is a method, which gets the rest of the line."""
-
-    def __init__(self):
-        """Join the graph."""
-        self._node = rclpy.create_node('test_publisher')
+    def __init__(self, domain, remap=()):
+        """Join the graph of a domain."""
+        self._context = Context()
+        self._context.init(args=[], domain_id=domain)
+        words = ['--ros-args', *(word for rule in remap for word in ('-r', rule))]
+        self._node = Node('test_publisher', context=self._context, cli_args=words)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
         self._publishers = {
             topic: self._node.create_publisher(kind, topic, qos)
             for topic, (kind, qos) in TYPES.items()
@@ -241,54 +210,67 @@ class Teller:
         self._clock = self._node.create_publisher(Clock, '/clock', 1)
         self._clients = {}
 
+    def close(self):
+        """Leave the graph."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.shutdown()
+
     def _ask(self, kind, name, **fields):
         """Call a service and return its answer."""
         if name not in self._clients:
             self._clients[name] = self._node.create_client(kind, name)
         client = self._clients[name]
-        if not client.wait_for_service(timeout_sec=PATIENCE):
-            raise TimeoutError(f'no service {name}')
+        assert client.wait_for_service(timeout_sec=PATIENCE), f'no service {name}'
         future = client.call_async(kind.Request(**fields))
-        rclpy.spin_until_future_complete(self._node, future, timeout_sec=PATIENCE)
-        if not future.done():
-            raise TimeoutError(f'no answer from {name}')
+        self._executor.spin_until_future_complete(future, timeout_sec=PATIENCE)
+        assert future.done(), f'no answer from {name}'
         return future.result()
 
-    def publish(self, case):
-        """Send a message once somebody hears it."""
-        topic, make = CASES[case]
-        while self._publishers[topic].get_subscription_count() == 0:
-            rclpy.spin_once(self._node, timeout_sec=0.02)
-        self._publishers[topic].publish(make())
+    def publish(self, *cases):
+        """Send messages by their names in ``CASES`` once somebody hears them."""
+        for case in cases:
+            topic, make = CASES[case]
+            end = time.monotonic() + PATIENCE
+            while self._publishers[topic].get_subscription_count() == 0:
+                assert time.monotonic() < end, f'nobody hears {topic}'
+                time.sleep(0.02)
+            self._publishers[topic].publish(make())
 
     def flood(self, count, rate, last):
-        """Send vents, and say how long it took."""
-        return send_flood(self._publishers['vents'], count, rate, last)
+        """Send vents of ever another discharge up to a last one, so many a second."""
+        discharges = [*np.linspace(1.0, 40.0, count - 1), last]
+        messages = [serialize_message(vents(discharge=float(value))) for value in discharges]
+        start = time.monotonic()
+        for index, message in enumerate(messages):
+            time.sleep(max(0.0, start + index / rate - time.monotonic()))
+            self._publishers['vents'].publish(message)
 
     def clock(self, seconds):
-        """Send a time."""
-        message = Clock()
-        message.clock.sec, message.clock.nanosec = int(seconds), int(seconds % 1 * 1e9)
-        self._clock.publish(message)
+        """Send a time on /clock."""
+        self._clock.publish(Clock(clock=codec.time_message(round(seconds * 1e9))))
 
     def map(self, topic, node='/lava'):
-        """What the map of a topic is."""
+        """Get a map of the node: its shape, its stamp and the hash of its cells."""
         grid = self._ask(GetMap, f'{node}/{topic}/get_map').map
         return {
             'cells': hashlib.sha256(grid.data).hexdigest(),
             'shape': [grid.info.height, grid.info.width],
-            'stamp_ns': grid.header.stamp.sec * 10**9 + grid.header.stamp.nanosec,
+            'stamp_ns': codec.nanoseconds(grid.header.stamp),
         }
 
-    def set(self, values, node='/lava'):
-        """Set parameters together."""
-        messages = [Parameter(key, value=item).to_parameter_msg() for key, item in values.items()]
+    def set(self, node='/lava', **values):
+        """Set parameters of the node together and return the answer; ``__`` is a point."""
+        messages = [
+            Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
+            for name, value in values.items()
+        ]
         name = f'{node}/set_parameters_atomically'
         result = self._ask(SetParametersAtomically, name, parameters=messages).result
         return {'success': result.successful, 'message': result.reason}
 
     def call(self, service, data=False, node='/lava'):
-        """Call one of the node's own services."""
+        """Call a service of the node and return its answer."""
         kind = SERVICES[service]
         result = self._ask(kind, f'{node}/{service}', **{'data': data} if kind is SetBool else {})
         return {'success': result.success, 'message': result.message}
@@ -299,15 +281,15 @@ class Teller:
         transition.label = '' if name in TRANSITIONS else name
         return self._ask(ChangeState, f'{node}/change_state', transition=transition).success
 
-    def state(self, _, node='/lava'):
-        """The label of the state."""
+    def state(self, node='/lava'):
+        """The label of the state that the node is in."""
         return self._ask(GetState, f'{node}/get_state').current_state.label
 
-    def names(self, expected, node='/lava'):
-        """Topics and services of a node, sorted, once they are as expected or change no more.
+    def names(self, expected=(), only=False, node='/lava'):
+        """Topics and services of a node, sorted, once those that are expected are there.
 
-        Without any that are expected they have to stay for two seconds: a busy machine learns of
-        them one by one.
+        With ``only`` there must be no others. Without any that are expected they have to stay for
+        two seconds: a busy machine learns of them one by one.
         """
         space, _, name = node.rpartition('/')
         ways = (
@@ -316,27 +298,20 @@ class Teller:
             self._node.get_service_names_and_types_by_node,
         )
         found, since, end = [], 0.0, time.monotonic() + PATIENCE
-        while found != expected and time.monotonic() < end:
-            time.sleep(0.1)
+        while time.monotonic() < end:
+            time.sleep(0.05)
             before = found
             try:
                 found = sorted({item for way in ways for item, _ in way(name, space or '/')})
             except NodeNameNonExistentError:
                 found = []
             since = since if found == before else time.monotonic()
-            if not expected and f'{node}/get_state' in found and time.monotonic() - since > 2.0:
+            if only:
+                is_there = found == expected
+            elif expected:
+                is_there = set(expected) <= set(found)
+            else:
+                is_there = f'{node}/get_state' in found and time.monotonic() - since > 2.0
+            if is_there:
                 break
         return found
-
-
-def main():
-    """Answer lines until there are no more."""
-    rclpy.init()
-    teller = Teller()
-    for line in sys.stdin:
-        (kind, what), *rest = json.loads(line).items()
-        print(json.dumps(getattr(teller, kind)(what, **dict(rest))), flush=True)
-
-
-if __name__ == '__main__':
-    main()

@@ -23,14 +23,17 @@ list of positions. The word ``hazard`` or ``arrival`` says which maps the robot 
 import json
 import sys
 import threading
+import time
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid, Path
 import numpy as np
 import rclpy
-from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image
+
+from lava_ros.ros import codec
+from lava_ros.scene import Terrain
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 RESOLUTION = 10.0
@@ -38,13 +41,9 @@ RESOLUTION = 10.0
 
 def grid(rows):
     """The message of a grid."""
-    message = OccupancyGrid()
-    message.header.frame_id = 'map'
-    message.info.height, message.info.width = len(rows), len(rows[0])
-    message.info.resolution = RESOLUTION
-    message.info.origin.orientation.w = 1.0
-    message.data = [value for row in rows for value in row]
-    return message
+    cells = np.array(rows, dtype=np.int8)
+    info = codec.map_metadata(Terrain(np.zeros(cells.shape), RESOLUTION), 0)
+    return codec.occupancy_grid(cells, info, codec.header('map', 0))
 
 
 def pose(x, y, frame='map'):
@@ -53,16 +52,6 @@ def pose(x, y, frame='map'):
     message.header.frame_id = frame
     message.pose.position.x, message.pose.position.y = float(x), float(y)
     message.pose.orientation.w = 1.0
-    return message
-
-
-def image(rows, stamp):
-    """The message of arrival times."""
-    values = np.array(rows, dtype=np.float32)
-    message = Image(height=values.shape[0], width=values.shape[1], encoding='32FC1')
-    message.header.frame_id, message.header.stamp = 'map', stamp
-    message.step = 4 * values.shape[1]
-    message.data.frombytes(values.tobytes())
     return message
 
 
@@ -92,10 +81,10 @@ def main():
         if 'hazard' in order:
             maps[0].publish(grid(order['hazard']))
         if 'arrival' in order:
-            rows = order['arrival']
-            start = node.get_clock().now() - Duration(seconds=order.get('age', 0.0))
-            maps[1].publish(image(rows, start.to_msg()))
-            maps[0].publish(grid([[0] * len(row) for row in rows]))
+            times = np.array(order['arrival'], dtype=np.float32)
+            start_ns = time.time_ns() - int(order.get('age', 0.0) * 1e9)
+            maps[1].publish(codec.float_image(times, codec.header('map', start_ns)))
+            maps[0].publish(grid(np.zeros(times.shape)))
         for name in poses.keys() & order.keys():
             poses[name].publish(pose(*order[name]))
         if 'leave' in order:

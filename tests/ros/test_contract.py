@@ -30,18 +30,19 @@ import yaml
 
 from lava_ros.bag.qos import QosProfile
 from lava_ros.maps.layer_files import load_layers
-from lava_ros.ros import diagnostics, grid_map
+from lava_ros.ros import diagnostics
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from maps.test_masks import SNAPSHOT
+from ros.graph_contract import contract_of
+from ros_domain import own_domain
 
 ROOT = Path(__file__).parents[2]
-HERE = Path(__file__).parent
 PAGE = ROOT / 'docs' / 'ROS.md'
 POLICY = ROOT / 'sros2' / 'lava_ros.policy.xml'
 
 #: What is there only with grid_map_msgs.
 GRID_MAP_TOPICS = {'terrain_grid', 'lava_grid_map'}
-HAS_GRID_MAPS = grid_map.installed_classes() is not None
+HAS_GRID_MAPS = importlib.util.find_spec('grid_map_msgs') is not None
 
 #: Every layer that is off by default.
 OPTIONAL = [
@@ -53,6 +54,7 @@ OPTIONAL = [
 #: What the node of this test is told.
 GIVEN = {
     'device': 'cpu',
+    'msg_config': 'default.yaml',
     'use_sim_time': True,
     'layers_on': OPTIONAL,
     'forecast_horizon': 1.0,
@@ -82,10 +84,9 @@ def full_name(name):
 @pytest.fixture(scope='module')
 def shown(graph):
     """What a node with every optional layer shows."""
-    node = graph.node(**GIVEN)
+    node = graph.node(program=('-m', 'lava_ros.ros.node'), **GIVEN)
     node.wait_for_log('active')
-    looking = graph.process(str(HERE / 'graph_contract.py'), 'lava')
-    found = json.loads(looking.line(90.0))
+    found = contract_of('lava', own_domain('graph'))
     assert node.end() == 0
     return found
 
@@ -322,7 +323,6 @@ def test_foxglove_plots_what_the_diagnostics_say(foxglove):
         WorkerStatus(WorkerState.RUNNING, '', 1.0, 1.0, False, 'cpu'),
         SNAPSHOT,
         is_active=True,
-        wet_cells=1,
         frame_stamp_ns=0,
     )
     diagnostics.sign(DiagnosticArray(status=[status]), '/lava', 'cpu')

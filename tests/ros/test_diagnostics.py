@@ -42,7 +42,7 @@ def _snapshot(**budget):
     return Snapshot(
         time=12.5,
         terrain=terrain,
-        thickness=np.zeros((2, 2), np.float32),
+        thickness=np.array([[1.0, 0.0], [0.0, np.nan]], np.float32),
         temperature=np.zeros((2, 2), np.float32),
         budget=VolumeBudget(**amounts),
         particle_count=3,
@@ -50,11 +50,11 @@ def _snapshot(**budget):
     )
 
 
-def _simulation(state, snapshot=None, *, is_active=True, **changes):
+def _simulation(state, snapshot=None, *, is_active=True, clock='', **changes):
     fields = {'error': '', 'speed': 2.0, 'mean_speed': 3.0, 'is_behind': False, 'device': 'cpu'}
     worker = WorkerStatus(state=state, **fields | changes)
     return diagnostics.simulation_status(
-        worker, snapshot, is_active=is_active, wet_cells=7, frame_stamp_ns=99
+        worker, snapshot, is_active=is_active, frame_stamp_ns=99, clock=clock
     )
 
 
@@ -118,10 +118,7 @@ def test_what_holds_others_up_is_a_warning():
 
 def test_a_clock_that_does_not_move_is_a_warning():
     """A node that waits for /clock is running, and nothing moves."""
-    worker = WorkerStatus(WorkerState.RUNNING, '', 0.0, 0.0, False, 'cpu')
-    status = diagnostics.simulation_status(
-        worker, None, is_active=True, wet_cells=0, frame_stamp_ns=0, clock='/clock does not arrive'
-    )
+    status = _simulation(WorkerState.RUNNING, clock='/clock does not arrive')
     assert (status.level, status.message) == (WARN, '/clock does not arrive')
 
 
@@ -137,7 +134,7 @@ def test_simulation_values():
         'simulated_time_s': '12.5',
         'frame_stamp_ns': '99',
         'particles': '3',
-        'wet_cells': '7',
+        'wet_cells': '1',
         'volume_emitted_m3': '10.0',
         'volume_held_m3': '10.0',
         'volume_pending_m3': '0.5',

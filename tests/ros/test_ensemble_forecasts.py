@@ -29,11 +29,11 @@ from lava_ros.forecast.probability import footprint_of, Tally
 from lava_ros.maps.forecast import HazardMaps, occupancy, QUANTILES
 from lava_ros.maps.message_arrays import image_array
 from lava_ros.ros import codec
+from lava_ros.ros.codec import message_class
 from lava_ros.ros.ensemble_forecasts import ForecastRules, Outlooks
 from lava_ros.ros.inputs import mask_from_grid
 from lava_ros.ros.offline_bags import write_atlas_bag
 from lava_ros.ros.parameters import Settings
-from lava_ros.ros.player import message_class
 from lava_ros.ros.session import Fork
 from lava_ros.scene import Lava, Scene, Terrain
 

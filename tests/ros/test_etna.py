@@ -48,8 +48,8 @@ def test_first_day_of_etna_2001(graph):
     bag = graph.directory / 'etna'
     node = graph.node(
         device='cpu',
-        # a frame a second, every other hour of lava
-        time_scale=7200.0,
+        # five frames a second, an hour of lava or less each
+        time_scale=20_000.0,
         end_time=DAY,
         spacing=SPACING,
         terrain_allow_holes=True,

@@ -24,7 +24,7 @@ import numpy as np
 import pytest
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.maps.message_arrays import cloud_columns
@@ -40,28 +40,27 @@ VENTS = (
     Vent((3.0, 4.0), 5.0, 1423.0, end=(8.0, 4.0), name='fissure'),
 )
 
+#: The simulation has passed a time of the series.
+LATE = DiagnosticStatus(
+    name='lava: simulation', values=[KeyValue(key='simulated_time_s', value='3700.0')]
+)
+
 
 class Graph:
     """A feed and a listener that joined before or after it."""
 
-    def __init__(self, context: rclpy.Context) -> None:
+    def __init__(self) -> None:
         """Make an empty graph."""
-        self._context = context
-        self._executor = SingleThreadedExecutor(context=context)
+        self._executor = SingleThreadedExecutor()
         self.heard: dict[str, list[Any]] = {'terrain': [], 'terrain_info': [], 'vents': []}
 
-    def add_feed(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        """Start the feed in this graph's context."""
-        real = Node.__init__
-        monkeypatch.setattr(
-            Node, '__init__', lambda node, name, **_: real(node, name, context=self._context)
-        )
+    def add_feed(self) -> None:
+        """Start the feed."""
         self._executor.add_node(SceneFeed(Scene(TERRAIN, VENTS, lava=Lava())))
-        monkeypatch.undo()
 
-    def add_listener(self) -> Node:
-        """Start a node that listens with the QoS the lava node has."""
-        node = rclpy.create_node('listener', context=self._context)
+    def add_listener(self) -> Any:
+        """Start a node that listens with the QoS the lava node has, and may tell diagnostics."""
+        node = rclpy.create_node('listener')
         for name, kind, profile in (
             ('terrain', Image, qos.LATCHED),
             ('terrain_info', MapMetaData, qos.LATCHED),
@@ -71,7 +70,9 @@ class Graph:
                 kind, name, self.heard[name].append, qos.ros_profile(profile)
             )
         self._executor.add_node(node)
-        return node
+        return node.create_publisher(
+            DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
+        )
 
     def close(self) -> None:
         """Take every node out of the graph."""
@@ -79,6 +80,13 @@ class Graph:
         self._executor.shutdown()
         for node in nodes:
             node.destroy_node()
+
+    def discharge(self) -> float:
+        """Discharge of the first vent as it was heard last, NaN before that."""
+        if not self.heard['vents']:
+            return np.nan
+        columns = cloud_columns(self.heard['vents'][-1], 'vents', ('discharge',))
+        return float(columns['discharge'][0])
 
     def spin_until(self, condition: Callable[[], bool]) -> None:
         """Run the graph until something holds, for at most a minute."""
@@ -92,19 +100,18 @@ class Graph:
 def graph(monkeypatch: pytest.MonkeyPatch) -> Iterator[Graph]:
     """A graph in a domain of this test run."""
     monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    context = rclpy.Context()
-    rclpy.init(context=context, domain_id=own_domain('feed'))
-    graph = Graph(context)
+    rclpy.init(
+        args=[], domain_id=own_domain('feed'), signal_handler_options=SignalHandlerOptions.NO
+    )
+    graph = Graph()
     yield graph
     graph.close()
-    rclpy.shutdown(context=context)
+    rclpy.shutdown()
 
 
-def test_a_latecomer_gets_terrain_and_vents(
-    graph: Graph, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_latecomer_gets_terrain_and_vents(graph: Graph) -> None:
     """Who joins after the feed has published still hears all of it, as the node reads it."""
-    graph.add_feed(monkeypatch)
+    graph.add_feed()
     graph.add_listener()
     graph.spin_until(lambda: all(graph.heard.values()))
     rules = Settings()
@@ -120,52 +127,32 @@ def test_a_latecomer_gets_terrain_and_vents(
     assert vents[0].temperature == pytest.approx(VENTS[0].temperature, abs=1e-3)
 
 
-def test_discharge_follows_simulated_time(graph: Graph, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_discharge_follows_simulated_time(graph: Graph) -> None:
     """When the simulation passes a time of the series the vents are published again, once."""
-    listener = graph.add_listener()
-    graph.add_feed(monkeypatch)
-    graph.spin_until(lambda: bool(graph.heard['vents']))
-    publisher = listener.create_publisher(
-        DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
-    )
+    publisher = graph.add_listener()
+    graph.add_feed()
+    graph.spin_until(lambda: graph.discharge() == 10.0)
     graph.spin_until(lambda: publisher.get_subscription_count() > 0)
-    values = [KeyValue(key='simulated_time_s', value='3700.0')]
-    status = DiagnosticStatus(name='lava: simulation', values=values)
-    publisher.publish(DiagnosticArray(status=[status]))
-
-    def discharge() -> float:
-        columns = cloud_columns(graph.heard['vents'][-1], 'vents', ('discharge',))
-        return float(columns['discharge'][0])
-
-    assert discharge() == 10.0
-    graph.spin_until(lambda: discharge() == 4.0)
+    publisher.publish(DiagnosticArray(status=[LATE]))
+    graph.spin_until(lambda: graph.discharge() == 4.0)
     assert len(graph.heard['vents']) == 2
 
 
 def test_what_the_node_refuses_is_told(
-    graph: Graph, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    graph: Graph, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Whoever runs the feed does not see the node's log: once for each refusal."""
-    listener = graph.add_listener()
-    graph.add_feed(monkeypatch)
-    publisher = listener.create_publisher(
-        DiagnosticArray, '/diagnostics', qos.ros_profile(qos.DIAGNOSTICS)
-    )
+    publisher = graph.add_listener()
+    graph.add_feed()
     graph.spin_until(lambda: publisher.get_subscription_count() > 0)
     said = "refused terrain: terrain.data is '5 of 12 cells without data (NaN)'"
     good = DiagnosticStatus(name='lava: inputs', level=DiagnosticStatus.OK, message='all taken')
     bad = DiagnosticStatus(name='lava: inputs', level=DiagnosticStatus.ERROR, message=said)
     other = DiagnosticStatus(name='etna/lava: inputs', level=DiagnosticStatus.ERROR, message='no')
-    # all that came before the vents of a new time has been heard by then
-    late = DiagnosticStatus(
-        name='lava: simulation', values=[KeyValue(key='simulated_time_s', value='3700.0')]
-    )
-    for statuses in ([good], [bad], [bad, other], [good], [bad], [late]):
+    for statuses in ([good], [bad], [bad, other], [good], [bad], [LATE]):
         publisher.publish(DiagnosticArray(status=statuses))
-    graph.spin_until(
-        lambda: bool(graph.heard['vents'])
-        and cloud_columns(graph.heard['vents'][-1], 'vents', ('discharge',))['discharge'][0] == 4.0
-    )
+    # all that came before the vents of a new time has been heard by then
+    graph.spin_until(lambda: graph.discharge() == 4.0)
     errors = capfd.readouterr().err
     assert errors.count(f'lava: inputs: {said}') == 2
     assert '[ERROR]' in errors

@@ -14,7 +14,6 @@
 
 """Forecasts and ensembles of a node in a real graph: maps, what was seen, withdrawals, the bag."""
 
-from dataclasses import replace
 import json
 from pathlib import Path
 import time
@@ -25,18 +24,20 @@ import pytest
 from lava_ros.bag import BagReader
 from lava_ros.bag.decoding import Decoder
 from lava_ros.errors import LavaError
+from lava_ros.maps.layer_files import layers_from_dict
+from lava_ros.ros.forecast_topics import _threshold
 from lava_ros.ros.layer_publishers import published_layers
 from lava_ros.ros.parameters import Settings
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'
 
 #: Simulated seconds in a second.
-SCALE = 5.0
+SCALE = 20.0
 
 HORIZON = 400.0
 
-#: Wall time after which members have lava to be told apart by [s].
-FLOWN = 10.0
+#: Simulated time after which members have lava to be told apart by [s].
+FLOWN = 50.0
 
 MEMBERS = 5
 
@@ -142,9 +143,8 @@ def test_ensembles(listener, node, publisher):
         assert name not in IMAGES or found[name]['encoding'] == '32FC1'
 
     # in the ensemble of now and the next
-    begun = int(status['frame_stamp_ns'])
     listener.wait_for_status(
-        'ensemble', lambda item: int(item['frame_stamp_ns']) > begun + FLOWN * 1e9, timeout=120.0
+        'ensemble', lambda item: float(item['start_time_s']) > FLOWN, timeout=120.0
     )
     publisher.publish('outline')
     sharper = listener.wait_for_status(
@@ -223,7 +223,7 @@ def test_the_bag_has_them(graph, node):
 def _refusal(settings, msg_config='default.yaml', forecast_config='forecast.yaml'):
     with pytest.raises(LavaError) as caught:
         published_layers(
-            CONFIGS / msg_config, CONFIGS / forecast_config, replace(Settings(), **settings)
+            CONFIGS / msg_config, CONFIGS / forecast_config, settings=Settings(**settings)
         )
     return str(caught.value)
 
@@ -234,7 +234,9 @@ def test_files_that_do_not_fit_are_refused(tmp_path):
     assert "layers.arrival_time.source is 'arrival'" in _refusal({}, msg_config='forecast.yaml')
     assert 'layers_off' in _refusal({'layers_off': ('arrivals',)})
     layers = published_layers(
-        CONFIGS / 'default.yaml', CONFIGS / 'forecast.yaml', Settings(layers_off=('arrival',))
+        CONFIGS / 'default.yaml',
+        CONFIGS / 'forecast.yaml',
+        settings=Settings(layers_off=('arrival',)),
     )
     assert {layer.topic for layer in layers if layer.is_forecast} == {*FORECASTS} - {'arrival'}
     path = tmp_path / 'forecast.yaml'
@@ -242,3 +244,11 @@ def test_files_that_do_not_fit_are_refused(tmp_path):
     path.write_text(json.dumps({'layers': {'height': arrival}}))
     refusal = _refusal({}, forecast_config=path)
     assert "layers.height.topic is 'height', expected a topic" in refusal
+
+
+def test_arrivals_have_one_threshold():
+    """Lava of one forecast cannot arrive at two thicknesses."""
+    arrival = {'source': 'arrival', 'message': 'sensor_msgs/Image'}
+    thresholds = {'a': {**arrival, 'threshold': 0.01}, 'b': {**arrival, 'threshold': 0.5}}
+    with pytest.raises(LavaError, match=r'forecast_config is \[0.01, 0.5\], expected one thresh'):
+        _threshold(layers_from_dict({'layers': thresholds}))

@@ -32,7 +32,7 @@ from lava_ros.forecast import planning as affordable
 from lava_ros.forecast import process as forecast_process
 from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
 from lava_ros.forecast.planning import Affordable
-from lava_ros.ros import diagnostics
+from lava_ros.ros import diagnostics, forecaster
 from lava_ros.ros.deadline import DeadlineChooser
 from lava_ros.ros.ensemble_forecasts import ForecastRules
 from lava_ros.ros.forecaster import Forecaster, ForecastProcess, LEAST_PERIOD
@@ -43,13 +43,11 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.presets import preset_accuracy
+from ros.conftest import PATIENCE, wait_until
 
 RULES = ForecastRules(
     horizon=200.0, threshold=0.01, max_age=1e9, share=1.0, max_particles=1_000_000
 )
-
-#: How long anything may take on a machine that is busy with other things [s].
-PATIENCE = 180.0
 
 #: Simulated seconds in a second, a small part of what the solver can do.
 SCALE = 5.0
@@ -67,15 +65,6 @@ def simulation_of(scene):
     return Simulation(
         scene, effects=Effects(), accuracy=Accuracy(spacing=8.0, thickness=1.0), device='cpu'
     )
-
-
-def wait_until(condition, what=''):
-    """Wait for a condition and return its value."""
-    end = time.monotonic() + PATIENCE
-    while not (value := condition()):
-        assert time.monotonic() < end, what
-        time.sleep(0.02)
-    return value
 
 
 class Bench:
@@ -118,7 +107,7 @@ class Bench:
             latest = self.forecaster.latest
             return latest if latest is not None and condition(latest) else None
 
-        return wait_until(found, self.forecaster.status)
+        return wait_until(found, lambda: self.forecaster.status)
 
     def staleness(self):
         """Why the newest forecast says nothing about what comes."""
@@ -142,10 +131,12 @@ class Bench:
 
 @pytest.fixture(scope='module')
 def running():
-    """A worker and a forecaster for all tests: a process takes a while to start."""
-    result = Bench()
-    yield result
-    result.close()
+    """A worker and a forecaster for all tests, which soon try again what has failed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(forecaster, '_RETRY_TIMES', (0.1, 0.2))
+        result = Bench()
+        yield result
+        result.close()
 
 
 @pytest.fixture

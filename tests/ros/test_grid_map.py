@@ -59,7 +59,20 @@ class GridMap:
         self.outer_start_index = self.inner_start_index = 0
 
 
-CLASSES = grid_map.Classes(GridMap, GridMapInfo)
+@pytest.fixture(autouse=True)
+def installed(monkeypatch):
+    """A package grid_map_msgs on the import path."""
+    package, messages = types.ModuleType('grid_map_msgs'), types.ModuleType('grid_map_msgs.msg')
+    messages.GridMap = GridMap
+    monkeypatch.setitem(sys.modules, 'grid_map_msgs', package)
+    monkeypatch.setitem(sys.modules, 'grid_map_msgs.msg', messages)
+
+
+@pytest.fixture
+def absent(installed, monkeypatch):
+    """No package grid_map_msgs, also where there is one."""
+    monkeypatch.setitem(sys.modules, 'grid_map_msgs', None)
+    monkeypatch.setitem(sys.modules, 'grid_map_msgs.msg', None)
 
 
 def position(message, row, column):
@@ -104,7 +117,7 @@ def expected(terrain, values):
 def made(terrain=TERRAIN, **maps):
     """The map of a terrain."""
     maps = {'elevation': terrain.elevation, **maps}
-    return grid_map.grid_map_message(CLASSES, maps, terrain, Header(frame_id='map'))
+    return grid_map.grid_map_message(maps, terrain, Header(frame_id='map'))
 
 
 def moved(outer, inner, *, row_major=False, offset=0):
@@ -218,29 +231,13 @@ def test_a_map_that_is_too_large_is_refused():
         inputs.terrain_from_grid(made(), Settings(max_terrain_cells=11))
 
 
-@pytest.fixture
-def installed(monkeypatch):
-    """A package grid_map_msgs on the import path."""
-    package, messages = types.ModuleType('grid_map_msgs'), types.ModuleType('grid_map_msgs.msg')
-    messages.GridMap, messages.GridMapInfo = GridMap, GridMapInfo
-    monkeypatch.setitem(sys.modules, 'grid_map_msgs', package)
-    monkeypatch.setitem(sys.modules, 'grid_map_msgs.msg', messages)
-
-
-@pytest.fixture
-def absent(monkeypatch):
-    """No package grid_map_msgs, also where there is one."""
-    monkeypatch.setitem(sys.modules, 'grid_map_msgs', None)
-    monkeypatch.setitem(sys.modules, 'grid_map_msgs.msg', None)
-
-
 def layer(**changes):
     """The layer lava_grid_map, with keys changed."""
     data = {'source': 'lava', 'message': 'grid_map_msgs/GridMap', 'threshold': 0.01, **changes}
     return layers_from_dict({'layers': {'lava_grid_map': data}})[0]
 
 
-def test_the_layer_shows_ground_and_lava(installed):
+def test_the_layer_shows_ground_and_lava():
     """The message of a layer has the ground and each quantity, unscaled, and their stamp."""
     assert outputs.message_class(layer()) is GridMap
     message = outputs.layer_message(layer(), SNAPSHOT, frame_id='map', stamp_ns=3_000_000_004)
@@ -260,7 +257,7 @@ def test_the_layer_shows_ground_and_lava(installed):
     np.testing.assert_array_equal(ground, SNAPSHOT.terrain.elevation.astype(np.float32))
 
 
-def test_the_hazard_of_the_layer_has_its_limits(installed):
+def test_the_hazard_of_the_layer_has_its_limits():
     """The key hazard of the file holds for the map as for a grid."""
     milder = {'lethal_thickness': 1e3, 'safe_temperature': 1e3, 'lethal_temperature': 1e4}
     messages = [
@@ -274,7 +271,6 @@ def test_the_hazard_of_the_layer_has_its_limits(installed):
 
 def test_without_the_package_the_layer_is_refused(absent):
     """One sentence says what is missing and what else to do; other layers need nothing."""
-    assert grid_map.installed_classes() is None
     with pytest.raises(LavaError) as caught:
         outputs.message_class(layer())
     sentence = str(caught.value)
@@ -296,13 +292,11 @@ class Bench:
         """The log."""
         return types.SimpleNamespace(error=self.lines.append)
 
-    def subscription(self, kind, topic, callback, profile, *, raw):
+    def create(self, kind, *what, **_):
         """Note a subscription."""
-        assert raw
-        self.subscriptions[topic] = (kind, callback, profile)
-
-    def timer(self, *_, **__):
-        """No timer is needed."""
+        if kind == 'subscription':
+            message_class, topic, callback, profile = what
+            self.subscriptions[topic] = (message_class, callback, profile)
 
     def set_terrain(self, terrain):
         """Note a terrain."""
@@ -312,24 +306,21 @@ class Bench:
         return done
 
 
-@pytest.mark.parametrize('classes', [None, CLASSES])
-def test_maps_are_subscribed_to_where_the_package_is(absent, classes):
-    """With the classes there is a latched topic terrain_grid, without them only the others."""
+def test_without_the_package_maps_are_not_subscribed_to(absent):
+    """The other topics are there."""
     bench = Bench()
-    InputTopics(bench, bench, settings=Settings, steady=Clock(), grid_maps=classes)
+    InputTopics(bench, bench, settings=Settings, steady=Clock())
     usual = {'terrain', 'terrain_info', 'terrain_cloud', 'vents', 'clicked_point'}
-    assert set(bench.subscriptions) == (usual | {'terrain_grid'} if classes else usual)
-    if classes:
-        kind, _, profile = bench.subscriptions['terrain_grid']
-        assert kind is GridMap
-        assert profile == bench.subscriptions['terrain'][2]
+    assert set(bench.subscriptions) == usual
 
 
 def test_a_map_becomes_the_terrain(monkeypatch):
     """What comes on terrain_grid is given to the simulation, or refused in the log."""
     bench = Bench()
-    InputTopics(bench, bench, settings=Settings, steady=Clock(), grid_maps=CLASSES)
-    take = bench.subscriptions['terrain_grid'][1]
+    InputTopics(bench, bench, settings=Settings, steady=Clock())
+    kind, take, profile = bench.subscriptions['terrain_grid']
+    assert kind is GridMap
+    assert profile == bench.subscriptions['terrain'][2]
     arrived = []
     monkeypatch.setattr('lava_ros.ros.input_topics.decode', lambda *_, **__: arrived[-1])
     arrived.append(moved(1, 2))

@@ -21,8 +21,6 @@ import numpy as np
 import pytest
 
 pytest.importorskip('rclpy')
-import time
-
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from lava_ros.errors import LavaError
@@ -33,6 +31,7 @@ from lava_ros.ros.scene_publisher import vent_markers
 from lava_ros.ros.spinning import Watcher
 from lava_ros.watch.frames import Level, watched_layers
 from recording import diagnostics_of, growing, SECOND, snapshot_at, START, TERRAIN, VENT
+from ros.conftest import wait_until
 from ros_domain import own_domain
 
 LAYERS = {item.source: item for item in watched_layers()}
@@ -57,7 +56,7 @@ class Speaker(Watcher):
 
     def ground(self) -> None:
         """Tell of the terrain and a vent."""
-        image, info = outputs.terrain_messages(TERRAIN, frame_id='map', stamp_ns=START)
+        image, info = outputs.terrain_messages(TERRAIN, frame_id='map', stamp_ns=START).values()
         self.say('terrain', image)
         self.say('terrain_info', info)
         markers = vent_markers((VENT,), 0.0, TERRAIN, frame_id='map', stamp_ns=START)
@@ -82,12 +81,8 @@ class Speaker(Watcher):
 
 
 def until(condition: Callable[[], bool], poll: Callable[[], None] = lambda: None) -> None:
-    """Wait for at most a minute."""
-    end = time.monotonic() + 60.0
-    while not condition():
-        assert time.monotonic() < end
-        poll()
-        time.sleep(0.01)
+    """Poll until something holds."""
+    wait_until(lambda: poll() or condition())
 
 
 @pytest.fixture

@@ -17,7 +17,6 @@
 from collections import Counter
 import hashlib
 import json
-from pathlib import Path
 import re
 
 import pytest
@@ -25,7 +24,6 @@ import yaml
 
 from lava_ros.bag import BagReader
 
-CONFIGS = Path(__file__).parents[2] / 'msg_configs'
 GRIDS = ('height', 'temperature', 'hazard')
 
 
@@ -35,15 +33,11 @@ class Running:
     def __init__(self, graph):
         self.graph = graph
         self.bag = graph.directory / 'bag'
-        config = graph.directory / 'often.yaml'
-        default = (CONFIGS / 'default.yaml').read_text(encoding='utf-8')
-        config.write_text(default.replace('rate: 1.0 ', 'rate: 4.0 '), encoding='utf-8')
         self.node = graph.node(
             time_scale=60.0,
             device='cpu',
             record=True,
             bag_directory=str(self.bag),
-            msg_config=str(config),
         )
         self.publisher = graph.publisher()
         self.listener = graph.listener(*GRIDS)
@@ -206,39 +200,17 @@ def test_parameters(running):
     assert 'out of range' in running.publisher.set(lava__density=0.0)['message']
     assert 'type' in running.publisher.set(time_scale=3)['message']
     assert 'read-only' in running.publisher.set(device='cuda:0')['message']
+    assert "effects_on is 'lava', expected one of" in (
+        running.publisher.set(effects_on=['lava'])['message']
+    )
     for name, values in (('preset', ('draft', 'standard')), ('lava.viscosity', (50.0, 100.0))):
         for value in values:
             assert running.publisher.set(**{name: value})['success']
         running.node.wait_for_log(f'{name}: the new value is used from the next start or reset on')
 
 
-def test_effects_are_told_with_their_reasons(running):
-    """Each effect is on or off in the diagnostics, with the number that says so."""
-    status = running.listener.wait_for_status('effects')
-    assert status['level'] == 0
-    assert status['cover'].startswith('on: heat lost = ')
-    assert status['crystals'] == 'off: the material has none'
-    assert 'cover' in status['message']
-
-
-def test_wrong_effects_are_refused(running):
-    """The answer names the parameter, the value and what is known; nothing changes."""
-    before = running.listener.status_now('effects')
-    for values, words in (
-        ({'effects_on': ['lava']}, ("effects_on is 'lava'", 'yielding', 'merging')),
-        ({'effects_off': [1]}, ('effects_off is 1', 'expected one of steep')),
-        ({'effects_on': ['steep'], 'effects_off': ['steep']}, ("effects_off is 'steep'",)),
-        ({'effects_on': ['helmholtz', 'green']}, ('effects_on is', 'beside green')),
-        ({'horizon': 0.0}, ('horizon', 'out of range')),
-    ):
-        answer = running.publisher.set(**values)
-        assert not answer['success']
-        assert all(word in answer['message'] for word in words), answer
-    assert running.listener.status_now('effects') == before
-
-
 def test_changing_effects_does_not_stop_publishing(running):
-    """Effects go on and off in a flow that goes on; after each, grids with lava come."""
+    """Effects go on and off in a flow that goes on, with reasons; after each, lava is shown."""
     status = running.listener.status_now('simulation')
     for values, effect, text in (
         ({'effects_on': ['helmholtz']}, 'helmholtz', 'on: forced'),
@@ -331,10 +303,6 @@ def test_parameters_without_effect_are_warned_of(graph):
 
 def test_a_wrong_start_is_refused(graph):
     """A node that cannot start says why in one sentence and ends with 1."""
-    arrival = {'source': 'arrival', 'message': 'sensor_msgs/Image'}
-    thresholds = {'a': {**arrival, 'threshold': 0.01}, 'b': {**arrival, 'threshold': 0.5}}
-    forecasts = graph.directory / 'forecasts.yaml'
-    forecasts.write_text(json.dumps({'layers': thresholds}), encoding='utf-8')
     nodes = [
         (graph.node(aside=True, **parameters), words)
         for parameters, words in (
@@ -344,13 +312,7 @@ def test_a_wrong_start_is_refused(graph):
                 '-p discharge is 60.0, expected a parameter that this node has; similar names: '
                 'default_discharge; vents come by the scene file',
             ),
-            ({'msg_config': 'nothing.yaml'}, 'nothing.yaml'),
-            ({'terrain_file': 'nothing.npz'}, 'nothing.npz'),
             ({'layers_on': ['points']}, "layers_on is 'points', expected one of height, temp"),
-            (
-                {'forecast_horizon': 1.0, 'forecast_config': str(forecasts)},
-                'forecast_config is [0.01, 0.5], expected one threshold',
-            ),
         )
     ]
     for node, words in nodes:

@@ -34,6 +34,7 @@ from lava_ros.ros.scene_publisher import CLOSED, LABELS, OPEN, PLACES, vent_mark
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.snapshot import Snapshot, StepReport
+from recording import snapshot_at
 
 TERRAIN = Terrain(np.arange(6.0).reshape(2, 3), 10.0, origin=(100.0, 200.0))
 SNAPSHOT = Snapshot(
@@ -196,26 +197,18 @@ def test_masks_are_sent_when_they_change():
     """Nav2 works its costmaps out anew for each: hazard comes with each frame, masks do not."""
     sent = []
 
-    def publisher(message_class, topic, profile):
+    def create(kind, message_class, topic, profile):
         return SimpleNamespace(publish=lambda data: sent.append(topic), topic_name=f'/{topic}')
 
     publishers = LayerPublishers(
-        SimpleNamespace(publisher=publisher),
+        SimpleNamespace(create=create),
         load_layers(CONFIGS / 'nav2_speed.yaml'),
         Recorder(),
         frame_id='map',
     )
     thickness = np.zeros((20, 30), dtype=np.float32)
     thickness[10, 10] = 1.0
-    first = Snapshot(
-        time=1.0,
-        terrain=Terrain(np.zeros((20, 30)), 10.0),
-        thickness=thickness,
-        temperature=np.full((20, 30), 1300.0, dtype=np.float32),
-        budget=VolumeBudget(1.0, 1.0, 0.0, 0.0),
-        particle_count=1,
-        steps=StepReport(1, 1, 1, 1.0, 'diffusion'),
-    )
+    first = snapshot_at(1.0, thickness, Terrain(np.zeros((20, 30)), 10.0))
 
     def topics(snapshot, *, repeat=False):
         sent.clear()

@@ -74,20 +74,18 @@ def test_zero_and_empty_mean_automatic():
 def test_effects_are_forced_by_name():
     """Both lists make one mapping; an empty list is empty however ROS writes it."""
     settings = parameters.settings_from(
-        _values(effects_on=['inertia', 'merging'], effects_off=['', 'steep'], horizon=2.0)
+        _values(
+            effects_on=['inertia', 'merging'],
+            effects_off=['', 'steep'],
+            layers_on=['', 'a'],
+            horizon=2.0,
+        )
     )
+    assert settings.layers_on == ('a',)
     assert settings.forced == {'inertia': True, 'merging': True, 'steep': False}
     assert settings.horizon == 7200.0
     for empty in ([], [''], None):
         assert parameters.settings_from(_values(effects_on=empty)).forced == {}
-
-
-def test_layers_are_switched_by_name():
-    """Both lists are names; an empty list is empty however ROS writes it."""
-    settings = parameters.settings_from(_values(layers_on=['', 'a'], layers_off=['b', 'c']))
-    assert (settings.layers_on, settings.layers_off) == (('a',), ('b', 'c'))
-    for empty in ([], [''], None):
-        assert parameters.settings_from(_values(layers_on=empty)).layers_on == ()
 
 
 @pytest.mark.parametrize(

@@ -12,54 +12,44 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Replay into a real graph, from another process."""
+"""Replay into a real graph."""
 
 from collections.abc import Iterator
 from itertools import pairwise
+import os
 from pathlib import Path
 import signal
-import subprocess
-import sys
+import threading
 import time
 
 import pytest
 import rclpy
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message, serialize_message
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
-from lava_ros.bag import BagWriter, LATCHED, QosProfile
+from lava_ros.bag import BagReader, BagWriter, LATCHED, QosProfile
 from lava_ros.bag.qos import INFINITE_NS
 from lava_ros.bag.schemas import MessageSchema
 from lava_ros.errors import LavaError
-from lava_ros.ros.player import message_class
+from lava_ros.ros.codec import message_class
+from lava_ros.ros.player import play
 from lava_ros.ros.qos import ros_profile
+from ros.conftest import PATIENCE, wait_until
 from ros_domain import own_domain
 
 SECOND = 1_000_000_000
 TEXT = 'std_msgs/msg/String'
-ROOT = Path(__file__).parents[2]
-
-PLAY = """
-import json, sys
-from lava_ros.bag import BagReader
-from lava_ros.ros.player import play
-print(play(BagReader(sys.argv[1]), **json.loads(sys.argv[2])))
-"""
-
-#: How long to wait for what has to come, on a busy machine too [s].
-PATIENCE = 60.0
 
 Written = dict[str, list[bytes]]
 
 
 @pytest.fixture
-def bag(tmp_path: Path) -> tuple[Path, Written]:
-    """Two seconds: /map latched at 0 s and 1 s, /text ten times a second, one of unknown type."""
+def bag(tmp_path: Path) -> tuple[BagReader, Written]:
+    """Two seconds: /map latched at 0 s and 1 s, /text ten times a second."""
     written: Written = {'/map': [], '/text': []}
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         for tenth in range(21):
@@ -70,38 +60,16 @@ def bag(tmp_path: Path) -> tuple[Path, Written]:
                 writer.write('/map', TEXT, text, stamp, qos=LATCHED)
             written['/text'].append(text)
             writer.write('/text', TEXT, text, stamp, qos=QosProfile(depth=100))
-    return tmp_path / 'bag', written
-
-
-@pytest.fixture
-def domain() -> int:
-    """A domain of this test process's own."""
-    return own_domain('player')
-
-
-@pytest.fixture
-def node(domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[Node]:
-    """A node in the domain of the test."""
-    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
-    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    context = Context()
-    rclpy.init(context=context, domain_id=domain)
-    node = Node('listener', context=context)
-    yield node
-    node.destroy_node()
-    rclpy.shutdown(context=context)
+    return BagReader(tmp_path / 'bag'), written
 
 
 class Listener:
-    """Keeps the bytes of what arrives, topic by topic."""
+    """Keeps the bytes of what arrives, topic by topic, in a thread of its own."""
 
     def __init__(self, node: Node) -> None:
         """Subscribe to the bag's topics and the clock."""
-        self.node = node
         self.raw: Written = {'/map': [], '/text': []}
         self.clock: list[int] = []
-        self.executor = SingleThreadedExecutor(context=node.context)
-        self.executor.add_node(node)
         latched = QoSProfile(
             depth=10,
             durability=DurabilityPolicy.TRANSIENT_LOCAL,
@@ -114,26 +82,30 @@ class Listener:
     def _on_clock(self, message: Clock) -> None:
         self.clock.append(message.clock.sec * SECOND + message.clock.nanosec)
 
-    def spin_until(self, process: 'subprocess.Popen[str]') -> str:
-        """Take what arrives until the process has ended and all is there; returns its output."""
-        deadline, heard = time.monotonic() + PATIENCE, -1
-        while process.poll() is None or heard < self.heard:
-            assert time.monotonic() < deadline
-            heard = self.heard
-            for _ in range(20):
-                self.executor.spin_once(timeout_sec=0.02)
-        output, errors = process.communicate(timeout=PATIENCE)
-        assert process.returncode == 0, errors
-        return output
-
     def back(self) -> list[int]:
         """Times of the clock that are earlier than the one before."""
         return [b for a, b in pairwise(self.clock) if b < a]
 
-    @property
-    def heard(self) -> int:
-        """How many messages have come."""
-        return sum(map(len, (*self.raw.values(), self.clock)))
+
+@pytest.fixture
+def listener(monkeypatch: pytest.MonkeyPatch) -> Iterator[Listener]:
+    """One in a domain of this test process, where the player plays too."""
+    domain = own_domain('player')
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain))
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    context = Context()
+    context.init(domain_id=domain)
+    node = Node('listener', context=context)
+    executor = rclpy.executors.SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    result = Listener(node)
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    yield result
+    executor.shutdown()
+    thread.join(PATIENCE)
+    node.destroy_node()
+    context.shutdown()
 
 
 def same_bytes(received: list[bytes], written: list[bytes]) -> bool:
@@ -144,32 +116,19 @@ def same_bytes(received: list[bytes], written: list[bytes]) -> bool:
     )
 
 
-def start_player(bag: Path, options: str) -> 'subprocess.Popen[str]':
-    """Start a player in a process of its own."""
-    return subprocess.Popen(
-        [sys.executable, '-c', PLAY, str(bag), options],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-    )
-
-
-def test_subscribers_get_the_recorded_bytes(bag: tuple[Path, Written], node: Node) -> None:
+def test_subscribers_get_the_recorded_bytes(
+    bag: tuple[BagReader, Written], listener: Listener
+) -> None:
     """Every message arrives in order, byte for byte, with the clock of the bag, at the rate."""
-    directory, written = bag
-    listener = Listener(node)
+    reader, written = bag
     begin = time.monotonic()
-    output = listener.spin_until(
-        start_player(directory, '{"rate": 2, "wait_for_subscribers": 60}')
-    )
+    assert play(reader, rate=2, wait_for_subscribers=PATIENCE) == 23
     assert time.monotonic() - begin > 1.0
+    wait_until(lambda: listener.clock and listener.clock[-1] == 52 * SECOND)
     assert same_bytes(listener.raw['/map'], written['/map'])
     assert same_bytes(listener.raw['/text'], written['/text'])
     assert deserialize_message(listener.raw['/text'][3], String).data.startswith('3 lava')
-    assert output.strip() == '23'
     assert listener.clock == sorted(listener.clock)
-    assert listener.clock[-1] == 52 * SECOND
     assert listener.clock[0] >= 50 * SECOND
     # Between messages too; nobody waits for the clock's subscriber to be matched.
     assert {stamp for stamp in listener.clock if stamp % (SECOND // 10)}
@@ -177,12 +136,13 @@ def test_subscribers_get_the_recorded_bytes(bag: tuple[Path, Written], node: Nod
     assert len(listener.clock) < 150
 
 
-def test_an_offset_delivers_the_latched_map_first(bag: tuple[Path, Written], node: Node) -> None:
+def test_an_offset_delivers_the_latched_map_first(
+    bag: tuple[BagReader, Written], listener: Listener
+) -> None:
     """The map from before the start arrives, the volatile text from before does not."""
-    directory, written = bag
-    listener = Listener(node)
-    options = '{"start_offset": 1.55, "wait_for_subscribers": 60, "clock": false}'
-    listener.spin_until(start_player(directory, options))
+    reader, written = bag
+    play(reader, start_offset=1.55, wait_for_subscribers=PATIENCE, clock=False)
+    wait_until(lambda: len(listener.raw['/text']) == 5)
     assert same_bytes(listener.raw['/map'], written['/map'][-1:])
     assert same_bytes(listener.raw['/text'], written['/text'][16:])
     assert listener.clock == []
@@ -190,38 +150,34 @@ def test_an_offset_delivers_the_latched_map_first(bag: tuple[Path, Written], nod
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_signals_end_a_loop_cleanly(
-    bag: tuple[Path, Written], node: Node, number: signal.Signals
+    bag: tuple[BagReader, Written], listener: Listener, number: signal.Signals
 ) -> None:
-    """A player in an endless loop stops at once, with exit status 0 and without a traceback."""
-    directory, _ = bag
-    listener = Listener(node)
-    process = start_player(directory, '{"loop": true, "rate": 50, "wait_for_subscribers": 60}')
-    deadline = time.monotonic() + PATIENCE
-    while not (back := listener.back()) or len(listener.raw['/text']) < 50:
-        assert time.monotonic() < deadline
-        listener.executor.spin_once(timeout_sec=0.05)
-    process.send_signal(number)
-    listener.spin_until(process)
-    assert set(back) == {50 * SECOND}
+    """A player in an endless loop stops at once; then the handlers are those of before."""
+    handler = signal.getsignal(number)
+
+    def interrupt() -> None:
+        wait_until(lambda: listener.back() and len(listener.raw['/text']) >= 50)
+        os.kill(os.getpid(), number)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    assert play(bag[0], loop=True, rate=50, wait_for_subscribers=PATIENCE) >= 50
+    thread.join(PATIENCE)
+    assert set(listener.back()) == {50 * SECOND}
+    assert signal.getsignal(number) is handler
 
 
-def test_topics_of_unknown_types_are_left_out(tmp_path: Path, node: Node) -> None:
+def test_topics_of_unknown_types_are_left_out(
+    tmp_path: Path, listener: Listener, capfd: pytest.CaptureFixture[str]
+) -> None:
     """A topic whose type is not installed is named in a warning, the others are played."""
     text = serialize_message(String(data='hot'))
     unknown = MessageSchema('gone_msgs/msg/Gone', 'uint8 x\n', 'RIHS01_0')
     with BagWriter(tmp_path / 'bag', custom_data={}) as writer:
         writer.write('/gone', unknown.name, text, 0, qos=LATCHED, schema=unknown)
         writer.write('/map', TEXT, text, 0, qos=LATCHED)
-    process = subprocess.run(
-        [sys.executable, '-c', PLAY, str(tmp_path / 'bag'), '{}'],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        timeout=PATIENCE,
-    )
-    assert process.returncode == 0, process.stderr
-    assert process.stdout.strip() == '1'
-    assert '/gone is left out: message_type is' in process.stderr
+    assert play(BagReader(tmp_path / 'bag')) == 1
+    assert '/gone is left out: message_type is' in capfd.readouterr().err
 
 
 def test_qos_is_the_recorded_one() -> None:

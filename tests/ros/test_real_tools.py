@@ -136,6 +136,13 @@ class Tools:
         assert ended.returncode == 0, ended.stdout + ended.stderr
         return ended.stdout
 
+    def wait_for_ends(self, topic, publishers, subscriptions):
+        """Wait until a topic has so many of each."""
+        words = (f'Publisher count: {publishers}', f'Subscription count: {subscriptions}')
+        end = time.monotonic() + PATIENCE
+        while not all(word in (said := self.say('topic', 'info', topic)) for word in words):
+            assert time.monotonic() < end, said
+
     def end(self, child, number=signal.SIGINT):
         """End a tool and all that it started."""
         os.killpg(child.pid, number)
@@ -197,6 +204,8 @@ def test_a_recording_of_all_topics_can_be_used(tools):
     """By rosbag2, which plays it, and by the commands of this package."""
     bag = f'bag{tools.prefix.replace("/", "_")}'
     recorder = tools.start('bag', 'record', '-a', '-s', 'mcap', '-o', bag)
+    # the node itself, and the recorder
+    tools.wait_for_ends(f'{tools.prefix}/terrain', publishers=1, subscriptions=2)
     # two maps that came while it has been there
     since = tools.listener.hear()
     tools.listener.wait(
@@ -223,15 +232,19 @@ def _parameters(tools):
     }
 
 
+def _place(tools, x, y):
+    """Put the robot to a place."""
+    words = ('--x', x, '--y', y, '--frame-id', 'map', '--child-frame-id', 'base_link')
+    return tools.start('run', 'tf2_ros', 'static_transform_publisher', *words)
+
+
 def test_masks_reach_the_costmaps_of_nav2(tools):
     """By the keepout filter alone, and by layer and filters: lethal where the mask is, no more."""
     if not tools.has_nav2:
         pytest.skip('Nav2 is not there')
     limit = tools.start('topic', 'echo', '--once', '/speed_limit', 'nav2_msgs/msg/SpeedLimit')
-    # told once, when it changes: who listens has to be there before
     assert any('/speed_limit' in tools.say('topic', 'list').split() for _ in range(20))
-    place = ('--x', '4050', '--y', '3300', '--frame-id', 'map', '--child-frame-id', 'base_link')
-    tools.start('run', 'tf2_ros', 'static_transform_publisher', *place)
+    away = _place(tools, '100', '100')
     names = _parameters(tools)
     for name, values in names.items():
         path = tools.graph.directory / f'{name}.yaml'
@@ -244,6 +257,10 @@ def test_masks_reach_the_costmaps_of_nav2(tools):
         'run', 'nav2_lifecycle_manager', 'lifecycle_manager', '--ros-args', '-r', '__node:=costs',
         '-p', 'autostart:=true', '-p', 'bond_timeout:=0.0', '-p', f'node_names:={managed}',
     )
+    # told once, when it changes: both ends have to be there before the robot comes to lava
+    tools.wait_for_ends('/speed_limit', publishers=1, subscriptions=1)
+    tools.end(away)
+    _place(tools, '4050', '3300')
     said = limit.communicate(timeout=PATIENCE)[0]
     assert 'percentage: true' in said, said
     speed = next(line for line in said.splitlines() if line.startswith('speed_limit:'))

@@ -179,13 +179,6 @@ def here(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_the_bag_given_at_the_start_may_be_anywhere(here):
-    """The user's own word is taken as it is, again and again."""
-    given = str(here / 'outside' / 'bag')
-    folder = BagFolder('', given)
-    assert str(folder.path(given)) == given
-
-
 def test_a_bag_without_a_name(here):
     """It is named by the time, in the root: the folder of the given bag, or bags/."""
     assert BagFolder('', '').path('').parent.name == 'bags'

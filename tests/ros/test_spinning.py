@@ -47,13 +47,6 @@ def test_errors_are_told_and_the_rest_goes_on():
     assert told == [first, second]
 
 
-def test_an_interrupt_ends_it():
-    """What is no error of a callback is not held back."""
-    executor = Scripted(KeyboardInterrupt())
-    with pytest.raises(KeyboardInterrupt):
-        spinning.spin(executor, until=lambda: False, on_error=print)
-
-
 class Echo(Watcher):
     """Hears what it says."""
 

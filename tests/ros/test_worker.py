@@ -49,7 +49,7 @@ def test_time_follows_the_clock(bench):
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.now += 0.5
     bench.wait(lambda: bench.simulation.time == pytest.approx(30.0))
-    bench.run(bench.worker.set_time_scale(2.0))
+    bench.run(bench.worker.set('time_scale', 2.0))
     bench.now += 0.5
     bench.wait(lambda: bench.simulation.time == pytest.approx(31.0))
 
@@ -66,7 +66,7 @@ def test_a_clock_that_jumps(bench):
     assert bench.simulation.time == pytest.approx(MAX_LAG)
 
 
-@pytest.mark.parametrize('time_scale', [1.0, 1e2, 1e3, 1e4, 1e5])
+@pytest.mark.parametrize('time_scale', [1.0, 1e5])
 def test_time_scales(time_scale):
     """At every scale time follows a clock that stutters, jumps and goes back, within the lag."""
     bench = Bench(time_scale=time_scale)
@@ -91,7 +91,7 @@ def test_time_scales(time_scale):
 def test_a_slow_simulation_does_not_chase_the_clock(bench):
     """Lost time is given up beyond the lag, and the achieved speed is reported."""
     bench.run(bench.worker.set_terrain(TERRAIN))
-    for _ in range(20):
+    for _ in range(10):
         bench.now += 0.05
         time.sleep(0.05)
     bench.wait(lambda: bench.worker.status.is_behind)
@@ -104,10 +104,13 @@ def test_a_slow_simulation_does_not_chase_the_clock(bench):
 
 
 def test_pause_and_step(bench):
-    """A pause holds time and shows the last state; a step advances by its length."""
+    """A pause holds time and shows the last state; a step, in a pause alone, has its length."""
+    with pytest.raises(LavaError, match='step'):
+        bench.run(bench.worker.step(1.0))
     bench.run(bench.worker.set_terrain(TERRAIN))
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    with pytest.raises(LavaError, match='a paused simulation'):
+        bench.run(bench.worker.step(1.0))
+    bench.go_on()
     bench.run(bench.worker.pause(True))
     bench.wait_for_state(WorkerState.PAUSED)
     bench.wait(lambda: bench.worker.latest.time == pytest.approx(0.5))
@@ -118,17 +121,7 @@ def test_pause_and_step(bench):
     bench.wait(lambda: bench.worker.latest.time == pytest.approx(10.5))
     assert bench.worker.status.state is WorkerState.PAUSED
     bench.run(bench.worker.pause(False))
-    bench.now += 0.25
-    bench.wait(lambda: bench.simulation.time == pytest.approx(10.75))
-
-
-def test_step_needs_a_pause(bench):
-    """A running simulation cannot be stepped, nor one that is not there."""
-    with pytest.raises(LavaError, match='step'):
-        bench.run(bench.worker.step(1.0))
-    bench.run(bench.worker.set_terrain(TERRAIN))
-    with pytest.raises(LavaError, match='a paused simulation'):
-        bench.run(bench.worker.step(1.0))
+    bench.go_on(0.25)
 
 
 @pytest.mark.parametrize('bench', [{'end_time': 2.0, 'time_scale': 10.0}], indirect=True)
@@ -138,7 +131,7 @@ def test_end_time(bench):
     bench.now += 0.9
     bench.wait_for_state(WorkerState.FINISHED)
     bench.wait(lambda: bench.worker.latest.time == 2.0)
-    bench.run(bench.worker.set_end_time(5.0))
+    bench.run(bench.worker.set('end_time', 5.0))
     bench.wait_for_state(WorkerState.RUNNING)
     bench.now += 0.9
     bench.wait(lambda: bench.worker.latest.time == 5.0)
@@ -151,9 +144,8 @@ def test_reset(bench):
     """A reset makes a new simulation of the scene at time 0; a pause stays."""
     with pytest.raises(LavaError, match='reset'):
         bench.run(bench.worker.reset())
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.start()
+    bench.go_on()
     bench.run(bench.worker.pause(True))
     bench.run(bench.worker.set_constants({'lava': Lava(viscosity=7.0)}))
     bench.run(bench.worker.reset())
@@ -183,8 +175,7 @@ def test_what_the_thread_is_at_is_told(bench):
     bench.wait(lambda: bench.worker.status.turn >= LONGEST_TURN)
     assert bench.worker.status.hold_up.startswith('a step takes ')
     bench.simulation.slowness = 0.0
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(1.0))
+    bench.go_on()
     bench.wait(lambda: bench.worker.status.hold_up == '')
 
 
@@ -233,17 +224,15 @@ def test_waiting_vents_off_the_terrain_are_refused(bench):
 def test_first_vents_start_again(bench):
     """Vents for a simulation without lava start it again: its resolution depends on them."""
     bench.run(bench.worker.set_terrain(TERRAIN))
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.go_on()
     bench.run(bench.worker.set_vents([VENT]))
     assert len(bench.made) == 2
     assert bench.simulation.scene.vents == (VENT,)
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.go_on()
     bench.run(bench.worker.set_vents([]))
     bench.run(bench.worker.add_vent(VENT))
     assert len(bench.made) == 2
-    assert bench.worker.scene.vents == bench.simulation.scene.vents == (VENT,)
+    assert bench.worker.eruption.scene.vents == bench.simulation.scene.vents == (VENT,)
 
 
 def test_what_vents_have_emitted_is_kept(bench):
@@ -253,7 +242,7 @@ def test_what_vents_have_emitted_is_kept(bench):
     bench.run(bench.worker.pause(True))
     bench.run(bench.worker.go_on_with(lambda: bench.make(scene), scene, None, (earlier,)))
     bench.run(bench.worker.set_vents([replace(VENT, discharge=4.0)]))
-    assert bench.worker.scene.vents[0].discharge == 4.0
+    assert bench.worker.eruption.scene.vents[0].discharge == 4.0
     bench.simulation.time = 3.0
     bench.run(bench.worker.set_vents([]))
     (vent,) = bench.worker.eruption.schedule
@@ -266,7 +255,7 @@ def test_bad_input_changes_nothing(bench):
     """Refused vents and terrain leave the simulation as it was, and running."""
     with pytest.raises(LavaError, match='a terrain before'):
         bench.run(bench.worker.add_vent(VENT))
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     for command in (
         bench.worker.set_vents([OUTSIDE]),
         bench.worker.add_vent(OUTSIDE),
@@ -274,10 +263,9 @@ def test_bad_input_changes_nothing(bench):
     ):
         with pytest.raises(LavaError, match='position'):
             bench.run(command)
-    assert bench.worker.scene.vents == bench.simulation.scene.vents == (VENT,)
+    assert bench.worker.eruption.scene.vents == bench.simulation.scene.vents == (VENT,)
     assert bench.simulation.scene.terrain is TERRAIN
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.go_on()
 
 
 def test_a_refused_start_keeps_the_old_simulation(bench):
@@ -322,7 +310,7 @@ def _is_on(bench, effect):
 def test_effects_follow_the_scene(bench):
     """The table is that of the simulation, and anew with every terrain and vent."""
     assert bench.worker.eruption.effects == {}
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     assert not _is_on(bench, 'steep')
     before = bench.worker.eruption.effects['arrhenius']
     bench.run(bench.worker.set_vents([Vent((25.0, 15.0), 2.0, temperature=1300.0)]))
@@ -335,21 +323,20 @@ def test_effects_follow_the_scene(bench):
 def test_effects_are_forced_while_it_runs(bench):
     """Forced effects are taken at once; those that do not go together change nothing."""
     bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     bench.run(bench.worker.set_effects({'steep': True}, horizon=60.0))
     assert bench.worker.eruption.effects['steep'] == 'on: forced'
     with pytest.raises(LavaError, match='vft'):
         bench.run(bench.worker.set_effects({'vft': True}, horizon=HORIZON))
     assert bench.worker.eruption.effects['steep'] == 'on: forced'
     assert bench.simulation.horizon == 60.0
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.go_on()
     assert len(bench.made) == 1
 
 
 def test_the_last_snapshot_stays_while_effects_are_compiled(bench):
     """Whoever asks for a frame meanwhile is not held up, and has the last one."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     last = bench.worker.latest
     bench.simulation.is_compiled.clear()
     change = bench.worker.set_effects({'steep': True}, horizon=HORIZON)

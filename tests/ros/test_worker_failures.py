@@ -24,13 +24,13 @@ import pytest
 from lava_ros.errors import LavaError
 from lava_ros.ros.commands import Command, CommandQueue
 from lava_ros.ros.worker_status import WorkerState
-from lava_ros.scene import Lava, Scene, Vent
-from worker_bench import Bench, OUTSIDE, TERRAIN, VENT
+from lava_ros.scene import Vent
+from worker_bench import Bench, TERRAIN, VENT
 
 
 def test_a_failure_is_reported_and_reset_recovers(bench):
     """An exception in the thread is a state; the last snapshot stays; reset starts again."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     last = bench.worker.latest
     bench.simulation.failure = RuntimeError('device lost')
     bench.now += 0.5
@@ -56,11 +56,10 @@ def test_a_failed_start_is_reported(bench):
 
 def test_what_is_no_map_is_not_shown(bench):
     """A snapshot with a flaw fails the simulation; the one before it stays."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     last = bench.worker.latest
     bench.simulation.flawed = True
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.go_on()
     bench.worker.request_snapshot()
     bench.wait_for_state(WorkerState.FAILED)
     assert 'thickness is not a number of metres in 20 cells' in bench.worker.status.error
@@ -72,25 +71,23 @@ def test_what_is_no_map_is_not_shown(bench):
 @pytest.mark.parametrize('bench', [{'max_particles': 10}], indirect=True)
 def test_too_many_particles(bench):
     """Beyond the limit the simulation fails and shows what it had; a higher limit helps."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     bench.simulation.particle_count = 10
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.go_on()
     bench.simulation.particle_count = 11
     bench.now += 0.5
     bench.wait_for_state(WorkerState.FAILED)
     assert bench.worker.status.error.startswith('11 particles, expected at most 10 (max_part')
     assert bench.worker.latest.time == pytest.approx(1.0)
-    bench.run(bench.worker.set_max_particles(20))
+    bench.run(bench.worker.set('max_particles', 20))
     bench.run(bench.worker.reset())
     bench.simulation.particle_count = 11
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.go_on()
 
 
 def test_no_memory_is_told_with_what_helps(bench):
     """What Warp raises becomes a sentence with particles, cells and advice."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     bench.simulation.failure = RuntimeError("Failed to allocate 64 bytes on device 'cuda:0'")
     bench.now += 0.5
     bench.wait_for_state(WorkerState.FAILED)
@@ -111,7 +108,7 @@ def test_commands_are_quick_under_load(bench):
 
 def test_a_flood_of_vents_is_coalesced(bench):
     """Of what waits the newest counts; simulated time goes on; nothing piles up."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     given, set_vents = [], bench.simulation.set_vents
     goes_on = threading.Event()
 
@@ -139,24 +136,6 @@ def test_a_flood_of_vents_is_coalesced(bench):
     assert sum(not future.cancelled() for future in futures) == len(given)
 
 
-def test_too_many_commands_are_refused(bench):
-    """What cannot be coalesced is bounded: more is refused, and taken again when there is room."""
-    bench.run(bench.worker.set_terrain(TERRAIN))
-    bench.run(bench.worker.pause(True))
-    bench.simulation.is_compiled.clear()
-    slow = bench.worker.set_effects({}, horizon=3600.0)
-    futures = [bench.worker.add_vent(OUTSIDE) for _ in range(1100)]
-    refused = [future for future in futures if future.done()]
-    assert 99 <= len(refused) <= 101
-    with pytest.raises(LavaError, match='1000 waiting'):
-        refused[0].result(0.0)
-    bench.simulation.is_compiled.set()
-    bench.run(slow)
-    with pytest.raises(LavaError, match='a place on the terrain'):
-        bench.run(futures[0])
-    bench.run(bench.worker.pause(False))
-
-
 def test_snapshots_come_on_request(bench):
     """A request renews the snapshot once there is something new, and says so once."""
     bench.run(bench.worker.set_terrain(TERRAIN))
@@ -164,26 +143,11 @@ def test_snapshots_come_on_request(bench):
     bench.worker.request_snapshot()
     time.sleep(0.25)
     assert len(bench.shown) == 1
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(0.5))
+    bench.go_on()
     assert len(bench.shown) == 1
     bench.worker.request_snapshot()
     bench.wait(lambda: len(bench.shown) == 2)
     assert bench.shown[-1].time == pytest.approx(0.5)
-
-
-def test_everything_happens_in_one_thread(bench):
-    """The simulation is made, advanced and read by the worker's thread alone."""
-    threads = set()
-    original = bench.make
-
-    def make(scene):
-        threads.add(threading.current_thread().name)
-        return original(scene)
-
-    bench.worker._make_simulation = make
-    bench.run(bench.worker.set_terrain(TERRAIN))
-    assert threads == {'lava simulation'}
 
 
 def test_stop_answers_what_waits():
@@ -214,30 +178,11 @@ def test_stop_answers_at_once_what_a_step_keeps_waiting():
     assert bench.worker.stop(60.0)
 
 
-def test_stop_reports_a_thread_that_is_stuck():
-    """A thread that does not end in time is reported, not waited for."""
-    bench = Bench()
-    bench.run(bench.worker.set_terrain(TERRAIN))
-    stuck, freed = threading.Event(), threading.Event()
-
-    def advance(until, *, wall_limit=None):
-        stuck.set()
-        assert freed.wait(60.0)
-        return until
-
-    bench.simulation.advance = advance
-    bench.now += 0.5
-    assert stuck.wait(60.0)
-    assert not bench.worker.stop(0.1)
-    freed.set()
-    assert bench.worker.stop(60.0)
-
-
 @pytest.fixture
 def copying(bench):
     """A simulation half a second old, of which a snapshot is on its way and does not come."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
-    go_on(bench, 0.5)
+    bench.start()
+    bench.go_on()
     bench.simulation.is_copied.clear()
     bench.worker.request_snapshot()
     bench.wait(lambda: bench.simulation.begun == 1)
@@ -246,17 +191,10 @@ def copying(bench):
         simulation.is_copied.set()
 
 
-def go_on(bench, seconds):
-    """Let simulated time go on."""
-    until = bench.simulation.time + seconds
-    bench.now += seconds
-    bench.wait(lambda: bench.simulation.time == pytest.approx(until))
-
-
 def test_the_simulation_goes_on_meanwhile(copying):
     """Time passes while it is on its way, and what is shown then is of the moment it was begun."""
     shown = len(copying.shown)
-    go_on(copying, 0.5)
+    copying.go_on()
     assert copying.worker.latest.time == 0.0
     copying.simulation.is_copied.set()
     copying.wait(lambda: len(copying.shown) > shown)
@@ -267,7 +205,7 @@ def test_the_simulation_goes_on_meanwhile(copying):
 def test_what_is_asked_for_meanwhile_comes_next(copying):
     """However often: one more is begun when the first is there, and none is lost."""
     for _ in range(3):
-        go_on(copying, 0.5)
+        copying.go_on()
         copying.worker.request_snapshot()
     assert copying.simulation.begun == 1
     copying.simulation.is_copied.set()
@@ -277,14 +215,14 @@ def test_what_is_asked_for_meanwhile_comes_next(copying):
 
 def test_a_flaw_that_shows_late_fails_the_simulation(bench):
     """As one that shows at once; what was shown before stays."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     last = bench.worker.latest
     bench.simulation.flawed = True
-    go_on(bench, 0.5)
+    bench.go_on()
     bench.simulation.is_copied.clear()
     bench.worker.request_snapshot()
     bench.wait(lambda: bench.simulation.begun == 1)
-    go_on(bench, 0.5)
+    bench.go_on()
     assert bench.worker.status.state is WorkerState.RUNNING
     bench.simulation.is_copied.set()
     bench.wait_for_state(WorkerState.FAILED)
@@ -294,9 +232,9 @@ def test_a_flaw_that_shows_late_fails_the_simulation(bench):
 
 def test_a_flaw_of_the_former_simulation_is_none_of_the_next(bench):
     """A reset meanwhile: the new simulation runs, and shows itself."""
-    bench.run(bench.worker.set_scene(Scene(TERRAIN, (VENT,), lava=Lava())))
+    bench.start()
     bench.simulation.flawed = True
-    go_on(bench, 0.5)
+    bench.go_on()
     former = bench.simulation
     former.is_copied.clear()
     bench.worker.request_snapshot()
@@ -312,7 +250,7 @@ def test_a_flaw_of_the_former_simulation_is_none_of_the_next(bench):
 
 def test_what_is_at_rest_has_been_waited_for(copying):
     """A pause shows the state that stands still, not the one that was on its way."""
-    go_on(copying, 0.5)
+    copying.go_on()
     copying.worker.pause(True)
     time.sleep(0.1)
     assert copying.worker.latest.time == 0.0
@@ -341,16 +279,6 @@ def taken(commands):
     return [commands.get(0.0).action for _ in range(len(commands))]
 
 
-def test_commands_come_in_order():
-    """What was put first comes first, and nothing comes from nothing."""
-    commands = CommandQueue()
-    for name in 'abc':
-        put(commands, name)
-    assert taken(commands) == ['a', 'b', 'c']
-    with pytest.raises(queue.Empty):
-        commands.get(0.0)
-
-
 def test_the_newest_of_a_kind_replaces_the_one_that_waits():
     """The older one is cancelled; the newer one comes after what was put between them."""
     commands = CommandQueue()
@@ -364,6 +292,8 @@ def test_the_newest_of_a_kind_replaces_the_one_that_waits():
     later = put(commands, 'later vents', 'vents')
     assert not later.done()
     assert taken(commands) == ['later vents']
+    with pytest.raises(queue.Empty):
+        commands.get(0.0)
 
 
 def test_too_many_are_refused():
@@ -390,28 +320,3 @@ def test_a_callback_may_put_another():
     refused.add_done_callback(lambda _: put(commands, 'terrain', 'terrain'))
     commands.put(Command('click', refused, ''))
     assert taken(commands) == ['vents', 'terrain']
-
-
-def test_a_closed_queue_refuses_what_waits_and_what_comes():
-    """Nobody waits for ever: each future holds the reason, and the thread is woken."""
-    commands = CommandQueue()
-    futures = [put(commands, 'a'), put(commands, 'b', 'vents')]
-    commands.close(LavaError('simulation', 'stopped', 'one that runs'))
-    futures += [put(commands, 'c', 'vents'), put(commands, 'd')]
-    for future in futures:
-        with pytest.raises(LavaError, match='stopped'):
-            future.result(0.0)
-    assert len(commands) == 0
-    with pytest.raises(queue.Empty):
-        commands.get()
-
-
-def test_a_waiting_thread_is_woken():
-    """A command wakes the thread that waits for one."""
-    commands = CommandQueue()
-    seen = []
-    thread = threading.Thread(target=lambda: seen.append(commands.get(10.0).action))
-    thread.start()
-    put(commands, 'late')
-    thread.join(10.0)
-    assert seen == ['late']

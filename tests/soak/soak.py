@@ -135,10 +135,13 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
     Returns:
         Figures by name.
     """
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     graph = Graph(directory)
     bag = directory / 'soak'
     try:
         node = graph.node(
+            program=('-m', 'lava_ros.ros.node'),
+            msg_config='default.yaml',
             device='cpu',
             time_scale=20.0,
             spacing=SPACING,

@@ -65,7 +65,7 @@ def faulty_advance(simulation, until, *, wall_limit=None):
         rows = state.particle.numpy()
         rows[0, 0] = np.nan
         state.particle.assign(rows)
-        FAULT.unlink()
+        FAULT.write_text('', encoding='utf-8')
     return advance(simulation, until, wall_limit=wall_limit)
 
 
@@ -99,6 +99,7 @@ def breaking(name, method):
 
 if __name__ == '__main__':
     operation.STOP_TIMEOUT = operation.CHECKPOINT_TIMEOUT = 1.0
+    operation.HEARTBEAT = 0.2
     for name, method in (
         ('configure', '_begin'),
         ('activate', '_publish'),

@@ -16,7 +16,6 @@
 
 from hashlib import sha256
 import os
-from pathlib import Path
 import resource
 import signal
 import time
@@ -25,7 +24,6 @@ import pytest
 
 from lava_ros.bag import BagReader
 
-CONFIGS = Path(__file__).parents[3] / 'msg_configs'
 #: How many recordings are killed, each at another moment in the period of a frame. With more than
 #: one, as in `make nightly`, a disk is also full for the file alone.
 KILLS = int(os.environ.get('LAVA_KILLS', '1'))
@@ -50,16 +48,12 @@ def wait_for_messages(listener):
 
 def start(graph, bag):
     """A node that records, with a publisher that has fed it and a listener that hears lava."""
-    config = graph.directory / 'often.yaml'
-    default = (CONFIGS / 'default.yaml').read_text(encoding='utf-8')
-    config.write_text(default.replace('rate: 1.0 ', 'rate: 10.0 '), encoding='utf-8')
     node = graph.node(
         device='cpu',
         time_scale=20.0,
         record=True,
         bag_directory=str(bag),
         bag_root=str(bag.parent),
-        msg_config=str(config),
     )
     publisher, listener = graph.publisher(), graph.listener(*GRIDS)
     publisher.publish('vents', 'terrain_info', 'terrain')

@@ -12,37 +12,194 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The example of a robot that leaves in time: its search, against the lava, and in a graph."""
+"""The examples of robots that stay out, and that leave in time: their search, and in a graph."""
 
 import importlib.util
 import itertools
+import json
 from pathlib import Path
+import time
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
 
 from lava_ros.effects import Effects
 from lava_ros.forecast.lookahead import LookAhead
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
-from ros.conftest import Robot
+from ros.conftest import PATIENCE
 
-ROOT = Path(__file__).parents[2]
-EXAMPLE = ROOT / 'examples/leave_in_time.py'
+EXAMPLES = Path(__file__).parents[2] / 'examples'
 
 CELL = 10.0
 
 NEVER = None
 
 
-@pytest.fixture(scope='module')
-def example():
-    """The example as a module."""
-    spec = importlib.util.spec_from_file_location('leave_in_time', EXAMPLE)
+def _module(name):
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f'{name}.py')
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+keep_out, leave_in_time = _module('keep_out'), _module('leave_in_time')
+
+
+@pytest.mark.parametrize(('name', 'most'), [('keep_out', 200), ('leave_in_time', 265)])
+def test_examples_are_short(name, most):
+    """A few pages to read, the license included."""
+    assert len((EXAMPLES / f'{name}.py').read_text(encoding='utf-8').splitlines()) <= most
+
+
+class Robot:
+    """An example and the rest of its robot, in one graph."""
+
+    def __init__(self, graph, example, topic, *parameters):
+        # each robot is in a namespace of its own
+        words = ['--ros-args', '-r', f'__ns:=/robot_{topic}']
+        options = [word for item in parameters for word in ('-p', item)]
+        self.example = graph.process(str(EXAMPLES / example), *words, *options)
+        robot = Path(__file__).with_name('graph_robot.py')
+        self.rest = graph.process(str(robot), topic, *words)
+        assert self.rest.line(PATIENCE) == 'ready'
+
+    def tell(self, **what):
+        """Publish something."""
+        self.rest.child.stdin.write(json.dumps(what) + '\n')
+        self.rest.child.stdin.flush()
+
+    def plan(self, condition, timeout=PATIENCE):
+        """The next plan that fulfils a condition."""
+        end = time.monotonic() + timeout
+        while True:
+            assert time.monotonic() < end, self.example.log
+            try:
+                line = self.rest.line(timeout)
+            except AssertionError as error:
+                raise AssertionError(f'{error}; the example:\n{self.example.log}') from error
+            plan = np.array(json.loads(line)).reshape(-1, 2)
+            if condition(plan):
+                return plan
+
+    def says(self, text):
+        """Wait until the example has logged a text."""
+        self.example.wait_for_log(text)
+
+
+def _shortest(blocked, near, start):
+    """Lengths of the shortest ways from a cell, by scipy's Dijkstra."""
+    rows, columns = blocked.shape
+    links = []
+    for row, column in np.argwhere(~blocked):
+        for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1), (0, -1), (-1, 0), (-1, -1), (-1, 1)):
+            r, c = row + dr, column + dc
+            if not (0 <= r < rows and 0 <= c < columns) or blocked[r, c]:
+                continue
+            if blocked[row, c] or blocked[r, column]:
+                continue
+            length = np.hypot(dr, dc) * (10.0 if near[r, c] else 1.0)
+            links.append((row * columns + column, r * columns + c, length))
+    tails, heads, lengths = zip(*links, strict=True)
+    graph = coo_array((lengths, (tails, heads)), shape=(blocked.size, blocked.size))
+    return dijkstra(graph.tocsr(), indices=start[0] * columns + start[1]).reshape(blocked.shape)
+
+
+@pytest.mark.parametrize('seed', range(6))
+def test_ways_are_the_shortest(seed):
+    """On random maps each way is as long as Dijkstra's, and there is one when he has one."""
+    random = np.random.default_rng(seed)
+    blocked, near = random.random((18, 25)) < 0.3, random.random((18, 25)) < 0.3
+    blocked[0, 0] = False
+    lengths = _shortest(blocked, near, (0, 0))
+    for goal in [(17, 24), (9, 12), (0, 24), (17, 0), (3, 5)]:
+        if blocked[goal]:
+            continue
+        way = keep_out.find_way(blocked, near, (0, 0), goal)
+        if not np.isfinite(lengths[goal]):
+            assert way == []
+            continue
+        assert (way[0], way[-1]) == ((0, 0), goal)
+        steps = np.diff(way, axis=0)
+        assert np.abs(steps).max() == 1
+        costs = [10.0 if near[cell] else 1.0 for cell in way[1:]]
+        assert np.hypot(*steps.T) @ costs == pytest.approx(lengths[goal])
+
+
+def _map(*gaps):
+    """300 x 200 m with a wall of lava at x = 140 m, open at rows of cells, and unknown ground."""
+    rows = np.zeros((20, 30), dtype=int)
+    rows[:, 14] = 60
+    for gap in gaps:
+        rows[gap - 3 : gap + 4, 14] = 0
+    rows[18:, 27:] = -1
+    return rows.tolist()
+
+
+def _is_stop(plan):
+    return len(plan) == 0
+
+
+def _is_way(plan):
+    return len(plan) > 1
+
+
+def _distance_to_lava(plan, rows):
+    cells = np.argwhere(np.array(rows) != 0)
+    centres = 10.0 * cells[:, ::-1] + 5.0
+    return np.linalg.norm(plan[:, None] - centres[None], axis=2).min()
+
+
+def test_a_robot_stays_out(graph):
+    """It goes round, plans anew when the map changes, and stops rather than drive into lava."""
+    robot = Robot(graph, 'keep_out.py', 'hazard', 'clearance:=20.0')
+    low = _map(4)
+    robot.tell(hazard=low, pose=[15.0, 95.0], goal=[285.0, 95.0])
+    plan = robot.plan(_is_way)
+    assert plan[0].tolist() == [15.0, 95.0]
+    assert plan[-1].tolist() == [285.0, 95.0]
+    assert _distance_to_lava(plan, low) > 20.0
+    assert plan[np.abs(plan[:, 0] - 145.0) < 5.0][0, 1] == pytest.approx(45.0, abs=10.0)
+    assert np.abs(np.diff(plan, axis=0)).max() == 10.0
+
+    # The gap closes, and another one opens.
+    robot.tell(hazard=_map())
+    robot.plan(_is_stop)
+    robot.says('no way leads around the lava')
+    high = _map(14)
+    robot.tell(hazard=high)
+    plan = robot.plan(_is_way)
+    assert _distance_to_lava(plan, high) > 20.0
+    assert plan[np.abs(plan[:, 0] - 145.0) < 5.0][0, 1] == pytest.approx(145.0, abs=10.0)
+
+    # Goals it does not take, each with the reason.
+    for goal, reason in (
+        ([145.0, 5.0], 'the goal is in lava: hazard 60'),
+        ([295.0, 195.0], 'the goal is on unknown ground, which counts as not passable'),
+        ([125.0, 5.0], 'the goal is nearer than 20 m'),
+        ([1e9, 5.0], 'the goal is outside the map'),
+        ([float('nan'), 5.0], 'the goal is outside the map'),
+        ([285.0, 95.0, 'odom'], "the goal is in frame 'odom', the map in 'map'"),
+    ):
+        robot.tell(goal=goal)
+        robot.plan(_is_stop)
+        robot.says(f'stop: {reason}')
+
+    # The lava has come near: the way leads out of its surroundings first, and stays out.
+    robot.tell(goal=[25.0, 45.0])
+    robot.plan(_is_way)
+    robot.tell(pose=[125.0, 95.0])
+    plan = robot.plan(lambda plan: len(plan) > 1 and plan[0, 0] == 125.0)
+    assert _distance_to_lava(plan[:1], high) == 20.0
+    assert _distance_to_lava(plan[1:], high) > 20.0
+
+    # Nobody keeps the map any more.
+    robot.tell(leave=True)
+    robot.plan(_is_stop)
+    robot.says('stop: there is no hazard map')
 
 
 def _arrivals_by_waves(until, start, duration):
@@ -67,14 +224,14 @@ def _arrivals_by_waves(until, start, duration):
 
 
 @pytest.mark.parametrize('seed', range(5))
-def test_ways_are_the_quickest_that_are_not_overtaken(example, seed):
+def test_ways_are_the_quickest_that_are_not_overtaken(seed):
     """On random maps: never in a cell when its lava comes, and nobody is sooner at the goal."""
     random = np.random.default_rng(seed)
     until = np.where(random.random((9, 12)) < 0.3, np.inf, random.uniform(0.0, 30.0, (9, 12)))
     until[0, 0] = 20.0
     times = _arrivals_by_waves(until, (0, 0), 1.0)
     for is_goal in (np.isinf(until), np.arange(108).reshape(9, 12) == 107):
-        way = example.find_way(until, (0, 0), is_goal, 1.0)
+        way = leave_in_time.find_way(until, (0, 0), is_goal, 1.0)
         if not np.isfinite(times[is_goal]).any():
             assert way == []
             continue
@@ -84,15 +241,15 @@ def test_ways_are_the_quickest_that_are_not_overtaken(example, seed):
         assert all(time < until[cell] for time, cell in zip(took, way[1:], strict=False))
 
 
-def test_deadlines_are_those_of_the_surroundings(example):
+def test_deadlines_are_those_of_the_surroundings():
     """The earliest within the clearance; unknown ground counts as lava."""
     arrival = np.full((5, 9), np.nan)
     arrival[2, 4], arrival[2, 8] = 50.0, -1.0
-    until = example.deadlines(arrival, 2.0)
+    until = leave_in_time.deadlines(arrival, 2.0)
     assert until[2].tolist() == [np.inf, np.inf, 50.0, 50.0, 50.0, 50.0, -1.0, -1.0, -1.0]
     assert until[0].tolist() == [np.inf] * 4 + [50.0] + [np.inf] * 3 + [-1.0]
     assert until[1, 2] == np.inf
-    assert example.deadlines(arrival, 0.0)[2, 4:].tolist() == [50.0, *[np.inf] * 3, -1.0]
+    assert leave_in_time.deadlines(arrival, 0.0)[2, 4:].tolist() == [50.0, *[np.inf] * 3, -1.0]
 
 
 class Machine:
@@ -100,11 +257,9 @@ class Machine:
 
     speed, clearance, margin = 0.25, 20.0, 30.0
 
-    def __init__(self, example, place):
+    def __init__(self, place):
         self.place = np.array(place)
         self.is_lost = False
-        self._example = example
-
     @property
     def cell(self):
         """The cell it is in."""
@@ -115,7 +270,7 @@ class Machine:
         self.is_lost |= bool(lava[self.cell])
         if self.is_lost:
             return
-        way = self._example.way_out(
+        way = leave_in_time.way_out(
             arrival - age,
             self.cell,
             None,
@@ -128,7 +283,7 @@ class Machine:
             self.place += ahead * min(1.0, self.speed * duration / np.linalg.norm(ahead))
 
 
-def test_who_sees_ahead_leaves_in_time(example):
+def test_who_sees_ahead_leaves_in_time():
     """In a valley: with the forecast a machine is safe, with the map of now the same is lost."""
     y, x = np.mgrid[0:40, 0:60] * CELL
     ground = 400.0 - 0.12 * x + 8e-4 * (y - 200.0) ** 2
@@ -144,7 +299,7 @@ def test_who_sees_ahead_leaves_in_time(example):
     simulation.advance(60.0)
     checkpoint = simulation.checkpoint()
     forecast = LookAhead(checkpoint, horizon=900.0, threshold=0.01, device='cpu').run()
-    sees_ahead, sees_now = (Machine(example, (405.0, 205.0)) for _ in range(2))
+    sees_ahead, sees_now = (Machine((405.0, 205.0)) for _ in range(2))
     assert 300.0 < forecast.arrival[sees_now.cell] < 700.0
     while simulation.time < 960.0:
         thickness = simulation.snapshot().thickness
@@ -174,7 +329,7 @@ def _ends_at(x, y):
 def test_a_robot_leaves(graph):
     """It goes where no lava comes, in time or not at all, and trusts no forecast that is gone."""
     parameters = ('speed:=1.0', 'margin:=30.0', 'max_age:=900.0')
-    robot = Robot(graph, EXAMPLE, 'arrival', *parameters)
+    robot = Robot(graph, 'leave_in_time.py', 'arrival', *parameters)
     robot.tell(arrival=_coming(200.0, 900.0), pose=[95.0, 95.0])
     # down is nearer; right it would be overtaken by nothing, but later
     plan = robot.plan(lambda plan: len(plan) > 1)
@@ -214,8 +369,3 @@ def test_a_robot_leaves(graph):
     robot.plan(lambda plan: len(plan) > 1)
     robot.tell(leave=True)
     robot.plan(lambda plan: len(plan) == 0)
-
-
-def test_the_example_is_short():
-    """A few pages to read, the license included."""
-    assert len(EXAMPLE.read_text(encoding='utf-8').splitlines()) <= 265
