@@ -142,18 +142,18 @@ def renewals(device, members):
     worker.set_scene(scene).result()
     forecaster.start()
     forecaster.want(True)
-    outlooks, ends = forecaster.outlooks, []
+    ensembles, ends = forecaster.ensembles, []
     # the kernels of the first are compiled
     last = time.monotonic() + LONGEST
-    while outlooks.status.count < 1 and time.monotonic() < last:
+    while ensembles.status.count < 1 and time.monotonic() < last:
         settle(worker, 0.1)
     before, last = seen(worker), time.monotonic() + RENEWED
     while time.monotonic() < last:
-        known = outlooks.status.count
+        known = ensembles.status.count
         settle(worker, 0.02)
-        ends += [time.monotonic()] * (outlooks.status.count - known)
+        ends += [time.monotonic()] * (ensembles.status.count - known)
     passed = seen(worker) - before
-    said = outlooks.status.error
+    said = ensembles.status.error
     forecaster.stop()
     worker.stop()
     assert not said, said

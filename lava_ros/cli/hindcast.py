@@ -34,7 +34,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.page import draw_comparison, facts, warnings, write_maps, write_page
-from lava_ros.hindcast.replicates import Agreement, agreement, MOST, run_several
+from lava_ros.hindcast.replicates import Agreement, agreement, MOST, run_replicates
 from lava_ros.hindcast.run import Result, Run, Settings, UNFINISHED
 from lava_ros.hindcast.score import covered_by, judge, Score
 from lava_ros.hindcast.tables import VentRow
@@ -120,7 +120,7 @@ def _vents(
 
 def _several(case: Case, settings: Settings, runs: int, unfinished: Path) -> Agreement:
     with Progress() as progress:
-        results = run_several(
+        results = run_replicates(
             case,
             settings,
             runs,

@@ -164,9 +164,9 @@ class LiveEnsemble:
 class LiveEnsembles:
     """The ensembles of a running simulation, one after the other, and the observed outlines.
 
-    It answers (``process``) with ``outlook``: number, stamp_ns, changes and the fields of
-    ``Outlook``; with ``weighed`` when an outline has been used; and with ``outline_refused``:
-    number and error.
+    It answers (``process``) with ``ensemble``: number, stamp_ns, changes and the fields of
+    ``EnsembleForecast``; with ``weighed`` when an outline has been used; and with
+    ``outline_refused``: number and error.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -311,7 +311,7 @@ class LiveEnsembles:
         ensemble = self._shown
         assert ensemble is not None
         self._answer(
-            'outlook',
+            'ensemble',
             number=ensemble.number,
             stamp_ns=ensemble.stamp_ns,
             changes=self._changes,

@@ -117,7 +117,7 @@ class Agreement:
         }
 
 
-def run_several(
+def run_replicates(
     case: Case,
     settings: Settings,
     runs: int,
@@ -148,7 +148,7 @@ def run_together(
     folder: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[Result]:
-    """Run cases, each in a direction; arguments and result as those of ``run_several``."""
+    """Run cases, each in a direction; arguments and result as those of ``run_replicates``."""
     shares = np.zeros(len(jobs))
     results: dict[int, Result] = {}
 

@@ -102,7 +102,7 @@ class HazardMaps:
 
 
 @dataclass(frozen=True, eq=False)
-class Outlook:
+class EnsembleForecast:
     """An ensemble that went on from one moment, on the cells of its terrain.
 
     Attributes:
@@ -139,7 +139,7 @@ class Outlook:
             particle_count=0,
         )
 
-    def withdrawn(self) -> 'Outlook':
+    def withdrawn(self) -> 'EnsembleForecast':
         """The same, in which nothing is known of any cell."""
         unknown = np.full_like(self.maps.thickness, np.nan)
         arrival = dict.fromkeys(self.maps.arrival, unknown)

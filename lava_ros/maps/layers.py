@@ -21,7 +21,7 @@ import numpy as np
 
 from lava_ros.bag.qos import LATCHED, QosProfile
 from lava_ros.errors import LavaError
-from lava_ros.maps.forecast import Forecast, occupancy, Outlook, UNKNOWN
+from lava_ros.maps.forecast import EnsembleForecast, Forecast, occupancy, UNKNOWN
 
 if TYPE_CHECKING:
     # The solver's package loads Warp, which files and messages do not need.
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     Flow = Snapshot | Forecast
 
     #: What a layer shows: that, or how likely it is.
-    Shown = Flow | Outlook
+    Shown = Flow | EnsembleForecast
 
 #: 0 C in kelvin.
 ZERO_CELSIUS = 273.15
@@ -194,7 +194,7 @@ class Layer:
         if self.source == LAVA:
             right = f'one of {", ".join(SOURCES)}; maps and points have them all'
             raise LavaError(f'layers.{self.name}.source', self.source, right)
-        if isinstance(snapshot, Outlook):
+        if isinstance(snapshot, EnsembleForecast):
             if self.source == PROBABILITY:
                 return snapshot.maps.probability
             layer, forecast = self._plain(snapshot)
@@ -237,7 +237,7 @@ class Layer:
         Raises:
             LavaError: The layer has neither a range, a step nor classes.
         """
-        if isinstance(snapshot, Outlook):
+        if isinstance(snapshot, EnsembleForecast):
             if self.source == PROBABILITY:
                 return self._probabilities(snapshot)
             layer, forecast = self._plain(snapshot)
@@ -278,21 +278,21 @@ class Layer:
             return np.isfinite(snapshot.arrival)
         return (snapshot.thickness > 0.0) & (snapshot.thickness >= self.threshold)
 
-    def _plain(self, outlook: Outlook) -> 'tuple[Layer, Forecast]':
+    def _plain(self, ensemble: EnsembleForecast) -> 'tuple[Layer, Forecast]':
         """The layer of a forecast that shows what this one does of an ensemble, and that."""
         share = QUANTILE_SOURCES.get(self.source, 0.5)
-        return replace(self, source=plain_source(self.source)), outlook.forecast(share)
+        return replace(self, source=plain_source(self.source)), ensemble.forecast(share)
 
-    def _probabilities(self, outlook: Outlook) -> np.ndarray:
-        values = occupancy(outlook.maps.probability)
+    def _probabilities(self, ensemble: EnsembleForecast) -> np.ndarray:
+        values = occupancy(ensemble.maps.probability)
         if self.step is not None:
-            distance = self.margin / outlook.terrain.resolution
-            likely = within(outlook.maps.probability >= np.float32(self.step), distance)
+            distance = self.margin / ensemble.terrain.resolution
+            likely = within(ensemble.maps.probability >= np.float32(self.step), distance)
             values = np.where(likely, np.int8(100), np.int8(0))
         elif self.classes is not None:
-            classed = self._classed(outlook.maps.probability, is_time=False)
+            classed = self._classed(ensemble.maps.probability, is_time=False)
             values = np.where(values > 0, classed, values)
-        values[np.isnan(outlook.maps.probability)] = self.outside
+        values[np.isnan(ensemble.maps.probability)] = self.outside
         return values
 
     def _classed(self, quantity: np.ndarray, *, is_time: bool) -> np.ndarray:

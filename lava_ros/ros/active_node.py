@@ -55,7 +55,7 @@ CHECKPOINT_TIMEOUT = 2.0
 HEARTBEAT = 1.0
 
 
-class Operation:
+class ActiveNode:
     """A configured node: it takes inputs and, while active, lets time pass and publishes.
 
     Attributes:

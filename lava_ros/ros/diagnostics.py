@@ -234,19 +234,19 @@ def ahead_status(
         values['particles'] = latest.shown.particle_count
         values['cells_reached'] = int(np.isfinite(latest.shown.arrival).sum())
     elif latest is not None:
-        outlook, maps = latest.shown, latest.shown.maps
+        ensemble, maps = latest.shown, latest.shown.maps
         values |= {
             'members': maps.members,
-            'members_asked': outlook.asked,
+            'members_asked': ensemble.asked,
             'members_effective': f'{maps.effective_members:.1f}',
             'sampling_error_percent': f'{maps.sampling_error:.1f}',
             'arrival_error_s': f'{maps.arrival_error:.6g}',
             'members_beyond': maps.members_beyond,
         }
-        message = f'{maps.members} of {outlook.asked} members'
-        if not outlook.is_done:
+        message = f'{maps.members} of {ensemble.asked} members'
+        if not ensemble.is_done:
             message += ' so far'
-        elif maps.members < outlook.asked:
+        elif maps.members < ensemble.asked:
             message += ': the others were left out to meet the deadline'
     if state.error:
         return status(task, ERROR, state.error, values)

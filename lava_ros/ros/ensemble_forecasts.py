@@ -25,7 +25,7 @@ import numpy as np
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, outline_on
-from lava_ros.maps.forecast import Forecast, Outlook
+from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.ros.commands import finish
 from lava_ros.ros.session import Fork
 from lava_ros.scene import Terrain
@@ -35,7 +35,7 @@ _MOMENTS = 512
 
 
 #: What is published of the time to come.
-Ahead = TypeVar('Ahead', Forecast, Outlook)
+Ahead = TypeVar('Ahead', Forecast, EnsembleForecast)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ class _Seen(NamedTuple):
     done: 'Future[None]'
 
 
-class Outlooks:
+class EnsembleForecasts:
     """Orders ensembles, takes their maps, and passes on what has been seen.
 
     All but ``observe`` is for the forecaster's thread.
@@ -116,7 +116,7 @@ class Outlooks:
 
     def __init__(self) -> None:
         """Begin without any."""
-        self.latest: Live[Outlook] | None = None
+        self.latest: Live[EnsembleForecast] | None = None
         self.status = AheadStatus()
         self._seen: queue.SimpleQueue[_Seen] = queue.SimpleQueue()
         self._sent: dict[int, _Seen] = {}
@@ -198,7 +198,7 @@ class Outlooks:
             self._agreement = values['agreement']
             self._put(outlines=values['outlines'], jaccard_mean=values['jaccard_mean'])
             _end(self._sent.pop(values['number'], None))
-        elif name == 'outlook':
+        elif name == 'ensemble':
             return self._take(**values)
         return False
 
@@ -243,8 +243,8 @@ class Outlooks:
             # of another scene
             return False
         assert self._terrain is not None
-        outlook = Outlook(terrain=self._terrain, is_done=is_done, **values)
-        self.latest = Live(outlook, stamp_ns, changes)
+        ensemble = EnsembleForecast(terrain=self._terrain, is_done=is_done, **values)
+        self.latest = Live(ensemble, stamp_ns, changes)
         self._put(error='')
         if is_done and number == self._at_hand:
             self._at_hand = None

@@ -82,9 +82,9 @@ class ForecastTopics:
             )
             for is_ensemble in (False, True)
         ]
-        forecasts, outlooks = self.publishers
+        forecasts, ensembles = self.publishers
         self._forecasts = _Withdrawable(forecasts, 'forecast', self._node)
-        self._outlooks = _Withdrawable(outlooks, 'ensemble', self._node)
+        self._ensembles = _Withdrawable(ensembles, 'ensemble', self._node)
         self._forecaster: Forecaster | None = None
         if settings().forecast_horizon:
             ready = entities.create('guard_condition', self.publish)
@@ -117,29 +117,30 @@ class ForecastTopics:
         forecaster = self._forecaster
         if forecaster is None or not self._is_active:
             return
-        latest, ensemble = forecaster.latest, forecaster.outlooks.latest
+        latest, ensemble = forecaster.latest, forecaster.ensembles.latest
         self._forecasts.publish(latest, forecaster.staleness(latest), repeat=repeat)
-        self._outlooks.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
+        self._ensembles.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Weigh members by where lava was observed at ``clock`` [s], as ``Outlooks.observe`` does.
+        """Weigh members by where lava was observed at ``clock`` [s], as
+        ``EnsembleForecasts.observe`` does.
 
         Raises:
             LavaError: The node is not active, or makes no ensembles.
         """
         if self._forecaster is None or not self._is_active:
             raise LavaError('observed_outline', 'no ensemble', 'an active node that makes them')
-        return self._forecaster.outlooks.observe(mask, clock)
+        return self._forecaster.ensembles.observe(mask, clock)
 
     def statuses(self) -> list[DiagnosticStatus]:
         """What diagnostics say, nothing without a horizon."""
         forecaster, settings = self._forecaster, self._settings()
         if forecaster is None:
             return []
-        outlooks = forecaster.outlooks
+        ensembles = forecaster.ensembles
         tasks: list[Any] = [('forecast', forecaster.status, forecaster.latest)]
         if settings.ensemble_members:
-            tasks.append(('ensemble', outlooks.status, outlooks.latest))
+            tasks.append(('ensemble', ensembles.status, ensembles.latest))
         found = [
             diagnostics.ahead_status(
                 task,

@@ -30,7 +30,13 @@ from typing import Any
 import lava_ros
 from lava_ros.errors import LavaError
 from lava_ros.maps.forecast import Forecast
-from lava_ros.ros.ensemble_forecasts import Ahead, AheadStatus, ForecastRules, Live, Outlooks
+from lava_ros.ros.ensemble_forecasts import (
+    Ahead,
+    AheadStatus,
+    EnsembleForecasts,
+    ForecastRules,
+    Live,
+)
 from lava_ros.ros.session import Fork
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import Pace, WorkerState
@@ -129,7 +135,7 @@ class Forecaster:
     Attributes:
         status: The status of the forecasts.
         latest: The newest forecast, None before the first.
-        outlooks: The ensembles.
+        ensembles: The ensembles.
     """
 
     def __init__(
@@ -149,7 +155,7 @@ class Forecaster:
         self._rules = rules
         self._on_change = on_change
         self._make_process = make_process
-        self.outlooks = Outlooks()
+        self.ensembles = EnsembleForecasts()
         self._process: ForecastProcess | None = None
         self.latest: Live[Forecast] | None = None
         self.status = AheadStatus()
@@ -225,7 +231,7 @@ class Forecaster:
             self._stopping.wait(_WATCH_TIME)
             return
         rules = self._rules()
-        self.outlooks.send(
+        self.ensembles.send(
             self._process.order, changes=self._worker.eruption.changes, time_scale=rules.time_scale
         )
         if self._at_hand is not None and self._renew_share(rules):
@@ -246,7 +252,7 @@ class Forecaster:
             return False
         state = (self._worker.eruption.changes, snapshot.time)
         is_new = state != self._forked
-        return is_new or (self._rules().members > 0 and self.outlooks.is_wanted(*state))
+        return is_new or (self._rules().members > 0 and self.ensembles.is_wanted(*state))
 
     def _drop_outdated(self) -> None:
         changes = self._worker.eruption.changes
@@ -259,12 +265,12 @@ class Forecaster:
         self._drop('the scene has changed' if self._is_wanted else 'the node is not active')
 
     def _is_busy(self) -> bool:
-        return self._at_hand is not None or self.outlooks.is_busy
+        return self._at_hand is not None or self.ensembles.is_busy
 
     def _drop(self, reason: str) -> None:
         # a state that has been dropped may be forked again
         self._at_hand = self._forked = None
-        self.outlooks.drop(reason)
+        self.ensembles.drop(reason)
         self._put_status(progress=None)
 
     def _fail(self, reason: str) -> None:
@@ -304,7 +310,7 @@ class Forecaster:
             device=self._worker.status.device or None,
             max_particles=rules.max_particles,
             is_first=self.latest is None or self.latest.changes != fork.changes,
-            ensemble=self.outlooks.order(fork, self._number, rules),
+            ensemble=self.ensembles.order(fork, self._number, rules),
         )
 
     def _fork(self) -> Fork | None:
@@ -323,7 +329,7 @@ class Forecaster:
         return None
 
     def _hear(self, name: str, **values: Any) -> None:
-        if self.outlooks.hear(name, **values):
+        if self.ensembles.hear(name, **values):
             self._on_change()
         fork = self._at_hand
         if fork is None or values.pop('number', None) != self._number:

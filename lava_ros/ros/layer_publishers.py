@@ -23,7 +23,7 @@ from nav_msgs.msg import OccupancyGrid
 from rclpy.publisher import Publisher
 
 from lava_ros.errors import LavaError
-from lava_ros.maps.forecast import Forecast, Outlook
+from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layer_files import load_layers, switched
 from lava_ros.maps.layers import Layer, OCCUPANCY_GRID
 from lava_ros.ros import codec, outputs, qos
@@ -33,7 +33,7 @@ from lava_ros.ros.recorder import Recorder
 from lava_ros.simulation.snapshot import Snapshot
 
 #: What layers show.
-Shown = TypeVar('Shown', Snapshot, Forecast, Outlook)
+Shown = TypeVar('Shown', Snapshot, Forecast, EnsembleForecast)
 
 
 def published_layers(

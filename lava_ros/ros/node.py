@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The node `lava`: a managed node, from its parameters to an operation that does the work."""
+"""The node `lava`: a managed node, from its parameters to the active node that does the work."""
 
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
@@ -35,7 +35,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from lava_ros.errors import LavaError
 from lava_ros.ros import parameters, qos
-from lava_ros.ros.active_node import Operation
+from lava_ros.ros.active_node import ActiveNode
 from lava_ros.ros.entities import Entities
 from lava_ros.ros.sources import adopted, load_sources, Sources
 from lava_ros.ros.spinning import spin
@@ -67,10 +67,10 @@ class LavaNode(LifecycleNode):
             ParameterException: A parameter of the lifecycle has the wrong type.
         """
         super().__init__('lava', **options)
-        self._operation: Operation | None = None
+        self._active: ActiveNode | None = None
         self._values: dict[str, Any] = {}
         self._constants: Mapping[str, Any] | None = None
-        self._ending: Operation | None = None
+        self._ending: ActiveNode | None = None
         self.refusal = ''
         self._typed = typed
         self._answer_all_requests()
@@ -88,7 +88,7 @@ class LavaNode(LifecycleNode):
     @property
     def failure(self) -> str:
         """Why the node has to end, empty as long as it has not."""
-        return self._operation.failure if self._operation is not None else ''
+        return self._active.failure if self._active is not None else ''
 
     def autostart(self) -> bool:
         """Configure and activate unless told not to; whether it went well (``refusal``)."""
@@ -99,19 +99,19 @@ class LavaNode(LifecycleNode):
 
     def close(self) -> bool:
         """Finish the bag and end the simulation, and say whether its thread has ended."""
-        operation, self._operation = self._operation, None
+        active, self._active = self._active, None
         parameters.fix(self, _DECLARED, fixed=False)
-        if operation is not None:
-            self._ending = operation
-            operation.close()
+        if active is not None:
+            self._ending = active
+            active.close()
         if self._ending is not None and self._ending.has_ended():
             self._ending = None
         return self._ending is None
 
     def report_callback(self, error: Exception) -> None:
         """Report what a callback of the middleware itself raised."""
-        if self._operation is not None:
-            self._operation.report_callback(error)
+        if self._active is not None:
+            self._active.report_callback(error)
         else:
             self.get_logger().error(f'{type(error).__name__}: {error}')
 
@@ -169,7 +169,7 @@ class LavaNode(LifecycleNode):
         settings = self._declare_parameters(sources)
         entities = Entities(self)
         try:
-            self._operation = Operation(
+            self._active = ActiveNode(
                 self, settings, lambda: self._values, sources, entities=entities
             )
         except Exception:
@@ -177,9 +177,9 @@ class LavaNode(LifecycleNode):
             raise
         parameters.fix(self, _DECLARED, fixed=True)
 
-    def _configured(self) -> Operation:
-        assert self._operation is not None
-        return self._operation
+    def _configured(self) -> ActiveNode:
+        assert self._active is not None
+        return self._active
 
     def _close(self) -> None:
         if not self.close():
@@ -236,18 +236,18 @@ class LavaNode(LifecycleNode):
 
     def _check_parameters(self, changed: list[Parameter]) -> SetParametersResult:
         # Unconfigured, one wrong value after the other can be put right; configuring checks all.
-        if self._operation is None:
+        if self._active is None:
             return SetParametersResult(successful=True)
         try:
-            self._operation.check(parameters.settings_from(self._with(changed)))
+            self._active.check(parameters.settings_from(self._with(changed)))
         except LavaError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply_parameters(self, changed: list[Parameter]) -> None:
         self._values = self._with(changed)
-        if self._operation is not None:
-            self._operation.apply(parameters.settings_from(self._values))
+        if self._active is not None:
+            self._active.apply(parameters.settings_from(self._values))
 
     def _with(self, changed: list[Parameter]) -> dict[str, Any]:
         known = {

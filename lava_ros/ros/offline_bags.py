@@ -28,7 +28,7 @@ from lava_ros.bag import BagWriter, LATCHED, QosProfile
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import share_path
 from lava_ros.forecast.members import Plan
-from lava_ros.maps.forecast import HazardMaps, Outlook
+from lava_ros.maps.forecast import EnsembleForecast, HazardMaps
 from lava_ros.maps.layer_files import load_layers
 from lava_ros.maps.layers import ARRIVED, Layer
 from lava_ros.ros import codec, diagnostics, outputs
@@ -67,7 +67,7 @@ class _Bag(BagWriter):
         cloud = outputs.vents_message(rows, terrain, frame_id=_FRAME, stamp_ns=stamp_ns)
         self.put('vents', cloud, stamp_ns)
 
-    def put_layer(self, layer: Layer, shown: Snapshot | Outlook, stamp_ns: int) -> None:
+    def put_layer(self, layer: Layer, shown: Snapshot | EnsembleForecast, stamp_ns: int) -> None:
         message = outputs.layer_message(layer, shown, frame_id=_FRAME, stamp_ns=stamp_ns)
         self.put(layer.topic, message, stamp_ns, layer.qos)
 
@@ -93,7 +93,7 @@ def write_atlas_bag(
         LavaError: The bag cannot be written.
     """
     terrain = plan.scene.terrain
-    shown = Outlook(
+    shown = EnsembleForecast(
         time=0.0,
         horizon=plan.horizon,
         threshold=plan.threshold,

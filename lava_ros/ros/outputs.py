@@ -23,7 +23,7 @@ import numpy as np
 from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.errors import LavaError
-from lava_ros.maps.forecast import Forecast, Outlook
+from lava_ros.maps.forecast import EnsembleForecast, Forecast
 from lava_ros.maps.layers import IMAGE, Layer, OCCUPANCY_GRID, POINT_CLOUD, ZERO_CELSIUS
 from lava_ros.ros import codec, grid_map
 from lava_ros.scene import Terrain, Vent
@@ -45,7 +45,7 @@ def message_class(layer: Layer) -> Any:
 
 
 def layer_message(
-    layer: Layer, snapshot: Snapshot | Forecast | Outlook, *, frame_id: str, stamp_ns: int
+    layer: Layer, snapshot: Snapshot | Forecast | EnsembleForecast, *, frame_id: str, stamp_ns: int
 ) -> Any:
     """Make the message of a layer."""
     message_header = codec.header(frame_id, stamp_ns)
@@ -55,7 +55,7 @@ def layer_message(
     if layer.message == IMAGE:
         return codec.float_image(layer.raw_values(snapshot), message_header)
     # all quantities side by side are those of the flow
-    assert not isinstance(snapshot, Outlook)
+    assert not isinstance(snapshot, EnsembleForecast)
     if layer.message == POINT_CLOUD:
         return codec.point_cloud(layer.points(snapshot), message_header)
     return grid_map.grid_map_message(layer.maps(snapshot), snapshot.terrain, message_header)

@@ -33,7 +33,7 @@ from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
 
 if TYPE_CHECKING:
-    from lava_ros.ros.active_node import Operation
+    from lava_ros.ros.active_node import ActiveNode
 
 
 class Services:
@@ -41,7 +41,7 @@ class Services:
 
     def __init__(
         self,
-        operation: Operation,
+        active: ActiveNode,
         entities: Entities,
         *,
         worker: SimulationWorker,
@@ -49,7 +49,7 @@ class Services:
         layers: Sequence[LayerPublishers[Any]],
     ) -> None:
         """Create the services."""
-        self._operation = operation
+        self._active = active
         self._logger = entities.node.get_logger()
         self._worker = worker
         self._inputs = inputs
@@ -77,16 +77,16 @@ class Services:
         state = self._worker.status.state
         if state is not WorkerState.PAUSED:
             raise LavaError('step', state.value, 'a paused simulation')
-        duration = self._operation.step_length
+        duration = self._active.step_length
         return self._commanded('step', self._worker.step(duration), f'advancing {duration:g} s')
 
     def _save(self) -> str:
         self._check_active('save')
-        return f'saved in {self._operation.save()}'
+        return f'saved in {self._active.save()}'
 
     def _pause(self, paused: bool) -> str:
         text = 'pausing' if paused else 'going on'
-        return self._commanded('pause', self._operation.pause(paused), text)
+        return self._commanded('pause', self._active.pause(paused), text)
 
     def _commanded(self, name: str, future: Future[None], text: str) -> str:
         """What is said of a command, with what it has to wait for."""
@@ -96,12 +96,12 @@ class Services:
 
     def _record(self, is_wanted: bool) -> str:
         if not is_wanted:
-            return f'recorded {self._operation.stop_recording() or "nothing"}'
+            return f'recorded {self._active.stop_recording() or "nothing"}'
         self._check_active('record')
-        return f'recording to {self._operation.start_recording()}'
+        return f'recording to {self._active.start_recording()}'
 
     def _check_active(self, name: str) -> None:
-        if not self._operation.is_active:
+        if not self._active.is_active:
             raise LavaError(name, 'inactive', 'an active node (ros2 lifecycle set ... activate)')
 
     def _answer(self, action: Callable[[Any], str], request: Any, response: Any) -> Any:

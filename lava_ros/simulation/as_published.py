@@ -29,7 +29,7 @@ import warp as wp
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.cells import cell_functions
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.state import PARTICLES, State
 
 
@@ -45,7 +45,7 @@ def _kernel(real: Any) -> Any:
         return log + real(0.25) * r * r * (log + real(1.0))
 
     @quick_kernel
-    def published_velocity(i: int, m: journey_type(real), viscosity: real):
+    def published_velocity(i: int, m: arguments_type(real), viscosity: real):
         if i >= m.counts[PARTICLES]:
             return
         p = load(m.ordered, i)

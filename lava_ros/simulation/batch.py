@@ -15,7 +15,7 @@
 """Several simulations on one GPU at once.
 
 Few particles do not fill a GPU. So the simulations of a batch go through their stages together:
-each launch serves all of them (``backend/together.py``), each with its own step, vents and
+each launch serves all of them (``backend/batched_launches.py``), each with its own step, vents and
 constants. The host looks at all clocks in one copy after some stages. Whoever has arrived, or
 needs room for more particles, goes on by itself for a moment; whoever is done makes room for one
 that waits.
@@ -30,10 +30,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from lava_ros.simulation.backend.batched_launches import BatchedLaunches, kind_of
 from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.graph import Launch
-from lava_ros.simulation.backend.streams import Look
-from lava_ros.simulation.backend.together import kind_of, Together
+from lava_ros.simulation.backend.streams import Readback
 from lava_ros.simulation.state import FULL, FULLEST, NEAR_BORDER, NEWCOMERS, PARTICLES, State, TIME
 
 #: Simulations at work at once.
@@ -89,11 +89,11 @@ class _Group:
     def __init__(self, launches: Sequence[Launch], rows: int, state: State) -> None:
         device = self._device = state.device
         self.rounds_at_once = _UNDER_WAY[device.is_cuda]
-        self._stages = Together(launches, rows, device)
+        self._stages = BatchedLaunches(launches, rows, device)
         self._clocks = wp.zeros((rows, *state.clock.shape), dtype=wp.float64, device=device)
         self._counts = wp.zeros((rows, *state.counts.shape), dtype=wp.int32, device=device)
-        self._looks = Together(self._look_of(0, state), rows, device)
-        self._copies = deque(Look((self._clocks, self._counts)) for _ in range(3))
+        self._looks = BatchedLaunches(self._look_of(0, state), rows, device)
+        self._copies = deque(Readback((self._clocks, self._counts)) for _ in range(3))
         self._until = np.full(rows, np.inf)
         self._room = np.zeros(rows)
         #: Particles of each row when it was last looked at, and threads that they have.

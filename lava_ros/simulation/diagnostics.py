@@ -111,7 +111,7 @@ def _kernel(real: Any) -> Any:
     return gather
 
 
-class Census:
+class FlowDiagnostics:
     """Where the numbers are gathered."""
 
     def __init__(self) -> None:

@@ -20,7 +20,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.simulation.backend.compiled import cos_pi, quick_kernel, sin_pi
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import bin_function
 from lava_ros.simulation.state import (
     FULL,
@@ -42,8 +42,8 @@ def emission_function(
 ) -> Any:
     """Return the device function that releases what is due of every so many-th vent.
 
-    Its arguments: the first vent, how many it is to the next, the vents, and the journey of the
-    particles that there are (motion_arguments.py).
+    Its arguments: the first vent, how many it is to the next, the vents, and the arguments of the
+    motion of the particles that there are (motion_arguments.py).
     """
     vec2 = wp.types.vector(2, real)
     vec4 = wp.types.vector(4, real)
@@ -108,7 +108,7 @@ def emission_function(
         return vec2(real(outlets.shape[v, 0] + x), real(outlets.shape[v, 1] + y))
 
     @wp.func
-    def released(v: int, due: int, outlets: Outlets, m: journey_type(real)) -> int:
+    def released(v: int, due: int, outlets: Outlets, m: arguments_type(real)) -> int:
         """Release some particles of a vent, if there is room; return how many."""
         slot = wp.atomic_add(m.counts, wp.static(total), due)
         if wp.static(bins):
@@ -135,7 +135,7 @@ def emission_function(
         return due
 
     @wp.func
-    def emission(first: int, apart: int, outlets: Outlets, m: journey_type(real)):
+    def emission(first: int, apart: int, outlets: Outlets, m: arguments_type(real)):
         if m.counts[IS_LAST] == 0:
             return
         time = m.clock[TIME]
@@ -170,7 +170,7 @@ def emission_of(state: State, vents: VentSet) -> Any:
 @lru_cache
 def _kernel(real: Any, emission: Any) -> Any:
     @quick_kernel
-    def emit(thread: int, apart: int, outlets: Outlets, m: journey_type(real)):
+    def emit(thread: int, apart: int, outlets: Outlets, m: arguments_type(real)):
         """Release the whole particles that the discharge up to now makes and are not out yet."""
         emission(thread, apart, outlets, m)
 

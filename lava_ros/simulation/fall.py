@@ -26,7 +26,7 @@ from typing import Any
 
 import warp as wp
 
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.terrain import terrain_functions
 
 
@@ -37,7 +37,7 @@ def fall_function(real: Any) -> Any:
     height_at = terrain_functions(real).height_at
 
     @wp.func
-    def fallen(velocity: vec2, thickness: real, place: vec2, m: journey_type(real)) -> vec2:
+    def fallen(velocity: vec2, thickness: real, place: vec2, m: arguments_type(real)) -> vec2:
         square = wp.dot(velocity, velocity)
         head = square / (real(2.0) * m.constants.gravity) - thickness
         kept = velocity

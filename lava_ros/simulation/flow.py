@@ -55,7 +55,7 @@ from lava_ros.simulation.cells import (
 )
 from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import bessel, smoothing_kernel, SQUARED_SUPPORT
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, PARTICLES, State
 from lava_ros.simulation.terrain import terrain_functions
 
@@ -90,7 +90,7 @@ def _balance_function(real: Any, stiffness: float, effects: Effects) -> Any:
         height: real,
         surface: vec2,
         ground: vec2,
-        m: journey_type(real),
+        m: arguments_type(real),
         fills_flow: bool,
     ):
         place = vec2(p[0], p[1])
@@ -244,7 +244,7 @@ def flow_kernels(
         )
 
     @quick_kernel(bounds=FEW_THREADS if is_short or parts > lanes else None)
-    def thickness_and_velocity(thread: int, m: journey_type(real), fills_flow: bool):
+    def thickness_and_velocity(thread: int, m: arguments_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
         if i >= m.counts[PARTICLES]:
@@ -272,7 +272,7 @@ def flow_kernels(
         balance(i, p, height, surface, ground, m, fills_flow)
 
     @quick_kernel
-    def elevate(thread: int, m: journey_type(real)):
+    def elevate(thread: int, m: arguments_type(real)):
         """Thickness, the surface's elevation and the area V / h of each particle."""
         i = thread // lanes
         lane = thread % lanes
@@ -295,7 +295,7 @@ def flow_kernels(
         m.flow[i] = vec3(height, real(0.0), real(0.0))
 
     @quick_kernel
-    def velocity_of_differences(thread: int, m: journey_type(real), fills_flow: bool):
+    def velocity_of_differences(thread: int, m: arguments_type(real), fills_flow: bool):
         i = thread // lanes
         lane = thread % lanes
         if i >= m.counts[PARTICLES]:

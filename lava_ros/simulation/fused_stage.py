@@ -29,7 +29,7 @@ import warp as wp
 
 from lava_ros.simulation.backend.compiled import announce, FEW_THREADS
 from lava_ros.simulation.emission import emission_of, emitters
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.state import State
 from lava_ros.simulation.timestep import choice_of, pace_type
 from lava_ros.simulation.vents import Outlets, VentSet
@@ -43,7 +43,7 @@ DIRECTORS = FEW_THREADS[0]
 BOUNDS = {True: FEW_THREADS, False: (DIRECTORS, 6)}
 
 
-class Direction(NamedTuple):
+class StageChoice(NamedTuple):
     """How a motion gets its stage.
 
     Attributes:
@@ -68,7 +68,9 @@ class Direction(NamedTuple):
 @lru_cache
 def _function(real: Any, choose: Any, emission: Any, emitters: int) -> Any:
     @wp.func
-    def direct(thread: int, pace: pace_type(real), outlets: Outlets, m: journey_type(real)):
+    def choose_and_emit(
+        thread: int, pace: pace_type(real), outlets: Outlets, m: arguments_type(real)
+    ):
         if thread == 0:
             choose(pace)
         announce(pace.chosen)
@@ -76,7 +78,7 @@ def _function(real: Any, choose: Any, emission: Any, emitters: int) -> Any:
             if thread < wp.static(emitters):
                 emission(thread, wp.static(emitters), outlets, m)
 
-    return direct
+    return choose_and_emit
 
 
 def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
@@ -88,11 +90,11 @@ def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
     return is_worth_it and 'inertia' not in state.effects
 
 
-def direction_within(state: State, pace: Any, vents: VentSet) -> Direction:
+def choice_within_motion(state: State, pace: Any, vents: VentSet) -> StageChoice:
     """Let a motion choose its stage; the vents emit then, if it puts particles into cells."""
     emission = emission_of(state, vents) if state.bins_in_motion else None
     # one number for any vents: each would be another kernel
     threads = emitters(state, DIRECTORS)
     function = _function(state.real, choice_of(state), emission, threads)
     has_long_sums = state.is_short or state.lanes < state.parts
-    return Direction(pace, vents.outlets, function, BOUNDS[has_long_sums])
+    return StageChoice(pace, vents.outlets, function, BOUNDS[has_long_sums])

@@ -36,9 +36,9 @@ from lava_ros.simulation.backend.compiled import (
     wait_for,
 )
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
-from lava_ros.simulation.fused_stage import Direction, DIRECTORS
+from lava_ros.simulation.fused_stage import DIRECTORS, StageChoice
 from lava_ros.simulation.heat import temperature_function
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import bin_function, NeighborGrid
 from lava_ros.simulation.state import (
     BEFORE_FORMER,
@@ -83,7 +83,7 @@ def _guard_function(real: Any, is_pushed: bool) -> Any:
 
     @wp.func
     def guarded(
-        m: journey_type(real), x: real, y: real, way: vec2, thickness: real, head: real
+        m: arguments_type(real), x: real, y: real, way: vec2, thickness: real, head: real
     ) -> vec2:
         most = real(_MOST_REACH) * m.constants.reach
         size = wp.length(way)
@@ -114,7 +114,7 @@ def _note_function(real: Any) -> Any:
     vec4 = wp.types.vector(4, real)
 
     @wp.func
-    def note(p: vec4, thickness: real, m: journey_type(real)):
+    def note(p: vec4, thickness: real, m: arguments_type(real)):
         inverse = real(1.0) / m.ground.resolution
         x, y = (p[0] - m.ground.x0) * inverse, (p[1] - m.ground.y0) * inverse
         # a square that is a cell less reaches into the cells whose middle the whole one has
@@ -145,7 +145,7 @@ def motion_function(
     """Return the device function that moves the i-th of the ordered particles.
 
     Its arguments: the particle's number, its item of ``State.ordered``, its thickness [m] and
-    velocity [m/s], and a journey.
+    velocity [m/s], and arguments of the motion.
     """
     vec2 = wp.types.vector(2, real)
     # differences and lateral stress push lava up slopes that its own surface does not
@@ -163,7 +163,7 @@ def motion_function(
     falls = 'viscous_heating' in effects
 
     @wp.func
-    def move_on(i: int, p: vec4, f: vec3, m: journey_type(real)):
+    def move_on(i: int, p: vec4, f: vec3, m: arguments_type(real)):
         x = p[0]
         y = p[1]
         dx = m.stage[VELOCITY] * f[1]
@@ -260,7 +260,7 @@ def motion_of(state: State) -> Any:
 
 
 @lru_cache
-def _kernel(real: Any, motion: Any, direct: Any, bounds: tuple[int, int] | None) -> Any:
+def _kernel(real: Any, motion: Any, choose_and_emit: Any, bounds: tuple[int, int] | None) -> Any:
     vec3 = wp.types.vector(3, real)
     load = load4(real)
 
@@ -270,17 +270,17 @@ def _kernel(real: Any, motion: Any, direct: Any, bounds: tuple[int, int] | None)
         flow: wp.array(dtype=vec3),
         pace: pace_type(real),
         outlets: Outlets,
-        m: journey_type(real),
+        m: arguments_type(real),
     ):
-        if wp.static(direct is not None):
+        if wp.static(choose_and_emit is not None):
             if i < wp.static(DIRECTORS):
-                direct(i, pace, outlets, m)
+                choose_and_emit(i, pace, outlets, m)
                 return
             i -= wp.static(DIRECTORS)
         if i >= past_the_cache(m.counts, PARTICLES):
             return
         p, f = load(m.ordered, i), flow[i]
-        if wp.static(direct is not None):
+        if wp.static(choose_and_emit is not None):
             wait_for(pace.chosen)
         motion(i, p, f, m)
 
@@ -288,14 +288,14 @@ def _kernel(real: Any, motion: Any, direct: Any, bounds: tuple[int, int] | None)
 
 
 def move_particles(
-    state: State, neighbors: NeighborGrid, way: Any, direction: Direction
+    state: State, neighbors: NeighborGrid, way: Any, choice: StageChoice
 ) -> None:
     """Move the ordered particles over the stage by the velocity in ``state.flow``."""
     launch_over(
         state,
-        _kernel(state.real, motion_of(state), direction.function, direction.bounds),
-        [state.flow, direction.pace, direction.outlets, way],
+        _kernel(state.real, motion_of(state), choice.function, choice.bounds),
+        [state.flow, choice.pace, choice.outlets, way],
         least=LEAST_MOVES,
-        ahead=direction.threads,
+        ahead=choice.threads,
     )
     neighbors.is_binned = state.bins_in_motion

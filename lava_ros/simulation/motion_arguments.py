@@ -74,7 +74,7 @@ def flow_constants(scene: Scene, accuracy: Accuracy, radius: float, real: Any) -
 
 
 @lru_cache
-def journey_type(real: Any) -> Any:
+def arguments_type(real: Any) -> Any:
     """What kernels read and write: arrays of ``State``, the ground, the cells, constants."""
     kinds, types = kinds_of(real), {}
     for arrays in (ARRAYS, *(effect.arrays for effect in EFFECTS.values())):
@@ -90,17 +90,18 @@ def journey_type(real: Any) -> Any:
         'law': law_type(real),
         'heat': heat_type(real),
     }
-    return wp.struct(type('Journey', (), {'__annotations__': types, '__module__': __name__}))
+    members = {'__annotations__': types, '__module__': __name__}
+    return wp.struct(type('MotionArguments', (), members))
 
 
-def journey(state: State, ground: Any, cells: Any, **constants: Any) -> Any:
+def motion_arguments(state: State, ground: Any, cells: Any, **constants: Any) -> Any:
     """Collect what kernels read and write, for as long as the arrays and the cells are these.
 
     ``constants`` are those of flow, its law and the heat balance; none to sort particles.
     """
-    made = journey_type(state.real)()
+    made = arguments_type(state.real)()
     parts = {'ground': ground, 'cells': cells, **constants}
-    for name in journey_type(state.real).vars:
+    for name in arguments_type(state.real).vars:
         if name in parts or hasattr(state, name):
             setattr(made, name, parts[name] if name in parts else getattr(state, name))
     return made

@@ -44,7 +44,7 @@ from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.cells import cell_frame, cell_functions, cells_to_radius
-from lava_ros.simulation.motion_arguments import journey, journey_type
+from lava_ros.simulation.motion_arguments import arguments_type, motion_arguments
 from lava_ros.simulation.state import (
     ADVECTION,
     DIFFUSION,
@@ -98,7 +98,7 @@ def bin_function(real: Any, has_empty: bool) -> Any:
         return sides + 4 * int(column >= cells.east) + 8 * int(row >= cells.north)
 
     @wp.func
-    def place(i: int, p: vec4, m: journey_type(real)):
+    def place(i: int, p: vec4, m: arguments_type(real)):
         """Find a particle's cell and its rank there; what left the terrain goes last.
 
         On the CPU ranks are counted afterwards, by ``rank_particles``.
@@ -151,12 +151,12 @@ def _kernels(
     side_of = terrain_functions(real).side_of
 
     @quick_kernel
-    def bin_particles(i: int, m: journey_type(real)):
+    def bin_particles(i: int, m: arguments_type(real)):
         if i < m.counts[PARTICLES] + m.counts[NEWCOMERS]:
             place(i, load(m.particle, i), m)
 
     @quick_kernel
-    def rank_particles(i: int, m: journey_type(real)):
+    def rank_particles(i: int, m: arguments_type(real)):
         """Rank particles in their cells in the order of all, one after the other."""
         if i >= m.counts[PARTICLES] + m.counts[NEWCOMERS]:
             return
@@ -170,7 +170,7 @@ def _kernels(
         m.cells.sizes[c] = before + 1
 
     @quick_kernel
-    def list_members(i: int, m: journey_type(real)):
+    def list_members(i: int, m: arguments_type(real)):
         if i < m.cells.starts[m.cells.rows * m.cells.columns + 1]:
             m.members[load_int(m.cells.starts, m.cell[i]) + m.rank[i]] = i
 
@@ -184,7 +184,7 @@ def _kernels(
         return before
 
     @quick_kernel
-    def order_particles(i: int, m: journey_type(real)):
+    def order_particles(i: int, m: arguments_type(real)):
         """Gather the particles of each cell, and make ready for the next sums over them."""
         starts = m.cells.starts
         last = m.cells.rows * m.cells.columns
@@ -275,8 +275,9 @@ class NeighborGrid:
     def fit(self, places: np.ndarray) -> None:
         """Cover the surroundings of some places, or the whole of a small terrain.
 
-        What is binned is forgotten. A journey has other cells then: what was launched with it has
-        to be forgotten, too. Places are from the terrain's centre [m], shape [count, 2].
+        What is binned is forgotten. The arguments of the motion have other cells then: what was
+        launched with them has to be forgotten, too. Places are from the terrain's centre [m],
+        shape [count, 2].
         """
         cells = self.cells
         ends = np.stack((np.zeros(2, dtype=int), self._all))
@@ -322,18 +323,19 @@ class NeighborGrid:
 
     def bin(self, state: State) -> None:
         """Put each particle into its cell, as a motion does that sets ``is_binned``."""
-        way, (bins, *_) = self.journey(state), _kernels_of(state)
+        way, (bins, *_) = self.motion_arguments(state), _kernels_of(state)
         launch_over(state, bins, [way], least=LEAST_MOVES)
         self.is_binned = True
 
     def set_constants(self, **constants: Any) -> None:
-        """Let a journey have the constants of a stage (motion_arguments.py) from now on."""
+        """Let the motion have the constants of a stage (motion_arguments.py) from now on."""
         self._constants, self._way = constants, None
 
-    def journey(self, state: State) -> Any:
+    def motion_arguments(self, state: State) -> Any:
         """What kernels read and write (motion_arguments.py); to collect it takes long."""
         if self._way is None or self._way.particle is not state.particle:
-            self._way = journey(state, self._terrain.ground, self.cells, **self._constants)
+            ground = self._terrain.ground
+            self._way = motion_arguments(state, ground, self.cells, **self._constants)
         return self._way
 
     def rebuild(self, state: State) -> None:
@@ -344,7 +346,7 @@ class NeighborGrid:
         if not self.is_binned:
             self.bin(state)
         self.is_binned = False
-        way, (_, order, rank, members) = self.journey(state), _kernels_of(state)
+        way, (_, order, rank, members) = self.motion_arguments(state), _kernels_of(state)
         if not state.device.is_cuda:
             state.launches(rank, [way], dim=state.extent)
         self._scan(state.launches, self.cells.sizes, self.cells.starts)

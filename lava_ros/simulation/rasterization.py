@@ -39,7 +39,7 @@ from lava_ros.simulation.backend.compiled import load4, quick_kernel
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.cells import cell_functions
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.terrain import ground_type, StaggeredTerrain
@@ -87,7 +87,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
     @quick_kernel(fast_math=False)
     def weigh(
         thread: int,
-        m: journey_type(real),
+        m: arguments_type(real),
         terrain: ground_type(wp.float64),
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
@@ -149,7 +149,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
     @quick_kernel(fast_math=False)
     def share_out(
         k: int,
-        m: journey_type(real),
+        m: arguments_type(real),
         terrain: ground_type(wp.float64),
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
@@ -198,7 +198,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float) -> tuple[Any, Any, Any]:
     @quick_kernel(fast_math=False)
     def gather(
         thread: int,
-        m: journey_type(real),
+        m: arguments_type(real),
         terrain: ground_type(wp.float64),
         radius: wp.float64,
         thickness: wp.array2d(dtype=wp.float32),
@@ -285,7 +285,7 @@ class Raster:
         weigh, share_out, gather = _kernels(state.real, *self._choice)
         cells = self.thickness.size
         maps = [self.thickness, self.temperature]
-        inputs = [neighbors.journey(state), self._terrain.exact_ground, self._radius]
+        inputs = [neighbors.motion_arguments(state), self._terrain.exact_ground, self._radius]
         launch_over(state, weigh, [*inputs, *maps], count=cells)
         launch_over(state, share_out, [*inputs, self.thickness])
         launch_over(state, gather, [*inputs, *maps], count=cells)

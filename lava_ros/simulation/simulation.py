@@ -37,7 +37,7 @@ from lava_ros.simulation.batch import at_work, Batch
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.checkpoint import Checkpoint
 from lava_ros.simulation.defaults import device_of, formulated
-from lava_ros.simulation.diagnostics import budget_of, Census, moment_of, snapshot_of
+from lava_ros.simulation.diagnostics import budget_of, FlowDiagnostics, moment_of, snapshot_of
 from lava_ros.simulation.looks import Looks, Seen
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.particles import Particles, ParticleSample, rows_of
@@ -130,7 +130,7 @@ class Simulation:
         self.particle_volume = float(np.float32(spacing * spacing * thickness))
         self.radius = self.accuracy.ratio * spacing
         self._state = State(_FIRST_CAPACITY, self.effects, self.accuracy, self._device)
-        self._census, self._reader = Census(), Reader(self._device)
+        self._diagnostics, self._reader = FlowDiagnostics(), Reader(self._device)
         self._emitted_before = 0.0
         self._most_particles = 0
         self._after_step: dict[str, Any] = {}
@@ -153,7 +153,7 @@ class Simulation:
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return float(self._state.look()[0][TIME])
+        return float(self._state.read_clock()[0][TIME])
 
     @property
     def particle_count(self) -> int:
@@ -168,7 +168,7 @@ class Simulation:
     @property
     def steps(self) -> int:
         """Time steps taken so far."""
-        return int(self._state.look()[1][STEPS])
+        return int(self._state.read_clock()[1][STEPS])
 
     def advance(self, until: float, *, wall_limit: float | None = None) -> float:
         """Simulate up to a time.
@@ -199,22 +199,22 @@ class Simulation:
         self._state.write_target(until)
         batch = at_work()
         if batch is None:
-            clock, counts = yield from self._alone(until, deadline)
+            clock, counts = yield from self._advance_alone(until, deadline)
         else:
-            clock, counts = yield from self._together(batch, until, deadline)
+            clock, counts = yield from self._advance_in_batch(batch, until, deadline)
         if clock[TIME] != until:
             # the stages that the step at hand still needs, and no other
             self._state.write_target(clock[TIME])
         while counts[STAGE]:
             self._run_stages()
             yield
-            _, counts = self._state.look()
+            _, counts = self._state.read_clock()
         # a part that ends with its first stage makes room as well
         self._make_room(counts)
 
-    def _alone(self, until: float, deadline: float) -> Generator[None, None, _Look]:
+    def _advance_alone(self, until: float, deadline: float) -> Generator[None, None, _Look]:
         """Simulate up to a time [s], or to a wall time [s]; return clock and counts."""
-        clock, counts = self._state.look()
+        clock, counts = self._state.read_clock()
         # a GPU has the next stages to do while the host looks at what came of the last ones
         under_way: deque[Any] = deque()
         gain = math.inf
@@ -224,7 +224,7 @@ class Simulation:
             reached = clock[TIME] + (len(under_way) + _ROUNDING) * gain
             if not under_way or (is_free and reached < until):
                 self._run_stages()
-                under_way.append(self._state.begin_look())
+                under_way.append(self._state.begin_readback())
                 yield
                 continue
             former = clock[TIME]
@@ -239,7 +239,7 @@ class Simulation:
             clock, counts = under_way.popleft()()
         return clock, counts
 
-    def _together(
+    def _advance_in_batch(
         self, batch: Batch, until: float, deadline: float
     ) -> Generator[None, None, _Look]:
         """The same with others: the batch looks at all clocks at once, and this one at none."""
@@ -254,7 +254,7 @@ class Simulation:
                 return clock, counts
             if wall_clock.monotonic() >= deadline:
                 # stages that were launched meanwhile have gone on
-                return self._state.look()
+                return self._state.read_clock()
             self._make_room(counts)
 
     def _note_size(self, counts: np.ndarray) -> None:
@@ -327,7 +327,7 @@ class Simulation:
         """Account for the volume: emitted by the integral of Q(t), held by summing particles."""
         self._settle()
         self._reader.before_writing()
-        numbers = read(self._census.take(self._state, self._vents))
+        numbers = read(self._diagnostics.take(self._state, self._vents))
         return budget_of(moment_of(numbers, self._state), self._vents, self._emitted_before)
 
     def sample(self) -> ParticleSample:
@@ -652,7 +652,7 @@ class Simulation:
         self._fill_raster()
         if self._notes_arrival:
             wp.copy(raster.grids[-1], state.arrived)
-        numbers = self._census.take(state, self._vents)
+        numbers = self._diagnostics.take(state, self._vents)
         copies = self._reader.begin([raster.grids, numbers], beside=beside)
         terrain, vents, before = self.scene.terrain, self._vents, self._emitted_before
         return PendingSnapshot(lambda: snapshot_of(copies(), terrain, state, vents, before))

@@ -26,7 +26,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.as_published import publish_velocity
 from lava_ros.simulation.backend.streams import Beside
 from lava_ros.simulation.flow import compute_flow, flow_kernels
-from lava_ros.simulation.fused_stage import Direction, direction_within, is_within_the_motion
+from lava_ros.simulation.fused_stage import choice_within_motion, is_within_the_motion, StageChoice
 from lava_ros.simulation.motion_arguments import flow_constants, THICKEST
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import State
@@ -97,24 +97,24 @@ class Stage:
         if look is not None:
             look()
         if 'inertia' in self._effects:
-            self._momentum.synchronize(self._journey())
+            self._momentum.synchronize(self._arguments())
         if not self._moves_at_once:
             # before the step is chosen: it follows the speed that lateral stress leaves
             self._spread_velocity()
-        pace, way = self._pace_of(scene, vents), self._journey()
+        pace, way = self._pace_of(scene, vents), self._arguments()
         emit = partial(emission.emit, state, vents, way)
         if is_within_the_motion(state, sums_up=self._moves_at_once):
-            self._move(way, direction_within(state, pace, vents))
+            self._move(way, choice_within_motion(state, pace, vents))
             if not state.bins_in_motion:
                 emit()
             return
         timestep.choose_stage(state, pace)
-        direction = Direction(pace, vents.outlets)
+        choice = StageChoice(pace, vents.outlets)
         if state.bins_in_motion:
             with self._beside(emit):
-                self._move(way, direction)
+                self._move(way, choice)
         else:
-            self._move(way, direction)
+            self._move(way, choice)
             emit()
 
     def _pace_of(self, scene: Scene, vents: VentSet) -> Any:
@@ -132,7 +132,7 @@ class Stage:
         state = self._state
         compute_flow(
             state,
-            self._journey(),
+            self._arguments(),
             self._flow_kernels(state.lanes, state.parts, state.is_short, state.is_wide),
             fills_flow=fills_flow,
         )
@@ -141,37 +141,37 @@ class Stage:
         """Compute thickness and velocity of the ordered particles."""
         self.compute_flow()
         if 'inertia' in self._effects:
-            self._momentum.synchronize(self._journey())
+            self._momentum.synchronize(self._arguments())
         self._spread_velocity()
 
     def _spread_velocity(self) -> None:
         """Lateral stress: from the local velocities to the velocities."""
         if self._accuracy.formulation == 'as-published':
-            publish_velocity(self._state, self._journey(), self._viscosity)
+            publish_velocity(self._state, self._arguments(), self._viscosity)
         elif 'green' in self._effects:
-            load('green').spread_velocity(self._state, self._journey())
+            load('green').spread_velocity(self._state, self._arguments())
         elif 'helmholtz' in self._effects:
             assert self._accuracy.thickness is not None
             load('helmholtz').solve_velocity(
                 self._state,
-                self._journey(),
+                self._arguments(),
                 radius=self._radius,
                 thickness=THICKEST * self._accuracy.thickness,
                 kernel=self._accuracy.kernel,
                 ratio=self._accuracy.ratio,
             )
 
-    def _move(self, way: Any, direction: Direction) -> None:
+    def _move(self, way: Any, choice: StageChoice) -> None:
         """Move, after the lateral stress where that is one sum; end the step."""
         state, neighbors = self._state, self._neighbors
         if self._moves_at_once:
-            load('green').move_particles(state, neighbors, way, direction)
+            load('green').move_particles(state, neighbors, way, choice)
         else:
             if 'inertia' in self._effects:
                 self._momentum.accelerate(way)
-            motion.move_particles(state, neighbors, way, direction)
+            motion.move_particles(state, neighbors, way, choice)
         for effect in self._after_step.values():
             effect.apply(state, way)
 
-    def _journey(self) -> Any:
-        return self._neighbors.journey(self._state)
+    def _arguments(self) -> Any:
+        return self._neighbors.motion_arguments(self._state)

@@ -28,7 +28,7 @@ from lava_ros.scene import Terrain
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.graph import Launches
 from lava_ros.simulation.backend.memory import forget_failure, zeros
-from lava_ros.simulation.backend.streams import Look, read
+from lava_ros.simulation.backend.streams import read, Readback
 from lava_ros.simulation.checkpoint import fitting
 
 # Places in State.clock.
@@ -213,7 +213,7 @@ class State:
             # it sees what is there: to make it anew takes 10 us
             self._seen_counts = self.counts.numpy()
         self._target = self.clock[TARGET : TARGET + 1]
-        self._looks = [Look((self.clock, self.counts))]
+        self._readbacks = [Readback((self.clock, self.counts))]
 
     @property
     def _arrays(self) -> dict[str, Array]:
@@ -267,7 +267,7 @@ class State:
     def lanes(self) -> int:
         """Threads to a particle: one for each part, for few particles alone do not fill a GPU.
 
-        Those of a batch do (together.py), for which launches are taken down.
+        Those of a batch do (batched_launches.py), for which launches are taken down.
         """
         return 1 if self.launches.is_capturing else self.parts
 
@@ -293,21 +293,21 @@ class State:
         # each number of them is another kernel
         return next((few for few in _FEW_RARE if self.capacity <= few), RARE_THREADS)
 
-    def look(self) -> tuple[np.ndarray, np.ndarray]:
+    def read_clock(self) -> tuple[np.ndarray, np.ndarray]:
         """Copies of ``clock`` and ``counts``, when all that is launched on this stream is done."""
-        return self._looks[0].begin()()
+        return self._readbacks[0].begin()()
 
-    def begin_look(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
+    def begin_readback(self) -> Callable[[], tuple[np.ndarray, np.ndarray]]:
         """Begin to copy them as they are when all that is launched so far is done.
 
         Returns:
             What waits for the copies and gives them, before a third is begun.
         """
         # page-locked memory is slow to make, and a member of a batch needs none of these
-        while len(self._looks) < 3:
-            self._looks.append(Look((self.clock, self.counts)))
-        self._looks[1:] = reversed(self._looks[1:])
-        return self._looks[1].begin()
+        while len(self._readbacks) < 3:
+            self._readbacks.append(Readback((self.clock, self.counts)))
+        self._readbacks[1:] = reversed(self._readbacks[1:])
+        return self._readbacks[1].begin()
 
     def make_room(self, counts: np.ndarray) -> bool:
         """Make more room for particles when it is almost full or a vent found none.
@@ -369,7 +369,7 @@ class State:
     @property
     def count(self) -> int:
         """Number of particles (read back from the device)."""
-        _, counts = self.look()
+        _, counts = self.read_clock()
         return int(counts[PARTICLES] + counts[NEWCOMERS])
 
     def write_particles(self, values: np.ndarray) -> None:
@@ -435,7 +435,7 @@ class State:
             if len(values):
                 rows = wp.array(values, dtype=target.dtype, device=self.device)
                 wp.copy(target, rows, count=len(values))
-        _, counts = self.look()
+        _, counts = self.read_clock()
         if (counts[PARTICLES], counts[NEWCOMERS], counts[STAGE]) != (count, 0, 0):
             right = f'{count} particles, between two steps'
             raise LavaError('checkpoint.state.counts', counts.tolist(), right)

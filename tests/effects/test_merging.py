@@ -47,7 +47,7 @@ def one_pass(simulation):
     state.moved.assign([merging.EVERY, 0.0])
     state.counts.assign(counts)
     state.clock.assign(clock)
-    simulation._after_step['merging'].apply(state, simulation._neighbors.journey(state))
+    simulation._after_step['merging'].apply(state, simulation._neighbors.motion_arguments(state))
 
 
 def rows_of(simulation):

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.maps.forecast import Forecast, HazardMaps, Outlook
+from lava_ros.maps.forecast import EnsembleForecast, Forecast, HazardMaps
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.maps.layers import ENSEMBLE_SOURCES, IMAGE, OCCUPANCY_GRID
 from lava_ros.scene import Terrain
@@ -130,7 +130,7 @@ def _array(*rows):
 
 
 #: surely, likely, hardly; never, never, outside
-OUTLOOK = Outlook(
+ENSEMBLE = EnsembleForecast(
     time=500.0,
     horizon=100.0,
     threshold=0.01,
@@ -154,24 +154,24 @@ OUTLOOK = Outlook(
 )
 
 
-def _outlook_layer(source, message='nav_msgs/OccupancyGrid', **changes):
+def _ensemble_layer(source, message='nav_msgs/OccupancyGrid', **changes):
     return _layer(source=source, message=message, **{'threshold': 0.01, **changes})
 
 
 def test_probability_layers():
     """0 only where it comes in none, 100 only where in all, -1 where nothing is known."""
-    layer = _outlook_layer('inundation_probability')
-    assert layer.values(OUTLOOK).tolist() == [[100, 60, 1], [0, 0, -1]]
-    assert set(layer.values(OUTLOOK.withdrawn()).ravel()) == {-1}
-    step = _outlook_layer('inundation_probability', step=50.0, outside=100)
-    assert step.values(OUTLOOK).tolist() == [[100, 100, 0], [0, 0, 100]]
-    classes = _outlook_layer('inundation_probability', classes=[10.0, 60.0])
-    assert classes.values(OUTLOOK).tolist() == [[100, 100, 33], [0, 0, -1]]
-    assert set(classes.values(OUTLOOK.withdrawn()).ravel()) == {-1}
-    wide = _outlook_layer('inundation_probability', step=50.0, margin=10.0)
-    assert wide.values(OUTLOOK).tolist() == [[100, 100, 100], [100, 100, -1]]
-    image = _outlook_layer('inundation_probability', 'sensor_msgs/Image').values(OUTLOOK)
-    np.testing.assert_array_equal(image, OUTLOOK.maps.probability)
+    layer = _ensemble_layer('inundation_probability')
+    assert layer.values(ENSEMBLE).tolist() == [[100, 60, 1], [0, 0, -1]]
+    assert set(layer.values(ENSEMBLE.withdrawn()).ravel()) == {-1}
+    step = _ensemble_layer('inundation_probability', step=50.0, outside=100)
+    assert step.values(ENSEMBLE).tolist() == [[100, 100, 0], [0, 0, 100]]
+    classes = _ensemble_layer('inundation_probability', classes=[10.0, 60.0])
+    assert classes.values(ENSEMBLE).tolist() == [[100, 100, 33], [0, 0, -1]]
+    assert set(classes.values(ENSEMBLE.withdrawn()).ravel()) == {-1}
+    wide = _ensemble_layer('inundation_probability', step=50.0, margin=10.0)
+    assert wide.values(ENSEMBLE).tolist() == [[100, 100, 100], [100, 100, -1]]
+    image = _ensemble_layer('inundation_probability', 'sensor_msgs/Image').values(ENSEMBLE)
+    np.testing.assert_array_equal(image, ENSEMBLE.maps.probability)
 
 
 @pytest.mark.parametrize(
@@ -184,22 +184,22 @@ def test_probability_layers():
 )
 def test_arrivals_of_ensembles(source, grid, image):
     """As the arrival of a forecast, by a share of the members; masks of it too."""
-    assert _outlook_layer(source).values(OUTLOOK).tolist() == grid
-    values = _outlook_layer(source, 'sensor_msgs/Image').values(OUTLOOK)
+    assert _ensemble_layer(source).values(ENSEMBLE).tolist() == grid
+    values = _ensemble_layer(source, 'sensor_msgs/Image').values(ENSEMBLE)
     np.testing.assert_array_equal(values, _array(*image))
-    soon = _outlook_layer(source, step=30.0).values(OUTLOOK)
+    soon = _ensemble_layer(source, step=30.0).values(ENSEMBLE)
     # unknown is -1 in the one and in the other, and not soon
     np.testing.assert_array_equal(soon == 100, (values >= 0.0) & (values <= 30.0))
-    gone = _outlook_layer(source, 'sensor_msgs/Image').values(OUTLOOK.withdrawn())
+    gone = _ensemble_layer(source, 'sensor_msgs/Image').values(ENSEMBLE.withdrawn())
     assert set(gone.ravel()) == {-1.0}
 
 
 def test_expected_thickness():
     """Metres, unknown outside."""
-    image = _outlook_layer('expected_thickness', 'sensor_msgs/Image', threshold=0.0)
-    np.testing.assert_array_equal(image.values(OUTLOOK), OUTLOOK.maps.thickness)
-    grid = _outlook_layer('expected_thickness', range=[0.0, 10.0], threshold=0.1)
-    assert grid.values(OUTLOOK).tolist() == [[50, 20, 0], [0, 0, -1]]
+    image = _ensemble_layer('expected_thickness', 'sensor_msgs/Image', threshold=0.0)
+    np.testing.assert_array_equal(image.values(ENSEMBLE), ENSEMBLE.maps.thickness)
+    grid = _ensemble_layer('expected_thickness', range=[0.0, 10.0], threshold=0.1)
+    assert grid.values(ENSEMBLE).tolist() == [[50, 20, 0], [0, 0, -1]]
 
 
 def test_the_file_has_every_source_of_ensembles():
@@ -223,5 +223,5 @@ def test_the_file_has_every_source_of_ensembles():
 def test_wrong_layers_of_ensembles_are_refused(changes, field):
     """A probability has a scale of its own."""
     with pytest.raises(LavaError) as caught:
-        _outlook_layer('inundation_probability', **changes)
+        _ensemble_layer('inundation_probability', **changes)
     assert caught.value.field == f'layers.one.{field}'

@@ -151,7 +151,7 @@ def test_what_is_seen_weighs_members_now_and_later(moments: list[Checkpoint]) ->
     assert (weighed['answer'], weighed['number'], weighed['outlines']) == ('weighed', 7, 1)
     assert int(np.argmax(weighed['agreement'])) == 2
     assert 0.0 < weighed['jaccard_mean'] < 1.0
-    assert (again['answer'], again['number'], again['outlines']) == ('outlook', 1, 1)
+    assert (again['answer'], again['number'], again['outlines']) == ('ensemble', 1, 1)
     assert again['maps'].effective_members < MEMBERS - 1.0
 
     later = bench.run(2, moments[1])
@@ -188,7 +188,7 @@ def test_an_outline_waits_for_an_ensemble_or_is_refused(moments: list[Checkpoint
     assert early['number'] == 3 and early['error'].field == 'observed_outline.header.stamp'
     while bench.ensembles.is_busy:
         bench.ensembles.advance(0.05)
-    assert [item['answer'] for item in bench.said()][-2:] == ['weighed', 'outlook']
+    assert [item['answer'] for item in bench.said()][-2:] == ['weighed', 'ensemble']
     elsewhere = np.zeros_like(outline.lava)
     elsewhere[0, -1] = True
     bench.ensembles.observe(4, Outline(outline.time, elsewhere, outline.known))

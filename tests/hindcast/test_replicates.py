@@ -24,7 +24,7 @@ import pytest
 from eruption import write_case
 from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, Event, load_case
-from lava_ros.hindcast.replicates import agreement, Direction, directions, run_several
+from lava_ros.hindcast.replicates import agreement, Direction, directions, run_replicates
 from lava_ros.hindcast.run import Run, Settings, simulate
 
 SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=2)
@@ -52,7 +52,7 @@ def test_each_run_is_what_it_would_be_alone(valley: Case) -> None:
     """Each run has the bits that it has alone, put back on the cells of the case."""
     settings = replace(SETTINGS, maps=1)
     told: list[float] = []
-    results = run_several(valley, settings, 5, progress=told.append)
+    results = run_replicates(valley, settings, 5, progress=told.append)
     assert told == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
     for direction, result in zip(directions(5), results, strict=True):
         alone = simulate(direction.turn(valley), settings)
@@ -84,7 +84,7 @@ def test_a_turned_case_has_the_same_runs(
     scores = []
     direction = Direction(quarters, mirror)
     for one in (case, direction.turn(case)):
-        results = run_several(one, settings, 16)
+        results = run_replicates(one, settings, 16)
         scores.append(agreement(one, [item.snapshot for item in results]))
     found, other = scores
     assert sorted(item.jaccard for item in found.scores) == sorted(
@@ -100,8 +100,8 @@ def test_changes_of_the_ground_reach_each_run(valley: Case) -> None:
     elevation = ground.elevation.copy()
     elevation[35, :] += 60.0
     event = Event(valley.start + 60.0, replace(ground, elevation=elevation), 'a wall')
-    stopped_runs = run_several(replace(valley, events=(event,)), SETTINGS, 2)
-    free_runs = run_several(valley, SETTINGS, 2)
+    stopped_runs = run_replicates(replace(valley, events=(event,)), SETTINGS, 2)
+    free_runs = run_replicates(valley, SETTINGS, 2)
     for stopped_run, free_run in zip(stopped_runs, free_runs, strict=True):
         stopped, thickness = stopped_run.snapshot.thickness, free_run.snapshot.thickness
         assert np.nansum(thickness[:32]) > 30.0
@@ -143,26 +143,26 @@ def test_runs_that_are_cut_off_go_on(valley: Case, tmp_path: Path) -> None:
         if share > 0.6:
             raise CutOffError
 
-    whole = run_several(valley, SETTINGS, 3)
+    whole = run_replicates(valley, SETTINGS, 3)
     with pytest.raises(CutOffError):
-        run_several(valley, SETTINGS, 2, folder=tmp_path, progress=cut_off)
+        run_replicates(valley, SETTINGS, 2, folder=tmp_path, progress=cut_off)
     kept = tmp_path / 'run_01'
     assert Run(directions(2)[1].turn(valley), SETTINGS, folder=kept).is_resumed
     told: list[float] = []
-    again = run_several(valley, SETTINGS, 3, folder=tmp_path, progress=told.append)
+    again = run_replicates(valley, SETTINGS, 3, folder=tmp_path, progress=told.append)
     assert len(told) == SETTINGS.maps * 3 - 3
     for one, other in zip(whole, again, strict=True):
         np.testing.assert_array_equal(one.snapshot.thickness, other.snapshot.thickness)
         np.testing.assert_array_equal(one.snapshot.arrived, other.snapshot.arrived)
     with pytest.raises(LavaError, match='--fresh'):
-        run_several(valley, replace(SETTINGS, spacing=20.0), 3, folder=tmp_path)
+        run_replicates(valley, replace(SETTINGS, spacing=20.0), 3, folder=tmp_path)
 
 
 @pytest.mark.parametrize('runs', [1, 65])
 def test_number_of_runs_has_limits(valley: Case, runs: int) -> None:
     """One is not several, and too many fit nowhere."""
     with pytest.raises(LavaError, match='--runs'):
-        run_several(valley, SETTINGS, runs)
+        run_replicates(valley, SETTINGS, runs)
 
 
 @pytest.mark.parametrize('mirror', [False, True])

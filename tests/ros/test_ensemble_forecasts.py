@@ -30,7 +30,7 @@ from lava_ros.maps.forecast import HazardMaps, occupancy, QUANTILES
 from lava_ros.maps.message_arrays import image_array
 from lava_ros.ros import codec
 from lava_ros.ros.codec import message_class
-from lava_ros.ros.ensemble_forecasts import ForecastRules, Outlooks
+from lava_ros.ros.ensemble_forecasts import EnsembleForecasts, ForecastRules
 from lava_ros.ros.inputs import mask_from_grid
 from lava_ros.ros.offline_bags import write_atlas_bag
 from lava_ros.ros.parameters import Settings
@@ -51,15 +51,15 @@ def fork(clock, time, changes=1):
     return Fork(SimpleNamespace(scene=SCENE, time=time), changes, clock, 0.01)
 
 
-def order(outlooks, number, made, members=8):
+def order(ensembles, number, made, members=8):
     """Order an ensemble."""
-    return outlooks.order(made, number, replace(RULES, members=members))
+    return ensembles.order(made, number, replace(RULES, members=members))
 
 
-def sent(outlooks, changes=1):
+def sent(ensembles, changes=1):
     """What is passed on to the process."""
     orders = []
-    outlooks.send(
+    ensembles.send(
         lambda name, **values: orders.append((name, values)), changes=changes, time_scale=2.0
     )
     return orders
@@ -67,34 +67,34 @@ def sent(outlooks, changes=1):
 
 def test_a_stamp_becomes_simulated_time():
     """Between two forks evenly, whatever held the simulation up; after them by its scale."""
-    outlooks = Outlooks()
+    ensembles = EnsembleForecasts()
     for number, (clock, time) in enumerate(((100.0, 20.0), (110.0, 30.0), (120.0, 30.0)), 1):
-        order(outlooks, number, fork(clock, time))
+        order(ensembles, number, fork(clock, time))
     for clock, time in ((105.0, 25.0), (115.0, 30.0), (123.0, 36.0)):
-        done = outlooks.observe(MASK, clock)
-        ((name, order_of_it),) = sent(outlooks)
+        done = ensembles.observe(MASK, clock)
+        ((name, order_of_it),) = sent(ensembles)
         outline = order_of_it['outline']
         assert name == 'outline' and outline.time == pytest.approx(time)
         np.testing.assert_array_equal(outline.lava, MASK.lava)
         assert outline.known.all() and not done.done()
-        outlooks.hear(
+        ensembles.hear(
             'weighed', number=order_of_it['number'], agreement=[1.0], outlines=1, jaccard_mean=0.4
         )
         assert done.result(0.0) is None
-    early = outlooks.observe(MASK, 99.0)
-    assert sent(outlooks) == []
+    early = ensembles.observe(MASK, 99.0)
+    assert sent(ensembles) == []
     with pytest.raises(LavaError, match='1.0 s before the first forecast of this scene'):
         early.result(0.0)
-    assert (outlooks.status.outlines, outlooks.status.jaccard_mean) == (1, 0.4)
+    assert (ensembles.status.outlines, ensembles.status.jaccard_mean) == (1, 0.4)
 
 
 def test_an_ensemble_is_ordered_when_there_is_none():
     """One at a time, and one for each state; what has failed is not tried again."""
-    outlooks = Outlooks()
-    assert order(outlooks, 1, fork(1.0, 0.0), members=0) is None
-    first = order(outlooks, 2, fork(2.0, 5.0))
+    ensembles = EnsembleForecasts()
+    assert order(ensembles, 1, fork(1.0, 0.0), members=0) is None
+    first = order(ensembles, 2, fork(2.0, 5.0))
     assert (first['members'], first['agreement'], first['deadline']) == (8, None, None)
-    assert order(outlooks, 3, fork(3.0, 6.0)) is None
+    assert order(ensembles, 3, fork(3.0, 6.0)) is None
     known = np.zeros(SCENE.terrain.shape)
     maps = HazardMaps(known, dict.fromkeys(QUANTILES, known), known, 8, 8.0, 0.5)
     answer = {
@@ -102,29 +102,29 @@ def test_an_ensemble_is_ordered_when_there_is_none():
         'threshold': 0.01, 'maps': maps, 'asked': 8, 'is_done': True, 'outlines': 0,
         'duration': 3.0,
     }
-    assert not outlooks.hear('outlook', changes=0, **answer)
-    assert outlooks.hear('outlook', changes=1, **answer)
-    latest = outlooks.latest
+    assert not ensembles.hear('ensemble', changes=0, **answer)
+    assert ensembles.hear('ensemble', changes=1, **answer)
+    latest = ensembles.latest
     assert (latest.shown.time, latest.stamp_ns, latest.changes) == (5.0, 2_000_000_000, 1)
-    assert outlooks.status.count == 1
-    assert outlooks.is_wanted(1, 6.0) and not outlooks.is_wanted(1, 5.0)
-    order(outlooks, 4, fork(4.0, 7.0))
-    outlooks.hear('ensemble_refused', reason='nothing is uncertain')
-    assert outlooks.status.error == 'nothing is uncertain'
-    assert not outlooks.is_wanted(1, 9.0) and outlooks.is_wanted(2, 9.0)
-    assert order(outlooks, 5, fork(5.0, 9.0, changes=2))['members'] == 8
-    assert outlooks.status.error == ''
+    assert ensembles.status.count == 1
+    assert ensembles.is_wanted(1, 6.0) and not ensembles.is_wanted(1, 5.0)
+    order(ensembles, 4, fork(4.0, 7.0))
+    ensembles.hear('ensemble_refused', reason='nothing is uncertain')
+    assert ensembles.status.error == 'nothing is uncertain'
+    assert not ensembles.is_wanted(1, 9.0) and ensembles.is_wanted(2, 9.0)
+    assert order(ensembles, 5, fork(5.0, 9.0, changes=2))['members'] == 8
+    assert ensembles.status.error == ''
 
 
 def test_outlines_never_wait_for_nothing():
     """Those on their way are refused when the process ends; those of a new scene wait for it."""
-    outlooks = Outlooks()
-    order(outlooks, 1, fork(1.0, 0.0))
-    gone, kept = outlooks.observe(MASK, 2.0), None
-    assert len(sent(outlooks)) == 1
-    kept = outlooks.observe(MASK, 3.0)
-    assert sent(outlooks, changes=2) == []
-    outlooks.drop('the process has ended')
+    ensembles = EnsembleForecasts()
+    order(ensembles, 1, fork(1.0, 0.0))
+    gone, kept = ensembles.observe(MASK, 2.0), None
+    assert len(sent(ensembles)) == 1
+    kept = ensembles.observe(MASK, 3.0)
+    assert sent(ensembles, changes=2) == []
+    ensembles.drop('the process has ended')
     for future in (gone, kept):
         with pytest.raises(LavaError, match='the process has ended'):
             future.result(0.0)

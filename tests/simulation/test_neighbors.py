@@ -19,7 +19,7 @@ import pytest
 import warp as wp
 
 from lava_ros.simulation.cells import cell_frame
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import _kernels
 from lava_ros.simulation.state import PARTICLES, REAL, SPARE
 
@@ -39,7 +39,7 @@ def ordered(device, real, cell, rank, *, again):
     rows[:count, 2] = 1 + np.arange(count)
     # what has left may be no number any more
     rows[:count][cell == CELLS] = np.nan
-    way, cells = journey_type(real)(), cell_frame(real)()
+    way, cells = arguments_type(real)(), cell_frame(real)()
     cells.rows, cells.columns = 1, CELLS
     for name, values in (('starts', starts), ('sizes', np.append(sizes, 0))):
         setattr(cells, name, wp.array(values, dtype=wp.int32, device=device))
@@ -56,7 +56,7 @@ def ordered(device, real, cell, rank, *, again):
         ('remainder', np.zeros((count, 2))),
         ('ordered_remainder', np.zeros((count, 2))),
     ):
-        dtype = journey_type(real).vars[name].type.dtype
+        dtype = arguments_type(real).vars[name].type.dtype
         setattr(way, name, wp.array(np.asarray(values), dtype=dtype, device=device))
     launches = [(list_members, count)] if again else []
     for kernel, threads in (*launches, (order_particles, count + SPARE)):

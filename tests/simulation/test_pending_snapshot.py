@@ -25,7 +25,7 @@ from lava_ros.simulation import Simulation
 from lava_ros.simulation import simulation as simulation_module
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.streams import Reader
-from lava_ros.simulation.diagnostics import Census, moment_of
+from lava_ros.simulation.diagnostics import FlowDiagnostics, moment_of
 from solver import incline, only, simulated
 
 VENTS = (Vent((60.0, 155.0), 20.0), Vent((160.0, 155.0), 5.0))
@@ -143,7 +143,7 @@ def test_volumes_are_summed_where_they_are(device):
         simulation.advance(time)
         held = simulation.sample().volume.sum()
         state, vents = simulation._state, simulation._vents
-        moment = moment_of(Census().take(state, vents).numpy(), state)
+        moment = moment_of(FlowDiagnostics().take(state, vents).numpy(), state)
         assert moment.volume == pytest.approx(held, rel=1e-12)
         assert moment.particle_count == len(state.read_particles())
         assert moment.steps.count == simulation.steps

@@ -48,7 +48,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
 from lava_ros.simulation.cells import cell_functions
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.state import IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
 
@@ -75,7 +75,7 @@ def _kernels(
     warmed = load_effect('latent_heat').warmed(wp, real, heat_type(real)) if latent else None
 
     @quick_kernel
-    def wait(thread: int, m: journey_type(real), rate: wp.float64):
+    def wait(thread: int, m: arguments_type(real), rate: wp.float64):
         """Add a step to what has been waited; when that is enough it is the time to exchange."""
         m.waited[1] = wp.float64(0.0)
         if m.counts[IS_LAST] == 1:
@@ -85,7 +85,7 @@ def _kernels(
                 m.waited[0] = wp.float64(0.0)
 
     @quick_kernel
-    def add_rates(thread: int, m: journey_type(real), factor: real):
+    def add_rates(thread: int, m: arguments_type(real), factor: real):
         """Sum a particle's exchange rates with its neighbours [1/s]."""
         if m.waited[1] == wp.float64(0.0):
             return
@@ -108,7 +108,7 @@ def _kernels(
             m.warmth[i] = m.particle[i][3]
 
     @quick_kernel
-    def exchange_heat(thread: int, m: journey_type(real), factor: real, share: wp.float64):
+    def exchange_heat(thread: int, m: arguments_type(real), factor: real, share: wp.float64):
         """Exchange heat over a share of the step."""
         if m.waited[1] == wp.float64(0.0):
             return
@@ -140,7 +140,7 @@ def _kernels(
                 m.particle[i] = vec4(now[0], now[1], now[2], own + rise)
 
     @quick_kernel
-    def keep(thread: int, m: journey_type(real)):
+    def keep(thread: int, m: arguments_type(real)):
         if m.waited[1] > wp.float64(0.0):
             for i in range(thread, m.counts[PARTICLES], threads):
                 m.warmth[i] = m.particle[i][3]

@@ -49,7 +49,7 @@ from lava_ros.simulation.backend.simd import over_neighbors
 from lava_ros.simulation.backend.threads import launch_over, LEAST_SUMS
 from lava_ros.simulation.cells import cell_frame, cell_functions, NEIGHBORS_AT_ONCE
 from lava_ros.simulation.fall import fall_function
-from lava_ros.simulation.fused_stage import Direction, DIRECTORS
+from lava_ros.simulation.fused_stage import DIRECTORS, StageChoice
 from lava_ros.simulation.kernels import (
     bessel,
     k0_within,
@@ -58,7 +58,7 @@ from lava_ros.simulation.kernels import (
     WIDE_K0,
 )
 from lava_ros.simulation.motion import motion_of
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import PARTICLES, State
 from lava_ros.simulation.timestep import pace_type
@@ -198,7 +198,7 @@ def _velocity_function(
         here: vec4,
         p: vec4,
         own: real,
-        m: journey_type(real),
+        m: arguments_type(real),
     ) -> vec3:
         """Thickness and velocity."""
         support = m.constants.radius
@@ -240,7 +240,7 @@ def _velocity_kernel(real: Any, lanes: int, parts: int, is_short: bool, is_wide:
     fallen = fall_function(real)
 
     @quick_kernel
-    def green_velocity(thread: int, m: journey_type(real)):
+    def green_velocity(thread: int, m: arguments_type(real)):
         i = thread // lanes
         lane = thread % lanes
         if i < m.counts[PARTICLES]:
@@ -261,7 +261,7 @@ def _motion_kernel(
     is_short: bool,
     is_wide: bool,
     motion: Any,
-    direct: Any,
+    choose_and_emit: Any,
     bounds: tuple[int, int] | None,
 ) -> Any:
     vec2 = wp.types.vector(2, real)
@@ -272,11 +272,11 @@ def _motion_kernel(
 
     @quick_kernel(bounds=bounds)
     def green_motion(
-        thread: int, pace: pace_type(real), outlets: Outlets, m: journey_type(real)
+        thread: int, pace: pace_type(real), outlets: Outlets, m: arguments_type(real)
     ):
-        if wp.static(direct is not None):
+        if wp.static(choose_and_emit is not None):
             if thread < wp.static(DIRECTORS):
-                direct(thread, pace, outlets, m)
+                choose_and_emit(thread, pace, outlets, m)
                 return
             thread -= wp.static(DIRECTORS)
         i = thread // lanes
@@ -287,7 +287,7 @@ def _motion_kernel(
         f = velocity_of(lane, here, driven, own, m)
         if lane > 0:
             return
-        if wp.static(direct is not None):
+        if wp.static(choose_and_emit is not None):
             wait_for(pace.chosen)
         # read again: it would take registers from the sums
         p = load(m.ordered, i)
@@ -298,11 +298,11 @@ def _motion_kernel(
 
 
 def move_particles(
-    state: State, neighbors: NeighborGrid, way: Any, direction: Direction
+    state: State, neighbors: NeighborGrid, way: Any, choice: StageChoice
 ) -> None:
     """Move the ordered particles over the stage by the Green's function's velocity.
 
-    ``source`` and ``area`` of the state are filled; ``direction`` is chosen and emitted meanwhile.
+    ``source`` and ``area`` of the state are filled; ``choice`` is chosen and emitted meanwhile.
     """
     launch_over(
         state,
@@ -313,13 +313,13 @@ def move_particles(
             state.is_short,
             state.is_wide,
             motion_of(state),
-            direction.function,
-            direction.bounds,
+            choice.function,
+            choice.bounds,
         ),
-        [direction.pace, direction.outlets, way],
+        [choice.pace, choice.outlets, way],
         least=_LEAST_PART,
         lanes=state.lanes,
-        ahead=direction.threads,
+        ahead=choice.threads,
     )
     neighbors.is_binned = state.bins_in_motion
 

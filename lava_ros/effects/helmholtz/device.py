@@ -50,7 +50,7 @@ from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import smoothing_kernel, SmoothingKernel
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.state import ADVECTION, PARTICLES, State
 from lava_ros.simulation.terrain import terrain_functions
 
@@ -170,7 +170,7 @@ def _kernels(
         sums_around = _wide_sums_function(kernel.wide_terms)
 
     @quick_kernel
-    def start(i: int, m: journey_type(real)):
+    def start(i: int, m: arguments_type(real)):
         """Begin with the local velocity; what a sweep needs of a neighbour lies together."""
         if i < m.counts[PARTICLES]:
             p = load(m.ordered, i)
@@ -186,7 +186,7 @@ def _kernels(
     @quick_kernel(bounds=FEW_THREADS if parts > lanes else _MANY_THREADS)
     def sweep(
         thread: int,
-        m: journey_type(real),
+        m: arguments_type(real),
         momentum: real,
         relaxation: real,
         solution: wp.array(dtype=vec2),
@@ -223,7 +223,7 @@ def _kernels(
         next_solution[i] = u + change
 
     @quick_kernel
-    def finish(i: int, m: journey_type(real), solution: wp.array(dtype=vec2)):
+    def finish(i: int, m: arguments_type(real), solution: wp.array(dtype=vec2)):
         if i < m.counts[PARTICLES]:
             p = load(m.layer, i)
             u = fallen(solution[i], p[3], vec2(p[0], p[1]), m)

@@ -60,7 +60,7 @@ from lava_ros.simulation.backend.compiled import (
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.cells import cell_functions
 from lava_ros.simulation.kernels import smoothing_kernel
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.state import ADVECTION, DIFFUSION, FORMER_STEP, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import terrain_functions
 
@@ -96,7 +96,7 @@ def _drag_function(real: Any, effects: Effects) -> Any:
         height: real,
         temperature: real,
         ground: vec2,
-        m: journey_type(real),
+        m: arguments_type(real),
     ) -> vec2:
         """The velocity after the time in which a slope of 1 changes it by ``fall`` [m/s]."""
         pace = wp.length(velocity)
@@ -160,7 +160,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         return real(1.0)
 
     @quick_kernel
-    def synchronize(i: int, m: journey_type(real), number: real):
+    def synchronize(i: int, m: arguments_type(real), number: real):
         """Acceleration from the slope, the velocity half a step after the stored one, limits."""
         if i >= m.counts[PARTICLES]:
             return
@@ -187,7 +187,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         raised(m.rates, ADVECTION, advection)
 
     @quick_kernel
-    def accelerate(i: int, m: journey_type(real)):
+    def accelerate(i: int, m: arguments_type(real)):
         if i >= m.counts[PARTICLES]:
             return
         p = load(m.ordered, i)
@@ -245,7 +245,7 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
                     m.slope[i] = m.slope[i] * (given / work)
 
     @quick_kernel
-    def adopt(i: int, m: journey_type(real)):
+    def adopt(i: int, m: arguments_type(real)):
         if i < m.counts[PARTICLES]:
             m.flow[i] = vec3(m.flow[i][0], m.velocity[i][0], m.velocity[i][1])
 

@@ -36,7 +36,7 @@ from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import load4, quick_kernel
 from lava_ros.simulation.backend.scan import Scan
 from lava_ros.simulation.cells import cell_functions
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.state import ADVECTION, FULL, IS_LAST, PARTICLES, State, STEP
 from lava_ros.simulation.terrain import StaggeredTerrain
 
@@ -64,7 +64,7 @@ def _kernels(
     load = load4(real)
 
     @quick_kernel
-    def wait(thread: int, m: journey_type(real), every: wp.float64):
+    def wait(thread: int, m: arguments_type(real), every: wp.float64):
         """Add up how far the fastest particle goes; ``moved[1]`` is 1 when it is far enough."""
         m.moved[1] = wp.float64(0.0)
         m.slots[0] = 0
@@ -75,7 +75,7 @@ def _kernels(
                 m.moved[1] = wp.float64(1.0)
 
     @wp.func
-    def seek(i: int, m: journey_type(real), area: real, least: real):
+    def seek(i: int, m: arguments_type(real), area: real, least: real):
         """Find who a particle would merge with, or, to split, its nearest neighbour."""
         m.births[i] = 0
         m.partner[i] = -1
@@ -121,13 +121,13 @@ def _kernels(
             m.partner[i] = nearest
 
     @quick_kernel
-    def choose(thread: int, m: journey_type(real), area: real, least: real):
+    def choose(thread: int, m: arguments_type(real), area: real, least: real):
         if m.moved[1] > wp.float64(0.0):
             for i in range(thread, m.births.shape[0], threads):
                 seek(i, m, area, least)
 
     @wp.func
-    def unite(i: int, j: int, m: journey_type(real)):
+    def unite(i: int, j: int, m: arguments_type(real)):
         """Make one of two; the other is left without volume."""
         p = m.particle[i]
         o = m.particle[j]
@@ -154,7 +154,7 @@ def _kernels(
         m.particle[j] = vec4(o[0], o[1], real(0.0), o[3])
 
     @quick_kernel
-    def merge(thread: int, m: journey_type(real)):
+    def merge(thread: int, m: arguments_type(real)):
         """Unite those that chose each other."""
         if m.moved[1] > wp.float64(0.0):
             for i in range(thread, m.counts[PARTICLES], threads):
@@ -164,7 +164,7 @@ def _kernels(
                     unite(i, j, m)
 
     @wp.func
-    def halve(i: int, m: journey_type(real)):
+    def halve(i: int, m: arguments_type(real)):
         """Halve a particle; the second half goes behind the particles there are."""
         slot = m.counts[PARTICLES]
         if wp.static(is_ordered):
@@ -195,14 +195,14 @@ def _kernels(
             m.age[slot] = m.age[i]
 
     @quick_kernel
-    def split(thread: int, m: journey_type(real)):
+    def split(thread: int, m: arguments_type(real)):
         if m.moved[1] > wp.float64(0.0):
             for i in range(thread, m.births.shape[0], threads):
                 if m.births[i] > 0:
                     halve(i, m)
 
     @quick_kernel
-    def count(thread: int, m: journey_type(real)):
+    def count(thread: int, m: arguments_type(real)):
         if m.moved[1] == wp.float64(0.0):
             return
         last = m.births.shape[0] - 1

@@ -45,7 +45,7 @@ from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.checkpoint import fitting
-from lava_ros.simulation.motion_arguments import journey_type
+from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.state import BORDER, HOLES, PARTICLES, State
 from lava_ros.simulation.terrain import ground_type, StaggeredTerrain, terrain_functions
 
@@ -110,7 +110,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     def lay_down(
         i: int,
         p: vec4,
-        m: journey_type(real),
+        m: arguments_type(real),
         widest: wp.float64,
         frame: ground_type(wp.float64),
         deposit: wp.array2d(dtype=wp.int64),
@@ -135,7 +135,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     @quick_kernel
     def freeze(
         thread: int,
-        m: journey_type(real),
+        m: arguments_type(real),
         solidus: wp.float64,
         widest: wp.float64,
         frame: ground_type(wp.float64),
@@ -153,7 +153,7 @@ def _kernels(real: Any, threads: int) -> tuple[Any, Any]:
     @quick_kernel
     def raise_ground(
         thread: int,
-        m: journey_type(real),
+        m: arguments_type(real),
         widest: wp.float64,
         frame: ground_type(wp.float64),
         deposit: wp.array2d(dtype=wp.int64),

@@ -52,7 +52,7 @@ def read(array: Any) -> np.ndarray:
     return values
 
 
-class Look:
+class Readback:
     """Copies of two small arrays, when what is launched before on the same stream is done."""
 
     def __init__(self, arrays: tuple[Any, Any]) -> None:

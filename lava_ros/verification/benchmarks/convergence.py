@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 from lava_ros.hindcast.case import Case
-from lava_ros.hindcast.replicates import run_several
+from lava_ros.hindcast.replicates import run_replicates
 from lava_ros.hindcast.run import Settings, simulate
 from lava_ros.hindcast.score import judge, Score
 from lava_ros.scene import Scene, Vent
@@ -120,7 +120,7 @@ def _footprint(
 ) -> tuple[np.ndarray, np.ndarray, Score, dict[str, Any]]:
     """Cells covered by each run at a preset, their majority footprint, its score, and the cost."""
     settings = Settings(preset, device=device, maps=1)
-    results = run_several(case, settings, runs)
+    results = run_replicates(case, settings, runs)
     alone = simulate(case, settings)
     maps = np.nan_to_num([result.snapshot.thickness for result in results])
     each = maps >= COVERED

@@ -31,8 +31,8 @@ import time
 
 import numpy as np
 
-from lava_ros.ros import active_node as operation
-from lava_ros.ros.active_node import Operation
+from lava_ros.ros import active_node as active
+from lava_ros.ros.active_node import ActiveNode
 from lava_ros.ros.node import main
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.snapshot import PendingSnapshot
@@ -98,15 +98,15 @@ def breaking(name, method):
 
 
 if __name__ == '__main__':
-    operation.STOP_TIMEOUT = operation.CHECKPOINT_TIMEOUT = 1.0
-    operation.HEARTBEAT = 0.2
+    active.STOP_TIMEOUT = active.CHECKPOINT_TIMEOUT = 1.0
+    active.HEARTBEAT = 0.2
     for name, method in (
         ('configure', '_begin'),
         ('activate', '_publish'),
         ('deactivate', 'deactivate'),
         ('cleanup', '_close_bag'),
     ):
-        setattr(Operation, method, breaking(name, getattr(Operation, method)))
+        setattr(ActiveNode, method, breaking(name, getattr(ActiveNode, method)))
     Simulation.advance = faulty_advance
     PendingSnapshot.result = faulty_result
     State._allocate = faulty_allocate

@@ -71,7 +71,7 @@ def _blocks_of(rows: np.ndarray, size: int, blocks: bytes, threads: bytes) -> np
     return np.stack((np.repeat(rows, counts), first, end), axis=1)
 
 
-class Together:
+class BatchedLaunches:
     """Launches of members that go through the same kernels."""
 
     def __init__(self, launches: Sequence[Launch], rows: int, device: Any) -> None:
