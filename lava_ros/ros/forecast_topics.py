@@ -122,8 +122,7 @@ class ForecastTopics:
         self._ensembles.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Weigh members by where lava was observed at ``clock`` [s], as
-        ``EnsembleForecasts.observe`` does.
+        """Weigh members by where lava was observed at ``clock`` [s].
 
         Raises:
             LavaError: The node is not active, or makes no ensembles.
