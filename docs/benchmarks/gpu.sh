@@ -15,7 +15,7 @@ many="python3 docs/benchmarks/members.py --device cuda:0 --machine GPU"
 both="--case $cases/etna2001 --case $cases/etna2006"
 
 declare -A command=(
-    [batch]="python3 -m pytest -q -p no:cacheprovider -p no:launch_testing tests/simulation/test_batch.py tests/simulation/test_looks.py"
+    [batch]="python3 -m pytest -q -p no:cacheprovider -p no:launch_testing tests/simulation/test_batch.py tests/simulation/test_arrival.py"
     [members]="$lava bench members --device cuda:0 --output $out/members.csv"
     [day]="$many $cases/etna2001 --members 256 --repetitions 3"
     [day_standard]="$many $cases/etna2001 --members 256 --repetitions 3 --preset standard"
