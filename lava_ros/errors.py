@@ -38,7 +38,7 @@ class LavaError(ValueError):
 
     Attributes:
         field: Dotted name of what is wrong, for example ``vents[0].discharge``.
-        value: The offending value.
+        value: The offending value; None: it is missing.
         expected: What would be right, as a phrase.
     """
 
@@ -47,7 +47,7 @@ class LavaError(ValueError):
         self.field = field
         self.value = value
         self.expected = expected
-        shown = _cut(_Shown().repr(value), LONGEST_VALUE)
+        shown = 'missing' if value is None else _cut(_Shown().repr(value), LONGEST_VALUE)
         right = one_line(expected, LONGEST_EXPECTED)
         super().__init__(f'{one_line(field, LONGEST_FIELD)} is {shown}, expected {right}')
 

@@ -91,7 +91,7 @@ def test_keys_names_unknown_and_missing_keys():
     """An unknown key is named with the allowed ones, a missing one by its own name."""
     with pytest.raises(LavaError, match='vent.flux is 1.0, expected no such key; one of a, b'):
         validation.keys('vent', {'flux': 1.0}, allowed=['a', 'b'])
-    with pytest.raises(LavaError, match='vent.a is None'):
+    with pytest.raises(LavaError, match='vent.a is missing'):
         validation.keys('vent', {'b': 1.0}, allowed=['a', 'b'], required=['a'])
     with pytest.raises(LavaError, match='vent is 3'):
         validation.keys('vent', 3, allowed=['a'])

@@ -45,5 +45,5 @@ def require(package: str, field: str, value: object = None) -> None:
     """Raise LavaError, which says how to install it, for a package that is missing."""
     if not is_installed(package):
         name = package.partition('.')[0]
-        right = f"{name}, which pip install 'lava_ros[{_EXTRAS[name]}]' brings"
-        raise LavaError(field, value, right)
+        right = f"an installation with {name}: pip install 'lava_ros[{_EXTRAS[name]}]'"
+        raise LavaError(f'{name} for {field}' if value is None else field, value, right)

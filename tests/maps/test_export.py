@@ -162,7 +162,7 @@ def test_a_bag_without_coordinate_system(tmp_path):
     # GDAL's refusal names the code, and GeoJSON has longitudes
     with pytest.raises(LavaError, match='epsg is 999999'):
         export_bag(bag, tmp_path / 'out', epsg=999_999)
-    with pytest.raises(LavaError, match='epsg is None, expected the EPSG code'):
+    with pytest.raises(LavaError, match='epsg is missing, expected the EPSG code'):
         export_bag(bag, tmp_path / 'out', formats=['geojson'])
     assert not (tmp_path / 'out').exists()
     exported = export_bag(bag, tmp_path / 'plain', maps=['hazard'])

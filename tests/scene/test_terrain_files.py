@@ -346,7 +346,7 @@ def test_bad_geotiff(
     ('data', 'message'),
     [
         ({'resolution': 30.0}, 'elevation'),
-        ({'elevation': NORTH_FIRST}, 'dx is None'),
+        ({'elevation': NORTH_FIRST}, 'dx is missing'),
         ({'elevation': NORTH_FIRST, 'resolution': 1.0, 'height': 1.0}, 'no such key'),
         ({'elevation': np.array([None, 1]), 'resolution': 1.0}, 'a readable .npz file'),
         ({'elevation': np.arange(4.0), 'resolution': 1.0}, 'numbers .m. of shape .rows, columns.'),
