@@ -14,6 +14,7 @@
 
 """What ROS's linters ask of every file, where there are none: headers, XML, whitespace."""
 
+import csv
 from pathlib import Path
 import re
 import subprocess
@@ -64,6 +65,17 @@ def test_text_files_end_as_texts_do() -> None:
 def test_xml_is_well_formed(path: Path) -> None:
     """As xmllint asks."""
     ElementTree.parse(path)
+
+
+def test_committed_tables_are_tables() -> None:
+    """Each row has a value for each name: nothing else that was printed is in them."""
+    paths = list((ROOT / 'docs/benchmarks').glob('*.csv'))
+    assert paths
+    for path in paths:
+        with path.open(newline='', encoding='utf-8') as file:
+            names, *rows = csv.reader(file)
+        assert len(names) > 1 and rows, path
+        assert {len(row) for row in rows} == {len(names)}, path
 
 
 def test_package_xml_has_the_order_of_its_schema() -> None:

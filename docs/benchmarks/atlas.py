@@ -26,6 +26,7 @@ Remote Sensing 14, 1366: after 0.5 to 29 %).
 """
 
 import argparse
+from contextlib import redirect_stdout
 import csv
 import json
 from pathlib import Path
@@ -113,7 +114,10 @@ def main():
     words += ['--horizon', f'{24 * args.days}h']
     words += ['--members', str(args.members), '--device', args.device]
     start = time.perf_counter()
-    if cli.main(words):
+    # standard output is for the table
+    with redirect_stdout(sys.stderr):
+        status = cli.main(words)
+    if status:
         sys.exit(1)
     taken = time.perf_counter() - start
     told = json.loads(result.read_text())
