@@ -102,8 +102,7 @@ def _lines(bag: BagReader) -> list[str]:
     if bag.start_ns is not None:
         lines.append(f'start      {_moment(bag.start_ns)}')
         lines.append(f'duration   {bag.duration_ns / 1e9:.3f} s')
-    count = bag.message_count
-    lines.append(f'messages   {"unknown" if count is None else count}')
+    lines.append(f'messages   {bag.message_count}')
     resumed = known['resumed_from']
     if resumed is not None:
         lines.append(f'resumed    at {resumed["time"]:.3f} s simulated, from {resumed["bag"]}')
@@ -162,8 +161,7 @@ def _file_line(file: McapFile, start_ns: int) -> str:
     if file.start_ns is not None and file.end_ns is not None:
         first, last = ((item - start_ns) / 1e9 for item in (file.start_ns, file.end_ns))
         words.append(f'{first:.3f} to {last:.3f} s')
-    if file.message_count is not None:
-        words.append(f'{file.message_count} messages')
+    words.append(f'{file.message_count} messages')
     return ', '.join(words) + ('' if file.finished else ', cut off')
 
 
@@ -172,9 +170,9 @@ def _topic_lines(topics: list[Topic]) -> list[str]:
         return []
     rows = [('topic', 'type', 'count', 'reliability', 'durability')]
     for topic in topics:
-        count = 'unknown' if topic.count is None else str(topic.count)
-        qos = topic.qos
-        rows.append((topic.name, topic.message_type, count, qos.reliability, qos.durability))
+        name, qos = topic.name, topic.qos
+        row = name, topic.message_type, str(topic.count), qos.reliability, qos.durability
+        rows.append(row)
     return ['', *table_lines(rows, '<<<<<')]
 
 
