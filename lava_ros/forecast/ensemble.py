@@ -28,7 +28,7 @@ import numpy as np
 import lava_ros
 from lava_ros import validation
 from lava_ros.errors import LavaError
-from lava_ros.files import replacing, write_output
+from lava_ros.files import write_output, writing
 from lava_ros.files.npz import read_arrays
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
 from lava_ros.forecast.members import batch_of, Plan, running
@@ -90,18 +90,14 @@ class Store:
         Raises:
             LavaError: It cannot be written.
         """
-        path = self._path(footprint.index)
-        try:
-            with replacing(path) as fresh, fresh.open('wb') as file:
-                np.savez_compressed(
-                    file,
-                    look=footprint.look,
-                    millimetres=footprint.millimetres,
-                    corner=np.array(footprint.corner, dtype=np.int32),
-                    left=np.array([footprint.left]),
-                )
-        except OSError as error:
-            raise LavaError('--output', str(path), f'a file to write ({error})') from error
+        with writing('--output', self._path(footprint.index)) as fresh, fresh.open('wb') as file:
+            np.savez_compressed(
+                file,
+                look=footprint.look,
+                millimetres=footprint.millimetres,
+                corner=np.array(footprint.corner, dtype=np.int32),
+                left=np.array([footprint.left]),
+            )
 
     def finished(self, count: int) -> Iterator[Footprint]:
         """Read those of the first members that are there and undamaged, in order."""
