@@ -91,7 +91,7 @@ class Looking:
         if self.simulation.advance(due, wall_limit=wall_limit) >= due:
             self._check_size(self.simulation.particle_count)
             self.simulation.look(self._looks)
-            self._check_flow()
+            self._check_flow(self._looks.flaw())
             self._done += 1
 
     def advancing(self) -> Iterator[None]:
@@ -113,16 +113,16 @@ class Looking:
         Raises:
             LavaError: The flow cannot be shown as a map.
         """
-        self._check_flow()
-        return self.simulation.seen(self._looks, where_wet=where_wet)
+        seen = self.simulation.seen(self._looks, where_wet=where_wet)
+        self._check_flow(seen.flaw)
+        return seen
 
     def _check_size(self, count: int) -> None:
         if self._max_particles is not None and count > self._max_particles:
             right = f'at most {self._max_particles} (max_particles)'
             raise LavaError(f'particles{self._of}', count, right)
 
-    def _check_flow(self) -> None:
-        flaw = self._looks.flaw()
+    def _check_flow(self, flaw: str) -> None:
         if flaw:
             raise LavaError(f'flow{self._of}', flaw, 'one that can be shown as a map')
 

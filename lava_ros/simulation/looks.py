@@ -28,18 +28,21 @@ import numpy as np
 import warp as wp
 
 from lava_ros.simulation.backend.compiled import quick_kernel
+from lava_ros.simulation.backend.memory import zeros
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.state import State, TIME
 
 #: Sweeps over the cells in a launch, and launches between two questions whether the last one has
 #: changed anything; by whether it is a GPU, whose threads see what others change meanwhile.
-_SWEEPS = {True: (192, 1), False: (1, 16)}
+_SWEEPS = {True: (192, 2), False: (1, 16)}
 
-# Places in Looks.count.
+# Places in _Looks.count.
 _LOOKS = wp.constant(0)
 _FLAW = wp.constant(1)
-_CHANGED = wp.constant(2)
+_NUMBERED = wp.constant(2)
+_ENDED = wp.constant(3)
+_COUNTS = 4
 
 _NEVER = wp.constant(math.nan)
 
@@ -54,11 +57,14 @@ class _Looks:
     ``look`` is the number from 1 on of the look that first saw lava there, 0 before. ``share`` is
     the share of the time between two looks that had passed then, -1 where a front ran. ``place``
     numbers those cells along a front, from 1 on, and ``last`` is the largest number of their
-    branch.
+    branch. ``count`` has the looks so far, the number of a flaw, and whether the last sweep has
+    changed numbers, and the largest ones. ``rows`` and ``columns`` are 1 where lava was.
     """
 
     threshold: wp.float32
     count: wp.array(dtype=wp.int32)
+    rows: wp.array(dtype=wp.int32)
+    columns: wp.array(dtype=wp.int32)
     times: wp.array(dtype=wp.float64)
     former: wp.array2d(dtype=wp.float32)
     look: wp.array2d(dtype=wp.int32)
@@ -138,27 +144,28 @@ def _keep(
 
 
 @quick_kernel(fast_math=False)
-def _mark(
-    thread: int,
-    looks: _Looks,
-    rows: wp.array(dtype=wp.int32),
-    columns: wp.array(dtype=wp.int32),
-):
+def _mark(thread: int, looks: _Looks):
     """Mark the rows and the columns where lava was."""
     i = thread // looks.look.shape[1]
     j = thread % looks.look.shape[1]
     if looks.thickness[i, j] > wp.float32(0.0):
-        rows[i] = 1
-        columns[j] = 1
+        looks.rows[i] = 1
+        looks.columns[j] = 1
+
+
+@wp.func
+def _cell(thread: int, corner: wp.vec2i, columns: int) -> wp.vec2i:
+    """Row and column of a cell of a part."""
+    return corner + wp.vec2i(thread // columns, thread % columns)
 
 
 @quick_kernel(fast_math=False)
 def _number(
-    thread: int, looks: _Looks, first_row: int, first_column: int, columns: int, sweeps: int
+    thread: int, looks: _Looks, corner: wp.vec2i, columns: int, sweeps: int, is_last: bool
 ):
     """Number the new cells of a look from those beside lava on, whose number is 1."""
-    i = first_row + thread // columns
-    j = first_column + thread % columns
+    cell = _cell(thread, corner, columns)
+    i, j = cell[0], cell[1]
     own = looks.look[i, j]
     if own < 2:
         return
@@ -172,16 +179,17 @@ def _number(
                     place = other + 1
         if place != looks.place[i, j]:
             looks.place[i, j] = place
-            looks.count[_CHANGED] = 1
+            if is_last:
+                looks.count[_NUMBERED] = 1
 
 
 @quick_kernel(fast_math=False)
 def _end(
-    thread: int, looks: _Looks, first_row: int, first_column: int, columns: int, sweeps: int
+    thread: int, looks: _Looks, corner: wp.vec2i, columns: int, sweeps: int, is_last: bool
 ):
     """Find the largest number that rising numbers lead to."""
-    i = first_row + thread // columns
-    j = first_column + thread % columns
+    cell = _cell(thread, corner, columns)
+    i, j = cell[0], cell[1]
     place = looks.place[i, j]
     if place == 0:
         return
@@ -194,39 +202,34 @@ def _end(
                     last = wp.max(last, looks.last[row, column])
         if last != looks.last[i, j]:
             looks.last[i, j] = last
-            looks.count[_CHANGED] = 1
+            if is_last:
+                looks.count[_ENDED] = 1
 
 
 @quick_kernel(fast_math=False)
-def _show(
+def _write(
     thread: int,
     looks: _Looks,
-    first_row: int,
-    first_column: int,
+    corner: wp.vec2i,
     columns: int,
-    arrival: wp.array2d(dtype=wp.float64),
-    thickness: wp.array2d(dtype=wp.float32),
-    temperature: wp.array2d(dtype=wp.float32),
+    shown: wp.array(dtype=wp.vec3d),
 ):
-    """Write what has been seen of a part of the cells."""
-    row = thread // columns
-    column = thread % columns
-    i = first_row + row
-    j = first_column + column
-    thickness[row, column] = looks.thickness[i, j]
-    temperature[row, column] = looks.temperature[i, j]
-    arrival[row, column] = wp.float64(_NEVER)
+    """Write arrival, thickness and temperature of a part of the cells."""
+    cell = _cell(thread, corner, columns)
+    i, j = cell[0], cell[1]
+    arrival = wp.float64(_NEVER)
     look = looks.look[i, j]
-    if look == 0:
-        return
-    share = wp.float64(looks.share[i, j])
-    if share < wp.float64(0.0):
-        share = wp.float64(0.0)
-        if looks.place[i, j] > 0:
-            place = wp.float64(looks.place[i, j]) - wp.float64(0.5)
-            share = place / wp.float64(looks.last[i, j])
-    before = looks.times[wp.max(look - 2, 0)]
-    arrival[row, column] = before + share * (looks.times[look - 1] - before)
+    if look > 0:
+        share = wp.float64(looks.share[i, j])
+        if share < wp.float64(0.0):
+            share = wp.float64(0.0)
+            if looks.place[i, j] > 0:
+                place = wp.float64(looks.place[i, j]) - wp.float64(0.5)
+                share = place / wp.float64(looks.last[i, j])
+        before = looks.times[wp.max(look - 2, 0)]
+        arrival = before + share * (looks.times[look - 1] - before)
+    thickness, temperature = looks.thickness[i, j], looks.temperature[i, j]
+    shown[thread] = wp.vec3d(arrival, wp.float64(thickness), wp.float64(temperature))
 
 
 class Seen(NamedTuple):
@@ -238,12 +241,14 @@ class Seen(NamedTuple):
             was none.
         thickness: Largest thickness [m], float32, same shape; NaN where the terrain has no data.
         temperature: Highest temperature [K], float32, same shape; NaN without lava.
+        flaw: What makes a look unfit to be shown as a map; empty when nothing does.
     """
 
     corner: tuple[int, int]
     arrival: np.ndarray
     thickness: np.ndarray
     temperature: np.ndarray
+    flaw: str
 
 
 class Looks:
@@ -258,16 +263,23 @@ class Looks:
             most: Looks there can be.
             device: Warp device.
         """
+        self._shape, self._cells = shape, shape[0] * shape[1]
         self._looks = _Looks()
         self._looks.threshold = threshold
-        self._looks.count = wp.zeros(3, dtype=wp.int32, device=device)
-        self._looks.times = wp.zeros(most, dtype=wp.float64, device=device)
-        for name, kind in _Looks.__annotations__.items():
-            if getattr(kind, 'ndim', 0) == 2:
-                value = np.nan if name in Seen._fields else 0
-                array = wp.full(shape, value, dtype=kind.dtype, device=device)
-                setattr(self._looks, name, array)
-        self._shape, self._cells = shape, shape[0] * shape[1]
+        maps = ('former', 'look', 'share', 'place', 'last')
+        kinds = {name: (_Looks.__annotations__[name].dtype, self._cells) for name in maps}
+        kinds['times'] = wp.float64, most
+        kinds['noted'] = wp.int32, _COUNTS + sum(shape)
+        arrays = zeros(kinds, device)
+        arrays |= {name: arrays[name].reshape(shape) for name in maps}
+        #: The counts and what ``_mark`` marks: one copy brings all of it to the host.
+        self._noted = noted = arrays.pop('noted')
+        ends = _COUNTS, _COUNTS + shape[0]
+        arrays |= {'count': noted[: ends[0]], 'rows': noted[ends[0] : ends[1]]}
+        unknown = wp.full((2, *shape), np.nan, dtype=wp.float32, device=device)
+        arrays |= {'columns': noted[ends[1] :], 'thickness': unknown[0], 'temperature': unknown[1]}
+        for name, array in arrays.items():
+            setattr(self._looks, name, array)
 
     def take(self, state: State, known: Any, thickness: Any, temperature: Any) -> None:
         """Take a look, later than the one before.
@@ -288,38 +300,33 @@ class Looks:
 
     def seen(self, state: State, *, where_wet: bool = False) -> Seen:
         """What has been seen so far, of all cells or of the rectangle of wet ones."""
-        rows, columns = self._shape
-        part = self._wet_part(state) if where_wet else (0, 0, rows, columns)
-        shape = part[2:]
-        device = self._looks.count.device
-        found = [
-            wp.empty(shape, dtype=kind, device=device)
-            for kind in (wp.float64, wp.float32, wp.float32)
-        ]
-        if shape[0] * shape[1]:
-            launch = partial(launch_over, state, count=shape[0] * shape[1])
-            inputs = [self._looks, *part[:2], shape[1]]
-            sweeps, launches = _SWEEPS[device.is_cuda]
-            for kernel in (_number, _end):
-                has_changed = True
-                while has_changed:
-                    for _ in range(launches - 1):
-                        launch(kernel, [*inputs, sweeps])
-                    self._looks.count[_CHANGED : _CHANGED + 1].zero_()
-                    launch(kernel, [*inputs, sweeps])
-                    has_changed = bool(read(self._looks.count)[_CHANGED])
-            launch(_show, [*inputs, *found])
-        return Seen(part[:2], *(read(one) for one in found))
+        launch_over(state, _mark, [self._looks], count=self._cells)
+        counts, *marks = np.split(read(self._noted), np.cumsum((_COUNTS, self._shape[0])))
+        first, shape = (0, 0), self._shape
+        if where_wet:
+            rows, columns = (np.flatnonzero(one).tolist() or [0, -1] for one in marks)
+            first = rows[0], columns[0]
+            shape = rows[-1] + 1 - first[0], columns[-1] + 1 - first[1]
+        shown = wp.empty(shape[0] * shape[1], dtype=wp.vec3d, device=self._noted.device)
+        if shown.size:
+            self._show(state, shown, [self._looks, wp.vec2i(*first), shape[1]])
+        arrival, thickness, temperature = np.moveaxis(read(shown).reshape(*shape, 3), -1, 0)
+        kept = (one.astype(np.float32) for one in (thickness, temperature))
+        return Seen(first, np.ascontiguousarray(arrival), *kept, _FLAWS[counts[_FLAW]])
 
-    def _wet_part(self, state: State) -> tuple[int, int, int, int]:
-        """First row and column of the rectangle of wet cells, and how many it has of them."""
-        device = self._looks.count.device
-        marks = wp.zeros(sum(self._shape), dtype=wp.int32, device=device)
-        parts = [marks[: self._shape[0]], marks[self._shape[0] :]]
-        launch_over(state, _mark, [self._looks, *parts], count=self._cells)
-        rows, columns = (
-            np.flatnonzero(part).tolist() for part in np.split(read(marks), self._shape[:1])
-        )
-        if not rows:
-            return 0, 0, 0, 0
-        return rows[0], columns[0], rows[-1] - rows[0] + 1, columns[-1] - columns[0] + 1
+    def _show(self, state: State, shown: Any, part: list[Any]) -> None:
+        """Write arrival, thickness and temperature of a part: looks, corner and columns."""
+        launch = partial(launch_over, state, count=shown.size)
+        count, (sweeps, launches) = self._looks.count, _SWEEPS[state.device.is_cuda]
+        has_changed = True
+        while has_changed:
+            count[_NUMBERED:].zero_()
+            for kernel in (_number, _end):
+                for number in range(launches):
+                    launch(kernel, [*part, sweeps, number == launches - 1])
+            launch(_write, [*part, shown])
+            numbered, ended = read(count)[_NUMBERED:]
+            if numbered:
+                # those of too large numbers
+                self._looks.last.zero_()
+            has_changed = numbered or ended

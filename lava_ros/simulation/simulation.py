@@ -493,10 +493,8 @@ class Simulation:
         """Put a terrain, and the grids and kernels that depend on it, on the device."""
         accuracy = self.accuracy
         # what freezes raises the ground of this simulation alone
-        staggered = (
-            StaggeredTerrain if 'solidification' in self.effects else StaggeredTerrain.shared
-        )
-        self._terrain = staggered(terrain, accuracy.precision, self._device)
+        shared = StaggeredTerrain.shared(terrain, accuracy.precision, self._device)
+        self._terrain = shared.own() if 'solidification' in self.effects else shared
         self._neighbors = NeighborGrid(self._terrain, self.radius, accuracy.ratio, self._device)
         output_radius = max(accuracy.raster_ratio * self.radius, 1.5 * terrain.resolution)
         self._raster = Raster(
@@ -564,8 +562,7 @@ class Simulation:
             start, end = np.subtract((vent.position, vent.end or vent.position), centre)
             count = 1 + math.ceil(math.dist(start, end) / resolution)
             every.append(start + np.linspace(0.0, 1.0, count)[:, None] * (end - start))
-        top = max(float(read(self._state.top)[0]), self._terrain.highest(np.concatenate(every)))
-        self._state.top.fill_(top)
+        self._terrain.raise_to(np.concatenate(every), self._state.top)
 
     def _append(self, rows: np.ndarray | list[tuple[float, ...]]) -> None:
         """Add particles given as (map x, map y, volume, temperature)."""

@@ -20,8 +20,8 @@ comes to rest. Here it is the gradient of the quadratic B-spline of the heights:
 own direction, quadratic across, the same at the corners, and curl-free.
 """
 
+from copy import copy
 from functools import lru_cache
-import math
 from typing import Any, NamedTuple
 from weakref import WeakValueDictionary
 
@@ -30,7 +30,6 @@ import warp as wp
 
 from lava_ros.scene import Terrain
 from lava_ros.simulation.backend.compiled import load9
-from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.state import BORDER, centre_of, HOLES, REAL
 
 
@@ -61,6 +60,7 @@ class StaggeredTerrain:
     Attributes:
         height: Elevation of the cells and of a ring around them, above the mean [m], shape
             [rows + 2, columns + 2].
+        bare: The same without lava that has frozen.
         known: 1 for cells with data, 0 for others, shape [rows, columns].
         ground: All of it, as kernels take it.
         exact_ground: The same in float64, without elevations.
@@ -69,7 +69,8 @@ class StaggeredTerrain:
     def __init__(self, terrain: Terrain, precision: str, device: Any) -> None:
         """Put the heights on the device."""
         rows, columns = terrain.shape
-        self.height = wp.array(ringed_heights(terrain), dtype=REAL[precision], device=device)
+        self.bare = wp.array(ringed_heights(terrain), dtype=REAL[precision], device=device)
+        self.height = self.bare
         self.known = wp.array(terrain.has_data.astype(np.uint8), dtype=wp.uint8, device=device)
         x0, y0 = np.asarray(terrain.origin) - centre_of(terrain)
         self.ground, self.exact_ground = (
@@ -91,36 +92,44 @@ class StaggeredTerrain:
             staggered = _shared[key] = cls(terrain, precision, device)
         return staggered
 
-    def highest(self, places: np.ndarray) -> float:
-        """Height of the highest of some places [m].
+    def own(self) -> 'StaggeredTerrain':
+        """The same with a ``height`` that may be written to."""
+        terrain = copy(self)
+        terrain.height = wp.clone(self.bare)
+        terrain.ground = ground_type(self.height.dtype)()
+        terrain.ground.assign(self.ground)
+        terrain.ground.elevation = terrain.height
+        return terrain
+
+    def raise_to(self, places: np.ndarray, top: Any) -> None:
+        """Raise a height to that of the highest of some places.
 
         Args:
             places: Positions relative to the terrain's centre [m], shape [count, 2].
+            top: The height [m], shape [1], on the device.
         """
         real, device = self.height.dtype, self.height.device
-        heights = wp.empty(len(places), dtype=real, device=device)
         where = wp.array(places, dtype=wp.types.vector(2, real), device=device)
-        wp.launch(_heights(real), len(places), [where, self.ground], [heights], device=device)
-        return float(read(heights).max(initial=-math.inf))
+        wp.launch(_raise(real), len(places), [where, self.ground], [top], device=device)
 
 
 _shared: WeakValueDictionary[tuple[Terrain, str, str], StaggeredTerrain] = WeakValueDictionary()
 
 
 @lru_cache
-def _heights(real: Any) -> Any:
+def _raise(real: Any) -> Any:
     height_at = terrain_functions(real).height_at
 
     @wp.kernel(module='unique', enable_backward=False)
-    def heights_at(
+    def raise_top(
         places: wp.array(dtype=wp.types.vector(2, real)),
         ground: ground_type(real),
-        heights: wp.array(dtype=real),
+        top: wp.array(dtype=real),
     ):
-        i = wp.tid()
-        heights[i] = height_at(ground, places[i][0], places[i][1])
+        place = places[wp.tid()]
+        wp.atomic_max(top, 0, height_at(ground, place[0], place[1]))
 
-    return heights_at
+    return raise_top
 
 
 @lru_cache(maxsize=1)

@@ -17,6 +17,7 @@
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Sequence
 from functools import lru_cache
+from itertools import pairwise
 import math
 from typing import Any
 
@@ -183,11 +184,14 @@ class VentSet:
         self.released = wp.zeros(max(1, len(self.vents)), dtype=wp.int32, device=device)
         self.due = wp.zeros(len(self.vents), dtype=wp.vec2d, device=device)
         self.outlets = Outlets()
-        self.outlets.shape = wp.array(shape, dtype=wp.float64, ndim=2, device=device)
         self.outlets.starts = wp.array(starts, dtype=wp.int32, device=device)
-        self.outlets.times = wp.array(times, dtype=wp.float64, device=device)
-        self.outlets.fluxes = wp.array(fluxes, dtype=wp.float64, device=device)
-        self.outlets.volumes = wp.array(volumes, dtype=wp.float64, device=device)
+        # in one copy, and a number more: Warp gives no part of length 0 at an array's end
+        rows = [shape.ravel(), times, fluxes, volumes]
+        table = wp.array([*np.concatenate(rows), 0.0], dtype=wp.float64, device=device)
+        ends = np.cumsum([0, *map(len, rows)]).tolist()
+        parts = [table[first:end] for first, end in pairwise(ends)]
+        self.outlets.shape = parts[0].reshape(shape.shape)
+        self.outlets.times, self.outlets.fluxes, self.outlets.volumes = parts[1:]
         self.outlets.particle_volume = particle_volume
         self.outlets.most = max(_MOST_A_STEP // max(len(self.vents), 1), _LEAST_MOST)
         self.outlets.released, self.outlets.due = self.released, self.due

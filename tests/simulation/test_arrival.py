@@ -72,7 +72,7 @@ def seen_of(looks, device, threshold=0.1):
     wet = np.zeros(seen.arrival.shape, dtype=bool)
     wet[rows, columns] = True
     assert not (seen.thickness[~wet] > 0.0).any()
-    for whole, some in zip(seen[1:], part[1:], strict=True):
+    for whole, some in zip(seen[1:4], part[1:4], strict=True):
         np.testing.assert_array_equal(whole[rows, columns], some)
     return seen
 

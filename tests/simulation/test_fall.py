@@ -16,6 +16,7 @@
 
 import numpy as np
 import pytest
+import warp as wp
 
 from lava_ros.scene import Lava, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
@@ -33,8 +34,12 @@ def heads(simulation):
     sample = simulation.sample()
     terrain = simulation.scene.terrain
     places = sample.position - 0.5 * np.add(terrain.extent[:2], terrain.extent[2:])
-    height = np.array([simulation._terrain.highest(place[None]) for place in places])
-    fall = np.maximum(simulation._state.top.numpy()[0] - height, 0.0)
+    highest = np.full(len(places), -FAR)
+    for n, place in enumerate(places):
+        height = wp.full(1, -FAR, dtype=simulation._state.real, device=simulation.device)
+        simulation._terrain.raise_to(place[None], height)
+        highest[n] = height.numpy()[0]
+    fall = np.maximum(simulation._state.top.numpy()[0] - highest, 0.0)
     return (sample.velocity**2).sum(axis=1) / (2.0 * 9.81) - fall - sample.thickness
 
 

@@ -213,7 +213,6 @@ class AfterStep:
         self._widest = accuracy.ratio * accuracy.spacing / 1.5
         self._scene_terrain = scene.terrain
         self._terrain = terrain
-        self._ground = wp.clone(terrain.height)
         self._deposit = wp.zeros(terrain.height.shape, dtype=wp.int64, device=state.device)
 
     def apply(self, state: State, way: Any) -> None:
@@ -222,7 +221,7 @@ class AfterStep:
         freeze, raise_ground = _kernels(state.real, threads)
         laid = [self._widest, self._terrain.exact_ground, self._deposit]
         state.launches(freeze, [way, self._solidus, *laid], dim=threads)
-        state.launches(raise_ground, [way, *laid, self._ground], dim=threads)
+        state.launches(raise_ground, [way, *laid, self._terrain.bare], dim=threads)
 
     def show(self, state: State, grids: Any) -> None:
         """Add the frozen lava to a map.
@@ -277,7 +276,7 @@ class AfterStep:
 
     def _lay(self, parts: np.ndarray) -> None:
         self._deposit.assign(parts)
-        self._terrain.height.assign(self._ground.numpy().astype(np.float64) + parts * _PART)
+        self._terrain.height.assign(self._terrain.bare.numpy().astype(np.float64) + parts * _PART)
 
 
 def _shared(values: np.ndarray, before: Terrain, after: Terrain, axis: int) -> np.ndarray:
