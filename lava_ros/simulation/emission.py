@@ -187,4 +187,4 @@ def emit(state: State, vents: VentSet, way: Any) -> None:
 
 def emitters(state: State, most: int) -> int:
     """Threads that emit: one for all vents gives their particles the same order in every run."""
-    return 1 if state.is_deterministic else most
+    return most if state.device.is_cuda and not state.is_deterministic else 1

@@ -12,14 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The choice of a stage, and emission, by the first block of the motion's threads.
+"""The choice of a stage, and emission, by one block of threads: the first of the motion's.
 
 What one thread does when all rates are known takes a GPU as long as two starts of kernels. The
 Green's function's sums need nothing of it: the first block of their threads chooses the stage
 while the others sum up, which wait for it before they move, and lets the vents emit while those
 move. So does that of the motion alone with few particles, where a stage is little else than such
-starts; with many the others would wait. A GPU starts blocks in the order of their numbers, and the
-first one waits for none.
+starts; with many the others would wait, and the block is a launch of its own. A GPU starts blocks
+in the order of their numbers, and the first one waits for none.
 """
 
 from functools import lru_cache
@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import announce, FEW_THREADS
+from lava_ros.simulation.backend.compiled import announce, FEW_THREADS, quick_kernel
 from lava_ros.simulation.emission import emission_of, emitters
 from lava_ros.simulation.motion_arguments import arguments_type
 from lava_ros.simulation.state import State
@@ -81,6 +81,17 @@ def _function(real: Any, choose: Any, emission: Any, emitters: int) -> Any:
     return choose_and_emit
 
 
+@lru_cache
+def _kernel(real: Any, function: Any) -> Any:
+    @quick_kernel
+    def choose_stage(
+        thread: int, pace: pace_type(real), outlets: Outlets, m: arguments_type(real)
+    ):
+        function(thread, pace, outlets, m)
+
+    return choose_stage
+
+
 def is_within_the_motion(state: State, *, sums_up: bool) -> bool:
     """Whether the motion chooses its stage: ``sums_up`` says whether it sums before it moves.
 
@@ -98,3 +109,16 @@ def choice_within_motion(state: State, pace: Any, vents: VentSet) -> StageChoice
     function = _function(state.real, choice_of(state), emission, threads)
     has_long_sums = state.is_short or state.lanes < state.parts
     return StageChoice(pace, vents.outlets, function, BOUNDS[has_long_sums])
+
+
+def choose_before_motion(state: State, choice: StageChoice, way: Any) -> StageChoice:
+    """Do before a motion what ``choice`` would do within it, in a launch of one block.
+
+    Returns:
+        What the motion takes then.
+    """
+    threads = DIRECTORS if state.device.is_cuda else 1
+    arguments = [choice.pace, choice.outlets, way]
+    kernel = _kernel(state.real, choice.function)
+    state.launches(kernel, arguments, dim=threads, block_dim=threads)
+    return StageChoice(choice.pace, choice.outlets)

@@ -27,22 +27,24 @@ from typing import Any, NamedTuple
 import numpy as np
 import warp as wp
 
-from lava_ros.simulation.backend.compiled import quick_kernel
+from lava_ros.simulation.backend.compiled import any_in_block, quick_kernel
 from lava_ros.simulation.backend.memory import zeros
 from lava_ros.simulation.backend.streams import read
 from lava_ros.simulation.backend.threads import launch_over
 from lava_ros.simulation.state import State, TIME
 
-#: Sweeps over the cells in a launch, and launches between two questions whether the last one has
-#: changed anything; by whether it is a GPU, whose threads see what others change meanwhile.
-_SWEEPS = {True: (192, 2), False: (1, 16)}
+#: Threads of the block that follows the fronts of a look.
+_THREADS = 1024
 
-# Places in _Looks.count.
+# Places in _Looks.count. The last ones are of the rectangle of wet cells: rows from its first one
+# to the map's end, and up to its last one; columns likewise.
 _LOOKS = wp.constant(0)
 _FLAW = wp.constant(1)
-_NUMBERED = wp.constant(2)
-_ENDED = wp.constant(3)
-_COUNTS = 4
+_ROWS_ON = wp.constant(2)
+_ROWS = wp.constant(3)
+_COLUMNS_ON = wp.constant(4)
+_COLUMNS = wp.constant(5)
+_COUNTS = 6
 
 _NEVER = wp.constant(math.nan)
 
@@ -57,8 +59,8 @@ class _Looks:
     ``look`` is the number from 1 on of the look that first saw lava there, 0 before. ``share`` is
     the share of the time between two looks that had passed then, -1 where a front ran. ``place``
     numbers those cells along a front, from 1 on, and ``last`` is the largest number of their
-    branch. ``count`` has the looks so far, the number of a flaw, and whether the last sweep has
-    changed numbers, and the largest ones. ``rows`` and ``columns`` are 1 where lava was.
+    branch. ``count`` has the looks so far, the number of a flaw and the rectangle of wet cells;
+    ``rows`` and ``columns`` are 1 where lava was.
     """
 
     threshold: wp.float32
@@ -107,6 +109,8 @@ def _compare(
         looks.thickness[i, j] = height
     if height == wp.float32(0.0):
         return
+    looks.rows[i] = 1
+    looks.columns[j] = 1
     if not (wp.isfinite(heat) and heat > wp.float32(0.0)):
         looks.count[_FLAW] = 2
         return
@@ -128,95 +132,97 @@ def _compare(
 
 
 @quick_kernel(fast_math=False)
-def _keep(
-    thread: int,
-    thickness: wp.array2d(dtype=wp.float32),
-    clock: wp.array(dtype=wp.float64),
-    looks: _Looks,
-):
+def _keep(thread: int, thickness: wp.array2d(dtype=wp.float32), looks: _Looks):
     """Keep the map for the next look."""
     i = thread // thickness.shape[1]
     j = thread % thickness.shape[1]
     looks.former[i, j] = thickness[i, j]
-    if thread == 0:
-        looks.times[looks.count[_LOOKS]] = clock[TIME]
-        looks.count[_LOOKS] += 1
-
-
-@quick_kernel(fast_math=False)
-def _mark(thread: int, looks: _Looks):
-    """Mark the rows and the columns where lava was."""
-    i = thread // looks.look.shape[1]
-    j = thread % looks.look.shape[1]
-    if looks.thickness[i, j] > wp.float32(0.0):
-        looks.rows[i] = 1
-        looks.columns[j] = 1
 
 
 @wp.func
-def _cell(thread: int, corner: wp.vec2i, columns: int) -> wp.vec2i:
-    """Row and column of a cell of a part."""
-    return corner + wp.vec2i(thread // columns, thread % columns)
-
-
-@quick_kernel(fast_math=False)
-def _number(
-    thread: int, looks: _Looks, corner: wp.vec2i, columns: int, sweeps: int, is_last: bool
-):
-    """Number the new cells of a look from those beside lava on, whose number is 1."""
-    cell = _cell(thread, corner, columns)
-    i, j = cell[0], cell[1]
-    own = looks.look[i, j]
-    if own < 2:
-        return
-    for _ in range(sweeps):
-        place = looks.place[i, j]
-        for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.look.shape[0])):
-            for column in range(wp.max(j - 1, 0), wp.min(j + 2, looks.look.shape[1])):
-                other = looks.place[row, column]
-                is_near = other > 0 and looks.look[row, column] == own
-                if is_near and (place == 0 or place > other + 1):
-                    place = other + 1
-        if place != looks.place[i, j]:
-            looks.place[i, j] = place
-            if is_last:
-                looks.count[_NUMBERED] = 1
-
-
-@quick_kernel(fast_math=False)
-def _end(
-    thread: int, looks: _Looks, corner: wp.vec2i, columns: int, sweeps: int, is_last: bool
-):
-    """Find the largest number that rising numbers lead to."""
-    cell = _cell(thread, corner, columns)
-    i, j = cell[0], cell[1]
+def _place_of(i: int, j: int, number: int, looks: _Looks) -> int:
+    """Number of a new cell: 1 beside lava, elsewhere one more than the least around it."""
     place = looks.place[i, j]
-    if place == 0:
-        return
-    for _ in range(sweeps):
-        last = wp.max(looks.last[i, j], place)
-        for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.look.shape[0])):
-            for column in range(wp.max(j - 1, 0), wp.min(j + 2, looks.look.shape[1])):
-                is_next = looks.place[row, column] == place + 1
-                if is_next and looks.look[row, column] == looks.look[i, j]:
-                    last = wp.max(last, looks.last[row, column])
-        if last != looks.last[i, j]:
-            looks.last[i, j] = last
-            if is_last:
-                looks.count[_ENDED] = 1
+    for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.look.shape[0])):
+        for column in range(wp.max(j - 1, 0), wp.min(j + 2, looks.look.shape[1])):
+            other = looks.place[row, column]
+            is_near = other > 0 and looks.look[row, column] == number
+            if is_near and (place == 0 or place > other + 1):
+                place = other + 1
+    return place
+
+
+@wp.func
+def _last_of(i: int, j: int, number: int, looks: _Looks) -> int:
+    """Largest number that rising numbers lead to from a new cell."""
+    place = looks.place[i, j]
+    last = wp.max(looks.last[i, j], place)
+    for row in range(wp.max(i - 1, 0), wp.min(i + 2, looks.look.shape[0])):
+        for column in range(wp.max(j - 1, 0), wp.min(j + 2, looks.look.shape[1])):
+            if looks.place[row, column] == place + 1 and looks.look[row, column] == number:
+                last = wp.max(last, looks.last[row, column])
+    return last
+
+
+@quick_kernel(fast_math=False, bounds=(_THREADS, 1))
+def _follow(thread: int, threads: int, clock: wp.array(dtype=wp.float64), looks: _Looks):
+    """Number the new cells of a look along the fronts, in one block, and count the look."""
+    for i in range(thread, looks.look.shape[0], threads):
+        if looks.rows[i] == 1:
+            wp.atomic_max(looks.count, _ROWS_ON, looks.look.shape[0] - i)
+            wp.atomic_max(looks.count, _ROWS, i + 1)
+    for j in range(thread, looks.look.shape[1], threads):
+        if looks.columns[j] == 1:
+            wp.atomic_max(looks.count, _COLUMNS_ON, looks.look.shape[1] - j)
+            wp.atomic_max(looks.count, _COLUMNS, j + 1)
+    # all are here
+    any_in_block(False)
+    first_row = looks.look.shape[0] - looks.count[_ROWS_ON]
+    first_column = looks.look.shape[1] - looks.count[_COLUMNS_ON]
+    columns = looks.count[_COLUMNS] - first_column
+    count = (looks.count[_ROWS] - first_row) * columns
+    number = looks.count[_LOOKS] + 1
+    has_changed = wp.bool(True)
+    while has_changed:
+        has_changed = wp.bool(False)
+        for n in range(thread, count, threads):
+            i = first_row + n // columns
+            j = first_column + n % columns
+            if looks.look[i, j] == number:
+                place = _place_of(i, j, number, looks)
+                if place != looks.place[i, j]:
+                    looks.place[i, j] = place
+                    has_changed = True
+        has_changed = any_in_block(has_changed)
+    has_changed = wp.bool(True)
+    while has_changed:
+        has_changed = wp.bool(False)
+        for n in range(thread, count, threads):
+            i = first_row + n // columns
+            j = first_column + n % columns
+            if looks.look[i, j] == number and looks.place[i, j] > 0:
+                last = _last_of(i, j, number, looks)
+                if last != looks.last[i, j]:
+                    looks.last[i, j] = last
+                    has_changed = True
+        has_changed = any_in_block(has_changed)
+    if thread == 0:
+        looks.times[number - 1] = clock[TIME]
+        looks.count[_LOOKS] = number
 
 
 @quick_kernel(fast_math=False)
 def _write(
     thread: int,
     looks: _Looks,
-    corner: wp.vec2i,
+    first_row: int,
+    first_column: int,
     columns: int,
     shown: wp.array(dtype=wp.vec3d),
 ):
     """Write arrival, thickness and temperature of a part of the cells."""
-    cell = _cell(thread, corner, columns)
-    i, j = cell[0], cell[1]
+    i = first_row + thread // columns
+    j = first_column + thread % columns
     arrival = wp.float64(_NEVER)
     look = looks.look[i, j]
     if look > 0:
@@ -269,15 +275,12 @@ class Looks:
         maps = ('former', 'look', 'share', 'place', 'last')
         kinds = {name: (_Looks.__annotations__[name].dtype, self._cells) for name in maps}
         kinds['times'] = wp.float64, most
-        kinds['noted'] = wp.int32, _COUNTS + sum(shape)
+        kinds |= {'rows': (wp.int32, shape[0]), 'columns': (wp.int32, shape[1])}
+        kinds['count'] = wp.int32, _COUNTS
         arrays = zeros(kinds, device)
         arrays |= {name: arrays[name].reshape(shape) for name in maps}
-        #: The counts and what ``_mark`` marks: one copy brings all of it to the host.
-        self._noted = noted = arrays.pop('noted')
-        ends = _COUNTS, _COUNTS + shape[0]
-        arrays |= {'count': noted[: ends[0]], 'rows': noted[ends[0] : ends[1]]}
         unknown = wp.full((2, *shape), np.nan, dtype=wp.float32, device=device)
-        arrays |= {'columns': noted[ends[1] :], 'thickness': unknown[0], 'temperature': unknown[1]}
+        arrays |= {'thickness': unknown[0], 'temperature': unknown[1]}
         for name, array in arrays.items():
             setattr(self._looks, name, array)
 
@@ -292,7 +295,10 @@ class Looks:
         """
         launch = partial(launch_over, state, count=self._cells)
         launch(_compare, [known, thickness, temperature, self._looks])
-        launch(_keep, [thickness, state.clock, self._looks])
+        launch(_keep, [thickness, self._looks])
+        threads = _THREADS if state.device.is_cuda else 1
+        arguments = [threads, state.clock, self._looks]
+        state.launches(_follow, arguments, dim=threads, block_dim=_THREADS)
 
     def flaw(self) -> str:
         """Say what makes a look unfit to be shown as a map; empty when nothing does."""
@@ -300,33 +306,21 @@ class Looks:
 
     def seen(self, state: State, *, where_wet: bool = False) -> Seen:
         """What has been seen so far, of all cells or of the rectangle of wet ones."""
-        launch_over(state, _mark, [self._looks], count=self._cells)
-        counts, *marks = np.split(read(self._noted), np.cumsum((_COUNTS, self._shape[0])))
+        counts = read(self._looks.count).tolist()
         first, shape = (0, 0), self._shape
         if where_wet:
-            rows, columns = (np.flatnonzero(one).tolist() or [0, -1] for one in marks)
-            first = rows[0], columns[0]
-            shape = rows[-1] + 1 - first[0], columns[-1] + 1 - first[1]
-        shown = wp.empty(shape[0] * shape[1], dtype=wp.vec3d, device=self._noted.device)
+            first = shape[0] - counts[_ROWS_ON], shape[1] - counts[_COLUMNS_ON]
+            ends = counts[_ROWS], counts[_COLUMNS]
+            shape = max(ends[0] - first[0], 0), max(ends[1] - first[1], 0)
+        shown = wp.empty(shape[0] * shape[1], dtype=wp.vec3d, device=state.device)
         if shown.size:
-            self._show(state, shown, [self._looks, wp.vec2i(*first), shape[1]])
+            inputs = [self._looks, *first, shape[1], shown]
+            launch_over(state, _write, inputs, count=shown.size)
         arrival, thickness, temperature = np.moveaxis(read(shown).reshape(*shape, 3), -1, 0)
-        kept = (one.astype(np.float32) for one in (thickness, temperature))
-        return Seen(first, np.ascontiguousarray(arrival), *kept, _FLAWS[counts[_FLAW]])
-
-    def _show(self, state: State, shown: Any, part: list[Any]) -> None:
-        """Write arrival, thickness and temperature of a part: looks, corner and columns."""
-        launch = partial(launch_over, state, count=shown.size)
-        count, (sweeps, launches) = self._looks.count, _SWEEPS[state.device.is_cuda]
-        has_changed = True
-        while has_changed:
-            count[_NUMBERED:].zero_()
-            for kernel in (_number, _end):
-                for number in range(launches):
-                    launch(kernel, [*part, sweeps, number == launches - 1])
-            launch(_write, [*part, shown])
-            numbered, ended = read(count)[_NUMBERED:]
-            if numbered:
-                # those of too large numbers
-                self._looks.last.zero_()
-            has_changed = numbered or ended
+        return Seen(
+            first,
+            np.ascontiguousarray(arrival),
+            thickness.astype(np.float32),
+            temperature.astype(np.float32),
+            _FLAWS[counts[_FLAW]],
+        )

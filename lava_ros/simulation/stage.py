@@ -24,9 +24,13 @@ from lava_ros.scene import Scene
 from lava_ros.simulation import emission, motion, timestep
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.as_published import publish_velocity
-from lava_ros.simulation.backend.streams import Beside
 from lava_ros.simulation.flow import compute_flow, flow_kernels
-from lava_ros.simulation.fused_stage import choice_within_motion, is_within_the_motion, StageChoice
+from lava_ros.simulation.fused_stage import (
+    choice_within_motion,
+    choose_before_motion,
+    is_within_the_motion,
+    StageChoice,
+)
 from lava_ros.simulation.motion_arguments import flow_constants, THICKEST
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import State
@@ -58,7 +62,6 @@ class Stage:
         self._state, self._neighbors = state, neighbors
         self._after_step = after_step
         self._radius = accuracy.ratio * accuracy.spacing
-        self._beside = Beside(state.device)
         self._pace: tuple[Scene, VentSet, Any] | None = None
         self.constants = flow_constants(scene, accuracy, self._radius, state.real)
         neighbors.set_constants(
@@ -102,20 +105,12 @@ class Stage:
             # before the step is chosen: it follows the speed that lateral stress leaves
             self._spread_velocity()
         pace, way = self._pace_of(scene, vents), self._arguments()
-        emit = partial(emission.emit, state, vents, way)
-        if is_within_the_motion(state, sums_up=self._moves_at_once):
-            self._move(way, choice_within_motion(state, pace, vents))
-            if not state.bins_in_motion:
-                emit()
-            return
-        timestep.choose_stage(state, pace)
-        choice = StageChoice(pace, vents.outlets)
-        if state.bins_in_motion:
-            with self._beside(emit):
-                self._move(way, choice)
-        else:
-            self._move(way, choice)
-            emit()
+        choice = choice_within_motion(state, pace, vents)
+        if not is_within_the_motion(state, sums_up=self._moves_at_once):
+            choice = choose_before_motion(state, choice, way)
+        self._move(way, choice)
+        if not state.bins_in_motion:
+            emission.emit(state, vents, way)
 
     def _pace_of(self, scene: Scene, vents: VentSet) -> Any:
         """What the choice of a stage reads and writes; to collect it takes as long as a launch."""

@@ -30,7 +30,6 @@ import warp as wp
 from lava_ros.effects import Effects
 from lava_ros.scene import Scene
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.compiled import quick_kernel
 from lava_ros.simulation.heat import freezing_step
 from lava_ros.simulation.state import (
     ADVECTION,
@@ -221,15 +220,6 @@ def choice_function(real: Any, is_staged: bool, has_velocity: bool, freezes: boo
     return choose
 
 
-@lru_cache
-def _kernel(real: Any, choose: Any) -> Any:
-    @quick_kernel(fast_math=False)
-    def choose_stage(thread: int, pace: pace_type(real)):
-        choose(pace)
-
-    return choose_stage
-
-
 def choice_of(state: State) -> Any:
     """The device function ``choice_function`` for the particles of a state."""
     return choice_function(
@@ -268,8 +258,3 @@ def pace_of(state: State, longest: float, accuracy: Accuracy, due: Any) -> Any:
         if hasattr(state, name):
             setattr(pace, name, getattr(state, name))
     return pace
-
-
-def choose_stage(state: State, pace: Any) -> None:
-    """Begin a step, bounded by the rates in the state, or go on to its next stage."""
-    state.launches(_kernel(state.real, choice_of(state)), [pace])

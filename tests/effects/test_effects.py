@@ -40,8 +40,7 @@ BARE_ARRAYS = {
 
 #: The kernels it launches, in their order.
 BARE_KERNELS = [
-    'rank_particles', 'scan', 'order_particles', 'thickness_and_velocity', 'choose_stage', 'emit',
-    'move',
+    'rank_particles', 'scan', 'order_particles', 'thickness_and_velocity', 'choose_stage', 'move',
 ]
 
 #: What effects add: arrays, and kernels of their own.

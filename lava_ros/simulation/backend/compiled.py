@@ -359,6 +359,15 @@ def can_count() -> bool:
     ...
 
 
+@wp.func_native(_on_cuda('return __syncthreads_or(value);', 'return value;'))
+def any_in_block(value: bool) -> bool:
+    """Wait for all threads of a block, and say whether a value is true in any; a device function.
+
+    What they have written before can be read then. On the CPU a block is one thread.
+    """
+    ...
+
+
 @lru_cache
 def load9(real: Any) -> Any:
     """Return the device function that reads rows i to i + 2, columns j to j + 2 of a 2-D array."""

@@ -12,15 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Launches beside others on a GPU, and reading back what others need not wait for.
-
-A kernel of few threads takes as long as its reads wait for memory, and one of all particles needs
-nothing of what it is busy with: in a graph each is a branch of its own.
-"""
+"""Reading back from a GPU what others need not wait for."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 import threading
 from typing import Any
 import weakref
@@ -78,27 +73,6 @@ class Readback:
     def _finish(self) -> tuple[np.ndarray, np.ndarray]:
         wp.synchronize_event(self._event)
         return self._seen[0].copy(), self._seen[1].copy()
-
-
-class Beside:
-    """A second stream of a GPU; on the CPU there is none, and everything takes its turn."""
-
-    def __init__(self, device: Any) -> None:
-        """Make the stream."""
-        self._device = device
-        self._stream = wp.Stream(device) if device.is_cuda else None
-
-    @contextmanager
-    def __call__(self, launch: Callable[[], None]) -> Iterator[None]:
-        """Launch something beside all that is launched within; what comes after waits for both."""
-        if self._stream is None:
-            launch()
-            yield
-            return
-        with wp.ScopedStream(self._stream):
-            launch()
-        yield
-        wp.get_stream(self._device).wait_stream(self._stream)
 
 
 class _Lent:

@@ -338,13 +338,17 @@ def test_few_particles_are_loaded_at_once(folder, name, lanes):
 @pytest.mark.nightly
 @pytest.mark.parametrize('name', SETS)
 def test_members_of_a_batch_fill_a_processor(folder, name):
-    """Four blocks have registers; what lies in memory is the first block's, and little else."""
+    """Four blocks have registers; what lies in memory is the first block's, and little else.
+
+    Three blocks of ``move`` are quicker with few particles than four that keep numbers in memory.
+    """
     for kernel in launched(name, parts=4, directs='green' in name):
         what = kernel.key.rpartition('__')[2]
         if what in (*SUMS, 'move'):
             one = kernel.for_many(FEW_THREADS[0], what != 'green_motion')[1]
             stack, registers = Code(one, 90, folder).needs
-            assert registers <= 65536 // FEW_THREADS[0] // FEW_THREADS[1], what
+            blocks = 3 if what == 'move' else FEW_THREADS[1]
+            assert registers <= 65536 // FEW_THREADS[0] // blocks, what
             assert stack <= (MEMBERS_STACK if what == 'green_motion' else 32), what
 
 
