@@ -18,6 +18,7 @@ It makes members_day_h200.csv and members_cpu.csv:
 
     python docs/benchmarks/members.py CASE --device cuda:0 --members 256 --machine M
     python docs/benchmarks/members.py CASE --device cpu --members 32 --workers 2 --machine M
+    python docs/benchmarks/members.py CASE --device cuda --days 22 --members 512 --workers 2 --machine M
 
 CASE is a folder as `lava hindcast` reads it, or that case pickled. Members are looked at each hour
 of the first day, or 24 times in other horizons, on ground no finer than the particles.
@@ -64,7 +65,9 @@ def times(case, args):
     list(run_here(plan, members[:1], device=args.device))
     run = partial(run_here, device=args.device)
     if args.workers > 1:
-        run = partial(run_in_processes, workers=args.workers, device=args.device)
+        # processes of GPUs share all of them out
+        device = args.device if args.device == 'cpu' else None
+        run = partial(run_in_processes, workers=args.workers, device=device)
     found = []
     for _ in range(args.repetitions):
         start = time.perf_counter()
