@@ -29,7 +29,9 @@ BARE, YIELDING, STEEP = only(), only('yielding'), only('yielding', 'steep')
 
 WEIGHT = 2500.0 * 9.81
 
-precisions = pytest.mark.parametrize(('precision', 'within'), [('float32', 1e-4), ('float64', 1e-9)])
+precisions = pytest.mark.parametrize(
+    ('precision', 'within'), [('float32', 1e-4), ('float64', 1e-9)]
+)
 
 
 def scattered(effects, *, slope=0.1, precision='float64', device='cpu', longest_step=60.0, **lava):

@@ -50,6 +50,11 @@ def freezing(device, terrain, *on_it, lava=LAVA, **knobs):
     return simulated(terrain, lava, *on_it, effects=effects, device=device, **knobs)
 
 
+def frozen_in(simulation):
+    """Thickness of what has frozen [m], to all its digits."""
+    return simulation._after_step['solidification'].thickness()
+
+
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
 def test_an_even_layer_freezes_into_an_even_layer(device, precision):
     """The ground rises by volume over area, and holds the volume to the last digits."""
@@ -61,7 +66,7 @@ def test_an_even_layer_freezes_into_an_even_layer(device, precision):
     assert snapshot.budget.held == 0.0
     assert snapshot.budget.error < 1e-12
     assert snapshot.budget.frozen == pytest.approx(300.0 * 200.0 * 2.0, rel=1e-12)
-    exact = simulation._after_step['solidification'].thickness()
+    exact = frozen_in(simulation)
     assert exact.sum() * 100.0 == pytest.approx(120000.0, rel=1e-12)
     inside = snapshot.frozen[13:27, 18:42]
     assert inside == pytest.approx(np.full_like(inside, 2.0), abs=1e-3)
@@ -95,7 +100,7 @@ def test_volume_is_exact_beside_the_border_and_beside_holes(device):
     snapshot = simulation.snapshot()
     assert snapshot.budget.frozen == pytest.approx(5 * 77.0, rel=1e-12)
     assert snapshot.budget.error < 1e-12
-    exact = simulation._after_step['solidification'].thickness()
+    exact = frozen_in(simulation)
     assert exact.sum() * 100.0 == pytest.approx(5 * 77.0, rel=1e-12)
     assert (exact[15:25, 30:40] == 0.0).all()
     assert np.isnan(snapshot.frozen[15:25, 30:40]).all()
@@ -103,19 +108,14 @@ def test_volume_is_exact_beside_the_border_and_beside_holes(device):
 
 def test_volume_is_exact_over_many_steps(device):
     """A flow that cools and freezes as it goes keeps its budget, and what froze stays."""
-    simulation = freezing(
-        device,
-        hillside(),
-        Vent((150.0, 200.0), 20.0, temperature=1423.0, radius=10.0),
-        lava=COOLING,
-        precision='float64',
-    )
+    vent = Vent((150.0, 200.0), 20.0, temperature=1423.0, radius=10.0)
+    simulation = freezing(device, hillside(), vent, lava=COOLING, precision='float64')
     before = np.zeros((40, 60))
     for minutes in range(10, 41, 10):
         simulation.advance(60.0 * minutes)
         budget = simulation.budget()
         assert budget.error < 1e-12
-        frozen = simulation._after_step['solidification'].thickness()
+        frozen = frozen_in(simulation)
         assert frozen.sum() * 100.0 == pytest.approx(budget.frozen, rel=1e-12, abs=1e-9)
         assert (frozen >= before).all()
         before = frozen
@@ -140,12 +140,12 @@ def test_a_frozen_flow_diverts_a_second_one(device):
 
     simulation = flow(hillside(), ridge)
     simulation.advance(5.0)
-    frozen = simulation._after_step['solidification'].thickness()
+    frozen = frozen_in(simulation)
     assert frozen.max() > 5.0
     assert simulation.particle_count == 0
     simulation.advance(1800.0)
     diverted = simulation.sample().position
-    assert np.array_equal(simulation._after_step['solidification'].thickness(), frozen)
+    assert np.array_equal(frozen_in(simulation), frozen)
 
     raised = Terrain(hillside().elevation + frozen, 10.0)
     same = flow(raised)
@@ -200,15 +200,9 @@ def test_a_new_terrain_keeps_what_has_frozen(device):
 
 def test_deterministic_runs_are_identical_to_the_bit(device):
     """What freezes is the same to the bit in two runs."""
-    grids = []
+    vent, grids = Vent((150.0, 200.0), 40.0, temperature=1423.0, radius=20.0), []
     for _ in range(2):
-        simulation = freezing(
-            device,
-            hillside(),
-            Vent((150.0, 200.0), 40.0, temperature=1423.0, radius=20.0),
-            lava=COOLING,
-            deterministic=True,
-        )
+        simulation = freezing(device, hillside(), vent, lava=COOLING, deterministic=True)
         simulation.advance(600.0)
         grids.append(simulation.snapshot())
     assert grids[0].frozen.max() > 0.0
