@@ -144,11 +144,10 @@ def strength_at(lava: 'Lava', temperature: float) -> float:
 
 def _all_of(names: tuple[str, ...]) -> Effects:
     """Those of some effects that can be on at once, the first of two."""
-    on: list[str] = []
+    on = dict.fromkeys(EFFECTS, False)
     for name in names:
-        if not any(excluded_by(name, other) for other in on):
-            on.append(name)
-    return Effects(**{name: name in on for name in EFFECTS})
+        on[name] = not any(on[other] and excluded_by(name, other) for other in names)
+    return Effects(**on)
 
 
 def heat_values(scene: 'Scene', names: tuple[str, ...]) -> dict[str, float]:
@@ -194,11 +193,8 @@ def heat_loss(scene: 'Scene') -> Callable[[float], float]:
     every = [module.terms(HOST, float, object) for module in modules]
 
     def loss(temperature: float) -> float:
-        result = 0.0
-        for terms in every:
-            rate, source = terms(values, 1.0, temperature, math.inf, 0.0, 0.0)
-            result += capacity * (rate * temperature - source)
-        return float(result)
+        balances = (terms(values, 1.0, temperature, math.inf, 0.0, 0.0) for terms in every)
+        return float(sum(capacity * (rate * temperature - source) for rate, source in balances))
 
     return loss
 

@@ -62,22 +62,17 @@ def test_the_node_gets_parameters_it_has(monkeypatch):
 
 def test_arguments_reach_the_node(monkeypatch):
     """Words on the command line become values of the right type."""
-    words = {'time_scale': '60.0', 'record': 'true', 'scene': 'etna.yaml', 'namespace': 'etna'}
-    (node,), _ = start(monkeypatch, LAVA, **words, preset='fine', use_sim_time='true')
-    assert node.namespace == 'etna'
-    values = node.parameters
-    assert (values['time_scale'], values['record'], values['scene']) == (60.0, True, 'etna.yaml')
-    assert values['use_sim_time'] is True
-    words = {'resume': 'bags/etna', 'bag_max_size': '1000000000', 'bag_max_duration': '3600.0'}
+    (node,), _ = start(monkeypatch, LAVA, scene='etna.yaml', namespace='etna')
+    assert (node.namespace, node.parameters) == ('etna', {'scene': 'etna.yaml'})
+    values = {
+        'time_scale': 60.0, 'record': True, 'preset': 'fine', 'use_sim_time': True,
+        'resume': 'bags/etna', 'bag_max_size': 10**9, 'bag_max_duration': 3600.0,
+        'forecast_horizon': 6.0, 'ensemble_members': 32, 'deadline': 60.0, 'forecast_share': 0.5,
+    }
+    words = {name: str(value).lower() for name, value in values.items()}
     (node,), _ = start(monkeypatch, LAVA, **words)
-    values = node.parameters
-    assert (values['resume'], 'scene' in values) == ('bags/etna', False)
-    assert (values['bag_max_size'], values['bag_max_duration']) == (10**9, 3600.0)
-    words = {'forecast_horizon': '6.0', 'ensemble_members': '32', 'deadline': '60.0'}
-    (node,), _ = start(monkeypatch, LAVA, **words, forecast_share='0.5')
-    values = node.parameters
-    assert (values['forecast_horizon'], values['ensemble_members']) == (6.0, 32)
-    assert (values['deadline'], values['forecast_share']) == (60.0, 0.5)
+    assert node.parameters == values
+    assert all(type(node.parameters[name]) is type(value) for name, value in values.items())
 
 
 def test_every_parameter_of_forecasts_is_an_argument(monkeypatch):

@@ -35,17 +35,15 @@ from std_srvs.srv import Trigger
 from ros import graph_publisher
 
 #: Mean times between two of a kind [s].
-EVERY = {
-    'vents': 4.0,
-    'terrain': 20.0,
-    'subscriber': 2.0,
-    'bad message': 30.0,
-    'storm': 45.0,
-    'reset': 150.0,
-}
+EVERY = {'vents': 4.0, 'terrain': 20.0, 'subscriber': 2.0, 'bad message': 30.0, 'storm': 45.0,
+         'reset': 150.0}
 
 #: Messages of a storm, vents in each, time between two [s], and of how many one is bad.
 STORM, VENTS, PAUSE, BAD = 200, (0, 5, 40, 40, 200), 0.005, 10
+
+#: What a vent may be.
+LIMITS = {'x': (20.0, 120.0), 'y': (60.0, 240.0), 'z': (0.0, 0.0), 'discharge': (0.5, 20.0),
+          'temperature': (1000.0, 1150.0), 'radius': (5.0, 20.0)}
 
 #: Time after a storm in which its last messages are taken [s]: no next one pushes them out.
 CALM = 1.0
@@ -88,15 +86,10 @@ class Feeder:
 
     def _publish_vents(self, count, **changes):
         columns = {
-            'x': [self.chance.uniform(20.0, 120.0) for _ in range(count)],
-            'y': [self.chance.uniform(60.0, 240.0) for _ in range(count)],
-            'z': [0.0] * count,
-            'discharge': [self.chance.uniform(0.5, 20.0) for _ in range(count)],
-            'temperature': [self.chance.uniform(1000.0, 1150.0) for _ in range(count)],
-            'radius': [self.chance.uniform(5.0, 20.0) for _ in range(count)],
-            **changes,
+            name: [self.chance.uniform(*limits) for _ in range(count)]
+            for name, limits in LIMITS.items()
         }
-        self.publishers['vents'].publish(graph_publisher.cloud(columns))
+        self.publishers['vents'].publish(graph_publisher.cloud({**columns, **changes}))
 
     def terrain(self):
         """The ground with every height changed by up to half a metre."""

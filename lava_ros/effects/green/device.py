@@ -304,22 +304,13 @@ def move_particles(
 
     ``source`` and ``area`` of the state are filled; ``choice`` is chosen and emitted meanwhile.
     """
+    kernel = _motion_kernel(
+        state.real, state.lanes, state.parts, state.is_short, state.is_wide, motion_of(state),
+        choice.function, choice.bounds,
+    )
+    arguments = [choice.pace, choice.outlets, way]
     launch_over(
-        state,
-        _motion_kernel(
-            state.real,
-            state.lanes,
-            state.parts,
-            state.is_short,
-            state.is_wide,
-            motion_of(state),
-            choice.function,
-            choice.bounds,
-        ),
-        [choice.pace, choice.outlets, way],
-        least=_LEAST_PART,
-        lanes=state.lanes,
-        ahead=choice.threads,
+        state, kernel, arguments, least=_LEAST_PART, lanes=state.lanes, ahead=choice.threads
     )
     neighbors.is_binned = state.bins_in_motion
 
