@@ -14,9 +14,9 @@
 
 """A long run of a real node: memory, deadlines, the bag and the processor, as `make soak` does it.
 
-A node in a process of its own simulates and records in files of a minute, while another process
-opens and closes vents, in storms of many at a time too, changes the terrain, sends what has to be
-refused, resets, and subscribes and leaves; a third one listens all the time. What is judged:
+A node in a process of its own simulates and records in files of a minute, while a thread of this
+one opens and closes vents, in storms of many at a time too, changes the terrain, sends what has to
+be refused, resets, and subscribes and leaves; a third process listens. What is judged:
 
 memory      Resident memory, once a second. The first fifth, at least a minute, is warm-up. Of the
             rest the median of the last quarter is at most 5 % above that of the first.
@@ -51,6 +51,8 @@ from lava_ros.bag import BagReader
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from ros.conftest import Graph
+from ros_domain import own_domain
+from soak.feeder import Feeder, GRIDS
 
 #: Time a grid may come late [s]: a step, a snapshot, a reset, and whoever shares the processor.
 BOUND = 2.0
@@ -63,9 +65,6 @@ SPACING = 3.0
 
 #: Growth of memory that is allowed.
 GROWTH = 0.05
-
-GRIDS = ('height', 'temperature', 'hazard')
-FEEDER = Path(__file__).parent / 'feeder.py'
 
 
 class Ear:
@@ -126,7 +125,7 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
     ``seed`` chooses what is done.
     """
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    graph = Graph(directory)
+    graph, feeder = Graph(directory), Feeder(own_domain('graph'), seed)
     bag = directory / 'soak'
     try:
         recording = {'bag_directory': 'soak', 'bag_root': str(directory), 'bag_max_duration': 60.0}
@@ -135,12 +134,12 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
             time_scale=20.0, spacing=SPACING, record=True, **recording,
         )
         ear = Ear(graph)
-        publisher = graph.publisher()
-        publisher.publish('vents', 'terrain_info', 'terrain')
+        feeder.publish('vents', 'terrain_info', 'terrain')
         ear.wait(lambda item: item['topic'] == 'height' and item['wet'] > 0)
         pid = node.child.pid
         start, processor = time.monotonic(), processor_time_of(pid)
-        feeder = graph.process(str(FEEDER), str(seconds), str(seed))
+        feeding = threading.Thread(target=feeder.run, args=(seconds,), daemon=True)
+        feeding.start()
         memory = []
         while time.monotonic() - start < seconds:
             time.sleep(1.0)
@@ -150,14 +149,16 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
             show(seconds, memory, ear)
         busy = processor_time_of(pid) - processor
         wall = time.monotonic() - start
-        done = json.loads(feeder.line(60.0))
-        publisher.call('record', False)
+        feeding.join(60.0)
+        if not feeder.has_ended:
+            raise RuntimeError('what feeds the node has failed, or hangs')
+        feeder.call('record', False)
         time.sleep(3.0)
         ear.close()
         code = node.end()
         figures = {
             'seconds': round(wall, 1),
-            'done': done,
+            'done': dict(feeder.done),
             'processor_share': round(busy / wall, 3),
             'exit_code': code,
             'states': dict(Counter(item['state'] for item in ear.statuses('simulation'))),
@@ -171,6 +172,7 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
         }
     finally:
         graph.close()
+        feeder.close()
     return figures
 
 
