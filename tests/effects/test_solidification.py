@@ -36,11 +36,10 @@ def hillside(rows=40, columns=60, cell=10.0):
     return incline(0.1, rows, columns, cell, top=1000.0)
 
 
-def block(x0, y0, x1, y1, spacing, thickness, temperature):
-    """Evenly spaced particles on a rectangle."""
-    x, y = np.meshgrid(np.arange(x0, x1, spacing), np.arange(y0, y1, spacing))
-    places = np.column_stack([x.ravel(), y.ravel()]) + 0.5 * spacing
-    return Particles(places, spacing**2 * thickness, temperature)
+def layer():
+    """An even layer 2 m thick on 300 m by 200 m, which freezes at once."""
+    x, y = np.meshgrid(np.arange(150.0, 450.0, 5.0), np.arange(100.0, 300.0, 5.0))
+    return Particles(np.column_stack([x.ravel(), y.ravel()]) + 2.5, 50.0, 1100.0)
 
 
 def freezing(device, terrain, *on_it, lava=LAVA, **knobs):
@@ -58,8 +57,7 @@ def frozen_in(simulation):
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
 def test_an_even_layer_freezes_into_an_even_layer(device, precision):
     """The ground rises by volume over area, and holds the volume to the last digits."""
-    particles = block(150.0, 100.0, 450.0, 300.0, 5.0, 2.0, 1100.0)
-    simulation = freezing(device, hillside(), particles, precision=precision)
+    simulation = freezing(device, hillside(), layer(), precision=precision)
     simulation.advance(1.0)
     snapshot = simulation.snapshot()
     assert snapshot.particle_count == 0
@@ -164,8 +162,7 @@ def test_a_frozen_flow_diverts_a_second_one(device):
 
 def test_a_new_terrain_keeps_what_has_frozen(device):
     """The same terrain keeps every digit; another keeps the volume; what is outside has left."""
-    particles = block(150.0, 100.0, 450.0, 300.0, 5.0, 2.0, 1100.0)
-    simulation = freezing(device, hillside(), particles)
+    simulation = freezing(device, hillside(), layer())
     simulation.advance(1.0)
     before = simulation.snapshot().frozen
     height = simulation._terrain.height.numpy().copy()

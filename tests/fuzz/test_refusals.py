@@ -75,48 +75,9 @@ def no_choice(words: tuple[str, ...]) -> st.SearchStrategy[Any]:
     return texts | st.sampled_from(NOT_TEXTS) | st.just([words[0]])
 
 
-def terrain_fields() -> dict[str, st.SearchStrategy[Any]]:
-    """What each field of a terrain cannot be."""
-    arrays = st.sampled_from(
-        (
-            None, 1.0, 'ground', [], [[]], [1.0, 2.0], [[1.0]], [[1.0, 2.0]], [[1.0], [2.0]],
-            [[1.0, 2.0], [3.0]], [[[1.0, 2.0]] * 2] * 2, [['a', 'b'], ['c', 'd']],
-            [[None, None], [None, None]], [[math.nan] * 3] * 3, [[0.0, math.inf], [0.0, 0.0]],
-            [[0.0, -math.inf], [0.0, 0.0]], [[0.0, 1e38], [0.0, 0.0]], [[0.0, 1e300], [0, 0]],
-            np.zeros((0, 5)), np.zeros((2, 2, 2)), np.zeros((2, 40_000)), np.zeros((2, 2), 'c16'),
-            np.array([[object()] * 2] * 2), np.zeros((2, 2), 'M8[s]'), {1: 2}, {1.0, 2.0},
-            np.full((3, 3), 10**400, dtype=object), b'....',
-        )
-    )
-    return {
-        'elevation': arrays,
-        'resolution': no_number(1e-4, 1e5) | st.just(0.0),
-        'origin': st.sampled_from(NOT_PAIRS),
-        'offset': st.sampled_from(NOT_PAIRS),
-        'epsg': st.sampled_from((0, -1, 1023, 1.5, '32633', True, [], math.nan, 10**30)),
-    }
-
-
-def vent_fields() -> dict[str, st.SearchStrategy[Any]]:
-    """What each field of a vent cannot be."""
-    series = st.sampled_from(
-        (
-            [], [1.0, 2.0], [(0.0,)], [(0.0, 1.0), (0.0, 2.0)], [(1.0, 1.0), (0.5, 1.0)],
-            [(0.0, -1.0)], [(0.0, math.nan)], [(math.inf, 1.0)], [(0.0, 1e300)], [None], ['ab'],
-            [(0.0, 1.0, 2.0)], np.zeros((2, 3)), np.zeros((2, 2)), np.zeros((0, 2)),
-            [[[0.0, 1.0]]],
-        )
-    )
-    return {
-        'position': st.sampled_from(NOT_PAIRS),
-        'discharge': no_number(0.0, 1e8) | series,
-        # without one it is that of the scene's lava
-        'temperature': no_number(700.0, 2000.0).filter(is_given),
-        'radius': no_number(0.0, 1e5) | st.just(0.0),
-        'end': st.sampled_from(NOT_PAIRS).filter(is_given),
-        'velocity': st.sampled_from(NOT_PAIRS),
-        'name': st.sampled_from(NOT_TEXTS),
-    }
+def is_given(value: Any) -> bool:
+    """Whether a value is not left to the default."""
+    return value is not None
 
 
 def described_fields(kind: Any) -> dict[str, st.SearchStrategy[Any]]:
@@ -131,22 +92,6 @@ def described_fields(kind: Any) -> dict[str, st.SearchStrategy[Any]]:
         elif 'text' in item.metadata:
             result[item.name] = st.sampled_from(NOT_SWITCHES)
     return result
-
-
-def is_given(value: Any) -> bool:
-    """Whether a value is not left to the default."""
-    return value is not None
-
-
-def scene_fields() -> dict[str, st.SearchStrategy[Any]]:
-    """What each field of a scene cannot be."""
-    return {
-        'terrain': st.sampled_from((None, 1.0, 'ground', {}, np.zeros((3, 3)), Terrain)),
-        'vents': st.sampled_from((None, 1.0, 'vents', [None], ['vent'], [{}], [[]], {1: 2}, b'v')),
-        'lava': st.sampled_from((None, 1.0, 'lava', {}, Lava)),
-        'uncertainty': st.sampled_from((None, 1.0, 'uncertainty', {}, [])),
-        **described_fields(Scene),
-    }
 
 
 def any_yaml() -> st.SearchStrategy[Any]:
@@ -174,11 +119,48 @@ VALID: dict[type, dict[str, Any]] = {
     Effects: {},
 }
 
+#: No array of elevations, and no discharge in time.
+NOT_GROUNDS = (
+    None, 1.0, 'ground', [], [[]], [1.0, 2.0], [[1.0]], [[1.0, 2.0]], [[1.0], [2.0]],
+    [[1.0, 2.0], [3.0]], [[[1.0, 2.0]] * 2] * 2, [['a', 'b'], ['c', 'd']],
+    [[None, None], [None, None]], [[math.nan] * 3] * 3, [[0.0, math.inf], [0.0, 0.0]],
+    [[0.0, -math.inf], [0.0, 0.0]], [[0.0, 1e38], [0.0, 0.0]], [[0.0, 1e300], [0, 0]],
+    np.zeros((0, 5)), np.zeros((2, 2, 2)), np.zeros((2, 40_000)), np.zeros((2, 2), 'c16'),
+    np.array([[object()] * 2] * 2), np.zeros((2, 2), 'M8[s]'), {1: 2}, {1.0, 2.0},
+    np.full((3, 3), 10**400, dtype=object), b'....',
+)
+NOT_SERIES = (
+    [], [1.0, 2.0], [(0.0,)], [(0.0, 1.0), (0.0, 2.0)], [(1.0, 1.0), (0.5, 1.0)], [(0.0, -1.0)],
+    [(0.0, math.nan)], [(math.inf, 1.0)], [(0.0, 1e300)], [None], ['ab'], [(0.0, 1.0, 2.0)],
+    np.zeros((2, 3)), np.zeros((2, 2)), np.zeros((0, 2)), [[[0.0, 1.0]]],
+)
+
 WRONG: dict[type, dict[str, st.SearchStrategy[Any]]] = {
-    Terrain: terrain_fields(),
-    Vent: vent_fields(),
+    Terrain: {
+        'elevation': st.sampled_from(NOT_GROUNDS),
+        'resolution': no_number(1e-4, 1e5) | st.just(0.0),
+        'origin': st.sampled_from(NOT_PAIRS),
+        'offset': st.sampled_from(NOT_PAIRS),
+        'epsg': st.sampled_from((0, -1, 1023, 1.5, '32633', True, [], math.nan, 10**30)),
+    },
+    Vent: {
+        'position': st.sampled_from(NOT_PAIRS),
+        'discharge': no_number(0.0, 1e8) | st.sampled_from(NOT_SERIES),
+        # without one it is that of the scene's lava
+        'temperature': no_number(700.0, 2000.0).filter(is_given),
+        'radius': no_number(0.0, 1e5) | st.just(0.0),
+        'end': st.sampled_from(NOT_PAIRS).filter(is_given),
+        'velocity': st.sampled_from(NOT_PAIRS),
+        'name': st.sampled_from(NOT_TEXTS),
+    },
     Lava: described_fields(Lava),
-    Scene: scene_fields(),
+    Scene: {
+        'terrain': st.sampled_from((None, 1.0, 'ground', {}, np.zeros((3, 3)), Terrain)),
+        'vents': st.sampled_from((None, 1.0, 'vents', [None], ['vent'], [{}], [[]], {1: 2}, b'v')),
+        'lava': st.sampled_from((None, 1.0, 'lava', {}, Lava)),
+        'uncertainty': st.sampled_from((None, 1.0, 'uncertainty', {}, [])),
+        **described_fields(Scene),
+    },
     Accuracy: described_fields(Accuracy),
     Effects: described_fields(Effects),
 }
