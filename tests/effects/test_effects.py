@@ -166,11 +166,6 @@ def test_any_effect_can_be_deleted():
     said_by(WITHOUT, EFFECTS)
 
 
-def test_effects_are_a_key():
-    """Equal effects hash alike: they key the compiled step."""
-    assert hash(Effects(green=True)) == hash(Effects(green=True)) != hash(Effects())
-
-
 @pytest.mark.parametrize(
     'pair',
     [('green', 'helmholtz'), ('arrhenius', 'vft'), ('inertia', 'green'), ('inertia', 'helmholtz')],

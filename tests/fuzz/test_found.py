@@ -34,7 +34,6 @@ from lava_ros.scene import Scene, scene_from_yaml, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.selection import decide
 from ros import graph_publisher
 from solver import incline, only, simulated
@@ -63,8 +62,6 @@ def frames(simulation: Simulation, watch: Watch, until: float, count: int = 6) -
 @pytest.mark.parametrize(
     ('make', 'field'),
     [
-        (lambda: Accuracy(diffusion_number=1e-300), 'accuracy.diffusion_number'),
-        (lambda: Accuracy(spacing=1e-30), 'accuracy.spacing'),
         (lambda: decide(Scene(GROUND, lava=Lava()), True), 'effects'),
         (lambda: decide(Scene(GROUND, lava=Lava()), horizon=math.nan), 'horizon'),
     ],
