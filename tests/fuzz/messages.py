@@ -46,6 +46,8 @@ CHECKS: dict[str, Callable[..., Any]] = {
 #: Their classes.
 TOPICS = {topic: graph_publisher.TYPES[topic][0] for topic in CHECKS}
 
+_RULES = Settings()
+
 _VALID = {
     'terrain': graph_publisher.image,
     'terrain_info': graph_publisher.info,
@@ -72,7 +74,7 @@ class FuzzMessage(NamedTuple):
         """What is wrong with it by itself, whatever terrain there is."""
         try:
             message = decode(self.data, TOPICS[self.topic], self.topic, max_bytes=10**9)
-            CHECKS[self.topic](message, Settings())
+            CHECKS[self.topic](message, _RULES)
         except LavaError as error:
             return error
         return None
