@@ -40,14 +40,7 @@ def footprint() -> np.ndarray:
 
 def write_grid(path: Path, values: np.ndarray, *, corner: tuple[float, float] = CORNER,
                cell: float = CELL) -> None:
-    """Write an ESRI ASCII grid; NaN becomes -9999.
-
-    Args:
-        path: The file.
-        values: Shape [rows, columns], row 0 in the south.
-        corner: The lower-left one [m].
-        cell: Side of a cell [m].
-    """
+    """Write an ESRI ASCII grid of values, row 0 in the south; NaN becomes -9999."""
     rows, columns = values.shape
     header = f'ncols {columns}\nnrows {rows}\nxllcorner {corner[0]}\nyllcorner {corner[1]}\n'
     header += f'cellsize {cell}\nNODATA_value -9999\n'
@@ -56,12 +49,9 @@ def write_grid(path: Path, values: np.ndarray, *, corner: tuple[float, float] = 
 
 
 def write_case(folder: Path, *, hours: float = 3.0, yaml: str = '') -> Path:
-    """Write a case that can be run in seconds.
+    """Write a case that can be run in seconds; lava comes out for so many hours.
 
-    Args:
-        folder: Its folder, which is made.
-        hours: How long lava comes out [h].
-        yaml: Text of ``case.yaml``; empty for none.
+    ``yaml`` is the text of ``case.yaml``, empty for none.
     """
     folder.mkdir(parents=True)
     write_grid(folder / 'elevation.asc', elevation())

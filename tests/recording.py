@@ -97,21 +97,13 @@ def record(
     max_duration: float = 0.0,
     close: bool = True,
 ) -> Path:
-    """Record frames of a flow, two seconds of ROS time apart.
+    """Record frames of a flow at simulated times [s], two seconds of ROS time apart.
 
-    Args:
-        directory: The bag.
-        times: Simulated times of the frames [s].
-        flow: Thickness [m] at a time.
-        arrived: When lava came, as known at a time; not noted when left out.
-        terrain: The ground.
-        vents: What the flow comes out of.
-        config: Text of a message configuration in place of the default one.
-        custom_data: What describes the recording beside its scene.
-        prefix: Namespace of all topics.
-        clock: Whether diagnostics are recorded.
-        max_duration: Time after which a file is not continued [s].
-        close: Whether the bag is finished.
+    ``flow`` and ``arrived`` give at a time the thickness [m] and when lava came, which is not
+    noted when left out; ``config`` is the text of a message configuration in place of the default
+    one, ``custom_data`` what describes the recording beside its scene, ``prefix`` the namespace
+    of all topics, ``clock`` whether diagnostics are recorded, ``close`` whether the bag is
+    finished.
     """
     scene = Scene(terrain, tuple(vents), lava=Lava())
     data = {'scene': yaml.safe_dump(scene_to_dict(scene)), **(custom_data or {})}
@@ -129,9 +121,8 @@ def record(
     image, info = outputs.terrain_messages(terrain, frame_id='map', stamp_ns=START).values()
     write('terrain', 'sensor_msgs/msg/Image', image, START)
     write('terrain_info', 'nav_msgs/msg/MapMetaData', info, START)
-    cloud = outputs.vents_message(
-        outputs.vent_rows(scene.vents, 0.0), terrain, frame_id='map', stamp_ns=START
-    )
+    rows = outputs.vent_rows(scene.vents, 0.0)
+    cloud = outputs.vents_message(rows, terrain, frame_id='map', stamp_ns=START)
     write('vents', 'sensor_msgs/msg/PointCloud2', cloud, START)
     for index, time in enumerate(times):
         stamp = START + 2 * index * SECOND
@@ -140,9 +131,7 @@ def record(
             snapshot = replace(snapshot, arrived=arrived(time).astype(np.float32))
         for layer in layers:
             if layer.enabled:
-                message = outputs.layer_message(
-                    layer, snapshot, frame_id='map', stamp_ns=stamp
-                )
+                message = outputs.layer_message(layer, snapshot, frame_id='map', stamp_ns=stamp)
                 write(layer.topic, layer.message, message, stamp)
         if clock:
             said = diagnostics_of(snapshot, stamp)
@@ -155,8 +144,8 @@ def record(
 
 def snapshot_at(time: float, thickness: np.ndarray, terrain: Terrain) -> Snapshot:
     """A flow of a thickness [m] at a time [s], which cools."""
-    wet = thickness > 0.0
-    temperature = np.where(wet, np.float32(900.0 + ZERO_CELSIUS - 0.1 * time), np.nan)
+    hot = np.float32(900.0 + ZERO_CELSIUS - 0.1 * time)
+    temperature = np.where(thickness > 0.0, hot, np.nan)
     volume = float(np.nansum(thickness)) * terrain.resolution**2
     return Snapshot(
         time=time,
@@ -173,16 +162,9 @@ def diagnostics_of(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
     """What the node says about its newest frame."""
     budget = snapshot.budget
     values = {
-        'simulated_time_s': repr(snapshot.time),
-        'frame_stamp_ns': str(stamp_ns),
-        **budget.texts(),
-        'mean_speed': '50',
-        'spacing_m': '2.5',
-        'flow_width_m': '40',
-        'particles_across': '16',
-        'footprint_error': '0.15',
-        'particles': '1',
-        'steps': '1',
+        'simulated_time_s': repr(snapshot.time), 'frame_stamp_ns': str(stamp_ns),
+        **budget.texts(), 'mean_speed': '50', 'spacing_m': '2.5', 'flow_width_m': '40',
+        'particles_across': '16', 'footprint_error': '0.15', 'particles': '1', 'steps': '1',
     }
     status = DiagnosticStatus(
         name='lava: simulation', values=[KeyValue(key=k, value=v) for k, v in values.items()]
@@ -191,14 +173,7 @@ def diagnostics_of(snapshot: Snapshot, stamp_ns: int) -> DiagnosticArray:
 
 
 def silenced(bag: Path, path: Path, topic: str, *, late: bool = False) -> Path:
-    """Copy a bag as one that was recorded with nothing on a topic, or with all of it late.
-
-    Args:
-        bag: The directory of a bag of one file.
-        path: The copy, an .mcap file.
-        topic: The topic.
-        late: Whether its messages are there, behind all others.
-    """
+    """Copy a bag of one file to an .mcap file with nothing on a topic, or with all of it late."""
     (source,) = bag.glob('*.mcap')
     with source.open('rb') as read, path.open('wb') as write:
         reader, writer = make_reader(read), Writer(write)
@@ -216,11 +191,9 @@ def silenced(bag: Path, path: Path, topic: str, *, late: bool = False) -> Path:
             for key, item in summary.channels.items()
         }
         for _, channel, message in reader.iter_messages():
-            stamp = message.log_time
-            if channel.topic == topic:
-                if not late:
-                    continue
-                stamp += 10**6 * SECOND
-            writer.add_message(channels[channel.id], stamp, message.data, stamp)
+            is_it = channel.topic == topic
+            if late or not is_it:
+                stamp = message.log_time + is_it * 10**6 * SECOND
+                writer.add_message(channels[channel.id], stamp, message.data, stamp)
         writer.finish()
     return path

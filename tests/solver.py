@@ -23,6 +23,9 @@ from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Particles, Simulation
 from lava_ros.simulation.accuracy import Accuracy
 
+#: What surrounds a flow.
+AROUND = ('ambient_temperature', 'gravity', 'wind_speed')
+
 
 def only(*names: str) -> Effects:
     """The effects with these names on and all others off."""
@@ -55,9 +58,14 @@ def simulated(
     device: str = 'cpu',
     **knobs: Any,
 ) -> Simulation:
-    """A simulation of vents and particles; what is not named here is a knob of ``Accuracy``."""
+    """A simulation of vents and particles.
+
+    What is not named here is a number of ``Scene`` (``AROUND``) or a knob of ``Accuracy``.
+    """
+    vents = tuple(item for item in on_it if isinstance(item, Vent))
+    around = {name: knobs.pop(name) for name in AROUND if name in knobs}
     return Simulation(
-        Scene(ground, tuple(item for item in on_it if isinstance(item, Vent)), lava),
+        Scene(ground, vents, lava, **around),
         effects=effects,
         accuracy=Accuracy(**knobs),
         device=device,

@@ -50,9 +50,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with BagWriter(directory / 'bag', custom_data=source.custom_data) as writer:
         for item in source.messages():
             topic = source.topics[item.topic]
-            writer.write(
-                item.topic, topic.message_type, item.data, item.stamp_ns, qos=topic.qos
-            )
+            writer.write(item.topic, topic.message_type, item.data, item.stamp_ns, qos=topic.qos)
             if item.topic == '/diagnostics':
                 time = next(times)
                 data = small_checkpoint(time, int(time) // 100).to_bytes()
@@ -67,9 +65,9 @@ def bag(sound: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(sound, tmp_path / 'bag'))
 
 
-def records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Opcode, place and end of each record."""
-    place = len(MAGIC)
+def records(path: Path) -> Iterator[tuple[int, int, int]]:
+    """Opcode, place and end of each record of a file."""
+    data, place = path.read_bytes(), len(MAGIC)
     while place < len(data) - len(MAGIC):
         opcode, length = FRAME.unpack_from(data, place)
         yield opcode, place, place + FRAME.size + length
@@ -78,7 +76,7 @@ def records(data: bytes) -> Iterator[tuple[int, int, int]]:
 
 def places_of(path: Path, opcode: Opcode) -> list[int]:
     """Where the records of a kind are."""
-    return [place for kind, place, _ in records(path.read_bytes()) if kind == opcode]
+    return [place for kind, place, _ in records(path) if kind == opcode]
 
 
 def flip(path: Path, place: int, bit: int) -> None:
@@ -239,7 +237,7 @@ def test_a_flipped_bit_is_never_silent(
     path = bag / 'bag_0.mcap'
     places = [
         byte
-        for _, place, end in records(path.read_bytes())
+        for _, place, end in records(path)
         for byte in range(place, min(end, place + 60))
     ]
     if kind == 'metadata.yaml':

@@ -40,7 +40,7 @@ import signal
 import subprocess
 import sys
 import time
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 import pytest
@@ -189,13 +189,8 @@ def _left_out(block: Block) -> tuple[str, ...]:
 def _commands(block: Block) -> list[str]:
     """The lines of a shell block, continued ones joined, without what is left out."""
     left_out = _left_out(block)
-    joined = block.text.replace('\\\n', ' ')
-    lines = [line.strip() for line in joined.splitlines()]
-    return [
-        line
-        for line in lines
-        if line and line[0] != '#' and not (left_out and line.startswith(left_out))
-    ]
+    lines = [line.strip() for line in block.text.replace('\\\n', ' ').splitlines()]
+    return [line for line in lines if line and not line.startswith(('#', *left_out))]
 
 
 def _is_run(block: Block) -> bool:
@@ -270,29 +265,26 @@ def test_shell_blocks(block: Block, shop: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def _run_together(commands: list[str], folder: Path, environment: dict[str, str]) -> None:
-    logs = [open(folder / f'{number}.log', 'w+') for number in range(len(commands))]  # noqa: SIM115
+    logs = [folder / f'{number}.log' for number in range(len(commands))]
     running = []
     try:
         for command, log in zip(commands, logs, strict=True):
-            running.append(
-                subprocess.Popen(
-                    ['bash', '-c', f'exec {command}'], cwd=folder, env=environment,
-                    stdout=log, stderr=subprocess.STDOUT,
-                )
-            )
+            with log.open('w') as file:
+                words = ['bash', '-c', f'exec {command}']
+                running.append(subprocess.Popen(
+                    words, cwd=folder, env=environment, stdout=file, stderr=subprocess.STDOUT
+                ))
         _wait_until_up(running, logs)
         _interrupt(running)
         for process, command, log in zip(running, commands, logs, strict=True):
-            log.seek(0)
-            assert process.returncode in (0, 130, -signal.SIGINT), f'{command}\n{log.read()}'
+            is_well = process.returncode in (0, 130, -signal.SIGINT)
+            assert is_well, f'{command}\n{log.read_text()}'
     finally:
         for process in running:
             process.kill()
-        for log in logs:
-            log.close()
 
 
-def _wait_until_up(running: list[subprocess.Popen[bytes]], logs: list[TextIO]) -> None:
+def _wait_until_up(running: list[subprocess.Popen[bytes]], logs: list[Path]) -> None:
     """Wait until each has ended or has sockets, a graph's or a server's, and falls silent."""
     end = time.monotonic() + 60.0
     said, silent_since = -1, 0.0
@@ -301,7 +293,7 @@ def _wait_until_up(running: list[subprocess.Popen[bytes]], logs: list[TextIO]) -
             assert said >= 0, [process.args for process in running]
             return
         time.sleep(0.1)
-        now = sum(os.fstat(log.fileno()).st_size for log in logs)
+        now = sum(log.stat().st_size for log in logs)
         are_up = all(process.poll() is not None or _has_sockets(process) for process in running)
         if are_up and now != said:
             said, silent_since = now, time.monotonic()

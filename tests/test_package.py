@@ -45,8 +45,21 @@ DISTRIBUTIONS = {
     'yaml': 'pyyaml',
 }
 
+MANIFEST = ElementTree.parse(ROOT / 'package.xml').getroot()
+
 #: Modules of ROS: package.xml names them, and the extra `ros` brings them all.
 ROS_MODULES = {'rclpy', 'rcl_interfaces', 'ament_index_python'}
+
+
+def _canonical(name: str) -> str:
+    return re.sub(r'[-_.]+', '-', name).lower()
+
+
+#: Lines of constraints.txt by name.
+PINS: dict[str, list[Requirement]] = {}
+for line in (ROOT / 'constraints.txt').read_text().splitlines():
+    if line and not line.startswith('#'):
+        PINS.setdefault(_canonical(Requirement(line).name), []).append(Requirement(line))
 
 
 @pytest.fixture(scope='module')
@@ -78,36 +91,15 @@ def test_settings_that_are_easily_lost() -> None:
     assert 'docs/images' not in (ROOT / 'Makefile').read_text()
 
 
-@pytest.fixture(scope='module')
-def manifest() -> ElementTree.Element:
-    """The root of package.xml."""
-    return ElementTree.parse(ROOT / 'package.xml').getroot()
-
-
-@pytest.fixture(scope='module')
-def pins() -> dict[str, list[Requirement]]:
-    """Lines of constraints.txt by name."""
-    result: dict[str, list[Requirement]] = {}
-    for line in (ROOT / 'constraints.txt').read_text().splitlines():
-        if line and not line.startswith('#'):
-            requirement = Requirement(line)
-            result.setdefault(_canonical(requirement.name), []).append(requirement)
-    return result
-
-
-def _canonical(name: str) -> str:
-    return re.sub(r'[-_.]+', '-', name).lower()
-
-
 @cache
 def _imports() -> set[str]:
     """Top-level modules the package imports, its own and the standard library's left out."""
     found: set[str] = set()
     for path in (ROOT / 'lava_ros').rglob('*.py'):
         for node in ast.walk(ast.parse(path.read_text('utf-8'))):
-            if isinstance(node, ast.Import):
-                found |= {item.name.split('.')[0] for item in node.names}
-            elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names = node.names if isinstance(node, ast.Import) else ()
+            found |= {item.name.split('.')[0] for item in names}
+            if isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 found.add(node.module.split('.')[0])
     return found - set(sys.stdlib_module_names) - {'lava_ros'}
 
@@ -116,18 +108,16 @@ def _is_ros(module: str) -> bool:
     return module in ROS_MODULES or module.endswith(('_msgs', '_srvs', '_interfaces'))
 
 
-def test_name_version_and_contact_agree(
-    metadata: dict[str, Any], manifest: ElementTree.Element
-) -> None:
+def test_name_version_and_contact_agree(metadata: dict[str, Any]) -> None:
     """package.xml, setup.py and the package itself say the same."""
-    assert manifest.get('format') == '3'
-    assert manifest.findtext('name') == metadata['name'] == 'lava_ros'
-    assert manifest.findtext('version') == metadata['version'] == lava_ros.__version__
-    assert manifest.findtext('license') == metadata['license'] == 'Apache-2.0'
-    maintainer = manifest.find('maintainer')
+    assert MANIFEST.get('format') == '3'
+    assert MANIFEST.findtext('name') == metadata['name'] == 'lava_ros'
+    assert MANIFEST.findtext('version') == metadata['version'] == lava_ros.__version__
+    assert MANIFEST.findtext('license') == metadata['license'] == 'Apache-2.0'
+    maintainer = MANIFEST.find('maintainer')
     assert maintainer is not None
     assert maintainer.get('email') == metadata['maintainer_email']
-    assert manifest.findtext('export/build_type') == 'ament_python'
+    assert MANIFEST.findtext('export/build_type') == 'ament_python'
 
 
 def test_scripts_exist(metadata: dict[str, Any]) -> None:
@@ -206,53 +196,41 @@ def test_the_image_has_this_package(metadata: dict[str, Any], tmp_path: Path) ->
     assert not (tmp_path / 'src/tests').exists()
 
 
-def test_ros_packages_are_declared(manifest: ElementTree.Element) -> None:
-    """package.xml has an exec_depend for each ROS package the code imports."""
-    declared = {item.text for item in manifest.findall('exec_depend')}
-    optional = {'grid_map_msgs'}
-    assert {name for name in _imports() if _is_ros(name)} - optional <= declared
-
-
-def test_python_packages_are_declared(metadata: dict[str, Any]) -> None:
-    """setup.py has a requirement for each other module the code imports."""
+def test_packages_that_are_imported_are_declared(metadata: dict[str, Any]) -> None:
+    """Those of ROS by package.xml, the others by setup.py."""
+    of_ros = {name for name in _imports() if _is_ros(name)}
+    declared = {item.text for item in MANIFEST.findall('exec_depend')}
+    assert of_ros - {'grid_map_msgs'} <= declared
     extras = metadata['extras_require']
     requirements = [*metadata['install_requires'], *extras['all'], *extras['gis']]
-    declared = {_canonical(Requirement(item).name) for item in requirements}
-    needed = {
-        _canonical(DISTRIBUTIONS.get(name, name)) for name in _imports() if not _is_ros(name)
-    }
-    assert needed <= declared
+    needed = {_canonical(DISTRIBUTIONS.get(name, name)) for name in _imports() - of_ros}
+    assert needed <= {_canonical(Requirement(item).name) for item in requirements}
 
 
-def test_requirements_are_bounded_and_pinned(
-    metadata: dict[str, Any], pins: dict[str, list[Requirement]]
-) -> None:
-    """Each requirement has a lower and an upper bound, and its pins lie between them."""
-    for item in [*metadata['install_requires'], *metadata['extras_require']['all']]:
+def test_requirements_are_bounded_and_pinned(metadata: dict[str, Any]) -> None:
+    """Each requirement has a lower and an upper bound, and its pins lie between them.
+
+    No ROS wheel is named but Jazzy's: the others are of some distribution or other.
+    """
+    required = [*metadata['install_requires'], *metadata['extras_require']['all']]
+    for item in required:
         requirement = Requirement(item)
         operators = {bound.operator for bound in requirement.specifier}
         assert {'>=', '<'} <= operators, item
-        for pin in pins[_canonical(requirement.name)]:
+        for pin in PINS[_canonical(requirement.name)]:
             (version,) = (bound.version for bound in pin.specifier)
             assert requirement.specifier.contains(version), (item, version)
-
-
-def test_pins_cover_every_python(pins: dict[str, list[Requirement]]) -> None:
-    """On each Python a package has at most one pin, and the required ones have one."""
-    for version in ('3.10', '3.11', '3.12', '3.13'):
-        environment = {'python_version': version}
-        for name, lines in pins.items():
-            chosen = [
-                line for line in lines if line.marker is None or line.marker.evaluate(environment)
-            ]
-            assert len(chosen) <= 1, (name, version)
-            assert all(line.specifier and '==' in str(line.specifier) for line in lines)
-            if name in ('numpy', 'warp-lang', 'mcap', 'rasterio', 'matplotlib', 'ros-rclpy'):
-                assert len(chosen) == 1, (name, version)
-
-
-def test_only_jazzy_wheels_are_required(metadata: dict[str, Any]) -> None:
-    """Requirements name no ROS wheel but Jazzy's: the others are of some distribution or other."""
-    required = [*metadata['install_requires'], *metadata['extras_require']['all']]
     ros = [item for item in required if item.startswith('ros-')]
     assert ros and all(item.startswith('ros-jazzy-') for item in ros)
+
+
+def test_pins_cover_every_python() -> None:
+    """On each Python a package has at most one pin, and the required ones have one."""
+    always = {'numpy', 'warp-lang', 'mcap', 'rasterio', 'matplotlib', 'ros-rclpy'}
+    for version in ('3.10', '3.11', '3.12', '3.13'):
+        environment = {'python_version': version}
+        for name, lines in PINS.items():
+            assert all('==' in str(line.specifier) for line in lines)
+            chosen = sum(not one.marker or one.marker.evaluate(environment) for one in lines)
+            assert chosen == 1 or (chosen == 0 and name not in always), (name, version)
+    assert always <= set(PINS)

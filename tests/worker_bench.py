@@ -38,23 +38,16 @@ OUTSIDE = Vent((500.0, 0.0), 2.0, 1360.0, name='far')
 class KeepsTime:
     """A simulation that only keeps time and volume, as fast as it is told to be."""
 
+    device, failure, flawed = 'paper', None, False
+    time = slowness = emitted_before = changed_at = 0.0
+    particle_count = begun = 0
+    horizon = HORIZON
+
     def __init__(self, scene, speed=None):
-        self.scene = scene
-        self.speed = speed
-        self.time = 0.0
-        self.device = 'paper'
-        self.failure = None
-        self.slowness = 0.0
-        self.advanced_to = []
-        self.emitted_before = 0.0
-        self.changed_at = 0.0
-        self.forced, self.horizon = {}, HORIZON
-        self.particle_count = 0
-        self.flawed = False
-        self.is_compiled = threading.Event()
+        self.scene, self.speed = scene, speed
+        self.forced, self.advanced_to = {}, []
+        self.is_compiled, self.is_copied = threading.Event(), threading.Event()
         self.is_compiled.set()
-        self.begun = 0
-        self.is_copied = threading.Event()
         self.is_copied.set()
 
     @property
@@ -90,18 +83,14 @@ class KeepsTime:
         return reached
 
     def snapshot(self):
-        emitted = self.emitted()
-        return Snapshot(
-            time=self.time,
-            terrain=self.scene.terrain,
-            thickness=np.full(
-                self.scene.terrain.shape, np.nan if self.flawed else 0.0, np.float32
-            ),
-            temperature=np.full(self.scene.terrain.shape, np.nan, np.float32),
-            budget=VolumeBudget(emitted, emitted, 0.0, 0.0),
-            particle_count=0,
-            steps=StepReport(1, 1, 1, 1.0, 'longest'),
+        ground, emitted = self.scene.terrain, self.emitted()
+        thickness, temperature = (
+            np.full(ground.shape, value, np.float32)
+            for value in (np.nan if self.flawed else 0.0, np.nan)
         )
+        budget = VolumeBudget(emitted, emitted, 0.0, 0.0)
+        steps = StepReport(1, 1, 1, 1.0, 'longest')
+        return Snapshot(self.time, ground, thickness, temperature, budget, 0, steps)
 
     def begin_snapshot(self):
         begun, self.begun = self.snapshot(), self.begun + 1
@@ -125,16 +114,12 @@ class Bench:
     """A worker, the simulations it has made, and a clock that moves by hand."""
 
     def __init__(self, **options):
-        self.now = 100.0
-        self.made = []
+        self.now, self.refusal = 100.0, None
+        self.made, self.shown = [], []
         self.speed = options.pop('speed', None)
-        self.refusal = None
-        self.shown = []
         self.worker = SimulationWorker(
-            self.make,
-            clock=lambda: self.now,
-            on_snapshot=lambda: self.shown.append(self.worker.latest),
-            **options,
+            self.make, clock=lambda: self.now,
+            on_snapshot=lambda: self.shown.append(self.worker.latest), **options,
         )
         self.worker.start()
 

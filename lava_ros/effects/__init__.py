@@ -118,8 +118,7 @@ class Effects:
 
     def having(self, part: str) -> dict[str, ModuleType]:
         """The files of the effects that are on which define a part, such as ``terms``, by name."""
-        on = {name: load(name) for name in self}
-        return {name: module for name, module in on.items() if hasattr(module, part)}
+        return {name: file for name in self if hasattr(file := load(name), part)}
 
 
 def load(name: str) -> Any:
@@ -140,12 +139,11 @@ def possible(lava: Lava) -> tuple[str, ...]:
 
 def existing(scene: Scene) -> tuple[str, ...]:
     """Names of the effects that a scene has by its numbers and whose part no other takes over."""
-    names = []
-    for name in possible(scene.lava):
-        numbers = [getattr(scene, key) for key in EFFECTS[name].environment]
-        if any(numbers) or not numbers:
-            names.append(name)
-    return without_replaced(names)
+    return without_replaced(
+        name
+        for name in possible(scene.lava)
+        if not (around := EFFECTS[name].environment) or any(getattr(scene, key) for key in around)
+    )
 
 
 def without_replaced(names: Iterable[str]) -> tuple[str, ...]:

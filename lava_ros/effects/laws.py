@@ -18,7 +18,7 @@ Each law is written once. On the host the same lines are run by Python, with ``H
 of Warp and floats in the place of its scalars.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 import math
 from types import SimpleNamespace
@@ -43,14 +43,8 @@ class _Host:
     exp, log, sqrt, pow = math.exp, math.log, math.sqrt, math.pow
     min, max, float64 = min, max, float
     types = SimpleNamespace(vector=lambda length, real: lambda *items: items or (0.0,) * length)
-
-    @staticmethod
-    def func(function: Any) -> Any:
-        return function
-
-    @staticmethod
-    def clamp(value: float, least: float, most: float) -> float:
-        return min(max(value, least), most)
+    func = staticmethod(lambda function: function)
+    clamp = staticmethod(lambda value, least, most: min(max(value, least), most))
 
 
 HOST = _Host()
@@ -122,9 +116,8 @@ def speed_function(wp: Any, real: Any, law_type: Any, effects: Effects) -> Any:
 @lru_cache
 def _on_host(lava: 'Lava') -> tuple[Any, Any, Any]:
     """The constants, mu(T) and tau_y(T) of a lava."""
-    names = (name for name in possible(lava) if EFFECTS[name].law)
-    values, effects = SimpleNamespace(**law_values(lava)), _all_of(without_replaced(names))
-    strength = None
+    effects = _all_of(name for name in possible(lava) if EFFECTS[name].law)
+    values, strength = SimpleNamespace(**law_values(lava)), None
     for module in effects.having('strength').values():
         strength = module.strength(HOST, float, object)
     return values, viscosity_function(HOST, float, object, effects), strength
@@ -142,13 +135,12 @@ def strength_at(lava: 'Lava', temperature: float) -> float:
     return 0.0 if strength is None else float(strength(values, temperature))
 
 
-def _all_of(names: tuple[str, ...]) -> Effects:
-    """Those of some effects that can be on at once, the first of two."""
-    on: list[str] = []
-    for name in names:
-        if not any(excluded_by(name, other) for other in on):
-            on.append(name)
-    return Effects(**{name: name in on for name in EFFECTS})
+def _all_of(names: Iterable[str]) -> Effects:
+    """Those of some effects that are not replaced and can be on at once, the first of two."""
+    on = dict.fromkeys(EFFECTS, False)
+    for name in without_replaced(names):
+        on[name] = not any(on[other] and excluded_by(name, other) for other in on)
+    return Effects(**on)
 
 
 def heat_values(scene: 'Scene', names: tuple[str, ...]) -> dict[str, float]:
@@ -186,19 +178,14 @@ def heat_of(scene: 'Scene', effects: Effects, real: Any) -> Any:
 
 def heat_loss(scene: 'Scene') -> Callable[[float], float]:
     """Heat [W/m2] that lava at rest loses to the air from a bare surface, by temperature [K]."""
-    lava = possible(scene.lava)
-    names = without_replaced(name for name in lava if EFFECTS[name].is_surface)
-    values = SimpleNamespace(**heat_values(scene, names))
+    effects = _all_of(name for name in possible(scene.lava) if EFFECTS[name].is_surface)
+    values = SimpleNamespace(**heat_values(scene, tuple(effects)))
     capacity = scene.lava.density * scene.lava.specific_heat
-    modules = _all_of(names).having('terms').values()
-    every = [module.terms(HOST, float, object) for module in modules]
+    every = [one.terms(HOST, float, object) for one in effects.having('terms').values()]
 
     def loss(temperature: float) -> float:
-        result = 0.0
-        for terms in every:
-            rate, source = terms(values, 1.0, temperature, math.inf, 0.0, 0.0)
-            result += capacity * (rate * temperature - source)
-        return float(result)
+        balances = (terms(values, 1.0, temperature, math.inf, 0.0, 0.0) for terms in every)
+        return float(sum(capacity * (rate * temperature - source) for rate, source in balances))
 
     return loss
 

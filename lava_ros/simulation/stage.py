@@ -31,7 +31,7 @@ from lava_ros.simulation.fused_stage import (
     is_within_the_motion,
     StageChoice,
 )
-from lava_ros.simulation.motion_arguments import flow_constants, THICKEST
+from lava_ros.simulation.motion_arguments import flow_constants
 from lava_ros.simulation.neighbors import NeighborGrid
 from lava_ros.simulation.state import State
 from lava_ros.simulation.vents import VentSet
@@ -82,8 +82,6 @@ class Stage:
         self._moves_at_once = (
             'green' in state.effects and accuracy.formulation != 'as-published'
         )
-        if 'inertia' in state.effects:
-            self._momentum = load('inertia').Momentum(accuracy, state)
 
     def take(
         self, scene: Scene, vents: VentSet, *, look: Callable[[], None] | None = None
@@ -100,7 +98,7 @@ class Stage:
         if look is not None:
             look()
         if 'inertia' in self._effects:
-            self._momentum.synchronize(self._arguments())
+            load('inertia').synchronize(state, self._arguments(), self._accuracy)
         if not self._moves_at_once:
             # before the step is chosen: it follows the speed that lateral stress leaves
             self._spread_velocity()
@@ -136,7 +134,7 @@ class Stage:
         """Compute thickness and velocity of the ordered particles."""
         self.compute_flow()
         if 'inertia' in self._effects:
-            self._momentum.synchronize(self._arguments())
+            load('inertia').synchronize(self._state, self._arguments(), self._accuracy)
         self._spread_velocity()
 
     def _spread_velocity(self) -> None:
@@ -146,15 +144,7 @@ class Stage:
         elif 'green' in self._effects:
             load('green').spread_velocity(self._state, self._arguments())
         elif 'helmholtz' in self._effects:
-            assert self._accuracy.thickness is not None
-            load('helmholtz').solve_velocity(
-                self._state,
-                self._arguments(),
-                radius=self._radius,
-                thickness=THICKEST * self._accuracy.thickness,
-                kernel=self._accuracy.kernel,
-                ratio=self._accuracy.ratio,
-            )
+            load('helmholtz').solve_velocity(self._state, self._arguments(), self._accuracy)
 
     def _move(self, way: Any, choice: StageChoice) -> None:
         """Move, after the lateral stress where that is one sum; end the step."""
@@ -163,7 +153,7 @@ class Stage:
             load('green').move_particles(state, neighbors, way, choice)
         else:
             if 'inertia' in self._effects:
-                self._momentum.accelerate(way)
+                load('inertia').accelerate(state, way, self._accuracy)
             motion.move_particles(state, neighbors, way, choice)
         for effect in self._after_step.values():
             effect.apply(state, way)

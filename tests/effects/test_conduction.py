@@ -28,14 +28,8 @@ from solver import flat, only, simulated
 CONDUCTING = only('conduction')
 
 #: Diffusivity 1e-3 m2/s.
-LAVA = Lava(
-    density=1000.0,
-    specific_heat=1000.0,
-    viscosity=1e15,
-    emissivity=0.0,
-    convection=0.0,
-    conductivity=1000.0,
-)
+LAVA = Lava(density=1000.0, specific_heat=1000.0, viscosity=1e15, emissivity=0.0, convection=0.0,
+            conductivity=1000.0)
 
 
 def layer(temperature_at, *, effects=CONDUCTING, lava=LAVA, jitter=0.0, **options):
@@ -55,14 +49,8 @@ def step_at(x):
 
 @pytest.mark.parametrize(
     ('precision', 'jitter', 'step'),
-    [
-        ('float32', 0.0, 60.0),
-        ('float32', 0.2, 60.0),
-        ('float64', 0.0, 60.0),
-        ('float64', 0.2, 60.0),
-        ('float64', 0.0, 30.0),
-        ('float64', 0.0, 600.0),
-    ],
+    [*((real, jitter, 60.0) for real in ('float32', 'float64') for jitter in (0.0, 0.2)),
+     ('float64', 0.0, 30.0), ('float64', 0.0, 600.0)],
 )
 def test_step_of_temperature_spreads_as_the_error_function(device, precision, jitter, step):
     """Within 1 % of it on a lattice, 2 % off it; long steps of time are cut into sweeps."""
@@ -85,9 +73,7 @@ def test_heat_is_conserved_to_rounding(device, step, jitter):
     """Particles that lie unevenly, and steps beyond what the sweeps resolve."""
     random = np.random.default_rng(2)
     simulation = layer(
-        lambda x: random.uniform(500.0, 1500.0, len(x)),
-        jitter=jitter,
-        longest_step=step,
+        lambda x: random.uniform(500.0, 1500.0, len(x)), jitter=jitter, longest_step=step,
         device=device,
     )
     before = simulation.sample()

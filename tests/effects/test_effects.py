@@ -14,11 +14,11 @@
 
 """Effects as a key; those that are off, or whose files are deleted, leave nothing behind."""
 
+import os
 from pathlib import Path
 import shutil
 import subprocess
 import sys
-from typing import Any
 
 import pytest
 import warp as wp
@@ -44,38 +44,64 @@ BARE_KERNELS = [
 ]
 
 #: What effects add: arrays, and kernels of their own.
-ADDED = {
-    **dict.fromkeys(
-        ('', 'yielding', 'power_law', 'arrhenius', 'vft', 'crystals', 'steep', 'cooling',
-         'latent_heat'),
-        (set(), set()),
-    ),
-    'green': ({'source', 'area'}, {'green_motion'}),
-    'helmholtz': (
-        {'layer', 'solution', 'next_solution', 'correction'},
-        {'start', 'sweep', 'finish'},
-    ),
-}
+ADDED = dict.fromkeys(
+    ('', 'yielding', 'power_law', 'arrhenius', 'vft', 'crystals', 'steep', 'cooling',
+     'latent_heat'),
+    (set(), set()),
+)
+ADDED['green'] = {'source', 'area'}, {'green_motion'}
+ADDED['helmholtz'] = (
+    {'layer', 'solution', 'next_solution', 'correction'}, {'start', 'sweep', 'finish'}
+)
 
 #: Computes a digest of a simulation of the effects that are named.
 DIGEST = """
-import dataclasses, hashlib, sys
-import numpy as np
-from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.effects import Effects
-from lava_ros.scene import Lava, Scene, Terrain, Vent
-from lava_ros.simulation import Simulation
-def digest(names):
-    on = {item.name: item.name in names for item in dataclasses.fields(Effects)}
-    ground = Terrain(np.add.outer(np.zeros(20), np.arange(20.0)), 5.0, origin=(-50.0, -50.0))
-    scene = Scene(ground, (Vent((0.0, 0.0), 2.0),), Lava())
-    simulation = Simulation(
-        scene, effects=Effects(**on), accuracy=Accuracy(spacing=3.0), device='cpu'
-    )
-    simulation.advance(120.0)
-    seen = simulation.snapshot()
-    return hashlib.sha256(seen.thickness.tobytes() + seen.temperature.tobytes()).hexdigest()
+import hashlib, sys
+import lava_ros
+from lava_ros.scene import Lava, Vent
+from solver import incline, only, simulated
+ground = incline(-0.2, 20, 20, 5.0, origin=(-50.0, -50.0))
+simulation = simulated(
+    ground, Lava(), Vent((0.0, 0.0), 2.0), effects=only(*sys.argv[1:]), spacing=3.0
+)
+simulation.advance(120.0)
+seen = simulation.snapshot()
+digest = hashlib.sha256(seen.thickness.tobytes() + seen.temperature.tobytes()).hexdigest()
+print(lava_ros.__path__[0], digest)
 """
+
+#: Reads what describes scenes, materials and choices without each of the effects that are named.
+WITHOUT = """
+import pkgutil, sys
+import numpy as np
+every = pkgutil.iter_modules
+for left_out in sys.argv[1:]:
+    pkgutil.iter_modules = lambda *args: [one for one in every(*args) if one.name != left_out]
+    for name in [name for name in sys.modules if name.startswith('lava_ros')]:
+        del sys.modules[name]
+    from lava_ros.effects import EFFECTS
+    assert left_out not in EFFECTS and len(EFFECTS) > 10
+    from lava_ros.scene import Scene, Terrain, Vent, scene_from_dict, scene_to_dict
+    from lava_ros.scene.materials import materials
+    from lava_ros.simulation.selection import effects_for
+    ground = Terrain(np.add.outer(np.arange(20.0), np.zeros(20)), 10.0)
+    for material in materials().values():
+        vent = Vent((100.0, 100.0), 5.0, temperature=material.vent_temperature.value)
+        scene = Scene(ground, (vent,), material.lava)
+        assert left_out not in effects_for(scene)
+        scene_to_dict(scene)
+"""
+
+
+def said_by(code, names, root=ROOT):
+    """What a program prints that is given names, with the package in a folder."""
+    path = os.pathsep.join(map(str, filter(None, [root, ROOT / 'tests', os.getenv('PYTHONPATH')])))
+    run = subprocess.run(
+        [sys.executable, '-c', code, *names], capture_output=True, text=True, cwd=root,
+        env=os.environ | {'PYTHONPATH': path}, timeout=120,
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout.split()
 
 
 @pytest.fixture
@@ -130,50 +156,13 @@ def test_deleted_effects_are_not_missed(tmp_path, names):
     assert len(deleted) > 10
     for path in deleted:
         shutil.rmtree(path) if path.is_dir() else path.with_suffix('.py').unlink()
-    code = f"""import sys
-sys.path.insert(0, {str(tmp_path)!r})
-{DIGEST}
-import lava_ros
-print(lava_ros.__path__[0], digest({names!r}))"""
-    run = subprocess.run(
-        [sys.executable, '-c', code], capture_output=True, text=True, cwd=tmp_path, timeout=120
-    )
-    assert run.returncode == 0, run.stderr
-    here: dict[str, Any] = {}
-    exec(DIGEST, here)
-    assert run.stdout.split()[-2:] == [str(tmp_path / 'lava_ros'), here['digest'](names)]
+    found, expected = said_by(DIGEST, names, tmp_path), said_by(DIGEST, names)
+    assert found[-2:] == [str(tmp_path / 'lava_ros'), expected[-1]]
 
 
 def test_any_effect_can_be_deleted():
     """Without its file there are scenes, materials and choices as before."""
-    code = """
-import pkgutil, sys
-import numpy as np
-every = pkgutil.iter_modules
-for left_out in sys.argv[1:]:
-    pkgutil.iter_modules = lambda *args: [one for one in every(*args) if one.name != left_out]
-    for name in [name for name in sys.modules if name.startswith('lava_ros')]:
-        del sys.modules[name]
-    from lava_ros.effects import EFFECTS
-    assert left_out not in EFFECTS and len(EFFECTS) > 10
-    from lava_ros.scene import Scene, Terrain, Vent, scene_from_dict, scene_to_dict
-    from lava_ros.scene.materials import materials
-    from lava_ros.simulation.selection import effects_for
-    ground = Terrain(np.add.outer(np.arange(20.0), np.zeros(20)), 10.0)
-    for material in materials().values():
-        vent = Vent((100.0, 100.0), 5.0, temperature=material.vent_temperature.value)
-        scene = Scene(ground, (vent,), material.lava)
-        assert left_out not in effects_for(scene)
-        scene_to_dict(scene)
-"""
-    words = [sys.executable, '-c', code, *EFFECTS]
-    run = subprocess.run(words, capture_output=True, text=True, cwd=ROOT, timeout=120)
-    assert run.returncode == 0, run.stderr
-
-
-def test_effects_are_a_key():
-    """Equal effects hash alike: they key the compiled step."""
-    assert hash(Effects(green=True)) == hash(Effects(green=True)) != hash(Effects())
+    said_by(WITHOUT, EFFECTS)
 
 
 @pytest.mark.parametrize(

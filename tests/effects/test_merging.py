@@ -127,25 +127,23 @@ def test_momentum_and_age_are_kept(device):
         random = np.random.default_rng(5)
         simulation.evaluate()
         state.take_order()
-        velocity, age = state.velocity.numpy(), state.age.numpy()
-        velocity[:] = random.normal(size=velocity.shape)
-        age[:] = random.uniform(size=age.shape)
-        state.velocity.assign(velocity)
-        state.age.assign(age)
-        state.ordered_velocity.assign(velocity)
-        state.ordered_age.assign(age)
-        before = [sum_of(state, name) for name in ('velocity', 'age')]
+
+        def sums(state=state):
+            """Sums of the volume times velocity and age."""
+            volumes = state.read_particles()[:, 2]
+            carried = [item.numpy()[: len(volumes)] for item in (state.velocity, state.age)]
+            return [values.astype(np.float64).T @ volumes for values in carried]
+
+        for name, draw in (('velocity', random.normal), ('age', random.uniform)):
+            values = getattr(state, name).numpy()
+            values[:] = draw(size=values.shape)
+            getattr(state, name).assign(values)
+            getattr(state, f'ordered_{name}').assign(values)
+        before = sums()
         one_pass(simulation)
-        after = [sum_of(state, name) for name in ('velocity', 'age')]
+        after = sums()
         assert after[0] == pytest.approx(before[0], rel=1e-5, abs=1e-2)
         assert after[1] == pytest.approx(before[1], rel=1e-5)
-
-
-def sum_of(state, name):
-    """Sum of the volume times a carried quantity."""
-    rows = state.read_particles()
-    values = getattr(state, name).numpy()[: len(rows)].astype(np.float64)
-    return values.T @ rows[:, 2]
 
 
 def test_splitting_waits_for_room(device):

@@ -36,11 +36,10 @@ def hillside(rows=40, columns=60, cell=10.0):
     return incline(0.1, rows, columns, cell, top=1000.0)
 
 
-def block(x0, y0, x1, y1, spacing, thickness, temperature):
-    """Evenly spaced particles on a rectangle."""
-    x, y = np.meshgrid(np.arange(x0, x1, spacing), np.arange(y0, y1, spacing))
-    places = np.column_stack([x.ravel(), y.ravel()]) + 0.5 * spacing
-    return Particles(places, spacing**2 * thickness, temperature)
+def layer():
+    """An even layer 2 m thick on 300 m by 200 m, which freezes at once."""
+    x, y = np.meshgrid(np.arange(150.0, 450.0, 5.0), np.arange(100.0, 300.0, 5.0))
+    return Particles(np.column_stack([x.ravel(), y.ravel()]) + 2.5, 50.0, 1100.0)
 
 
 def freezing(device, terrain, *on_it, lava=LAVA, **knobs):
@@ -50,18 +49,22 @@ def freezing(device, terrain, *on_it, lava=LAVA, **knobs):
     return simulated(terrain, lava, *on_it, effects=effects, device=device, **knobs)
 
 
+def frozen_in(simulation):
+    """Thickness of what has frozen [m], to all its digits."""
+    return simulation._after_step['solidification'].thickness()
+
+
 @pytest.mark.parametrize('precision', ['float32', 'float64'])
 def test_an_even_layer_freezes_into_an_even_layer(device, precision):
     """The ground rises by volume over area, and holds the volume to the last digits."""
-    particles = block(150.0, 100.0, 450.0, 300.0, 5.0, 2.0, 1100.0)
-    simulation = freezing(device, hillside(), particles, precision=precision)
+    simulation = freezing(device, hillside(), layer(), precision=precision)
     simulation.advance(1.0)
     snapshot = simulation.snapshot()
     assert snapshot.particle_count == 0
     assert snapshot.budget.held == 0.0
     assert snapshot.budget.error < 1e-12
     assert snapshot.budget.frozen == pytest.approx(300.0 * 200.0 * 2.0, rel=1e-12)
-    exact = simulation._after_step['solidification'].thickness()
+    exact = frozen_in(simulation)
     assert exact.sum() * 100.0 == pytest.approx(120000.0, rel=1e-12)
     inside = snapshot.frozen[13:27, 18:42]
     assert inside == pytest.approx(np.full_like(inside, 2.0), abs=1e-3)
@@ -95,7 +98,7 @@ def test_volume_is_exact_beside_the_border_and_beside_holes(device):
     snapshot = simulation.snapshot()
     assert snapshot.budget.frozen == pytest.approx(5 * 77.0, rel=1e-12)
     assert snapshot.budget.error < 1e-12
-    exact = simulation._after_step['solidification'].thickness()
+    exact = frozen_in(simulation)
     assert exact.sum() * 100.0 == pytest.approx(5 * 77.0, rel=1e-12)
     assert (exact[15:25, 30:40] == 0.0).all()
     assert np.isnan(snapshot.frozen[15:25, 30:40]).all()
@@ -103,19 +106,14 @@ def test_volume_is_exact_beside_the_border_and_beside_holes(device):
 
 def test_volume_is_exact_over_many_steps(device):
     """A flow that cools and freezes as it goes keeps its budget, and what froze stays."""
-    simulation = freezing(
-        device,
-        hillside(),
-        Vent((150.0, 200.0), 20.0, temperature=1423.0, radius=10.0),
-        lava=COOLING,
-        precision='float64',
-    )
+    vent = Vent((150.0, 200.0), 20.0, temperature=1423.0, radius=10.0)
+    simulation = freezing(device, hillside(), vent, lava=COOLING, precision='float64')
     before = np.zeros((40, 60))
     for minutes in range(10, 41, 10):
         simulation.advance(60.0 * minutes)
         budget = simulation.budget()
         assert budget.error < 1e-12
-        frozen = simulation._after_step['solidification'].thickness()
+        frozen = frozen_in(simulation)
         assert frozen.sum() * 100.0 == pytest.approx(budget.frozen, rel=1e-12, abs=1e-9)
         assert (frozen >= before).all()
         before = frozen
@@ -140,12 +138,12 @@ def test_a_frozen_flow_diverts_a_second_one(device):
 
     simulation = flow(hillside(), ridge)
     simulation.advance(5.0)
-    frozen = simulation._after_step['solidification'].thickness()
+    frozen = frozen_in(simulation)
     assert frozen.max() > 5.0
     assert simulation.particle_count == 0
     simulation.advance(1800.0)
     diverted = simulation.sample().position
-    assert np.array_equal(simulation._after_step['solidification'].thickness(), frozen)
+    assert np.array_equal(frozen_in(simulation), frozen)
 
     raised = Terrain(hillside().elevation + frozen, 10.0)
     same = flow(raised)
@@ -164,8 +162,7 @@ def test_a_frozen_flow_diverts_a_second_one(device):
 
 def test_a_new_terrain_keeps_what_has_frozen(device):
     """The same terrain keeps every digit; another keeps the volume; what is outside has left."""
-    particles = block(150.0, 100.0, 450.0, 300.0, 5.0, 2.0, 1100.0)
-    simulation = freezing(device, hillside(), particles)
+    simulation = freezing(device, hillside(), layer())
     simulation.advance(1.0)
     before = simulation.snapshot().frozen
     height = simulation._terrain.height.numpy().copy()
@@ -200,15 +197,9 @@ def test_a_new_terrain_keeps_what_has_frozen(device):
 
 def test_deterministic_runs_are_identical_to_the_bit(device):
     """What freezes is the same to the bit in two runs."""
-    grids = []
+    vent, grids = Vent((150.0, 200.0), 40.0, temperature=1423.0, radius=20.0), []
     for _ in range(2):
-        simulation = freezing(
-            device,
-            hillside(),
-            Vent((150.0, 200.0), 40.0, temperature=1423.0, radius=20.0),
-            lava=COOLING,
-            deterministic=True,
-        )
+        simulation = freezing(device, hillside(), vent, lava=COOLING, deterministic=True)
         simulation.advance(600.0)
         grids.append(simulation.snapshot())
     assert grids[0].frozen.max() > 0.0

@@ -34,17 +34,12 @@ def test_speed_of_a_sheet(device, angle, strength):
     """Particles that keep their distance: cos^4 b up to the steepest layer, its own beyond."""
     slope = math.tan(math.radians(angle))
     lava = Lava(viscosity=1e6, yield_strength=strength, arrhenius=0.0)
-    simulation = simulated(
-        incline(slope, 41, 41, 10.0, top=200.0 * slope, origin=(-205.0, -205.0)),
-        lava,
-        Particles(lattice(51.25, 2.5), 2.5**2, 1400.0),
+    sample = simulated(
+        incline(slope, 41, 41, 10.0, top=200.0 * slope, origin=(-205.0, -205.0)), lava,
+        Particles(lattice(51.25, 2.5), 2.5**2, 1400.0), device=device,
         effects=only('steep', *['yielding'] * (strength > 0.0)),
-        device=device,
-        spacing=2.5,
-        thickness=1.0,
-        precision='float64',
-    )
-    sample = simulation.sample()
+        spacing=2.5, thickness=1.0, precision='float64',
+    ).sample()
     inner = (np.abs(sample.position) < 20.0).all(axis=1)
     square = math.cos(math.radians(min(angle, STEEPEST))) ** 2
     b = strength / (lava.density * 9.81 * square * slope * sample.thickness[inner])
@@ -74,11 +69,8 @@ def test_a_cliff_is_no_dam(device, effects, cells, drops):
         height = -math.tan(math.radians(5.0)) * x
         height = height - np.clip((np.arange(160) - EDGE) / cells, 0.0, 1.0) * drop
         simulation = simulated(
-            Terrain(np.tile(height, (81, 1)), CELL),
-            Lava(viscosity=5e3),
-            Vent((20 * CELL, 40.5 * CELL), 20.0, radius=30.0),
-            effects=effects,
-            device=device,
+            Terrain(np.tile(height, (81, 1)), CELL), Lava(viscosity=5e3),
+            Vent((20 * CELL, 40.5 * CELL), 20.0, radius=30.0), effects=effects, device=device,
             spacing=12.0,
         )
         simulation.advance(6 * 3600.0)

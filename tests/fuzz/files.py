@@ -20,6 +20,7 @@ that it gets past what only looks at the whole.
 
 from array import array
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 import io
 from itertools import takewhile
@@ -91,17 +92,17 @@ def hostile_bag(chance: random.Random, source: Path, target: Path) -> None:
 
 
 def _copied(
-    source: Path, target: Path, *, edit: Callable[..., Any] | None = None, texts: Any = None,
-    definition: str | None = None,
+    source: Path, target: Path, *, edit: Callable[..., bytes] = lambda _, data: data,
+    **changes: Any,
 ) -> None:
+    """Copy a bag with other data in its messages, other ``texts``, or another ``definition``."""
     bag = BagReader(source)
-    with BagWriter(target, custom_data=bag.custom_data if texts is None else texts) as writer:
+    with BagWriter(target, custom_data=changes.get('texts', bag.custom_data)) as writer:
         for item in bag.messages():
             topic = bag.topics[item.topic]
-            data = item.data if edit is None else edit(topic, item.data)
-            schema = topic.schema if definition is None else replace(topic.schema, text=definition)
+            schema = replace(topic.schema, text=changes.get('definition', topic.schema.text))
             writer.write(
-                topic.name, topic.message_type, data, item.publish_ns,
+                topic.name, topic.message_type, edit(topic, item.data), item.publish_ns,
                 qos=topic.qos, schema=schema, log_time_ns=item.stamp_ns,
             )
 
@@ -128,22 +129,19 @@ def _messages(chance: random.Random, source: Path, target: Path) -> None:
 
 def change(chance: random.Random, message: Any) -> None:
     """Set a field, at any depth, to another value of its type."""
-    while True:
-        name = chance.choice(list(message.get_fields_and_field_types()))
-        value = getattr(message, name)
-        if isinstance(value, list) and value and hasattr(value[0], 'get_fields_and_field_types'):
-            if chance.random() < 0.2:
-                setattr(message, name, [])
-                return
-            value = chance.choice(value)
-        if not hasattr(value, 'get_fields_and_field_types'):
-            break
-        message = value
-    try:
-        setattr(message, name, _other(chance, value))
-    except (AssertionError, OverflowError, TypeError, ValueError, UnicodeError):
-        # rclpy lets no such value into the field
+    name = chance.choice(list(message.get_fields_and_field_types()))
+    value = getattr(message, name)
+    if isinstance(value, list) and value and hasattr(value[0], 'get_fields_and_field_types'):
+        if chance.random() < 0.2:
+            setattr(message, name, [])
+            return
+        value = chance.choice(value)
+    if hasattr(value, 'get_fields_and_field_types'):
+        change(chance, value)
         return
+    # rclpy lets many a value into no field
+    with suppress(AssertionError, OverflowError, TypeError, ValueError, UnicodeError):
+        setattr(message, name, _other(chance, value))
 
 
 def _other(chance: random.Random, value: Any) -> Any:
@@ -213,9 +211,8 @@ def chunk(
         'zstd': lambda: zstandard.compress(records),
     }[compression]()
     size = len(records) if size is None else size
-    head = times + struct.pack('<QI', size, zlib.crc32(records))
-    name = compression.encode()
-    return head + struct.pack('<I', len(name)) + name + struct.pack('<Q', len(packed)) + packed
+    head = times + struct.pack('<QII', size, zlib.crc32(records), len(compression))
+    return head + compression.encode() + struct.pack('<Q', len(packed)) + packed
 
 
 def _set(chance: random.Random, content: bytes) -> bytes:

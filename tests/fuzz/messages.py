@@ -19,27 +19,34 @@ spliced together, sent as another type, and well-formed ones with insane values.
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 import math
 import random
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from geometry_msgs.msg import PointStamped
-from nav_msgs.msg import MapMetaData
 import numpy as np
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import Image, PointCloud2
 
 from fuzz.files import change
+from lava_ros.errors import LavaError
+from lava_ros.ros import inputs
+from lava_ros.ros.codec import decode
+from lava_ros.ros.parameters import Settings
 from ros import graph_publisher
 
-#: Every topic the node takes messages on, and their class.
-TOPICS = {
-    'terrain': Image,
-    'terrain_info': MapMetaData,
-    'terrain_cloud': PointCloud2,
-    'vents': PointCloud2,
-    'clicked_point': PointStamped,
+#: What reads the messages of each topic that the node takes them on.
+CHECKS: dict[str, Callable[..., Any]] = {
+    'terrain': inputs.check_image,
+    'terrain_info': inputs.check_info,
+    'terrain_cloud': inputs.terrain_from_cloud,
+    'vents': inputs.vents_from_cloud,
+    'clicked_point': partial(inputs.vent_from_point, name='click'),
 }
+
+#: Their classes.
+TOPICS = {topic: graph_publisher.TYPES[topic][0] for topic in CHECKS}
+
+_RULES = Settings()
 
 _VALID = {
     'terrain': graph_publisher.image,
@@ -57,55 +64,49 @@ _DOUBLES = (*_FLOATS, 5e-324, 1e-300, 1e300, 1.7e308, -1.7e308)
 
 
 class FuzzMessage(NamedTuple):
-    """A message to try.
-
-    Attributes:
-        topic: Where to send it.
-        kind: How it was made.
-        data: Its bytes.
-    """
+    """A message to try: its topic, how it was made, and its bytes."""
 
     topic: str
     kind: str
     data: bytes
+
+    def error(self) -> LavaError | None:
+        """What is wrong with it by itself, whatever terrain there is."""
+        try:
+            message = decode(self.data, TOPICS[self.topic], self.topic, max_bytes=10**9)
+            CHECKS[self.topic](message, _RULES)
+        except LavaError as error:
+            return error
+        return None
 
 
 def messages(seed: int) -> Iterator[FuzzMessage]:
     """Yield messages, the same ones for the same seed."""
     chance = random.Random(seed)
     valid = {topic: serialize_message(make()) for topic, make in _VALID.items()}
-    kinds: dict[str, Callable[[random.Random, str, dict[str, bytes]], bytes]] = {
-        'random bytes': _random_bytes,
-        'cut short': _cut_short,
-        'bits flipped': _bits_flipped,
-        'spliced': _spliced,
-        'another type': _another_type,
-        'insane values': _insane,
-        'one insane value': _one_insane,
-    }
     while True:
         topic = chance.choice(list(TOPICS))
-        kind = chance.choice(list(kinds))
-        yield FuzzMessage(topic, kind, kinds[kind](chance, topic, valid))
+        kind = chance.choice(list(_KINDS))
+        # a type of bounded size has a largest message; rclpy does not send more
+        most = len(valid[topic]) if topic == 'terrain_info' else None
+        yield FuzzMessage(topic, kind, _KINDS[kind](chance, topic, valid)[:most])
 
 
 def _random_bytes(chance: random.Random, topic: str, valid: dict[str, bytes]) -> bytes:
-    # A type of bounded size has a largest message; rclpy does not send more.
     most = len(valid[topic]) if topic == 'terrain_info' else 3000
     body = chance.randbytes(chance.randrange(1, most))
     if chance.random() < 0.7:
-        body = (bytes([0, chance.choice((0, 1, 1, 1, 3, 7)), 0, 0]) + body)[:most]
+        body = bytes([0, chance.choice((0, 1, 1, 1, 3, 7)), 0, 0]) + body
     return body
 
 
 def _cut_short(chance: random.Random, topic: str, valid: dict[str, bytes]) -> bytes:
-    data = valid[topic]
-    return data[: chance.randrange(1, len(data))]
+    return valid[topic][: chance.randrange(1, len(valid[topic]))]
 
 
 def _bits_flipped(chance: random.Random, topic: str, valid: dict[str, bytes]) -> bytes:
     data = bytearray(valid[topic])
-    # Half of them where the sizes and names are.
+    # half of them where the sizes and names are
     end = chance.choice((len(data), min(len(data), 200)))
     for _ in range(chance.choice((1, 1, 2, 5, 20))):
         data[chance.randrange(end)] ^= 1 << chance.randrange(8)
@@ -115,16 +116,14 @@ def _bits_flipped(chance: random.Random, topic: str, valid: dict[str, bytes]) ->
 def _spliced(chance: random.Random, topic: str, valid: dict[str, bytes]) -> bytes:
     data = valid[topic]
     start, end = sorted(chance.randrange(1, len(data)) for _ in range(2))
-    spliced = data[:end] + data[start:]
-    return spliced[: len(data)] if topic == 'terrain_info' else spliced
+    return data[:end] + data[start:]
 
 
 def _another_type(chance: random.Random, topic: str, valid: dict[str, bytes]) -> bytes:
-    data = valid[chance.choice(list(valid))]
-    return data[: len(valid[topic])] if topic == 'terrain_info' else data
+    return valid[chance.choice(list(valid))]
 
 
-def _one_insane(chance: random.Random, topic: str, valid: dict[str, bytes]) -> bytes:
+def _one_insane(chance: random.Random, topic: str, _: Any) -> bytes:
     """A valid message with one value replaced, so that the others do not hide it."""
     message = _VALID[topic]()
     if topic in ('terrain', 'terrain_cloud'):
@@ -134,17 +133,16 @@ def _one_insane(chance: random.Random, topic: str, valid: dict[str, bytes]) -> b
     elif topic == 'vents':
         key = chance.choice(('x', 'y', 'discharge', 'temperature', 'radius'))
         message = graph_publisher.vents(**{key: chance.choice(_FLOATS)})
-    elif topic == 'terrain_info':
-        if chance.random() < 0.5:
-            message.resolution = chance.choice(_FLOATS)
-        else:
-            message.origin.position.x = chance.choice(_DOUBLES)
-    else:
+    elif topic == 'clicked_point':
         message.point.x = chance.choice(_DOUBLES)
+    elif chance.random() < 0.5:
+        message.resolution = chance.choice(_FLOATS)
+    else:
+        message.origin.position.x = chance.choice(_DOUBLES)
     return serialize_message(message)
 
 
-def _insane(chance: random.Random, topic: str, valid: dict[str, bytes]) -> bytes:
+def _insane(chance: random.Random, topic: str, _: Any) -> bytes:
     """A message of which some fields, at any depth, have other values and lengths."""
     message = _VALID[topic]()
     for _ in range(chance.choice((1, 2, 4, 30))):
@@ -152,3 +150,14 @@ def _insane(chance: random.Random, topic: str, valid: dict[str, bytes]) -> bytes
     if hasattr(message, 'width') and chance.random() < 0.2:
         message.width = message.height = chance.choice((2, 40, 32767, 2**31))
     return serialize_message(message)
+
+
+_KINDS: dict[str, Callable[[random.Random, str, dict[str, bytes]], bytes]] = {
+    'random bytes': _random_bytes,
+    'cut short': _cut_short,
+    'bits flipped': _bits_flipped,
+    'spliced': _spliced,
+    'another type': _another_type,
+    'insane values': _insane,
+    'one insane value': _one_insane,
+}

@@ -22,7 +22,7 @@ from hypothesis import assume
 from hypothesis import strategies as st
 import numpy as np
 
-from lava_ros.effects import Effects
+from lava_ros.effects import EFFECTS, Effects
 from lava_ros.scene import MAX_VENT_VISCOSITY, Scene, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.simulation.accuracy import Accuracy, expected_thickness
@@ -48,15 +48,10 @@ MOST_PARTICLES = 300
 
 @dataclass(frozen=True)
 class Trial:
-    """A scene and what is done with it.
+    """A scene with its physics and resolution, simulated until a time [s].
 
-    Attributes:
-        scene: The scene.
-        effects: The physics.
-        accuracy: The resolution.
-        until: Time to simulate [s].
-        vents: Vents from the middle of that time on, None to keep them.
-        terrain: Ground from two thirds of it on, None to keep it.
+    There are other ``vents`` from the middle of that time on, None to keep them, and another
+    ``terrain`` from two thirds of it on.
     """
 
     scene: Scene
@@ -68,7 +63,7 @@ class Trial:
 
     def __repr__(self) -> str:
         """Name what the scene was made of, enough to make it again."""
-        grounds = [self.scene.terrain, *([self.terrain] if self.terrain is not None else [])]
+        grounds = [item for item in (self.scene.terrain, self.terrain) if item is not None]
         shown = ', '.join(
             f'Terrain(np.array({item.elevation.tolist()!r}), {item.resolution!r}, {item.origin!r})'
             if item.elevation.size <= 400
@@ -104,11 +99,8 @@ def terrains(draw: Any, largest: int = 64) -> Terrain:
     angle = draw(st.floats(0.0, 6.3))
     size = resolution * max(rows, columns)
     ground = slope * size * (x * math.cos(angle) + y * math.sin(angle))
-    kind = draw(
-        st.sampled_from(
-            ('plane', 'noise', 'cliff', 'pit', 'spike', 'ridge', 'canyon', 'terraces', 'cone')
-        )
-    )
+    kinds = ('plane', 'noise', 'cliff', 'pit', 'spike', 'ridge', 'canyon', 'terraces', 'cone')
+    kind = draw(st.sampled_from(kinds))
     height = size * draw(st.sampled_from((0.01, 0.1, 0.5, 3.0)))
     row, column = draw(st.integers(0, rows - 1)), draw(st.integers(0, columns - 1))
     if kind == 'noise':
@@ -134,26 +126,30 @@ def terrains(draw: Any, largest: int = 64) -> Terrain:
 @st.composite
 def materials(draw: Any) -> Lava:
     """Lava from water to rhyolite, with any of the laws."""
+    choices: dict[str, tuple[Any, ...]] = {
+        'arrhenius': (0.0, 8e-3, 0.04),
+        'emissivity': (0.0, 0.9, 1.0),
+        'convection': (0.0, 50.0, 300.0),
+        'yield_strength': (0.0, 0.0, 100.0, 1e4, 1e7),
+        'yield_rate': (0.0, 0.01, 0.05),
+        'flow_index': (1.0, 1.0, 0.5, 2.0),
+        'conductivity': (0.0, 1.5),
+        'ground_conductivity': (0.0, 2.0),
+        'crust': (False, True),
+    }
     values: dict[str, Any] = {
         'viscosity': draw(powers(1.0, 1e9)),
         'density': draw(st.floats(1000.0, 3500.0)),
         'specific_heat': draw(st.floats(600.0, 1600.0)),
-        'arrhenius': draw(st.sampled_from((0.0, 8e-3, 0.04))),
-        'emissivity': draw(st.sampled_from((0.0, 0.9, 1.0))),
-        'convection': draw(st.sampled_from((0.0, 50.0, 300.0))),
-        'yield_strength': draw(st.sampled_from((0.0, 0.0, 100.0, 1e4, 1e7))),
-        'yield_rate': draw(st.sampled_from((0.0, 0.01, 0.05))),
-        'flow_index': draw(st.sampled_from((1.0, 1.0, 0.5, 2.0))),
-        'conductivity': draw(st.sampled_from((0.0, 1.5))),
-        'ground_conductivity': draw(st.sampled_from((0.0, 2.0))),
         'liquidus': draw(st.floats(1350.0, 1550.0)),
     }
     if draw(st.booleans()):
         values['solidus'] = draw(st.floats(800.0, 1200.0))
-        values['crystals'] = draw(st.sampled_from((0.0, 0.3, 0.9)))
-        values['crystal_law'] = draw(st.sampled_from(('none', 'einstein-roscoe', 'maron-pierce')))
-        values['latent_heat'] = draw(st.sampled_from((0.0, 3.5e5)))
-    values['crust'] = bool(values['conductivity']) and draw(st.booleans())
+        choices['crystals'] = (0.0, 0.3, 0.9)
+        choices['crystal_law'] = ('none', 'einstein-roscoe', 'maron-pierce')
+        choices['latent_heat'] = (0.0, 3.5e5)
+    values |= {name: draw(st.sampled_from(words)) for name, words in choices.items()}
+    values['crust'] &= values['conductivity'] > 0.0
     if not values['crust']:
         values['crust_cover'] = draw(st.sampled_from((0.0, 0.5, 1.0)))
         values['crust_cover_decay'] = draw(st.sampled_from((0.0, 0.16)))
@@ -164,19 +160,15 @@ def materials(draw: Any) -> Lava:
 def vents_on(draw: Any, terrain: Terrain, lava: Lava, most: int = 3) -> tuple[Vent, ...]:
     """Vents anywhere on the ground, next to each other and on its border too."""
     known = np.argwhere(terrain.has_data)
-    x0, y0, _, _ = terrain.extent
+    corner = np.array(terrain.extent[:2])
+    inside = st.sampled_from((0.5, 0.5, 0.0, 0.001, 0.25, 0.999))
 
     def place() -> tuple[float, float]:
-        row, column = known[draw(st.integers(0, len(known) - 1))]
-        inside = st.sampled_from((0.5, 0.5, 0.0, 0.001, 0.25, 0.999))
-        position = (
-            x0 + terrain.resolution * (column + draw(inside)),
-            y0 + terrain.resolution * (row + draw(inside)),
-        )
-        centre = (
-            x0 + terrain.resolution * (column + 0.5), y0 + terrain.resolution * (row + 0.5)
-        )
-        return position if terrain.covers(*position) else centre
+        cell = known[draw(st.integers(0, len(known) - 1))][::-1]
+        position = corner + terrain.resolution * np.add(cell, [draw(inside), draw(inside)])
+        if not terrain.covers(*position):
+            position = corner + terrain.resolution * (cell + 0.5)
+        return float(position[0]), float(position[1])
 
     vents = []
     for _ in range(draw(st.integers(0, most))):
@@ -202,15 +194,12 @@ def vents_on(draw: Any, terrain: Terrain, lava: Lava, most: int = 3) -> tuple[Ve
 @st.composite
 def any_effects(draw: Any) -> Effects:
     """Any effects that go together."""
-    chosen = {name: draw(st.booleans()) for name in FREE}
-    law = draw(st.sampled_from(('none', 'arrhenius', 'arrhenius', 'vft')))
-    way = draw(st.sampled_from(('local', 'green', 'helmholtz', 'inertia')))
-    surface = draw(st.sampled_from(('none', 'cooling', 'cover', 'crust')))
-    return Effects(
-        **chosen, **{name: name == law for name in ('arrhenius', 'vft')},
-        **{name: name == way for name in ('green', 'helmholtz', 'inertia')},
-        **{name: name == surface for name in ('cooling', 'cover', 'crust')},
-    )
+    # of each of these there is one, or none
+    one_of = (('none', 'arrhenius', 'arrhenius', 'vft'), ('none', 'green', 'helmholtz', 'inertia'),
+              ('none', 'cooling', 'cover', 'crust'))
+    on = {draw(st.sampled_from(names)) for names in one_of}
+    on |= {name for name in FREE if draw(st.booleans())}
+    return Effects(**{name: name in on for name in EFFECTS})
 
 
 def _fitting(effects: Effects, lava: Lava) -> Lava:

@@ -26,7 +26,6 @@ import yaml
 
 from fuzz.messages import TOPICS
 from hard.invariants import Watch
-from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.ros import inputs
 from lava_ros.ros.codec import decode, MAX_CLOUD_FIELDS, OVERHEAD
@@ -35,26 +34,20 @@ from lava_ros.scene import Scene, scene_from_yaml, Terrain, Vent
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.simulation import Particles, Simulation
-from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.selection import decide
 from ros import graph_publisher
+from solver import incline, only, simulated
 
 GROUND = Terrain(np.zeros((4, 5)), 10.0)
 MIDDLE = (25.0, 15.0)
 
 
 def flow(
-    ground: Any, vents: Any, lava: Lava, accuracy: Accuracy, cell: float = 1.0, **more: Any
+    ground: Any, lava: Lava, *on_it: Any, on: str = 'steep', cell: float = 1.0, **knobs: Any
 ) -> tuple[Simulation, Watch]:
-    """A flow on the CPU and its watch; effects are neither cooling nor Arrhenius, but ``more``."""
-    particles, ambient = more.pop('particles', None), more.pop('ambient', 300.0)
-    simulation = Simulation(
-        Scene(Terrain(np.array(ground), cell), vents, lava, ambient),
-        effects=Effects(**{'arrhenius': False, 'cooling': False, **more}),
-        accuracy=accuracy,
-        particles=particles,
-        device='cpu',
-    )
+    """A flow on heights with some effects, and its watch."""
+    ground = Terrain(np.array(ground), cell)
+    simulation = simulated(ground, lava, *on_it, effects=only(*on.split()), **knobs)
     return simulation, Watch(simulation)
 
 
@@ -69,8 +62,6 @@ def frames(simulation: Simulation, watch: Watch, until: float, count: int = 6) -
 @pytest.mark.parametrize(
     ('make', 'field'),
     [
-        (lambda: Accuracy(diffusion_number=1e-300), 'accuracy.diffusion_number'),
-        (lambda: Accuracy(spacing=1e-30), 'accuracy.spacing'),
         (lambda: decide(Scene(GROUND, lava=Lava()), True), 'effects'),
         (lambda: decide(Scene(GROUND, lava=Lava()), horizon=math.nan), 'horizon'),
     ],
@@ -162,20 +153,20 @@ def test_signalling_nan_in_a_cloud_warns_nobody(recwarn: pytest.WarningsRecorder
 
 
 @pytest.mark.parametrize(
-    ('vent', 'viscosity', 'inertia', 'until', 'spacing'),
+    ('vent', 'viscosity', 'more', 'until', 'spacing'),
     [
-        (Vent((0.5, 0.5), 700.0, radius=1.0, velocity=(0.0, 40.0)), 165.0, True, 0.2, 2.0),
-        (Vent((20.0, 20.0), 440.0, radius=1.0), 2.5e8, False, 60.0, 1.0),
+        (Vent((0.5, 0.5), 700.0, radius=1.0, velocity=(0.0, 40.0)), 165.0, 'inertia', 0.2, 2.0),
+        (Vent((20.0, 20.0), 440.0, radius=1.0), 2.5e8, '', 60.0, 1.0),
     ],
     ids=['thrown out of its vent', 'pushed by what is behind'],
 )
 def test_lava_that_warms_by_more_than_it_can_fall(
-    vent: Vent, viscosity: float, inertia: bool, until: float, spacing: float
+    vent: Vent, viscosity: float, more: str, until: float, spacing: float
 ) -> None:
     """It was taken for an error: speed warms it, or lava behind it, and all is paid for."""
+    lava = Lava(viscosity=viscosity, specific_heat=600.0)
     simulation, watch = flow(
-        np.zeros((40, 40)), (vent,), Lava(viscosity=viscosity, specific_heat=600.0),
-        Accuracy(spacing=spacing), viscous_heating=True, inertia=inertia,
+        np.zeros((40, 40)), lava, vent, on=f'steep viscous_heating {more}', spacing=spacing
     )
     thickest = 0.0
     for _ in frames(simulation, watch, until):
@@ -189,8 +180,7 @@ def test_vents_that_are_replaced_set_the_step() -> None:
     """Steps stayed those of the vents before: far too short, or far too long for a fast vent."""
     fast, slow = (Vent((12.0, 12.0), 1.0, velocity=(0.0, speed)) for speed in (40.0, 0.0))
     simulation, _ = flow(
-        np.zeros((24, 24)), (slow,), Lava(viscosity=1e6), Accuracy(spacing=1.0, ratio=3.5),
-        inertia=True,
+        np.zeros((24, 24)), Lava(viscosity=1e6), slow, on='steep inertia', spacing=1.0, ratio=3.5
     )
     lengths = []
     for number, vents in enumerate([(slow,), (fast,), ()]):
@@ -206,11 +196,9 @@ def test_lava_whose_speed_drag_does_not_change() -> None:
     rough = Terrain(np.array([[0.001257302, -0.0013210486], [0.006404227, 0.001049001]]), 1.0)
     discharge = ((0.0, 744.3195958314132), (1.0, 0.0), (5.0, 1488.6391916628263), (1000.0, 0.0))
     simulation, watch = flow(
-        np.zeros((2, 2)),
-        (Vent((0.5, 0.5), discharge, 1459.0, radius=1.0),),
-        Lava(viscosity=1.0, density=1000.0, specific_heat=600.0, arrhenius=0.04),
-        Accuracy(refinement=0.5, ratio=3.5),
-        ambient=200.0, arrhenius=True, steep=False, inertia=True, viscous_heating=True,
+        np.zeros((2, 2)), Lava(viscosity=1.0, density=1000.0, specific_heat=600.0, arrhenius=0.04),
+        Vent((0.5, 0.5), discharge, 1459.0, radius=1.0), on='arrhenius inertia viscous_heating',
+        refinement=0.5, ratio=3.5, ambient_temperature=200.0,
     )
     for frame in frames(simulation, watch, 0.461961952225758):
         if frame == 3:
@@ -225,9 +213,9 @@ def test_lava_that_breaks_loose_for_a_moment() -> None:
     """
     simulation, watch = flow(
         np.add.outer(0.5 * np.arange(20.0), np.zeros(20)),
-        (Vent((10.0, 10.0), ((0.0, 100.0), (0.25, 0.0)), radius=1.0),),
         Lava(viscosity=14.0, yield_strength=1e5, flow_index=0.5),
-        Accuracy(spacing=1.0), yielding=True, power_law=True,
+        Vent((10.0, 10.0), ((0.0, 100.0), (0.25, 0.0)), radius=1.0),
+        on='steep yielding power_law', spacing=1.0,
     )
     simulation.advance(0.5)
     watch.check()
@@ -238,12 +226,9 @@ def test_lava_that_breaks_loose_for_a_moment() -> None:
 def test_lava_does_not_fall_from_a_vent_that_has_given_none() -> None:
     """Lava of a low vent was as fast as if it had come from a high one that opens later."""
     low, high = Vent((10.0, 10.0), 20.0, radius=1.0), Vent((10.0, 35.0), ((100.0, 20.0),))
-    heads = []
+    slope, heads = np.add.outer(3.0 * np.arange(40.0), np.zeros(20)), []
     for vents in ((low,), (low, high)):
-        simulation, watch = flow(
-            np.add.outer(3.0 * np.arange(40.0), np.zeros(20)), vents, Lava(viscosity=1.0),
-            Accuracy(spacing=1.0, thickness=1.0),
-        )
+        simulation, watch = flow(slope, Lava(viscosity=1.0), *vents, spacing=1.0, thickness=1.0)
         simulation.advance(0.5)
         watch.check()
         heads.append((simulation.sample().velocity ** 2).sum(axis=1).max(initial=0.0) / 19.62)
@@ -257,8 +242,8 @@ def test_lava_does_not_fall_from_a_vent_that_has_given_none() -> None:
 def test_lava_that_comes_out_and_is_gone_within_a_frame() -> None:
     """Its steps were taken for too many: the frame, played again, was looked at too rarely."""
     simulation, watch = flow(
-        [[0.0, 0.0], [0.1, 0.1]], (Vent((1.0, 1.0), 1.0, radius=0.1),), Lava(viscosity=10.0),
-        Accuracy(spacing=1.0, thickness=20.0),
+        [[0.0, 0.0], [0.1, 0.1]], Lava(viscosity=10.0), Vent((1.0, 1.0), 1.0, radius=0.1),
+        spacing=1.0, thickness=20.0,
     )
     simulation.advance(50.0)
     assert not len(simulation.sample().volume)
@@ -266,26 +251,26 @@ def test_lava_that_comes_out_and_is_gone_within_a_frame() -> None:
     assert 0.1 < watch.largest['cost'] < 0.5
 
 
-@pytest.mark.parametrize('steep', [False, True])
-def test_a_jet_climbs_with_its_head(steep: bool) -> None:
+@pytest.mark.parametrize('steep', ['steep', ''])
+def test_a_jet_climbs_with_its_head(steep: str) -> None:
     """It was taken for too high: frames had not seen how fast it was, nor what is left of g."""
     heights = [*[0.0] * 6, 60.0, 120.0, 180.0, 240.0]
     jet = Vent((60.0, 30.0), ((0.0, 2000.0), (1.0, 0.0)), radius=5.0, velocity=(0.0, 40.0))
     simulation, watch = flow(
-        np.repeat(np.array(heights)[:, None], 6, 1), (jet,), Lava(viscosity=100.0),
-        Accuracy(spacing=10.0, ratio=3.5), cell=20.0, inertia=True, steep=steep,
+        np.repeat(np.array(heights)[:, None], 6, 1), Lava(viscosity=100.0), jet, cell=20.0,
+        on=f'inertia {steep}', spacing=10.0, ratio=3.5,
     )
     assert len(list(frames(simulation, watch, 6.0, 3))) == 3
     climbed = float(simulation.sample().position[:, 1].max()) > 140.0
-    assert climbed == steep
+    assert climbed == bool(steep)
 
 
 def test_columns_that_the_mean_of_the_greens_function_pushes_up() -> None:
     """Runny lava beside stiff lava was taken for an error: the mean drives one by the other."""
+    columns = Particles([[3.5, 4.0], [4.5, 4.0]], [100.0, 20.0], [1300.0, 1100.0])
     simulation, watch = flow(
-        np.zeros((8, 8)), (), Lava(viscosity=1e6, arrhenius=0.04),
-        Accuracy(spacing=1.0, ratio=3.5), arrhenius=True, green=True,
-        particles=Particles([[3.5, 4.0], [4.5, 4.0]], [100.0, 20.0], [1300.0, 1100.0]),
+        np.zeros((8, 8)), Lava(viscosity=1e6, arrhenius=0.04), columns, on='steep arrhenius green',
+        spacing=1.0, ratio=3.5,
     )
     before = simulation.sample().thickness.sum()
     simulation.advance(2.0)
@@ -300,8 +285,8 @@ def test_a_vent_beside_a_spike() -> None:
     elevation[2, 25] = 235.0
     vent = Vent((26.5 * 2.4, 0.999 * 2.4), discharge=1.6, temperature=900.0, radius=2.4)
     simulation, watch = flow(
-        elevation, (vent,), Lava(viscosity=1.0),
-        Accuracy(spacing=1.2, deterministic=True, precision='float64'), cell=2.4, steep=False,
+        elevation, Lava(viscosity=1.0), vent, cell=2.4, on='', spacing=1.2, deterministic=True,
+        precision='float64',
     )
     assert len(list(frames(simulation, watch, 20.0, 20))) == 20
     assert watch.largest['energy'] > 1e-3
@@ -309,12 +294,9 @@ def test_a_vent_beside_a_spike() -> None:
 
 def test_a_crust_without_conductivity() -> None:
     """Switched on for a lava that has none it lets nothing through; temperatures were nan."""
-    ground = Terrain(np.tile(-0.1 * np.arange(39.0), (24, 1)), 2.0)
-    simulation = Simulation(
-        Scene(ground, (Vent((30.0, 24.0), 20.0, 1400.0),), Lava(conductivity=0.0)),
-        effects={'crust': True},
-        accuracy=Accuracy(spacing=2.0),
-        device='cpu',
+    simulation = simulated(
+        incline(0.05, 24, 39, 2.0), Lava(conductivity=0.0), Vent((30.0, 24.0), 20.0, 1400.0),
+        effects={'crust': True}, spacing=2.0,
     )
     simulation.advance(20.0)
     assert simulation.snapshot().flaw() == ''

@@ -16,9 +16,7 @@
 
 import argparse
 from collections.abc import Iterator
-from contextlib import redirect_stderr, redirect_stdout
 from functools import cache
-import io
 from pathlib import Path
 import tempfile
 from typing import Any
@@ -29,9 +27,9 @@ import numpy as np
 import pytest
 import yaml
 
+from command_line import lava
 from eruption import write_case
 from fuzz.conftest import bounded
-from lava_ros.cli import main as cli
 from lava_ros.cli import manual, scenes
 from lava_ros.scene import scene as scene_module
 from lava_ros.scene import terrain_checks
@@ -127,15 +125,12 @@ def command_lines(draw: st.DrawFn) -> list[str]:
 
 def outcome(words: list[str]) -> tuple[int | None, str]:
     """The status of a command and what it said on stderr; None where its work began."""
-    said = io.StringIO()
-    with bounded(MEMORY), redirect_stderr(said), redirect_stdout(io.StringIO()):
+    with bounded(MEMORY):
         try:
-            status = cli.main(words)
-        except SystemExit as end:
-            status = end.code
+            status, _, said = lava(*words)
         except BegunError:
-            status = None
-    return status, said.getvalue()
+            return None, ''
+    return status, said
 
 
 @pytest.fixture

@@ -27,6 +27,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from fuzz.files import grid
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict
@@ -34,15 +35,7 @@ from lava_ros.ros import parameters
 from lava_ros.scene import constants_of, Scene, Terrain, Vent, vents_from_list
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.terrain_files import load_terrain
-from lava_ros.simulation.accuracy import (
-    Accuracy,
-    accuracy_from_dict,
-    FORMULATIONS,
-    GRADIENTS,
-    INTEGRATORS,
-    KERNELS,
-    PRECISIONS,
-)
+from lava_ros.simulation.accuracy import Accuracy, accuracy_from_dict
 from lava_ros.simulation.presets import preset_accuracy
 from lava_ros.simulation.selection import decide
 
@@ -66,23 +59,13 @@ NOT_SWITCHES = (None, 0, 1, 'true', 'on', [], 1.0, np.array([True]))
 NOT_TEXTS = (None, 1, 1.0, [], {}, b'x', True)
 
 
-def below(least: float) -> st.SearchStrategy[float]:
-    """Finite numbers under a limit."""
-    return st.floats(max_value=least, exclude_max=True, allow_infinity=False)
-
-
-def above(most: float) -> st.SearchStrategy[float]:
-    """Finite numbers over a limit."""
-    return st.floats(min_value=most, exclude_min=True, allow_infinity=False)
-
-
 def no_number(least: float | None = None, most: float | None = None) -> st.SearchStrategy[Any]:
     """Anything but a finite number within limits."""
     result: st.SearchStrategy[Any] = st.sampled_from(NOT_NUMBERS)
     if least is not None:
-        result |= below(least)
+        result |= st.floats(max_value=least, exclude_max=True, allow_infinity=False)
     if most is not None:
-        result |= above(most)
+        result |= st.floats(min_value=most, exclude_min=True, allow_infinity=False)
     return result
 
 
@@ -92,76 +75,23 @@ def no_choice(words: tuple[str, ...]) -> st.SearchStrategy[Any]:
     return texts | st.sampled_from(NOT_TEXTS) | st.just([words[0]])
 
 
-def terrain_fields() -> dict[str, st.SearchStrategy[Any]]:
-    """What each field of a terrain cannot be."""
-    arrays = st.sampled_from(
-        (
-            None, 1.0, 'ground', [], [[]], [1.0, 2.0], [[1.0]], [[1.0, 2.0]], [[1.0], [2.0]],
-            [[1.0, 2.0], [3.0]], [[[1.0, 2.0]] * 2] * 2, [['a', 'b'], ['c', 'd']],
-            [[None, None], [None, None]], [[math.nan] * 3] * 3, [[0.0, math.inf], [0.0, 0.0]],
-            [[0.0, -math.inf], [0.0, 0.0]], [[0.0, 1e38], [0.0, 0.0]], [[0.0, 1e300], [0, 0]],
-            np.zeros((0, 5)), np.zeros((2, 2, 2)), np.zeros((2, 40_000)), np.zeros((2, 2), 'c16'),
-            np.array([[object()] * 2] * 2), np.zeros((2, 2), 'M8[s]'), {1: 2}, {1.0, 2.0},
-            np.full((3, 3), 10**400, dtype=object), b'....',
-        )
-    )
-    return {
-        'elevation': arrays,
-        'resolution': no_number(1e-4, 1e5) | st.just(0.0),
-        'origin': st.sampled_from(NOT_PAIRS),
-        'offset': st.sampled_from(NOT_PAIRS),
-        'epsg': st.sampled_from((0, -1, 1023, 1.5, '32633', True, [], math.nan, 10**30)),
-    }
+def is_given(value: Any) -> bool:
+    """Whether a value is not left to the default."""
+    return value is not None
 
 
-def vent_fields() -> dict[str, st.SearchStrategy[Any]]:
-    """What each field of a vent cannot be."""
-    series = st.sampled_from(
-        (
-            [], [1.0, 2.0], [(0.0,)], [(0.0, 1.0), (0.0, 2.0)], [(1.0, 1.0), (0.5, 1.0)],
-            [(0.0, -1.0)], [(0.0, math.nan)], [(math.inf, 1.0)], [(0.0, 1e300)], [None], ['ab'],
-            [(0.0, 1.0, 2.0)], np.zeros((2, 3)), np.zeros((2, 2)), np.zeros((0, 2)),
-            [[[0.0, 1.0]]],
-        )
-    )
-    return {
-        'position': st.sampled_from(NOT_PAIRS),
-        'discharge': st.sampled_from(NOT_NUMBERS) | below(0.0) | above(1e8) | series,
-        # without one it is that of the scene's lava
-        'temperature': no_number(700.0, 2000.0).filter(lambda value: value is not None),
-        'radius': no_number(0.0, 1e5) | st.just(0.0),
-        'end': st.sampled_from([item for item in NOT_PAIRS if item is not None]),
-        'velocity': st.sampled_from(NOT_PAIRS),
-        'name': st.sampled_from(NOT_TEXTS),
-    }
-
-
-def lava_fields() -> dict[str, st.SearchStrategy[Any]]:
-    """What each constant of a material cannot be."""
+def described_fields(kind: Any) -> dict[str, st.SearchStrategy[Any]]:
+    """What the fields that say what they can be (``effects/effect.py``) cannot be."""
     result: dict[str, st.SearchStrategy[Any]] = {}
-    for name, item in Lava.__dataclass_fields__.items():
+    for item in fields(kind):
         if 'limits' in item.metadata:
-            result[name] = no_number(*item.metadata['limits'])
+            wrong = no_number(*item.metadata['limits'])
+            result[item.name] = wrong if item.default is not None else wrong.filter(is_given)
         elif 'choices' in item.metadata:
-            result[name] = no_choice(item.metadata['choices'])
-        else:
-            result[name] = st.sampled_from(NOT_SWITCHES)
+            result[item.name] = no_choice(item.metadata['choices'])
+        elif 'text' in item.metadata:
+            result[item.name] = st.sampled_from(NOT_SWITCHES)
     return result
-
-
-def scene_fields() -> dict[str, st.SearchStrategy[Any]]:
-    """What each field of a scene cannot be."""
-    return {
-        'terrain': st.sampled_from((None, 1.0, 'ground', {}, np.zeros((3, 3)), Terrain)),
-        'vents': st.sampled_from((None, 1.0, 'vents', [None], ['vent'], [{}], [[]], {1: 2}, b'v')),
-        'lava': st.sampled_from((None, 1.0, 'lava', {}, Lava)),
-        'uncertainty': st.sampled_from((None, 1.0, 'uncertainty', {}, [])),
-        **{
-            name: no_number(*item.metadata['limits'])
-            for name, item in Scene.__dataclass_fields__.items()
-            if 'limits' in item.metadata
-        },
-    }
 
 
 def any_yaml() -> st.SearchStrategy[Any]:
@@ -189,30 +119,50 @@ VALID: dict[type, dict[str, Any]] = {
     Effects: {},
 }
 
+#: No array of elevations, and no discharge in time.
+NOT_GROUNDS = (
+    None, 1.0, 'ground', [], [[]], [1.0, 2.0], [[1.0]], [[1.0, 2.0]], [[1.0], [2.0]],
+    [[1.0, 2.0], [3.0]], [[[1.0, 2.0]] * 2] * 2, [['a', 'b'], ['c', 'd']],
+    [[None, None], [None, None]], [[math.nan] * 3] * 3, [[0.0, math.inf], [0.0, 0.0]],
+    [[0.0, -math.inf], [0.0, 0.0]], [[0.0, 1e38], [0.0, 0.0]], [[0.0, 1e300], [0, 0]],
+    np.zeros((0, 5)), np.zeros((2, 2, 2)), np.zeros((2, 40_000)), np.zeros((2, 2), 'c16'),
+    np.array([[object()] * 2] * 2), np.zeros((2, 2), 'M8[s]'), {1: 2}, {1.0, 2.0},
+    np.full((3, 3), 10**400, dtype=object), b'....',
+)
+NOT_SERIES = (
+    [], [1.0, 2.0], [(0.0,)], [(0.0, 1.0), (0.0, 2.0)], [(1.0, 1.0), (0.5, 1.0)], [(0.0, -1.0)],
+    [(0.0, math.nan)], [(math.inf, 1.0)], [(0.0, 1e300)], [None], ['ab'], [(0.0, 1.0, 2.0)],
+    np.zeros((2, 3)), np.zeros((2, 2)), np.zeros((0, 2)), [[[0.0, 1.0]]],
+)
+
 WRONG: dict[type, dict[str, st.SearchStrategy[Any]]] = {
-    Terrain: terrain_fields(),
-    Vent: vent_fields(),
-    Lava: lava_fields(),
-    Scene: scene_fields(),
-    Accuracy: {
-        'spacing': no_number(1e-6, 1e7).filter(lambda value: value is not None),
-        'refinement': no_number(0.05, 20.0),
-        'thickness': no_number(1e-9, 1e5).filter(lambda value: value is not None),
-        'ratio': no_number(1.5, 12.0),
-        'kernel': no_choice(KERNELS),
-        'raster_ratio': no_number(1e-3, 2.0),
-        'diffusion_number': no_number(1e-4, 2.0),
-        'courant_number': no_number(1e-4, 1.0),
-        'longest_step': no_number(1e-6, 1e9),
-        'fixed_step': no_number(1e-9, 1e9).filter(lambda value: value is not None),
-        'gradient': no_choice(GRADIENTS),
-        'formulation': no_choice(FORMULATIONS),
-        'deterministic': st.sampled_from(NOT_SWITCHES),
-        'symmetric': st.sampled_from(NOT_SWITCHES),
-        'integrator': no_choice(INTEGRATORS),
-        'precision': no_choice(PRECISIONS),
+    Terrain: {
+        'elevation': st.sampled_from(NOT_GROUNDS),
+        'resolution': no_number(1e-4, 1e5) | st.just(0.0),
+        'origin': st.sampled_from(NOT_PAIRS),
+        'offset': st.sampled_from(NOT_PAIRS),
+        'epsg': st.sampled_from((0, -1, 1023, 1.5, '32633', True, [], math.nan, 10**30)),
     },
-    Effects: {item.name: st.sampled_from(NOT_SWITCHES) for item in fields(Effects)},
+    Vent: {
+        'position': st.sampled_from(NOT_PAIRS),
+        'discharge': no_number(0.0, 1e8) | st.sampled_from(NOT_SERIES),
+        # without one it is that of the scene's lava
+        'temperature': no_number(700.0, 2000.0).filter(is_given),
+        'radius': no_number(0.0, 1e5) | st.just(0.0),
+        'end': st.sampled_from(NOT_PAIRS).filter(is_given),
+        'velocity': st.sampled_from(NOT_PAIRS),
+        'name': st.sampled_from(NOT_TEXTS),
+    },
+    Lava: described_fields(Lava),
+    Scene: {
+        'terrain': st.sampled_from((None, 1.0, 'ground', {}, np.zeros((3, 3)), Terrain)),
+        'vents': st.sampled_from((None, 1.0, 'vents', [None], ['vent'], [{}], [[]], {1: 2}, b'v')),
+        'lava': st.sampled_from((None, 1.0, 'lava', {}, Lava)),
+        'uncertainty': st.sampled_from((None, 1.0, 'uncertainty', {}, [])),
+        **described_fields(Scene),
+    },
+    Accuracy: described_fields(Accuracy),
+    Effects: described_fields(Effects),
 }
 
 CASES = [(kind, name) for kind, names in WRONG.items() for name in names]
@@ -239,11 +189,8 @@ def test_a_wrong_field_is_named(data, case):
 
 def lavas():
     """Materials with any constants within their limits."""
-    values = {
-        name: st.floats(*item.metadata['limits']) | st.sampled_from(item.metadata['limits'])
-        for name, item in Lava.__dataclass_fields__.items()
-        if 'limits' in item.metadata
-    }
+    limits = {one.name: one.metadata['limits'] for one in fields(Lava) if 'limits' in one.metadata}
+    values = {name: st.floats(*both) | st.sampled_from(both) for name, both in limits.items()}
     return st.fixed_dictionaries(
         {}, optional={**values, 'crystal_law': st.sampled_from(('none', 'maron-pierce'))}
     )
@@ -339,17 +286,11 @@ def test_a_terrain_file_with_anything_in_it(data, ending, tmp_path_factory):
 @given(data=st.data())
 def test_damaged_terrain_files(data, tmp_path_factory):
     """A terrain file with bytes changed gives a terrain or a LavaError."""
-    folder = tmp_path_factory.mktemp('file')
-    path = folder / 'ground.npz'
-    if data.draw(st.booleans()):
+    path = tmp_path_factory.mktemp('file') / f'ground.{data.draw(st.sampled_from(("npz", "asc")))}'
+    if path.suffix == '.npz':
         np.savez(path, elevation=GROUND.elevation, resolution=10.0)
     else:
-        path = folder / 'ground.asc'
-        rows = '\n'.join(' '.join(map(str, row)) for row in GROUND.elevation.tolist())
-        path.write_text(
-            'ncols 5\nnrows 4\nxllcorner 0\nyllcorner 0\ncellsize 10\nNODATA_value -9999\n'
-            f'{rows}\n'
-        )
+        path.write_text(grid(0, 0, GROUND.elevation))
     content = bytearray(path.read_bytes())
     for _ in range(data.draw(st.integers(1, 5))):
         content[data.draw(st.integers(0, len(content) - 1))] = data.draw(st.integers(0, 255))

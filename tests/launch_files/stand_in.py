@@ -80,18 +80,18 @@ def perform(value: Any, context: dict[str, str]) -> str:
     return f'{package}:{perform(value.executable, context)}'
 
 
-def _made(name: str, takes: str) -> type:
-    """A class that holds what its constructor takes; actions take all by name, as launch's do."""
-    needed, _, optional = takes.partition('/')
-    fields = [*needed.split(), *((item, Any, field(default=())) for item in optional.split())]
-    is_action = name in ('ExecuteProcess', 'Node')
-    return make_dataclass(name, fields, namespace={'perform': perform}, kw_only=is_action)
-
-
-CLASSES = {
-    module: {name: _made(name, takes) for name, takes in classes.items()}
-    for module, classes in MODULES.items()
-}
+def _modules() -> dict[str, ModuleType]:
+    """Modules of classes that hold what their constructors take."""
+    modules = {name: ModuleType(name) for name in MODULES}
+    for module, classes in MODULES.items():
+        for name, takes in classes.items():
+            needed, _, rest = takes.partition('/')
+            names = [*needed.split(), *((item, Any, field(default=())) for item in rest.split())]
+            # actions take all by name, as launch's do
+            by_name = name in ('ExecuteProcess', 'Node')
+            made = make_dataclass(name, names, namespace={'perform': perform}, kw_only=by_name)
+            setattr(modules[module], name, made)
+    return modules
 
 
 def evaluate(value: Any, context: dict[str, str]) -> Any:
@@ -130,42 +130,31 @@ def started(action: Any, context: dict[str, str]) -> Process:
     return result
 
 
-def load(monkeypatch: Any, path: Path) -> Any:
-    """Run a launch file against the stand-ins."""
-    for name, classes in CLASSES.items():
-        module = ModuleType(name)
-        vars(module).update(classes)
-        monkeypatch.setitem(sys.modules, name, module)
-    return runpy.run_path(str(path))['generate_launch_description']()
-
-
 def start(
     monkeypatch: Any, path: Path, *, processes: list[Process] | None = None, **arguments: str
 ) -> tuple[list[Process], dict[str, Any]]:
-    """Perform a launch file; ``missing`` names packages that are not installed.
+    """Perform a launch file with arguments; ``missing`` names packages that are not installed.
 
-    Args:
-        monkeypatch: Puts the stand-ins in place.
-        path: The launch file.
-        processes: Where to note what it starts, also when it fails.
-        arguments: Its arguments.
+    ``processes`` is where to note what it starts, also when it fails.
 
     Returns:
         What it starts, and the arguments it declares by name, those of included files among them.
     """
+    for name, module in _modules().items():
+        monkeypatch.setitem(sys.modules, name, module)
     declared: dict[str, Any] = {}
-    processes: list[Process] = [] if processes is None else processes
-    _perform(monkeypatch, path, dict(arguments), declared, processes)
+    processes = [] if processes is None else processes
+    _visit(_entities(path), dict(arguments), declared, processes)
     unknown = set(arguments) - set(declared) - {'missing'}
     assert not unknown, f'no such arguments: {unknown}'
     return processes, declared
 
 
-def _perform(monkeypatch, path, context, declared, processes):
-    _visit(monkeypatch, load(monkeypatch, path).entities, context, declared, processes)
+def _entities(path):
+    return runpy.run_path(str(path))['generate_launch_description']().entities
 
 
-def _visit(monkeypatch, entities, context, declared, processes):
+def _visit(entities, context, declared, processes):
     for entity in entities:
         kind = type(entity).__name__
         if kind == 'DeclareLaunchArgument':
@@ -175,9 +164,8 @@ def _visit(monkeypatch, entities, context, declared, processes):
         elif kind == 'IncludeLaunchDescription':
             source = perform(entity.launch_description_source.launch_file_path, context)
             context |= {name: perform(value, context) for name, value in entity.launch_arguments}
-            _perform(monkeypatch, Path(source), context, declared, processes)
+            _visit(_entities(source), context, declared, processes)
         elif kind == 'OpaqueFunction':
-            found = entity.function(context) or []
-            _visit(monkeypatch, found, context, declared, processes)
+            _visit(entity.function(context) or [], context, declared, processes)
         else:
             processes.append(started(entity, context))

@@ -28,10 +28,7 @@ ROOT = Path(__file__).parents[2]
 LAVA = ROOT / 'launch/lava.launch.py'
 KEEPOUT = ROOT / 'launch/nav2_keepout.launch.py'
 SPECS = {spec.name: spec for spec in SOURCES + PARAMETERS}
-
-
-def _filters():
-    return yaml.safe_load((ROOT / 'params/nav2_filters.yaml').read_text(encoding='utf-8'))
+FILTERS = yaml.safe_load((ROOT / 'params/nav2_filters.yaml').read_text(encoding='utf-8'))
 
 
 @pytest.mark.parametrize('path', sorted((ROOT / 'launch').glob('*.launch.py')))
@@ -62,22 +59,17 @@ def test_the_node_gets_parameters_it_has(monkeypatch):
 
 def test_arguments_reach_the_node(monkeypatch):
     """Words on the command line become values of the right type."""
-    words = {'time_scale': '60.0', 'record': 'true', 'scene': 'etna.yaml', 'namespace': 'etna'}
-    (node,), _ = start(monkeypatch, LAVA, **words, preset='fine', use_sim_time='true')
-    assert node.namespace == 'etna'
-    values = node.parameters
-    assert (values['time_scale'], values['record'], values['scene']) == (60.0, True, 'etna.yaml')
-    assert values['use_sim_time'] is True
-    words = {'resume': 'bags/etna', 'bag_max_size': '1000000000', 'bag_max_duration': '3600.0'}
+    (node,), _ = start(monkeypatch, LAVA, scene='etna.yaml', namespace='etna')
+    assert (node.namespace, node.parameters) == ('etna', {'scene': 'etna.yaml'})
+    values = {
+        'time_scale': 60.0, 'record': True, 'preset': 'fine', 'use_sim_time': True,
+        'resume': 'bags/etna', 'bag_max_size': 10**9, 'bag_max_duration': 3600.0,
+        'forecast_horizon': 6.0, 'ensemble_members': 32, 'deadline': 60.0, 'forecast_share': 0.5,
+    }
+    words = {name: str(value).lower() for name, value in values.items()}
     (node,), _ = start(monkeypatch, LAVA, **words)
-    values = node.parameters
-    assert (values['resume'], 'scene' in values) == ('bags/etna', False)
-    assert (values['bag_max_size'], values['bag_max_duration']) == (10**9, 3600.0)
-    words = {'forecast_horizon': '6.0', 'ensemble_members': '32', 'deadline': '60.0'}
-    (node,), _ = start(monkeypatch, LAVA, **words, forecast_share='0.5')
-    values = node.parameters
-    assert (values['forecast_horizon'], values['ensemble_members']) == (6.0, 32)
-    assert (values['deadline'], values['forecast_share']) == (60.0, 0.5)
+    assert node.parameters == values
+    assert all(type(node.parameters[name]) is type(value) for name, value in values.items())
 
 
 def test_every_parameter_of_forecasts_is_an_argument(monkeypatch):
@@ -97,8 +89,7 @@ def test_a_replay_takes_the_place_of_the_node(monkeypatch):
         ['rviz2:rviz2', '-d', str(ROOT / 'rviz/lava.rviz')],
     ]
     assert processes[1].parameters == {}
-    words = {'rviz': 'true', 'use_sim_time': 'true'}
-    (_, viewer), _ = start(monkeypatch, LAVA, **words)
+    (_, viewer), _ = start(monkeypatch, LAVA, rviz='true', use_sim_time='true')
     assert viewer.parameters == {'use_sim_time': True}
 
 
@@ -150,19 +141,17 @@ def test_keepout_starts_the_masks_and_those_who_speak_of_them(monkeypatch):
     servers = [name for name in by_name if name.endswith('_info_server')]
     manager = by_name['lifecycle_manager_lava_filters']
     assert manager.command == ['nav2_lifecycle_manager:lifecycle_manager']
-    parameters = _filters()
-    managed = parameters['/**/lifecycle_manager_lava_filters']['ros__parameters']['node_names']
+    managed = FILTERS['/**/lifecycle_manager_lava_filters']['ros__parameters']['node_names']
     assert servers == managed
     for process in processes[1:]:
         assert [Path(file) for file in process.files] == [ROOT / 'params/nav2_filters.yaml']
-        assert f'/**/{process.name}' in parameters
+        assert f'/**/{process.name}' in FILTERS
 
 
 @pytest.mark.parametrize('word', ['keepout', 'speed'])
 def test_filters_hear_of_masks_that_are_published(word):
     """Info server, filter and layer agree on topics; the values are those of the masks."""
-    parameters = _filters()
-    info = parameters[f'/**/{word}_filter_info_server']['ros__parameters']
+    info = FILTERS[f'/**/{word}_filter_info_server']['ros__parameters']
     assert set(info) == {'type', 'filter_info_topic', 'mask_topic', 'base', 'multiplier'}
     assert info['type'] == {'keepout': 0, 'speed': 1}[word]
     assert (info['base'], info['multiplier']) == (0.0, 1.0)
@@ -171,17 +160,15 @@ def test_filters_hear_of_masks_that_are_published(word):
     }
     layer = published[info['mask_topic']]
     assert (layer.qos.reliability, layer.qos.durability) == ('reliable', 'transient_local')
-    costmaps = [
-        parameters[name][name]['ros__parameters'] for name in ('global_costmap', 'local_costmap')
-    ]
+    costmaps = [FILTERS[f'{name}_costmap'][f'{name}_costmap']['ros__parameters']
+                for name in ('global', 'local')]
     users = [costmap for costmap in costmaps if f'{word}_filter' in costmap['filters']]
     assert users
     for costmap in users:
         filter_ = costmap[f'{word}_filter']
         assert filter_['plugin'] == f'nav2_costmap_2d::{word.capitalize()}Filter'
         assert filter_['filter_info_topic'] == info['filter_info_topic']
-    static = costmaps[0]['lava_layer']
-    assert static['map_topic'] in published
+    assert costmaps[0]['lava_layer']['map_topic'] in published
     assert 'lava_layer' in costmaps[0]['plugins']
     assert costmaps[0]['trinary_costmap'] is False
 

@@ -12,61 +12,44 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A process that keeps a node busy: vents come and go, in storms too, terrain and subscribers.
-
-Arguments: seconds, seed. Prints one JSON line at the end: how often each thing was done.
-"""
+"""What keeps a node busy: vents come and go, in storms too, terrain and subscribers."""
 
 from collections import Counter
-import json
-from pathlib import Path
 import random
-import sys
 import time
-
-sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from nav_msgs.msg import OccupancyGrid
 import numpy as np
-import rclpy
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from std_srvs.srv import Trigger
 
 from ros import graph_publisher
+from ros.graph_publisher import cloud, elevation, image, info, LATCHED
 
 #: Mean times between two of a kind [s].
-EVERY = {
-    'vents': 4.0,
-    'terrain': 20.0,
-    'subscriber': 2.0,
-    'bad message': 30.0,
-    'storm': 45.0,
-    'reset': 150.0,
-}
+EVERY = {'vents': 4.0, 'terrain': 20.0, 'subscriber': 2.0, 'bad message': 30.0, 'storm': 45.0,
+         'reset': 150.0}
 
 #: Messages of a storm, vents in each, time between two [s], and of how many one is bad.
 STORM, VENTS, PAUSE, BAD = 200, (0, 5, 40, 40, 200), 0.005, 10
+
+#: What a vent may be, and what is wrong with a bad one.
+LIMITS = {'x': (20.0, 120.0), 'y': (60.0, 240.0), 'z': (0.0, 0.0), 'discharge': (0.5, 20.0),
+          'temperature': (1000.0, 1150.0), 'radius': (5.0, 20.0)}
+WRONG = ({'discharge': [-1.0]}, {'radius': [float('nan')]}, {'x': [1e9]})
 
 #: Time after a storm in which its last messages are taken [s]: no next one pushes them out.
 CALM = 1.0
 
 GRIDS = ('height', 'temperature', 'hazard')
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class Feeder:
-    """Does one thing after the other to a node."""
+class Feeder(graph_publisher.Publisher):
+    """Does one thing after the other to a node; ``done`` is how often each was done."""
 
-    def __init__(self, seed):
+    def __init__(self, domain, seed):
+        super().__init__(domain)
         self.chance = random.Random(seed)
-        self.node = rclpy.create_node('feeder')
-        self.publishers = {
-            topic: self.node.create_publisher(kind, topic, qos)
-            for topic, (kind, qos) in graph_publisher.TYPES.items()
-        }
-        self.reset_client = self.node.create_client(Trigger, '/lava/reset')
         self.subscriptions = []
-        self.done = Counter()
+        self.done, self.has_ended = Counter(), False
 
     def vents(self):
         """Another set of up to five vents, sometimes none."""
@@ -78,9 +61,7 @@ class Feeder:
             if number % BAD:
                 self._publish_vents(self.chance.choice(VENTS))
             else:
-                wrong = {'discharge': [-1.0], 'radius': [float('nan')], 'x': [1e9]}
-                name = self.chance.choice(list(wrong))
-                self._publish_vents(1, **{name: wrong[name]})
+                self._publish_vents(1, **self.chance.choice(WRONG))
                 self.done['bad in storms'] += 1
             time.sleep(PAUSE)
         self.vents()
@@ -88,43 +69,35 @@ class Feeder:
 
     def _publish_vents(self, count, **changes):
         columns = {
-            'x': [self.chance.uniform(20.0, 120.0) for _ in range(count)],
-            'y': [self.chance.uniform(60.0, 240.0) for _ in range(count)],
-            'z': [0.0] * count,
-            'discharge': [self.chance.uniform(0.5, 20.0) for _ in range(count)],
-            'temperature': [self.chance.uniform(1000.0, 1150.0) for _ in range(count)],
-            'radius': [self.chance.uniform(5.0, 20.0) for _ in range(count)],
-            **changes,
+            name: [self.chance.uniform(*limits) for _ in range(count)]
+            for name, limits in LIMITS.items()
         }
-        self.publishers['vents'].publish(graph_publisher.cloud(columns))
+        self._publishers['vents'].publish(cloud({**columns, **changes}))
 
     def terrain(self):
         """The ground with every height changed by up to half a metre."""
-        noise = np.random.default_rng(self.chance.randrange(10**9)).uniform(
-            -0.5, 0.5, graph_publisher.elevation().shape
-        )
-        ground = (graph_publisher.elevation() + noise).astype(np.float32)
-        self.publishers['terrain_info'].publish(graph_publisher.info())
-        self.publishers['terrain'].publish(graph_publisher.image(ground))
+        random = np.random.default_rng(self.chance.randrange(10**9))
+        ground = elevation() + random.uniform(-0.5, 0.5, elevation().shape)
+        self._publishers['terrain_info'].publish(info())
+        self._publishers['terrain'].publish(image(ground.astype(np.float32)))
 
     def subscriber(self):
         """One more subscriber, or one less."""
         if self.subscriptions and self.chance.random() < 0.5:
             leaving = self.subscriptions.pop(self.chance.randrange(len(self.subscriptions)))
-            self.node.destroy_subscription(leaving)
+            self._node.destroy_subscription(leaving)
         elif len(self.subscriptions) < 8:
             topic = self.chance.choice(GRIDS)
-            self.subscriptions.append(
-                self.node.create_subscription(OccupancyGrid, topic, self._hear, LATCHED)
-            )
+            more = self._node.create_subscription(OccupancyGrid, topic, self._hear, LATCHED)
+            self.subscriptions.append(more)
 
     def bad_message(self):
         """Something that the node has to refuse."""
-        self.publishers['vents'].publish(b'\0\1\0\0' + self.chance.randbytes(40))
+        self._publishers['vents'].publish(b'\0\1\0\0' + self.chance.randbytes(40))
 
     def reset(self):
         """The scene again from time 0."""
-        self.reset_client.call_async(Trigger.Request())
+        self.call('reset')
 
     def _hear(self, _):
         self.done['heard by those who come and go'] += 1
@@ -137,25 +110,10 @@ class Feeder:
         due['bad message'] += EVERY['bad message']
         due['storm'] += 0.2 * EVERY['storm']
         while (now := time.monotonic()) < end:
-            rclpy.spin_once(self.node, timeout_sec=0.05)
+            self._executor.spin_once(timeout_sec=0.05)
             for name, moment in due.items():
                 if now >= moment:
                     getattr(self, name.replace(' ', '_'))()
                     self.done[name] += 1
                     due[name] = now + EVERY[name] * self.chance.uniform(0.5, 1.5)
-
-
-def main():
-    """Feed until the time is up."""
-    rclpy.init()
-    feeder = Feeder(int(sys.argv[2]))
-    while feeder.publishers['vents'].get_subscription_count() == 0:
-        rclpy.spin_once(feeder.node, timeout_sec=0.05)
-    feeder.run(float(sys.argv[1]))
-    print(json.dumps(feeder.done), flush=True)
-    feeder.node.destroy_node()
-    rclpy.shutdown()
-
-
-if __name__ == '__main__':
-    main()
+        self.has_ended = True

@@ -14,9 +14,9 @@
 
 """A long run of a real node: memory, deadlines, the bag and the processor, as `make soak` does it.
 
-A node in a process of its own simulates and records in files of a minute, while another process
-opens and closes vents, in storms of many at a time too, changes the terrain, sends what has to be
-refused, resets, and subscribes and leaves; a third one listens all the time. What is judged:
+A node in a process of its own simulates and records in files of a minute, while a thread of this
+one opens and closes vents, in storms of many at a time too, changes the terrain, sends what has to
+be refused, resets, and subscribes and leaves; a third process listens. What is judged:
 
 memory      Resident memory, once a second. The first fifth, at least a minute, is warm-up. Of the
             rest the median of the last quarter is at most 5 % above that of the first.
@@ -51,6 +51,8 @@ from lava_ros.bag import BagReader
 from lava_ros.errors import LavaError
 from lava_ros.files import file_to_write
 from ros.conftest import Graph
+from ros_domain import own_domain
+from soak.feeder import Feeder, GRIDS
 
 #: Time a grid may come late [s]: a step, a snapshot, a reset, and whoever shares the processor.
 BOUND = 2.0
@@ -64,16 +66,9 @@ SPACING = 3.0
 #: Growth of memory that is allowed.
 GROWTH = 0.05
 
-GRIDS = ('height', 'temperature', 'hazard')
-FEEDER = Path(__file__).parent / 'feeder.py'
-
 
 class Ear:
-    """Hears what a node publishes, with the time it came.
-
-    Attributes:
-        heard: Time [s] and content of each message.
-    """
+    """Hears what a node publishes: ``heard``, the time [s] and the content of each message."""
 
     def __init__(self, graph: Graph) -> None:
         self.heard: list[tuple[float, dict[str, Any]]] = []
@@ -125,38 +120,26 @@ def processor_time_of(pid: int) -> float:
 
 
 def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
-    """Run it all and measure.
+    """Keep a node busy for so long [s], with a bag in a directory; figures by name.
 
-    Args:
-        seconds: How long the node is kept busy [s].
-        directory: Where the bag goes.
-        seed: Chooses what is done.
-
-    Returns:
-        Figures by name.
+    ``seed`` chooses what is done.
     """
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    graph = Graph(directory)
+    graph, feeder = Graph(directory), Feeder(own_domain('graph'), seed)
     bag = directory / 'soak'
     try:
+        recording = {'bag_directory': 'soak', 'bag_root': str(directory), 'bag_max_duration': 60.0}
         node = graph.node(
-            program=('-m', 'lava_ros.ros.node'),
-            msg_config='default.yaml',
-            device='cpu',
-            time_scale=20.0,
-            spacing=SPACING,
-            record=True,
-            bag_directory='soak',
-            bag_root=str(directory),
-            bag_max_duration=60.0,
+            program=('-m', 'lava_ros.ros.node'), msg_config='default.yaml', device='cpu',
+            time_scale=20.0, spacing=SPACING, record=True, **recording,
         )
         ear = Ear(graph)
-        publisher = graph.publisher()
-        publisher.publish('vents', 'terrain_info', 'terrain')
+        feeder.publish('vents', 'terrain_info', 'terrain')
         ear.wait(lambda item: item['topic'] == 'height' and item['wet'] > 0)
         pid = node.child.pid
         start, processor = time.monotonic(), processor_time_of(pid)
-        feeder = graph.process(str(FEEDER), str(seconds), str(seed))
+        feeding = threading.Thread(target=feeder.run, args=(seconds,), daemon=True)
+        feeding.start()
         memory = []
         while time.monotonic() - start < seconds:
             time.sleep(1.0)
@@ -166,14 +149,16 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
             show(seconds, memory, ear)
         busy = processor_time_of(pid) - processor
         wall = time.monotonic() - start
-        done = json.loads(feeder.line(60.0))
-        publisher.call('record', False)
+        feeding.join(60.0)
+        if not feeder.has_ended:
+            raise RuntimeError('what feeds the node has failed, or hangs')
+        feeder.call('record', False)
         time.sleep(3.0)
         ear.close()
         code = node.end()
         figures = {
             'seconds': round(wall, 1),
-            'done': done,
+            'done': dict(feeder.done),
             'processor_share': round(busy / wall, 3),
             'exit_code': code,
             'states': dict(Counter(item['state'] for item in ear.statuses('simulation'))),
@@ -187,6 +172,7 @@ def soak(seconds: float, directory: Path, seed: int) -> dict[str, Any]:
         }
     finally:
         graph.close()
+        feeder.close()
     return figures
 
 
@@ -242,12 +228,10 @@ def bag_figures(bag: Path, heard: list[tuple[float, dict[str, Any]]]) -> dict[st
     digests: dict[tuple[str, int], str] = {}
     repeated = 0
     for message in reader.messages():
+        key = message.topic.strip('/'), message.publish_ns
         if message.publish_ns < message.stamp_ns:
             repeated += 1
-            continue
-        topic = message.topic.strip('/')
-        if topic in (*GRIDS, 'diagnostics'):
-            key = (topic, message.publish_ns)
+        elif key[0] in (*GRIDS, 'diagnostics'):
             recorded[key] += 1
             digests[key] = hashlib.sha256(message.data).hexdigest()
     known = {(item['topic'], item['stamp_ns']): item['sha256'] for _, item in heard}
@@ -281,29 +265,28 @@ def bag_figures(bag: Path, heard: list[tuple[float, dict[str, Any]]]) -> dict[st
 
 def verdicts(figures: dict[str, Any]) -> list[tuple[str, str, str, bool]]:
     """What was measured, what is asked for, and whether it holds."""
-    done = figures['done']
-    bad, in_storms = done.get('bad message', 0), done.get('bad in storms', 0)
+    done, refused = figures['done'], figures['refused']
+    bad, storms = done.get('bad message', 0), done.get('storm', 0)
+    most, gap = bad + done.get('bad in storms', 0), figures['gap_longest_s']
+    growth, files = figures['memory_growth'], figures['bag_files']
+    none_of = {
+        'heard, not in the bag': figures['heard_not_recorded'],
+        'in the bag, not heard': figures['recorded_not_heard'],
+        'grids that differ from the wire': figures['bag_differs'],
+        'in the bag twice': figures['bag_twice'],
+        'failures of the simulation': figures['states'].get('failed', 0),
+        'tracebacks in the log': figures['tracebacks'],
+        'exit status': figures['exit_code'],
+    }
     return [
-        ('memory growth after warm-up', f'{figures["memory_growth"]:+.2%}', f'<= {GROWTH:.0%}',
-         figures['memory_growth'] <= GROWTH),
-        ('longest time between two grids', f'{figures["gap_longest_s"]:.2f} s',
-         f'<= {PERIOD + BOUND:g} s', figures['gaps_above_bound'] == 0),
-        ('heard, not in the bag', str(figures['heard_not_recorded']), '0',
-         figures['heard_not_recorded'] == 0),
-        ('in the bag, not heard', str(figures['recorded_not_heard']), '0',
-         figures['recorded_not_heard'] == 0),
-        ('grids that differ from the wire', str(figures['bag_differs']), '0',
-         figures['bag_differs'] == 0),
-        ('in the bag twice', str(figures['bag_twice']), '0', figures['bag_twice'] == 0),
-        ('bag finished, files', f'{figures["bag_finished"]}, {figures["bag_files"]}', 'True',
+        ('memory growth after warm-up', f'{growth:+.2%}', f'<= {GROWTH:.0%}', growth <= GROWTH),
+        ('longest time between two grids', f'{gap:.2f} s', f'<= {PERIOD + BOUND:g} s',
+         figures['gaps_above_bound'] == 0),
+        *((name, str(count), '0', count == 0) for name, count in none_of.items()),
+        ('bag finished, files', f'{figures["bag_finished"]}, {files}', 'True',
          figures['bag_finished']),
-        ('bad messages refused', str(figures['refused']), f'{bad} to {bad + in_storms}',
-         bad <= figures['refused'] <= bad + in_storms),
-        ('storms of vents', str(done.get('storm', 0)), '>= 1', done.get('storm', 0) >= 1),
-        ('failures of the simulation', str(figures['states'].get('failed', 0)), '0',
-         'failed' not in figures['states']),
-        ('tracebacks in the log', str(figures['tracebacks']), '0', figures['tracebacks'] == 0),
-        ('exit status', str(figures['exit_code']), '0', figures['exit_code'] == 0),
+        ('bad messages refused', str(refused), f'{bad} to {most}', bad <= refused <= most),
+        ('storms of vents', str(storms), '>= 1', storms >= 1),
     ]
 
 

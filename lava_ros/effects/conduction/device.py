@@ -149,11 +149,7 @@ def _kernels(
 
 
 class AfterStep:
-    """The exchange of heat between columns at the end of a step.
-
-    Attributes:
-        sweeps: Parts that a step is cut into.
-    """
+    """The exchange of heat between columns at the end of a step."""
 
     def __init__(
         self, scene: Scene, accuracy: Accuracy, terrain: StaggeredTerrain, state: State
@@ -171,8 +167,7 @@ class AfterStep:
         self._factor = -4.0 * norm * diffusivity / (square * square)
         longest = accuracy.fixed_step or accuracy.longest_step
         self._rate = LARGEST_RATE * diffusivity / square
-        self.sweeps = min(MOST_SWEEPS, max(1, math.ceil(longest * self._rate)))
-        self._share = 1.0 / self.sweeps
+        self._sweeps = min(MOST_SWEEPS, max(1, math.ceil(longest * self._rate)))
 
     def apply(self, state: State, way: Any) -> None:
         """Let neighbours exchange heat at the end of a step, if enough time has passed."""
@@ -180,7 +175,8 @@ class AfterStep:
         wait, add_rates, exchange_heat, keep = self._kernels(threads)
         state.launches(wait, [way, self._rate])
         state.launches(add_rates, [way, self._factor], dim=threads)
-        for sweep in range(self.sweeps):
+        for sweep in range(self._sweeps):
             if sweep:
                 state.launches(keep, [way], dim=threads)
-            state.launches(exchange_heat, [way, self._factor, self._share], dim=threads)
+            arguments = [way, self._factor, 1.0 / self._sweeps]
+            state.launches(exchange_heat, arguments, dim=threads)

@@ -91,13 +91,7 @@ def _sums_function(real: Any, parts: int, is_short: bool) -> Any:
 
     @wp.func
     def added(
-        sums: vec3,
-        p: vec4,
-        other: vec4,
-        size: real,
-        powers: k0_powers,
-        least: real,
-        counts: bool,
+        sums: vec3, p: vec4, other: vec4, size: real, powers: k0_powers, least: real, counts: bool
     ) -> vec3:
         dx = p[0] - other[0]
         dy = p[1] - other[1]
@@ -193,13 +187,7 @@ def _velocity_function(
     sums_around = _wide_sums_function() if is_wide else _sums_function(real, parts, is_short)
 
     @wp.func
-    def velocity_of(
-        lane: int,
-        here: vec4,
-        p: vec4,
-        own: real,
-        m: arguments_type(real),
-    ) -> vec3:
+    def velocity_of(lane: int, here: vec4, p: vec4, own: real, m: arguments_type(real)) -> vec3:
         """Thickness and velocity."""
         support = m.constants.radius
         height = here[2] / own
@@ -304,22 +292,13 @@ def move_particles(
 
     ``source`` and ``area`` of the state are filled; ``choice`` is chosen and emitted meanwhile.
     """
+    kernel = _motion_kernel(
+        state.real, state.lanes, state.parts, state.is_short, state.is_wide, motion_of(state),
+        choice.function, choice.bounds,
+    )
+    arguments = [choice.pace, choice.outlets, way]
     launch_over(
-        state,
-        _motion_kernel(
-            state.real,
-            state.lanes,
-            state.parts,
-            state.is_short,
-            state.is_wide,
-            motion_of(state),
-            choice.function,
-            choice.bounds,
-        ),
-        [choice.pace, choice.outlets, way],
-        least=_LEAST_PART,
-        lanes=state.lanes,
-        ahead=choice.threads,
+        state, kernel, arguments, least=_LEAST_PART, lanes=state.lanes, ahead=choice.threads
     )
     neighbors.is_binned = state.bins_in_motion
 

@@ -36,6 +36,7 @@ from typing import Any
 import warp as wp
 
 from lava_ros.effects import load as load_effect
+from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.backend.compiled import (
     FEW_THREADS,
     load2,
@@ -50,7 +51,7 @@ from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.cells import cell_frame, cell_functions
 from lava_ros.simulation.fall import fall_function
 from lava_ros.simulation.kernels import smoothing_kernel, SmoothingKernel
-from lava_ros.simulation.motion_arguments import arguments_type
+from lava_ros.simulation.motion_arguments import arguments_type, THICKEST
 from lava_ros.simulation.state import ADVECTION, PARTICLES, State
 from lava_ros.simulation.terrain import terrain_functions
 
@@ -233,58 +234,42 @@ def _kernels(
     return start, sweep, finish
 
 
-def condition_number(thickness: float, radius: float) -> float:
-    """Bound on the largest over the smallest eigenvalue of the preconditioned matrix.
-
-    The neighbours' sum over the drag 3 / h is 28 h^2 / (3 l^2) for Wendland C2: the integral of
-    F is 28 / l^2. The smallest eigenvalue is one over one plus that.
-    """
-    return LARGEST_EIGENVALUE * (1.0 + 28.0 * thickness**2 / (3.0 * radius**2))
-
-
-def sweeps_for(thickness: float, radius: float) -> int:
-    """Chebyshev sweeps that reduce the error by ``REDUCTION``, for thickness and radius [m]."""
-    root = math.sqrt(condition_number(thickness, radius))
-    return max(2, math.ceil(0.5 * root * math.log(2.0 / REDUCTION)))
-
-
 @lru_cache
 def _schedule(thickness: float, radius: float) -> list[tuple[float, float]]:
-    """Momentum and relaxation of each sweep, for thickness and radius [m]."""
-    smallest = LARGEST_EIGENVALUE / condition_number(thickness, radius)
+    """Momentum and relaxation of each sweep, for thickness and radius [m].
+
+    The neighbours' sum over the drag 3 / h is 28 h^2 / (3 l^2) for Wendland C2: the integral of
+    F is 28 / l^2. The smallest eigenvalue of the preconditioned matrix is one over one plus that.
+    So many Chebyshev sweeps reduce the error by ``REDUCTION``.
+    """
+    condition = LARGEST_EIGENVALUE * (1.0 + 28.0 * thickness**2 / (3.0 * radius**2))
+    sweeps = max(2, math.ceil(0.5 * math.sqrt(condition) * math.log(2.0 / REDUCTION)))
+    smallest = LARGEST_EIGENVALUE / condition
     centre = 0.5 * (LARGEST_EIGENVALUE + smallest)
     half = 0.5 * (LARGEST_EIGENVALUE - smallest)
     rho = half / centre
     weights = [(0.0, 1.0 / centre)]
-    while len(weights) < sweeps_for(thickness, radius):
+    while len(weights) < sweeps:
         new_rho = 1.0 / (2.0 * centre / half - rho)
         weights.append((new_rho * rho, 2.0 * new_rho / half))
         rho = new_rho
     return weights
 
 
-def solve_velocity(
-    state: State,
-    way: Any,
-    *,
-    radius: float,
-    thickness: float,
-    kernel: str,
-    ratio: float,
-) -> None:
+def solve_velocity(state: State, way: Any, accuracy: Accuracy) -> None:
     """Replace the local velocity in ``state.flow`` by the solution of the balance.
 
-    ``state.rates`` is raised to what that velocity allows. Up to ``thickness`` [m] the sweeps
-    converge as far as ``REDUCTION`` says; ``radius`` is the kernel's [m], ``ratio`` that over the
-    particles' spacing.
+    ``state.rates`` is raised to what that velocity allows. Up to ``THICKEST`` times the expected
+    thickness the sweeps converge as far as ``REDUCTION`` says.
     """
+    assert accuracy.spacing is not None and accuracy.thickness is not None
     start, sweep, finish = _kernels(
-        state.real, kernel, ratio, state.lanes, state.parts, state.is_wide,
+        state.real, accuracy.kernel, accuracy.ratio, state.lanes, state.parts, state.is_wide,
         'steep' in state.effects,
     )
     launch_over(state, start, [way], least=LEAST_MOVES)
     current, following = state.solution, state.next_solution
-    for weights in _schedule(thickness, radius):
+    for weights in _schedule(THICKEST * accuracy.thickness, accuracy.ratio * accuracy.spacing):
         launch_over(state, sweep, [way, *weights, current, following], lanes=state.lanes)
         current, following = following, current
     launch_over(state, finish, [way, current], least=LEAST_MOVES)

@@ -44,7 +44,7 @@ Du/Dt = -g grad S - gamma u, gamma = 3 mu / (rho h^2) for Newtonian lava (MODEL.
 """
 
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import warp as wp
 
@@ -52,11 +52,7 @@ from lava_ros.effects import Effects
 from lava_ros.effects import load as load_effect
 from lava_ros.effects.laws import law_type, speed_function, viscosity_function
 from lava_ros.simulation.accuracy import Accuracy
-from lava_ros.simulation.backend.compiled import (
-    load4,
-    quick_kernel,
-    raise_to,
-)
+from lava_ros.simulation.backend.compiled import load4, quick_kernel, raise_to
 from lava_ros.simulation.backend.threads import launch_over, LEAST_MOVES
 from lava_ros.simulation.cells import cell_functions
 from lava_ros.simulation.kernels import smoothing_kernel
@@ -72,12 +68,6 @@ _CHANGE, _ITERATIONS = 1e-6, 40
 
 #: The excess of a kernel's sum (``kernels.py``) goes with this power of V / (h l^2).
 _EXCESS_POWERS = {'wendland': 2.5, 'spiky': 1.5}
-
-
-class _Kernels(NamedTuple):
-    synchronize: Any
-    accelerate: Any
-    adopt: Any
 
 
 @lru_cache
@@ -127,7 +117,7 @@ def _drag_function(real: Any, effects: Effects) -> Any:
 
 
 @lru_cache
-def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Kernels:
+def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> tuple[Any, ...]:
     vec2 = wp.types.vector(2, real)
     vec3 = wp.types.vector(3, real)
     kernel = smoothing_kernel(kernel_name, real, ratio)
@@ -249,28 +239,21 @@ def _kernels(real: Any, kernel_name: str, ratio: float, effects: Effects) -> _Ke
         if i < m.counts[PARTICLES]:
             m.flow[i] = vec3(m.flow[i][0], m.velocity[i][0], m.velocity[i][1])
 
-    return _Kernels(synchronize, accelerate, adopt)
+    return synchronize, accelerate, adopt
 
 
-class Momentum:
-    """The momentum balance of a simulation."""
+def synchronize(state: State, way: Any, accuracy: Accuracy) -> None:
+    """Turn the slopes in ``state.flow`` into velocities at the particles' time.
 
-    def __init__(self, accuracy: Accuracy, state: State) -> None:
-        """Prepare the balance of some particles."""
-        self._state = state
-        # 2 at the limit of stability
-        self._number = accuracy.diffusion_number
-        self._kernels = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)
+    ``state.kick`` gets the accelerations, ``state.rates`` is raised.
+    """
+    kernel = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)[0]
+    # 2 at the limit of stability
+    launch_over(state, kernel, [way, accuracy.diffusion_number], least=LEAST_MOVES)
 
-    def synchronize(self, way: Any) -> None:
-        """Turn the slopes in ``state.flow`` into velocities at the particles' time.
 
-        ``state.kick`` gets the accelerations, ``state.rates`` is raised.
-        """
-        arguments = [way, self._number]
-        launch_over(self._state, self._kernels.synchronize, arguments, least=LEAST_MOVES)
-
-    def accelerate(self, way: Any) -> None:
-        """Bring the velocities to the middle of the step that was chosen."""
-        launch_over(self._state, self._kernels.accelerate, [way])
-        launch_over(self._state, self._kernels.adopt, [way], least=LEAST_MOVES)
+def accelerate(state: State, way: Any, accuracy: Accuracy) -> None:
+    """Bring the velocities to the middle of the step that was chosen."""
+    _, kick, adopt = _kernels(state.real, accuracy.kernel, accuracy.ratio, state.effects)
+    launch_over(state, kick, [way])
+    launch_over(state, adopt, [way], least=LEAST_MOVES)

@@ -53,12 +53,8 @@ class Clocked:
         self.graph, self.now = graph, 0.0
         (graph.directory / 'mine.yaml').write_text(CONFIG, encoding='utf-8')
         self.node = graph.node(
-            program=('-c', IMPATIENT + QUICK),
-            device='cpu',
-            time_scale=SCALE,
-            use_sim_time=True,
-            msg_config='mine.yaml',
-            effects_off=['cooling'],
+            program=('-c', IMPATIENT + QUICK), device='cpu', time_scale=SCALE, use_sim_time=True,
+            msg_config='mine.yaml', effects_off=['cooling'],
         )
         self.publisher = graph.publisher()
         self.listener = graph.listener('depth:image', 'danger', 'height')
@@ -105,8 +101,7 @@ def clocked(graph):
 def test_a_clock_that_does_not_come(clocked):
     """There is no time, but a heartbeat, a first map and a warning."""
     silent = clocked.listener.wait_for_status(
-        'simulation',
-        lambda status: '/clock' in status['message'] and status['state'] == 'running',
+        'simulation', lambda told: '/clock' in told['message'] and told['state'] == 'running'
     )
     assert silent['level'] == 1
     assert silent['message'].startswith('/clock does not arrive, so simulated time stands still')
@@ -126,18 +121,15 @@ def test_the_clock_of_a_replay(clocked, tmp_path):
     player = clocked.graph.process('-m', 'lava_ros.cli.main', *words)
     listener = clocked.listener
     found = listener.newest(
-        'depth',
-        'danger',
+        'depth', 'danger',
         condition=lambda newest: newest['depth']['max'] > 0.0 and newest['danger']['max'] == 100,
     )
     assert (found['depth']['shape'], found['depth']['encoding']) == ([30, 40], '32FC1')
     # more than is made up for at once
+    most = 4.0 * SCALE * LAG
     listener.wait_for_status(
         'simulation',
-        lambda status: (
-            float(status['simulated_time_s']) > 4.0 * SCALE * LAG
-            and '/clock' not in status['message']
-        ),
+        lambda told: float(told['simulated_time_s']) > most and '/clock' not in told['message'],
     )
     player.end(signal.SIGINT)
     listener.wait_for_status('simulation', lambda told: 'clock stands still' in told['message'])

@@ -48,13 +48,8 @@ def wait_for_messages(listener):
 
 def start(graph, bag):
     """A node that records, with a publisher that has fed it and a listener that hears lava."""
-    node = graph.node(
-        device='cpu',
-        time_scale=20.0,
-        record=True,
-        bag_directory=str(bag),
-        bag_root=str(bag.parent),
-    )
+    where = {'bag_directory': str(bag), 'bag_root': str(bag.parent)}
+    node = graph.node(device='cpu', time_scale=20.0, record=True, **where)
     publisher, listener = graph.publisher(), graph.listener(*GRIDS)
     publisher.publish('vents', 'terrain_info', 'terrain')
     listener.wait_for_topic('height', lambda grid: grid['wet'] > 0, timeout=90.0)
@@ -154,9 +149,8 @@ def test_a_full_disk(graph, tmp_path, limit, trial):
     assert {item for item in heard if first <= item[1] < end} <= set(saved)
 
     # With room again the next recording works; the old bag is not touched.
-    resource.prlimit(
-        node.child.pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
-    )
+    endless = resource.RLIM_INFINITY
+    resource.prlimit(node.child.pid, resource.RLIMIT_FSIZE, (endless, endless))
     for name in ('next', 'last'):
         assert publisher.set(bag_directory=str(tmp_path / name))['success']
         assert publisher.call('record', True)['success']
@@ -165,7 +159,6 @@ def test_a_full_disk(graph, tmp_path, limit, trial):
             assert publisher.call('record', False)['success']
             assert not BagReader(tmp_path / 'next').recovered
     refused = publisher.set(bag_directory=str(tmp_path.parent / 'elsewhere'))
-    assert not refused['success']
-    assert 'bag_root' in refused['message']
+    assert not refused['success'] and 'bag_root' in refused['message']
     with trial('kills'):
         check_kill(graph, node, listener, tmp_path / 'last')

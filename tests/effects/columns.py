@@ -1,0 +1,73 @@
+# Copyright 2026 lava_ros contributors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Columns of lava that stand apart, and sheets too slow to go anywhere."""
+
+import numpy as np
+
+from lava_ros.scene import Lava, Terrain
+from lava_ros.simulation import Particles
+from solver import incline, only, simulated
+
+#: Temperature of the air, and of lava that has just come out [K].
+AIR, HOT = 300.0, 1423.0
+
+
+def still_columns(lava, effects, temperatures, times, *, thickness=2.0, **options):
+    """Let columns cool that are too stiff to move.
+
+    Returns:
+        Their temperatures [K], shape [times, columns], and the thickness [m] that each has.
+    """
+    x = 10.0 * np.arange(len(temperatures))
+    # a column alone has 0.0275 m a cubic metre
+    particles = Particles(
+        np.column_stack([x, 0.0 * x]), thickness / 0.0275, np.asarray(temperatures)
+    )
+    ground = Terrain(np.zeros((4, len(x) + 2)), 10.0, origin=(-15.0, -20.0))
+    knobs = {'longest_step': 60.0, 'precision': 'float64', 'ambient_temperature': AIR, **options}
+    simulation = simulated(
+        ground, lava, particles, effects=effects, spacing=3.0, ratio=3.0, **knobs
+    )
+    found = []
+    for time in times:
+        simulation.advance(time)
+        sample = simulation.sample()
+        found.append(sample.temperature[np.argsort(sample.position[:, 0])])
+    assert np.ptp(sample.thickness) == 0.0
+    return np.array(found), sample.thickness[0]
+
+
+def lost(lava, effects, time, **options):
+    """How much colder a hot column is after a time [K]."""
+    return HOT - still_columns(lava, effects, [HOT], [time], **options)[0][0, 0]
+
+
+def viscosities(temperatures, effects, *, lava, precision, device):
+    """Viscosity [Pa s] of particles at these temperatures: what it makes of a sheet's speed.
+
+    Under little gravity thin lava is slower than its free fall too, which bounds speeds.
+    """
+    x = np.arange(len(temperatures)) * 10.0
+    particles = Particles(np.column_stack([x, 0.0 * x]), 25.0, np.asarray(temperatures))
+    ground = incline(0.1, 8, len(x) + 4, 10.0, origin=(-20.0, -40.0))
+    knobs = {'spacing': 5.0, 'thickness': 1.0, 'ratio': 1.5, 'gravity': 1e-3}
+    speeds = []
+    for kind, material in ((effects, lava), (only(), Lava(viscosity=1e3, arrhenius=0.0))):
+        simulation = simulated(
+            ground, material, particles, effects=kind, precision=precision, device=device, **knobs
+        )
+        sample = simulation.sample()
+        speeds.append(sample.velocity[np.argsort(sample.position[:, 0]), 0])
+    return 1e3 * speeds[1] / speeds[0]
