@@ -17,5 +17,5 @@
 ``lookahead`` runs a copy of the live simulation ahead, and ``process`` does so in a separate
 process. ``sampling`` draws the members of an ensemble and ``members`` runs them. ``probability``
 makes maps of the members, which ``assimilation`` weighs. ``ensemble`` does all of this, with
-``pool`` and ``cluster``; ``scores`` rates the result.
+``pool``; ``scores`` rates the result.
 """

@@ -32,13 +32,13 @@ import pytest
 from disc_flow import disc_members, disc_plan, HORIZON, same, TERRAIN
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Outline
-from lava_ros.forecast.cluster import run_on_cluster
 from lava_ros.forecast.ensemble import (
     default_workers,
     Ensemble,
     run_ensemble,
     run_here,
     run_in_processes,
+    run_on_cluster,
     Store,
 )
 from lava_ros.forecast.members import make_plan, Plan
@@ -315,16 +315,17 @@ def test_processes_share_the_gpus(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr('lava_ros.forecast.ensemble.Pool', Processes)
     monkeypatch.setattr('lava_ros.forecast.ensemble.run_here', run)
+    monkeypatch.setattr('lava_ros.forecast.ensemble.batch_of', lambda plan, device: 1)
     for device, expected in ((None, ['cuda:0', 'cuda:1', 'cuda:0']), ('cuda:1', ['cuda:1'] * 3)):
         shared.clear()
         workers = default_workers()
         assert workers == 2
-        list(run_in_processes(PLAN, MEMBERS[:3], workers=workers, device=device, batch=1))
+        list(run_in_processes(PLAN, MEMBERS[:3], workers=workers, device=device))
         assert shared == expected
     gpus.clear()
     assert default_workers() >= 1
     shared.clear()
-    list(run_in_processes(PLAN, MEMBERS[:3], workers=3, batch=1))
+    list(run_in_processes(PLAN, MEMBERS[:3], workers=3))
     assert shared == [None] * 3
 
 
@@ -337,7 +338,7 @@ def test_a_cluster_needs_dask(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_scheduler_out_of_reach_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """An address where nobody listens, and one that is none."""
-    monkeypatch.setattr('lava_ros.forecast.cluster.PATIENCE', 0.3)
+    monkeypatch.setattr('lava_ros.forecast.ensemble.PATIENCE', 0.3)
     for address in ('tcp://127.0.0.1:9', 'nonsense'):
         with pytest.raises(LavaError, match='--scheduler'):
             list(run_on_cluster(PLAN, MEMBERS, scheduler=address))

@@ -21,8 +21,7 @@ import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.forecast import pilots
-from lava_ros.forecast.extrapolation import completed, cost_at, error_law, FLOOR
-from lava_ros.forecast.pilots import MARKS, Pilot
+from lava_ros.forecast.pilots import completed, cost_at, error_law, FLOOR, MARKS, Pilot
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.resolution import ACROSS, flow_width
 
@@ -200,7 +199,7 @@ def test_error_of_edges_that_are_off_by_bias_and_by_chance(order, scatter):
     truth = np.broadcast_to(place < 2000.0, (400, 4000))
     found = run(1.0).covered[-1]
     error = np.count_nonzero(found ^ truth) / np.count_nonzero(found | truth)
-    assert error / 2.0 < law.at(1.0) < 2.0 * error
+    assert error / 2.0 < law(1.0) < 2.0 * error
 
 
 def test_a_run_that_was_stopped_tells_of_errors_at_the_horizon():
@@ -218,15 +217,15 @@ def test_a_run_that_was_stopped_tells_of_errors_at_the_horizon():
     coarse = error_law([run(0.2), run(0.28)])
     for refinement in (0.6, 0.9):
         error = 0.04 * refinement**-1.5
-        assert stopped.at(refinement) == pytest.approx(full.at(refinement), rel=0.15)
-        assert 0.5 < stopped.at(refinement) / error < 2.0
-        assert coarse.at(refinement) != pytest.approx(full.at(refinement), rel=0.15)
+        assert stopped(refinement) == pytest.approx(full(refinement), rel=0.15)
+        assert 0.5 < stopped(refinement) / error < 2.0
+        assert coarse(refinement) != pytest.approx(full(refinement), rel=0.15)
 
 
 def test_runs_that_agree_are_not_without_error():
     """What no refinement has taken away so far is left; nothing is wrong by more than all."""
     covered = np.arange(1_000_000)[None] < 500_000
     law = error_law([_run(refinement, 1.0, covered=covered) for refinement in REFINEMENTS])
-    assert law.at(2.0) == FLOOR
+    assert law(2.0) == FLOOR
     apart = [_run(0.2, 1.0, covered=~covered), _run(0.28, 1.0, covered=covered)]
-    assert error_law(apart).at(0.2) == 1.0
+    assert error_law(apart)(0.2) == 1.0
