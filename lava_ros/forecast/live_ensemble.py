@@ -20,7 +20,6 @@ agreement with an outline holds in the next.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from itertools import takewhile
 import time as wall_clock
@@ -136,20 +135,20 @@ class LiveEnsemble:
 
         Members that have not run get the mean of the others.
         """
-        seen = replace(outline, time=outline.time - self.start)
+        time = outline.time - self.start
         found = [
-            jaccard(reached_by(footprint, self.plan, seen.time), seen)
+            jaccard(reached_by(footprint, self.plan, time), outline)
             for footprint in self._footprints
         ]
-        rest = self.asked - len(found)
-        return np.array(found + [float(np.mean(found))] * rest)
+        return np.array(found + [float(np.mean(found))] * (self.asked - self.count))
 
     def maps(self, agreement: np.ndarray | None) -> HazardMaps:
         """The maps of the members so far, weighed by their agreement with what was seen."""
-        tally = Tally(self.plan)
-        weights = None if agreement is None else weigh(agreement[: self.count])
-        for number, footprint in enumerate(self._footprints):
-            tally.add(footprint, 1 if weights is None else int(weights.values[number]))
+        tally, weights = Tally(self.plan), [1] * self.count
+        if agreement is not None:
+            weights = weigh(agreement[: self.count]).values.tolist()
+        for footprint, weight in zip(self._footprints, weights, strict=True):
+            tally.add(footprint, weight)
         return tally.maps()
 
     def _is_in_time(self, member: Member) -> bool:
@@ -230,9 +229,8 @@ class LiveEnsembles:
         self._ordered = self._at_hand = None
         waiting, self._waiting = self._waiting, []
         right = 'a scene that does not change until the members have run'
-        error = LavaError('observed_outline', 'not used', right)
         for number, _ in waiting:
-            self._refuse(number, error)
+            self._refuse(number, LavaError('observed_outline', 'not used', right))
 
     def advance(self, wall_limit: float) -> None:
         """Run members for about a wall time [s].
@@ -243,22 +241,24 @@ class LiveEnsembles:
         if self._ordered is not None:
             begin, self._ordered = self._ordered, None
             self._at_hand, self._next_maps = begin(), FIRST_MAPS
-        ensemble = self._at_hand
+        ensemble, known = self._at_hand, self._agreement
         if ensemble is None or not ensemble.advance(wall_limit):
             return
-        is_better = self._shown is None or self._shown is ensemble
-        is_twice = ensemble.count >= self._next_maps
         if ensemble.is_done:
             self._at_hand, self._shown = None, ensemble
             if self._oldest is None or not self._oldest.covers(ensemble.start):
                 self._oldest = ensemble
-            self._tell()
+            self._tell(ensemble)
             waiting, self._waiting = self._waiting, []
             for number, outline in waiting:
                 self.observe(number, outline)
-        elif is_better and is_twice and self._counts_any(ensemble):
+        elif (
+            self._shown in (None, ensemble)
+            and ensemble.count >= self._next_maps
+            and (known is None or known[: ensemble.count].any())
+        ):
             self._shown, self._next_maps = ensemble, 2 * ensemble.count
-            self._tell()
+            self._tell(ensemble)
 
     def observe(self, number: int, outline: Outline) -> None:
         """Weigh the members by an outline, in the oldest complete ensemble that covers its time.
@@ -266,22 +266,21 @@ class LiveEnsembles:
         The outline waits if only the ensemble in progress covers its time. It is refused if none
         does.
         """
-        done = [self._oldest, self._shown if self._shown is not self._at_hand else None]
-        for ensemble in filter(None, done):
-            if ensemble.covers(outline.time):
-                self._weigh(number, outline, ensemble)
-                return
-        if self._at_hand is not None and self._at_hand.covers(outline.time):
+        known = [item for item in (self._oldest, self._shown, self._at_hand) if item is not None]
+        covering = [item for item in known if item.covers(outline.time)]
+        done = [item for item in covering if item is not self._at_hand]
+        if done:
+            self._weigh(number, outline, done[0])
+        elif covering:
             self._waiting.append((number, outline))
-            return
-        starts = [item.start for item in (*done, self._at_hand) if item is not None]
-        since = f'after {min(starts):.0f} s, the start of the first' if starts else 'there is none'
-        right = f'a time within the horizon of an ensemble ({since})'
-        told = f'{outline.time:.0f} s of simulated time'
-        self._refuse(number, LavaError('observed_outline.header.stamp', told, right))
-
-    def _counts_any(self, ensemble: LiveEnsemble) -> bool:
-        return self._agreement is None or bool(self._agreement[: ensemble.count].any())
+        else:
+            since = 'there is none'
+            if known:
+                first = min(item.start for item in known)
+                since = f'after {first:.0f} s, the start of the first'
+            right = f'a time within the horizon of an ensemble ({since})'
+            told = f'{outline.time:.0f} s of simulated time'
+            self._refuse(number, LavaError('observed_outline.header.stamp', told, right))
 
     def _weigh(self, number: int, outline: Outline, ensemble: LiveEnsemble) -> None:
         found = ensemble.agreement(outline)
@@ -302,14 +301,12 @@ class LiveEnsembles:
             jaccard_mean=float(found.mean()),
         )
         if self._shown is not None:
-            self._tell()
+            self._tell(self._shown)
 
     def _refuse(self, number: int, error: LavaError) -> None:
         self._answer('outline_refused', number=number, error=error)
 
-    def _tell(self) -> None:
-        ensemble = self._shown
-        assert ensemble is not None
+    def _tell(self, ensemble: LiveEnsemble) -> None:
         self._answer(
             'ensemble',
             number=ensemble.number,

@@ -57,7 +57,7 @@ Order = tuple[str, dict[str, Any]]
 class Forecasting:
     """Takes orders, and computes forecasts in slices."""
 
-    def __init__(self, orders: 'queue.Queue[Order]', answer: Answer) -> None:
+    def __init__(self, orders: queue.Queue[Order], answer: Answer) -> None:
         """Start without a forecast; ``answer`` is called with every result of ``orders``."""
         self._orders = orders
         self._answer = answer
@@ -66,26 +66,18 @@ class Forecasting:
         self._is_turn_of_ensemble = False
         self._number = 0
         self._share = 1.0
-        self._next_slice = 0.0
-        self._reported = 0.0
+        self._next_slice = self._reported = 0.0
 
     def turn(self) -> None:
         """Wait for an order, no longer than until the next slice is due; then take one."""
         wait = max(0.0, self._next_slice - time.monotonic())
+        is_idle = self._ahead is None and not self._ensembles.is_busy
         try:
-            is_idle = self._ahead is None and not self._ensembles.is_busy
             name, values = self._orders.get(timeout=None if is_idle else wait)
-            getattr(self, name)(**values)
-            return
         except queue.Empty:
-            pass
-        begun = time.monotonic()
-        self._advance()
-        now = time.monotonic()
-        if now - self._reported >= REPORT_TIME:
-            self._report(now)
-        rest = (now - begun) * (1.0 / self._share - 1.0)
-        self._next_slice = now + min(rest, _LONGEST_REST)
+            self._take_slice()
+        else:
+            getattr(self, name)(**values)
 
     def share(self, share: float) -> None:
         """Set the largest share of the time that forecasts may compute, from now on."""
@@ -133,8 +125,8 @@ class Forecasting:
         self._ahead = None
         self._ensembles.drop()
 
-    def _advance(self) -> None:
-        ahead, ensembles = self._ahead, self._ensembles
+    def _take_slice(self) -> None:
+        begun, ahead, ensembles = time.monotonic(), self._ahead, self._ensembles
         # a look ahead goes before an ensemble that has not begun; then they take turns
         if ahead is None or (ensembles.has_begun and self._is_turn_of_ensemble):
             self._is_turn_of_ensemble = False
@@ -142,6 +134,17 @@ class Forecasting:
         else:
             self._is_turn_of_ensemble = True
             self._guarded(lambda: self._look_ahead(ahead), self._refuse)
+        now = time.monotonic()
+        if now - self._reported >= REPORT_TIME:
+            self._reported = now
+            self._answer(
+                'progress',
+                number=self._number,
+                progress=self._ahead.progress if self._ahead is not None else 1.0,
+                ensemble=ensembles.progress,
+            )
+        rest = (now - begun) * (1.0 / self._share - 1.0)
+        self._next_slice = now + min(rest, _LONGEST_REST)
 
     def _look_ahead(self, ahead: LookAhead) -> None:
         ahead.advance(SLICE_WALL_TIME)
@@ -151,15 +154,6 @@ class Forecasting:
             # the node has the terrain already
             del known['terrain']
             self._answer('forecast', number=self._number, **known)
-
-    def _report(self, now: float) -> None:
-        self._reported = now
-        self._answer(
-            'progress',
-            number=self._number,
-            progress=self._ahead.progress if self._ahead is not None else 1.0,
-            ensemble=self._ensembles.progress,
-        )
 
     def _refuse(self, reason: str) -> None:
         self._ahead = None
@@ -197,7 +191,7 @@ def main() -> None:
         sys.exit(0)
 
 
-def _read(node: 'Connection', orders: 'queue.Queue[Order]') -> None:
+def _read(node: Connection, orders: queue.Queue[Order]) -> None:
     try:
         while True:
             orders.put(node.recv())
