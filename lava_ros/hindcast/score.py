@@ -30,10 +30,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.simulation.snapshot import Snapshot
 
 #: Steps to the 16 neighbours that a path may take: its length is then right to 2.7 %.
-_STEPS = tuple(
-    (row, column)
-    for row, column in ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
-)
+_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 
 
 @dataclass(frozen=True)
@@ -129,14 +126,9 @@ def score(
 
 
 def judge(case: Case, thickness: np.ndarray, covered: np.ndarray) -> Score:
-    """Compare a flow with the map of its case.
-
-    ``thickness`` [m] and ``covered`` (bool) are as in ``score``, shape [rows, columns] of the
-    case.
-    """
+    """Compare a flow, as in ``score`` but on the cells of a case, with its map."""
     terrain = case.scene.terrain
-    places = [vent.position for vent in case.scene.vents]
-    places += [vent.end for vent in case.scene.vents if vent.end is not None]
+    places = [place for vent in case.scene.vents for place in (vent.position, vent.end) if place]
     cells = [terrain.cell_at(*place) for place in places]
     return score(
         thickness,
@@ -149,18 +141,14 @@ def judge(case: Case, thickness: np.ndarray, covered: np.ndarray) -> Score:
 
 
 def _longest(ways: np.ndarray, mask: np.ndarray) -> float:
-    lengths = ways[mask & np.isfinite(ways)]
-    return float(lengths.max()) if lengths.size else 0.0
+    return float(np.max(ways, where=mask & np.isfinite(ways), initial=0.0))
 
 
 def distances(mask: np.ndarray, sources: Sequence[tuple[int, int]]) -> np.ndarray:
-    """Length of the shortest way over the cells of a mask, in cells.
+    """Length of the shortest way over the cells of a mask, in cells; infinite off the mask.
 
-    A source off the mask starts from the nearest of its cells; parts of the mask that no source
-    is connected to are reached in a straight line. ``sources`` are rows and columns.
-
-    Returns:
-        Distances, float64, shape of the mask [rows, columns]; infinite off it.
+    A source, row and column, off the mask starts from the nearest of its cells; parts of the mask
+    that no source is connected to are reached in a straight line.
     """
     require('scipy.sparse', 'the length of the flow')
     from scipy.sparse import coo_matrix
@@ -170,12 +158,14 @@ def distances(mask: np.ndarray, sources: Sequence[tuple[int, int]]) -> np.ndarra
     cells = np.argwhere(mask)
     if not len(cells) or not len(sources):
         return result
-    numbers = np.full(mask.shape, -1)
-    numbers[mask] = np.arange(len(cells))
+    # with a border, so that steps over the edge of the mask lead to no cell
+    numbers = np.full(np.add(mask.shape, 4), -1)
+    numbers[tuple(cells.T + 2)] = np.arange(len(cells))
     pairs = []
     for step in _STEPS:
-        here, there = _pairs(numbers, step)
-        pairs.append((here, there, np.full(len(here), math.hypot(*step))))
+        there = numbers[tuple((cells + step).T + 2)]
+        here = np.flatnonzero(there >= 0)
+        pairs.append((here, there[here], np.full(here.size, math.hypot(*step))))
     here, there, lengths = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
     graph = coo_matrix((lengths, (here, there)), shape=(len(cells), len(cells))).tocsr()
     straight = np.stack([np.hypot(*(cells - source).T) for source in sources])
@@ -185,13 +175,3 @@ def distances(mask: np.ndarray, sources: Sequence[tuple[int, int]]) -> np.ndarra
     nearest = ways.min(axis=0)
     result[mask] = np.where(np.isfinite(nearest), nearest, straight.min(axis=0))
     return result
-
-
-def _pairs(numbers: np.ndarray, step: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the cells of a mask that are a step apart."""
-    rows, columns = numbers.shape
-    down, right = step
-    first = numbers[: rows - down, max(0, -right) : columns - max(0, right)]
-    second = numbers[down:, max(0, right) : columns - max(0, -right)]
-    both = (first >= 0) & (second >= 0)
-    return first[both], second[both]

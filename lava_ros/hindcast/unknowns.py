@@ -18,6 +18,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 import math
+from typing import Any
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
@@ -99,22 +100,18 @@ def unknowns_of(
 
 def changed(case: Case, values: Mapping[str, float]) -> Case:
     """A case with values for unknowns."""
-    for name in UNITS:
-        if name in values:
-            case = _with(case, name, values[name])
+    for name in filter(values.__contains__, UNITS):
+        value, lava = values[name], case.scene.lava
+        if name == 'discharge':
+            case = case.with_lava({}, discharge=value)
+        elif name == 'vent_temperature':
+            case = case.with_lava({}, temperature=value)
+        elif name == 'viscosity' and lava.is_vft:
+            # the law is shifted so that lava has this viscosity at the vent
+            case = case.with_lava({'vft_a': lava.vft_a + math.log10(value / _usual(case, name))})
+        else:
+            case = case.with_lava({name: value})
     return case
-
-
-def _with(case: Case, name: str, value: float) -> Case:
-    lava = case.scene.lava
-    if name == 'discharge':
-        return case.with_lava({}, discharge=value)
-    if name == 'vent_temperature':
-        return case.with_lava({}, temperature=value)
-    if name == 'viscosity' and lava.is_vft:
-        # the law is shifted so that lava has this viscosity at the vent
-        return case.with_lava({'vft_a': lava.vft_a + math.log10(value / _usual(case, name))})
-    return case.with_lava({name: value})
 
 
 def published_uncertainty(case: Case) -> Uncertainty:
@@ -125,22 +122,19 @@ def published_uncertainty(case: Case) -> Uncertainty:
     Raises:
         LavaError: A constant of the case is beyond what can be a factor.
     """
-    found: dict[str, Distribution] = {}
-    constants: dict[str, Distribution] = {}
+    found: dict[str, Any] = {'constants': {}}
     for item in unknowns_of(case, ('discharge', *_known(case))):
-        low, high = item.low, item.high
-        if item.name in FACTORS and not item.usual:
-            continue  # what the case has none of stays none
-        if item.name == 'vent_temperature':
-            low, high = low - item.usual, high - item.usual
-        elif item.name in FACTORS:
-            low, high = low / item.usual, high / item.usual
-        spread = Distribution('loguniform' if item.is_log else 'uniform', (low, high))
-        if item.name in (*FACTORS, 'vent_temperature'):
-            found[item.name.removeprefix('vent_')] = spread
+        name, usual, span, place = item.name, item.usual, (item.low, item.high), found
+        if name == 'vent_temperature':
+            name, span = 'temperature', (item.low - usual, item.high - usual)
+        elif name not in FACTORS:
+            place = found['constants']
+        elif usual:
+            span = (item.low / usual, item.high / usual)
         else:
-            constants[item.name] = spread
-    return Uncertainty(**found, constants=constants)  # type: ignore[arg-type]
+            continue  # what the case has none of stays none
+        place[name] = Distribution('loguniform' if item.is_log else 'uniform', span)
+    return Uncertainty(**found)
 
 
 def _known(case: Case) -> tuple[str, ...]:
@@ -160,9 +154,7 @@ def _published(case: Case, name: str) -> Constant | None:
 def _unknown(
     case: Case, name: str, ranges: Mapping[str, tuple[float, float]]
 ) -> Unknown:
-    known = _published(case, name)
-    source = 'given by the user'
-    span = ranges.get(name)
+    known, span, source = _published(case, name), ranges.get(name), 'given by the user'
     if span is None and known is not None:
         span, source = known.range, known.range_source
     if span is None:
@@ -177,15 +169,8 @@ def _unknown(
 
 
 def _usual(case: Case, name: str) -> float:
-    if name == 'discharge':
-        return 1.0
-    if name == 'vent_temperature':
-        return _hottest(case)
-    lava = case.scene.lava
-    if name == 'viscosity':
-        return lava.viscosity_at(_hottest(case)) if lava.is_vft else lava.viscosity
-    return float(getattr(lava, name))
-
-
-def _hottest(case: Case) -> float:
-    return max(vent.temperature for vent in case.scene.vents)
+    lava, hottest = case.scene.lava, max(vent.temperature for vent in case.scene.vents)
+    known = {'discharge': 1.0, 'vent_temperature': hottest}
+    if lava.is_vft:
+        known['viscosity'] = lava.viscosity_at(hottest)
+    return known[name] if name in known else float(getattr(lava, name))
