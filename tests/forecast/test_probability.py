@@ -19,16 +19,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from disc_flow import (
-    disc_fields,
-    disc_members,
-    disc_plan,
-    exact_probability,
-    HORIZON,
-    same,
-)
+from disc_flow import disc_fields, disc_members, disc_plan, exact_probability, HORIZON, same
 from lava_ros.errors import LavaError
-from lava_ros.forecast.members import MemberFields
+from lava_ros.forecast.members import MemberFields, Plan
 from lava_ros.forecast.probability import Footprint, footprint_of, NEVER, reached_by, Tally
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.maps.forecast import HazardMaps, occupancy, QUANTILES
@@ -37,11 +30,11 @@ from lava_ros.scene import Terrain
 PLAN = disc_plan()
 
 
-def gathered(count: int, seed: int) -> HazardMaps:
-    """Maps of an ensemble of discs."""
-    tally = Tally(PLAN)
-    for fields in disc_members(PLAN, draw_members(PLAN.scene, count, seed=seed)):
-        tally.add(footprint_of(fields, PLAN))
+def maps_of(*members: MemberFields, plan: Plan = PLAN) -> HazardMaps:
+    """Maps of some members."""
+    tally = Tally(plan)
+    for fields in members:
+        tally.add(footprint_of(fields, plan))
     return tally.maps()
 
 
@@ -55,10 +48,7 @@ def test_maps_are_what_a_count_says(count: int, places: tuple[int, ...]) -> None
         arrival[random.random(arrival.shape) < random.random()] = np.nan
         peak = np.where(np.isfinite(arrival), np.rint(5e3 * random.random((24, 30))) * 1e-3, 0.0)
         members.append(MemberFields(index, arrival.astype(np.float32), peak.astype(np.float32)))
-    tally = Tally(PLAN)
-    for fields in members:
-        tally.add(footprint_of(fields, PLAN))
-    maps = tally.maps()
+    maps = maps_of(*members)
     arrivals = np.sort(np.stack([item.arrival for item in members]), axis=0)
     np.testing.assert_allclose(
         maps.probability, 100.0 * np.isfinite(arrivals).mean(axis=0), rtol=1e-6
@@ -74,10 +64,8 @@ def test_maps_are_what_a_count_says(count: int, places: tuple[int, ...]) -> None
 
 def test_the_order_does_not_matter() -> None:
     """Any order, any weights: the same bits; a weight is as good as so many members."""
-    members = [
-        footprint_of(fields, PLAN)
-        for fields in disc_members(PLAN, draw_members(PLAN.scene, 16, seed=2))
-    ]
+    drawn = disc_members(PLAN, draw_members(PLAN.scene, 16, seed=2))
+    members = [footprint_of(fields, PLAN) for fields in drawn]
     weights = [1, 5, 0, 65536, 3, 1, 1, 2, 9, 4, 4, 7, 1, 0, 2, 8]
     maps = []
     for order in (range(16), reversed(range(16)), np.random.default_rng(3).permutation(16)):
@@ -98,10 +86,7 @@ def test_the_order_does_not_matter() -> None:
 def test_arrival_is_known_to_half_a_look() -> None:
     """A footprint's arrival differs from the member's by no more than it says."""
     fields = disc_fields(0, 1.3)
-    footprint = footprint_of(fields, PLAN)
-    tally = Tally(PLAN)
-    tally.add(footprint)
-    maps = tally.maps()
+    footprint, maps = footprint_of(fields, PLAN), maps_of(fields)
     arrived = np.isfinite(fields.arrival)
     assert np.array_equal(np.isfinite(maps.arrival[0.5]), arrived)
     error = np.abs(maps.arrival[0.5] - fields.arrival)[arrived]
@@ -114,12 +99,8 @@ def test_arrival_is_known_to_half_a_look() -> None:
 def test_the_footprint_of_nothing_is_small() -> None:
     """A member without lava counts as one, and takes no room."""
     nothing = MemberFields(0, np.full((24, 30), np.nan, np.float32), np.zeros((24, 30)))
-    footprint = footprint_of(nothing, PLAN)
-    assert footprint.look.size == 0
-    tally = Tally(PLAN)
-    tally.add(footprint)
-    tally.add(footprint_of(disc_fields(1, 1.0), PLAN))
-    assert tally.maps().probability.max() == 50.0
+    assert footprint_of(nothing, PLAN).look.size == 0
+    assert maps_of(nothing, disc_fields(1, 1.0)).probability.max() == 50.0
 
 
 def test_cells_without_data_stay_unknown() -> None:
@@ -127,9 +108,7 @@ def test_cells_without_data_stay_unknown() -> None:
     ground = np.zeros((24, 30))
     ground[:3] = np.nan
     plan = replace(PLAN, scene=replace(PLAN.scene, terrain=Terrain(ground, 20.0)))
-    tally = Tally(plan)
-    tally.add(footprint_of(disc_fields(0, 1.0), plan))
-    maps = tally.maps()
+    maps = maps_of(disc_fields(0, 1.0), plan=plan)
     for values in (maps.probability, maps.thickness, *maps.arrival.values()):
         assert np.isnan(values[:3]).all()
     assert (occupancy(maps.probability)[:3] == -1).all()
@@ -163,10 +142,9 @@ def test_probability_converges_to_the_truth() -> None:
     spread = np.sqrt((truth * (1.0 - truth)).mean())
     counts, errors = (16, 64, 256, 1024), []
     for count in counts:
-        squares = [
-            ((gathered(count, seed).probability / 100.0 - truth) ** 2).mean() for seed in range(4)
-        ]
-        errors.append(np.sqrt(np.mean(squares)))
+        ensembles = [draw_members(PLAN.scene, count, seed=seed) for seed in range(4)]
+        found = [maps_of(*disc_members(PLAN, members)).probability for members in ensembles]
+        errors.append(np.sqrt(((np.stack(found) / 100.0 - truth) ** 2).mean()))
         # binomial sampling would give this
         assert errors[-1] < spread / np.sqrt(count)
     assert np.polyfit(np.log(counts), np.log(errors), 1)[0] < -0.5

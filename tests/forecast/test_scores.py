@@ -17,12 +17,28 @@
 import numpy as np
 import pytest
 
-from disc_flow import disc_fields, disc_members, disc_plan, exact_probability, HORIZON, TERRAIN
+from disc_flow import disc_members, disc_plan, exact_probability, HORIZON, TERRAIN
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import effective_members, jaccard, Outline, UNIT, weigh
-from lava_ros.forecast.probability import footprint_of, reached_by, Tally
+from lava_ros.forecast.members import MemberFields
+from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
 from lava_ros.forecast.sampling import draw_members
 from lava_ros.forecast.scores import brier_parts, brier_score, entropy, reliability
+
+PLAN = disc_plan()
+
+
+def discs(count: int, seed: int) -> list[MemberFields]:
+    """Members, or truths that are drawn as these are."""
+    return disc_members(PLAN, draw_members(PLAN.scene, count, seed=seed))
+
+
+def probability_of(footprints: list[Footprint], weights: list[int] | None = None) -> np.ndarray:
+    """Probability from 0 to 1 by members, all of the same weight if nothing else is said."""
+    tally = Tally(PLAN)
+    for footprint, weight in zip(footprints, weights or [1] * len(footprints), strict=True):
+        tally.add(footprint, weight)
+    return tally.maps().probability / 100.0
 
 
 def test_entropy() -> None:
@@ -94,16 +110,9 @@ def test_what_cannot_be_scored_is_refused() -> None:
 
 def test_ensembles_are_reliable_on_a_synthetic_truth() -> None:
     """Truths drawn as the members are: what is said to be 30 % comes in 30 %, and it has skill."""
-    plan = disc_plan()
-    tally = Tally(plan)
-    for fields in disc_members(plan, draw_members(plan.scene, 256, seed=1)):
-        tally.add(footprint_of(fields, plan))
-    probability = tally.maps().probability / 100.0
-    truths = draw_members(plan.scene, 512, seed=77)
-    came = np.stack([
-        np.isfinite(disc_fields(0, truth.discharge).arrival) for truth in truths
-    ])
-    said = np.broadcast_to(probability, came.shape)
+    footprints = [footprint_of(item, PLAN) for item in discs(256, seed=1)]
+    came = np.stack([np.isfinite(truth.arrival) for truth in discs(512, seed=77)])
+    said = np.broadcast_to(probability_of(footprints), came.shape)
     for item in reliability(said, came):
         assert item.observed == pytest.approx(item.forecast, abs=0.02)
     parts = brier_parts(said, came)
@@ -112,9 +121,6 @@ def test_ensembles_are_reliable_on_a_synthetic_truth() -> None:
     # no forecast that knows the distribution alone does better than the exact probabilities
     exact = np.broadcast_to(exact_probability(), came.shape)
     assert parts.score == pytest.approx(brier_score(exact, came), abs=1e-3)
-
-
-EVERYWHERE = np.ones(TERRAIN.shape, dtype=bool)
 
 
 def mask(*cells: tuple[int, int]) -> np.ndarray:
@@ -127,8 +133,7 @@ def mask(*cells: tuple[int, int]) -> np.ndarray:
 
 def test_the_index_of_small_cases() -> None:
     """What both have over what one has, of the cells where somebody looked."""
-    everywhere = np.ones((3, 3), dtype=bool)
-    seen = Outline(60.0, mask((0, 0), (0, 1), (1, 1)), everywhere)
+    seen = Outline(60.0, mask((0, 0), (0, 1), (1, 1)), ~mask())
     assert jaccard(mask((0, 0), (0, 1), (1, 1)), seen) == 1.0
     assert jaccard(mask((0, 1), (1, 1), (2, 2)), seen) == 0.5
     assert jaccard(mask((2, 2)), seen) == 0.0
@@ -162,18 +167,17 @@ def test_what_cannot_weigh_is_refused() -> None:
     for index in ([0.0, 0.0], [], [0.5, 1.5], [np.nan]):
         with pytest.raises(LavaError):
             weigh(index)
-    nothing = np.zeros((3, 3), dtype=bool)
     for time, lava, known in (
-        (60.0, nothing, ~nothing),
+        (60.0, mask(), ~mask()),
         (60.0, mask((0, 0)), mask((1, 1))),
-        (0.0, mask((0, 0)), ~nothing),
-        (60.0, mask((0, 0)).astype(float), ~nothing),
-        (60.0, mask((0, 0)), np.ones((2, 3), dtype=bool)),
+        (0.0, mask((0, 0)), ~mask()),
+        (60.0, mask((0, 0)).astype(float), ~mask()),
+        (60.0, mask((0, 0)), ~mask()[:2]),
     ):
         with pytest.raises(LavaError, match='observed'):
             Outline(time, lava, known)
     with pytest.raises(LavaError, match='reached'):
-        jaccard(np.ones((2, 2), dtype=bool), Outline(60.0, mask((0, 0)), ~nothing))
+        jaccard(~mask()[:2], Outline(60.0, mask((0, 0)), ~mask()))
 
 
 def test_an_outline_makes_the_forecast_better() -> None:
@@ -181,24 +185,15 @@ def test_an_outline_makes_the_forecast_better() -> None:
 
     The Brier score over 40 truths falls to less than half, and no more than three get worse.
     """
-    plan = disc_plan()
-    members = draw_members(plan.scene, 128, seed=1)
-    footprints = [footprint_of(disc_fields(m.index, m.discharge), plan) for m in members]
-    plain = Tally(plan)
-    for footprint in footprints:
-        plain.add(footprint)
-    prior = plain.maps().probability / 100.0
-    seen_at = HORIZON / 3.0
-    reached = [reached_by(footprint, plan, seen_at) for footprint in footprints]
+    footprints = [footprint_of(item, PLAN) for item in discs(128, seed=1)]
+    prior, seen_at = probability_of(footprints), HORIZON / 3.0
+    reached = [reached_by(footprint, PLAN, seen_at) for footprint in footprints]
     scores = []
-    for truth in draw_members(plan.scene, 40, seed=50):
-        arrival = np.nan_to_num(disc_fields(0, truth.discharge).arrival, nan=np.inf)
-        outline = Outline(seen_at, arrival <= seen_at, EVERYWHERE)
+    for truth in discs(40, seed=50):
+        arrival = np.nan_to_num(truth.arrival, nan=np.inf)
+        outline = Outline(seen_at, arrival <= seen_at, np.isfinite(TERRAIN.elevation))
         weights = weigh([jaccard(item, outline) for item in reached])
-        tally = Tally(plan)
-        for footprint, weight in zip(footprints, weights.values.tolist(), strict=True):
-            tally.add(footprint, weight)
-        posterior = tally.maps().probability / 100.0
+        posterior = probability_of(footprints, weights.values.tolist())
         came = arrival <= HORIZON
         scores.append((brier_score(prior, came), brier_score(posterior, came)))
     before, after = np.array(scores).T

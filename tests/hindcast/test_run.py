@@ -36,12 +36,13 @@ from lava_ros.simulation.snapshot import Snapshot, StepReport
 
 SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=4)
 
+LAVA = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
+
 
 @pytest.fixture(scope='module')
 def valley(tmp_path_factory: pytest.TempPathFactory) -> Case:
     """A valley down which lava flows for an hour."""
-    text = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
-    return load_case(write_case(tmp_path_factory.mktemp('run') / 'valley', hours=1, yaml=text))
+    return load_case(write_case(tmp_path_factory.mktemp('run') / 'valley', hours=1, yaml=LAVA))
 
 
 def _finished(run: Run) -> Run:
@@ -53,10 +54,8 @@ def _finished(run: Run) -> Run:
 def test_lava_comes_down_the_valley(valley: Case) -> None:
     """It covers a part of what was mapped, its volume is what came out, and time is told."""
     run = Run(valley, SETTINGS)
-    shares, maps = [], []
-    for share, snapshot in run.snapshots():
-        shares.append(share)
-        maps += [snapshot] if snapshot is not None else []
+    told = list(run.snapshots())
+    shares, maps = [share for share, _ in told], [item for _, item in told if item is not None]
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1.0)
     assert [round(item.time) for item in maps] == [900, 1800, 2700, 3600]
@@ -83,16 +82,12 @@ def test_run_that_is_cut_off_goes_on(valley: Case, tmp_path: Path) -> None:
     """Maps, peak and arrival are those of a run that was not cut off, to the bit."""
     whole = _finished(Run(valley, SETTINGS, folder=tmp_path / 'whole'))
     first = Run(valley, SETTINGS, folder=tmp_path / 'parts')
-    seen = 0
-    for _, snapshot in first.snapshots():
-        seen += snapshot is not None
-        if seen == 2:
-            break
+    maps = (snapshot for _, snapshot in first.snapshots() if snapshot is not None)
+    for _ in range(2):
+        next(maps)
     second = Run(valley, SETTINGS, folder=tmp_path / 'parts')
-    assert second.is_resumed
-    assert not first.is_resumed
-    _finished(second)
-    one, other = whole.result(), second.result()
+    assert second.is_resumed and not first.is_resumed
+    one, other = whole.result(), _finished(second).result()
     np.testing.assert_array_equal(one.snapshot.thickness, other.snapshot.thickness)
     np.testing.assert_array_equal(one.peak, other.peak)
     np.testing.assert_array_equal(one.snapshot.arrived, other.snapshot.arrived)
@@ -104,64 +99,46 @@ def test_run_that_is_cut_off_goes_on(valley: Case, tmp_path: Path) -> None:
 
 
 def test_finished_run_is_not_run_again(valley: Case, tmp_path: Path) -> None:
-    """A run whose last map is there gives its result at once."""
-    whole = _finished(Run(valley, SETTINGS, folder=tmp_path / 'kept'))
-    again = Run(valley, SETTINGS, folder=tmp_path / 'kept')
+    """It gives its result at once; another case, other settings and a damaged run are refused."""
+    settings, folder = replace(SETTINGS, maps=1), tmp_path / 'kept'
+    whole = _finished(Run(valley, settings, folder=folder))
+    again = Run(valley, settings, folder=folder)
     assert list(again.snapshots()) == []
     np.testing.assert_array_equal(
         again.result().snapshot.thickness, whole.result().snapshot.thickness
     )
-
-
-@pytest.mark.parametrize('other', ['case', 'settings'])
-def test_run_of_something_else_is_not_gone_on_with(
-    other: str, valley: Case, tmp_path: Path
-) -> None:
-    """An unfinished run of another case or with other settings is refused, with what helps."""
-    _finished(Run(valley, replace(SETTINGS, maps=1), folder=tmp_path / 'kept'))
-    case, settings = valley, replace(SETTINGS, maps=1)
-    if other == 'case':
-        case = valley.with_lava({'emissivity': 0.8})
-    else:
-        settings = replace(settings, spacing=15.0)
-    with pytest.raises(LavaError, match='--fresh'):
-        Run(case, settings, folder=tmp_path / 'kept')
-
-
-def test_damaged_run_is_refused(valley: Case, tmp_path: Path) -> None:
-    """What a power cut left behind is told from a run."""
-    folder = tmp_path / 'kept'
-    _finished(Run(valley, replace(SETTINGS, maps=1), folder=folder))
+    for case, other in (
+        (valley.with_lava({'emissivity': 0.8}), settings),
+        (valley, replace(settings, spacing=15.0)),
+    ):
+        with pytest.raises(LavaError, match='--fresh'):
+            Run(case, other, folder=folder)
+    # what a power cut left behind is told from a run
     path = folder / 'checkpoint_0001'
     path.write_bytes(path.read_bytes()[:-20])
     with pytest.raises(LavaError, match='checkpoint'):
-        Run(valley, replace(SETTINGS, maps=1), folder=folder)
+        Run(valley, settings, folder=folder)
 
 
-def test_barrier_in_mid_eruption_holds_lava_back(tmp_path: Path) -> None:
+def test_barrier_in_mid_eruption_holds_lava_back(valley: Case, tmp_path: Path) -> None:
     """Lava that comes after a barrier was built does not get as far as without it."""
     x, y = VENT
-    lava = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
     barrier = (
         f'events:\n- time: 300\n  barrier: {{line: [[{x - 250}, {y - 250}], '
         f'[{x + 250}, {y - 250}]], height: 30, width: 20}}\n'
     )
-    free = load_case(write_case(tmp_path / 'free', hours=1, yaml=lava))
-    dammed = load_case(write_case(tmp_path / 'dammed', hours=1, yaml=lava + barrier))
-    below = np.arange(free.scene.terrain.shape[0]) * 20.0 < 740.0
-    got = [
-        np.nansum(simulate(case, SETTINGS).snapshot.thickness[below]) for case in (free, dammed)
-    ]
-    assert got[0] > 30.0
-    assert got[1] < 0.1 * got[0]
+    dammed = load_case(write_case(tmp_path / 'dammed', hours=1, yaml=LAVA + barrier))
+    below = np.arange(valley.scene.terrain.shape[0]) * 20.0 < 740.0
+    free, got = (
+        np.nansum(simulate(case, SETTINGS).snapshot.thickness[below]) for case in (valley, dammed)
+    )
+    assert free > 30.0 and got < 0.1 * free
 
 
 def test_a_case_has_the_spacing_of_its_flow(valley: Case) -> None:
     """It is that of any scene for the duration of the case; cells are no finer than particles."""
     for preset in ('draft', 'standard', 'fine'):
-        found = resolution_of(
-            valley.scene, PRESETS[preset].accuracy, horizon=valley.duration
-        )
+        found = resolution_of(valley.scene, PRESETS[preset].accuracy, horizon=valley.duration)
         accuracy = Settings(preset).accuracy(valley)
         assert (accuracy.spacing, accuracy.thickness) == (found.spacing, found.thickness)
     assert Settings('draft').accuracy(valley).courant_number == 1.0
@@ -209,8 +186,7 @@ def test_larger_cells_are_means_of_what_is_known() -> None:
     """They reach over all borders alike, share cells by area, and leave out those without data."""
     elevation = np.arange(35.0).reshape(5, 7)
     elevation[0, 0] = np.nan
-    elevation[4, 5:] = np.nan
-    elevation[3, 5:] = np.nan
+    elevation[3:, 5:] = np.nan
     ground = Terrain(elevation, 10.0, origin=(3.0, 4.0), epsg=32633, offset=(5e5, 4e6))
     coarse = coarsened(ground, 2)
     assert coarse.shape == (3, 4)

@@ -14,6 +14,7 @@
 
 """Scores of hindcasts and of ensembles of them, and the page that lists them."""
 
+from functools import partial
 import importlib.util
 from pathlib import Path
 from typing import Any
@@ -45,14 +46,18 @@ def _flow() -> np.ndarray:
     return thickness
 
 
-def _scored(thickness: np.ndarray, footprint: np.ndarray, **options: Any) -> Score:
+def _scored(thickness: np.ndarray, footprint: np.ndarray, vent: Any = VENT,
+            emitted: float = 1.0) -> Score:
     """The score of lava that covers where it is thicker than a decimetre."""
-    return score(thickness, thickness > 0.1, footprint, **options)
+    covered = thickness > 0.1
+    return score(
+        thickness, covered, footprint, resolution=10.0, vents=[vent], emitted=emitted
+    )
 
 
 def test_numbers_are_those_of_counted_cells() -> None:
     """Hits, misses and false alarms, and what follows from them."""
-    found = _scored(_flow(), FOOTPRINT, resolution=10.0, vents=[VENT], emitted=30_000.0)
+    found = _scored(_flow(), FOOTPRINT, emitted=30_000.0)
     assert (found.hits, found.misses, found.false_alarms) == (80, 70, 40)
     assert found.jaccard == pytest.approx(80 / 190)
     assert found.fit == pytest.approx((80 / 190) ** 0.5)
@@ -69,11 +74,11 @@ def test_length_is_that_of_the_way_along_the_flow() -> None:
     mask = np.zeros((60, 60), bool)
     mask[10:50, 10] = mask[10, 10:50] = True
     thickness = np.where(mask, 1.0, 0.0)
-    found = _scored(thickness, mask, resolution=10.0, vents=[(49, 10)], emitted=1.0)
+    found = _scored(thickness, mask, (49, 10))
     assert found.length == found.mapped_length == pytest.approx(780.0, abs=20.0)
     assert found.length_error == 0.0
     short = np.where(np.indices(mask.shape)[1] < 30, thickness, 0.0)
-    found = _scored(short, mask, resolution=10.0, vents=[(49, 10)], emitted=1.0)
+    found = _scored(short, mask, (49, 10))
     assert found.length == pytest.approx(580.0, abs=20.0)
     assert found.length_error == pytest.approx(-200.0 / 780.0, abs=0.01)
 
@@ -104,31 +109,18 @@ def test_turned_and_mirrored_maps_have_the_same_score(turns: int) -> None:
     """Turning or mirroring flow, map and vents changes no number."""
     rng = np.random.default_rng(3)
     thickness = np.where(rng.random(FOOTPRINT.shape) < 0.8, _flow(), 0.0)
-    columns = FOOTPRINT.shape[1]
-
-    def cell(row: int, column: int) -> tuple[int, int]:
-        marked = np.zeros(FOOTPRINT.shape)
-        marked[row, column] = 1.0
-        return tuple(int(i) for i in np.argwhere(np.rot90(marked, turns))[0])  # type: ignore[return-value]
-
-    straight = _scored(thickness, FOOTPRINT, resolution=10.0, vents=[VENT], emitted=1.0).as_dict()
-    turned = _scored(
-        np.rot90(thickness, turns), np.rot90(FOOTPRINT, turns),
-        resolution=10.0, vents=[cell(*VENT)], emitted=1.0,
-    ).as_dict()
-    assert turned == pytest.approx(straight, rel=1e-6)
-    mirrored = _scored(
-        thickness[:, ::-1], FOOTPRINT[:, ::-1],
-        resolution=10.0, vents=[(VENT[0], columns - 1 - VENT[1])], emitted=1.0,
-    ).as_dict()
-    assert mirrored == pytest.approx(straight, rel=1e-6)
+    vent = np.zeros(FOOTPRINT.shape)
+    vent[VENT] = 1.0
+    straight = _scored(thickness, FOOTPRINT).as_dict()
+    for change in (partial(np.rot90, k=turns), np.fliplr):
+        (cell,) = np.argwhere(change(vent))
+        changed = _scored(change(thickness), change(FOOTPRINT), cell).as_dict()
+        assert changed == pytest.approx(straight, rel=1e-6)
 
 
 def test_no_lava_scores_nothing() -> None:
     """A flow that never came has no hits, and numbers all the same."""
-    found = _scored(
-        np.full(FOOTPRINT.shape, np.nan), FOOTPRINT, resolution=10.0, vents=[VENT], emitted=0.0
-    )
+    found = _scored(np.full(FOOTPRINT.shape, np.nan), FOOTPRINT, emitted=0.0)
     assert (found.jaccard, found.recall, found.precision) == (0.0, 0.0, 0.0)
     assert (found.length, found.volume, found.mean_thickness) == (0.0, 0.0, 0.0)
 
