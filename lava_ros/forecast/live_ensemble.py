@@ -166,6 +166,9 @@ class LiveEnsembles:
     It answers (``process``) with ``ensemble``: number, stamp_ns, changes and the fields of
     ``EnsembleForecast``; with ``weighed`` when an outline has been used; and with
     ``outline_refused``: number and error.
+
+    Attributes:
+        at_hand: The ensemble of which members run, None if there is none.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -173,7 +176,7 @@ class LiveEnsembles:
         self._answer = answer
         self._changes: int | None = None
         self._ordered: Callable[[], LiveEnsemble] | None = None
-        self._at_hand: LiveEnsemble | None = None
+        self.at_hand: LiveEnsemble | None = None
         self._shown: LiveEnsemble | None = None
         self._oldest: LiveEnsemble | None = None
         self._agreement: np.ndarray | None = None
@@ -184,17 +187,7 @@ class LiveEnsembles:
     @property
     def is_busy(self) -> bool:
         """Whether an ensemble runs or is ordered."""
-        return self.has_begun or self._ordered is not None
-
-    @property
-    def has_begun(self) -> bool:
-        """Whether members of an ensemble run."""
-        return self._at_hand is not None
-
-    @property
-    def progress(self) -> float:
-        """Share of the running ensemble's members that have run."""
-        return self._at_hand.progress if self._at_hand is not None else 0.0
+        return self.at_hand is not None or self._ordered is not None
 
     def order(
         self,
@@ -226,7 +219,7 @@ class LiveEnsembles:
 
     def drop(self) -> None:
         """Give up the ensemble in progress; finished ones stay."""
-        self._ordered = self._at_hand = None
+        self._ordered = self.at_hand = None
         waiting, self._waiting = self._waiting, []
         right = 'a scene that does not change until the members have run'
         for number, _ in waiting:
@@ -240,12 +233,12 @@ class LiveEnsembles:
         """
         if self._ordered is not None:
             begin, self._ordered = self._ordered, None
-            self._at_hand, self._next_maps = begin(), FIRST_MAPS
-        ensemble, known = self._at_hand, self._agreement
+            self.at_hand, self._next_maps = begin(), FIRST_MAPS
+        ensemble, known = self.at_hand, self._agreement
         if ensemble is None or not ensemble.advance(wall_limit):
             return
         if ensemble.is_done:
-            self._at_hand, self._shown = None, ensemble
+            self.at_hand, self._shown = None, ensemble
             if self._oldest is None or not self._oldest.covers(ensemble.start):
                 self._oldest = ensemble
             self._tell(ensemble)
@@ -266,9 +259,9 @@ class LiveEnsembles:
         The outline waits if only the ensemble in progress covers its time. It is refused if none
         does.
         """
-        known = [item for item in (self._oldest, self._shown, self._at_hand) if item is not None]
+        known = [item for item in (self._oldest, self._shown, self.at_hand) if item is not None]
         covering = [item for item in known if item.covers(outline.time)]
-        done = [item for item in covering if item is not self._at_hand]
+        done = [item for item in covering if item is not self.at_hand]
         if done:
             self._weigh(number, outline, done[0])
         elif covering:

@@ -128,7 +128,7 @@ class Forecasting:
     def _take_slice(self) -> None:
         begun, ahead, ensembles = time.monotonic(), self._ahead, self._ensembles
         # a look ahead goes before an ensemble that has not begun; then they take turns
-        if ahead is None or (ensembles.has_begun and self._is_turn_of_ensemble):
+        if ahead is None or (ensembles.at_hand and self._is_turn_of_ensemble):
             self._is_turn_of_ensemble = False
             self._guarded(lambda: ensembles.advance(SLICE_WALL_TIME), self._refuse_ensemble)
         else:
@@ -140,8 +140,8 @@ class Forecasting:
             self._answer(
                 'progress',
                 number=self._number,
-                progress=self._ahead.progress if self._ahead is not None else 1.0,
-                ensemble=ensembles.progress,
+                progress=self._ahead.progress if self._ahead else 1.0,
+                ensemble=ensembles.at_hand.progress if ensembles.at_hand else 0.0,
             )
         rest = (now - begun) * (1.0 / self._share - 1.0)
         self._next_slice = now + min(rest, _LONGEST_REST)

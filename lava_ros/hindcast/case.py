@@ -120,21 +120,17 @@ class Case:
         """The same eruption with other constants of the lava, by name.
 
         ``temperature`` is the eruption temperature [K], None for the present one; ``discharge`` is
-        a factor on all discharges.
-
-        Raises:
-            LavaError: A name or a value is not usable.
+        a factor on all discharges. LavaError for a value that is not usable.
         """
-        scene = self.scene
         vents = tuple(
             replace(
                 vent,
                 temperature=vent.temperature if temperature is None else temperature,
                 discharge=tuple((time, flux * discharge) for time, flux in vent.series),
             )
-            for vent in scene.vents
+            for vent in self.scene.vents
         )
-        scene = replace(scene, lava=replace(scene.lava, **lava), vents=vents)
+        scene = replace(self.scene, lava=replace(self.scene.lava, **lava), vents=vents)
         return replace(self, scene=scene, volume=self.volume * discharge)
 
 

@@ -143,14 +143,9 @@ def run_together(
 ) -> list[Result]:
     """Run cases, each in a direction, or resume an interrupted set of runs.
 
-    ``folder`` keeps the state that is needed to resume, None keeps nothing. ``progress`` is called
-    at each map with the share of the time that has been simulated.
-
-    Returns:
-        The result of each run, turned back onto the cells of the case.
-
-    Raises:
-        LavaError: A setting is not usable, or the folder is of another case or other settings.
+    ``folder`` keeps the state that is needed to resume, None keeps nothing; LavaError if it is of
+    another case or other settings. ``progress`` is called at each map with the share of the time
+    that has been simulated. Results are turned back onto the cells of the case.
     """
     shares = np.zeros(len(jobs))
     results: dict[int, Result] = {}
@@ -161,10 +156,9 @@ def run_together(
         same = replace(settings, spacing=settings.accuracy(case).spacing)
         run = Run(direction.turn(case), same, folder=kept)
         for snapshot in run.parts():
-            if snapshot is not None:
+            if snapshot is not None and progress is not None:
                 shares[number] = snapshot.time / case.duration
-                if progress is not None:
-                    progress(float(shares.mean()))
+                progress(float(shares.mean()))
             yield
         result = run.result()
         snapshot = regridded(result.snapshot, case.scene.terrain, direction.restore)

@@ -82,10 +82,8 @@ def unknowns_of(
 ) -> tuple[Unknown, ...]:
     """The unknowns of a case: those in ``names``, or all with a published range.
 
-    ``ranges`` adds unknowns by name, and replaces published ranges.
-
-    Raises:
-        LavaError: A name is unknown, an unknown has no range, or there is no unknown at all.
+    ``ranges`` adds unknowns by name, and replaces published ranges. LavaError if a name is
+    unknown, an unknown has no range, or there is no unknown at all.
     """
     ranges = dict(ranges or {})
     chosen = tuple(dict.fromkeys((*names, *ranges)))
@@ -117,10 +115,8 @@ def changed(case: Case, values: Mapping[str, float]) -> Case:
 def published_uncertainty(case: Case) -> Uncertainty:
     """What is uncertain about a case that does not say so itself: all that has published ranges.
 
-    Each value in a range is as likely, or its logarithm where it is searched by that.
-
-    Raises:
-        LavaError: A constant of the case is beyond what can be a factor.
+    Each value in a range is as likely, or its logarithm where it is searched by that. LavaError if
+    a constant of the case is beyond what can be a factor.
     """
     found: dict[str, Any] = {'constants': {}}
     for item in unknowns_of(case, ('discharge', *_known(case))):
@@ -151,9 +147,7 @@ def _published(case: Case, name: str) -> Constant | None:
     return known if known is not None and known.range is not None else None
 
 
-def _unknown(
-    case: Case, name: str, ranges: Mapping[str, tuple[float, float]]
-) -> Unknown:
+def _unknown(case: Case, name: str, ranges: Mapping[str, tuple[float, float]]) -> Unknown:
     known, span, source = _published(case, name), ranges.get(name), 'given by the user'
     if span is None and known is not None:
         span, source = known.range, known.range_source
