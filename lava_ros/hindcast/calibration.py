@@ -26,7 +26,7 @@ far each unknown spreads in it, and which unknowns the score does not depend on.
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 import csv
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from io import StringIO, TextIOWrapper
 import math
@@ -281,7 +281,7 @@ def _evaluate(
 def _numbers(case: Case, results: Sequence[Result], wall_time: float) -> Mapping[str, float]:
     """Results of the runs of a set, which took a wall time [s], by the names of ``COLUMNS``."""
     found = agreement(case, [result.snapshot for result in results])
-    judged = found.majority.as_dict()
+    judged = asdict(found.majority)
     return {
         **{name: float(judged[name]) for name in COLUMNS if name in judged},
         'single': float(np.mean([score.jaccard for score in found.scores])),

@@ -24,7 +24,7 @@ other.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -116,7 +116,7 @@ class Agreement:
             'lowest': float(found.min()),
             'highest': float(found.max()),
             'length_error': [item.length_error for item in self.scores],
-            'majority': self.majority.as_dict(),
+            'majority': asdict(self.majority),
         }
 
 

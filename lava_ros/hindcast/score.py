@@ -19,9 +19,8 @@ Every number is the same when map and flow are turned by 90 degrees or mirrored.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 import math
-from typing import Any
 
 import numpy as np
 
@@ -41,7 +40,8 @@ class Score:
     literature; ``recall`` is the share of the mapped cells that the simulation covers,
     ``precision`` that of the simulated cells that are mapped. Lengths are those of the longest way
     from a vent along a flow [m]. Thicknesses are of what the simulation covers [m];
-    ``mapped_thickness`` is the volume that came out over the mapped area.
+    ``mapped_thickness`` is the volume that came out over the mapped area. Errors are relative,
+    positive where the simulated flow is too long or too large.
     """
 
     jaccard: float
@@ -60,21 +60,8 @@ class Score:
     median_thickness: float
     thickest: float
     mapped_thickness: float
-
-    @property
-    def length_error(self) -> float:
-        """Relative error of the length; positive: too long."""
-        return self.length / self.mapped_length - 1.0 if self.mapped_length else math.nan
-
-    @property
-    def area_error(self) -> float:
-        """Relative error of the area; positive: too large."""
-        return self.area / self.mapped_area - 1.0
-
-    def as_dict(self) -> dict[str, Any]:
-        """All numbers by name."""
-        errors = {'length_error': self.length_error, 'area_error': self.area_error}
-        return {**asdict(self), **errors}
+    length_error: float
+    area_error: float
 
 
 def covered_by(snapshot: Snapshot) -> np.ndarray:
@@ -99,12 +86,12 @@ def score(
     ``vents`` are rows and columns; the emitted volume is in m3.
     """
     thickness = np.nan_to_num(thickness)
+    layer, cell = thickness[covered], resolution**2
     hits = int((covered & footprint).sum())
     mapped, simulated = int(footprint.sum()), int(covered.sum())
-    cell = resolution**2
-    layer = thickness[covered]
     jaccard = hits / (mapped + simulated - hits) if mapped + simulated else 0.0
     ways = distances(covered | footprint, vents) * resolution
+    length, mapped_length = _longest(ways, covered), _longest(ways, footprint)
     return Score(
         jaccard=jaccard,
         recall=hits / mapped if mapped else 0.0,
@@ -115,13 +102,15 @@ def score(
         false_alarms=simulated - hits,
         area=simulated * cell,
         mapped_area=mapped * cell,
-        length=_longest(ways, covered),
-        mapped_length=_longest(ways, footprint),
+        length=length,
+        mapped_length=mapped_length,
         volume=float(thickness.sum()) * cell,
         mean_thickness=float(layer.mean()) if simulated else 0.0,
         median_thickness=float(np.median(layer)) if simulated else 0.0,
         thickest=float(layer.max()) if simulated else 0.0,
         mapped_thickness=emitted / (mapped * cell) if mapped else math.nan,
+        length_error=length / mapped_length - 1.0 if mapped_length else math.nan,
+        area_error=simulated * cell / (mapped * cell) - 1.0 if mapped else math.nan,
     )
 
 

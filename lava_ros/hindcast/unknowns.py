@@ -85,15 +85,29 @@ def unknowns_of(
     ``ranges`` adds unknowns by name, and replaces published ranges. LavaError if a name is
     unknown, an unknown has no range, or there is no unknown at all.
     """
-    ranges = dict(ranges or {})
-    chosen = tuple(dict.fromkeys((*names, *ranges)))
+    ranges, published, result = ranges or {}, _published(case), []
+    chosen = [*names, *ranges]
     for name in chosen:
         validation.choice('--unknown', name, UNITS)
     if not names:
-        chosen = tuple(dict.fromkeys((*_known(case), *chosen)))
+        # how well the discharge is known is said of no material
+        chosen = [*(name for name in published if name != 'discharge'), *chosen]
     if not chosen:
         raise LavaError('--unknown', [], 'at least one: the material has no published ranges')
-    return tuple(_unknown(case, name, ranges) for name in chosen)
+    for name in dict.fromkeys(chosen):
+        span, source = ranges.get(name), 'given by the user'
+        if span is None and name in published:
+            span, source = published[name].range, published[name].range_source
+        if span is None:
+            right = f'a range ({name}=LOW:HIGH): none has been published for this material'
+            raise LavaError('--unknown', name, right)
+        is_log = name in _LOGARITHMIC
+        low = validation.number(f'{name}, lowest', span[0], at_least=0.0)
+        high = validation.number(f'{name}, highest', span[1], above=low)
+        if is_log:
+            validation.number(f'{name}, lowest', low, above=0.0)
+        result.append(Unknown(name, UNITS[name], low, high, _usual(case, name), source, is_log))
+    return tuple(result)
 
 
 def changed(case: Case, values: Mapping[str, float]) -> Case:
@@ -119,7 +133,7 @@ def published_uncertainty(case: Case) -> Uncertainty:
     a constant of the case is beyond what can be a factor.
     """
     found: dict[str, Any] = {'constants': {}}
-    for item in unknowns_of(case, ('discharge', *_known(case))):
+    for item in unknowns_of(case, tuple(_published(case))):
         name, usual, span, place = item.name, item.usual, (item.low, item.high), found
         if name == 'vent_temperature':
             name, span = 'temperature', (item.low - usual, item.high - usual)
@@ -133,33 +147,12 @@ def published_uncertainty(case: Case) -> Uncertainty:
     return Uncertainty(**found)
 
 
-def _known(case: Case) -> tuple[str, ...]:
-    """The constants of the case's material with a published range."""
-    return tuple(name for name in UNITS if name != 'discharge' and _published(case, name))
-
-
-def _published(case: Case, name: str) -> Constant | None:
-    """What has been published about an unknown, None where it has no range."""
-    material = case.material
-    assert material is not None
-    others = {'discharge': DISCHARGE, 'vent_temperature': material.vent_temperature}
-    known = {**material.constants, **others}.get(name)
-    return known if known is not None and known.range is not None else None
-
-
-def _unknown(case: Case, name: str, ranges: Mapping[str, tuple[float, float]]) -> Unknown:
-    known, span, source = _published(case, name), ranges.get(name), 'given by the user'
-    if span is None and known is not None:
-        span, source = known.range, known.range_source
-    if span is None:
-        right = f'a range ({name}=LOW:HIGH): none has been published for this material'
-        raise LavaError('--unknown', name, right)
-    is_log = name in _LOGARITHMIC
-    low = validation.number(f'{name}, lowest', span[0], at_least=0.0)
-    high = validation.number(f'{name}, highest', span[1], above=low)
-    if is_log:
-        validation.number(f'{name}, lowest', low, above=0.0)
-    return Unknown(name, UNITS[name], low, high, _usual(case, name), source, is_log)
+def _published(case: Case) -> dict[str, Constant]:
+    """What has been published about those unknowns of a case that have a range."""
+    assert case.material is not None
+    known = {**case.material.constants, 'vent_temperature': case.material.vent_temperature}
+    known['discharge'] = DISCHARGE
+    return {name: known[name] for name in UNITS if name in known and known[name].range}
 
 
 def _usual(case: Case, name: str) -> float:

@@ -14,6 +14,7 @@
 
 """Scores of hindcasts and of ensembles of them, and the page that lists them."""
 
+from dataclasses import asdict
 from functools import partial
 import importlib.util
 from pathlib import Path
@@ -111,11 +112,11 @@ def test_turned_and_mirrored_maps_have_the_same_score(turns: int) -> None:
     thickness = np.where(rng.random(FOOTPRINT.shape) < 0.8, _flow(), 0.0)
     vent = np.zeros(FOOTPRINT.shape)
     vent[VENT] = 1.0
-    straight = _scored(thickness, FOOTPRINT).as_dict()
+    straight = asdict(_scored(thickness, FOOTPRINT))
     for change in (partial(np.rot90, k=turns), np.fliplr):
         (cell,) = np.argwhere(change(vent))
-        changed = _scored(change(thickness), change(FOOTPRINT), cell).as_dict()
-        assert changed == pytest.approx(straight, rel=1e-6)
+        changed = _scored(change(thickness), change(FOOTPRINT), cell)
+        assert asdict(changed) == pytest.approx(straight, rel=1e-6)
 
 
 def test_no_lava_scores_nothing() -> None:
