@@ -119,14 +119,12 @@ def test_vents_are_where_the_map_says() -> None:
     likelihood[3, 4], likelihood[20, 10:12] = 2.0, 1.0
     likelihood[5, 5] = np.nan
     members = draw_members(SCENE, 256, susceptibility=Susceptibility(TERRAIN, likelihood))
-    cells = [TERRAIN.cell_at(*member.place) for member in members if member.place]
+    places = [member.place for member in members if member.place]
+    cells = [TERRAIN.cell_at(*place) for place in places]
     assert len(cells) == 256
-    assert cells.count((3, 4)) == pytest.approx(128, abs=1)
-    assert cells.count((20, 10)) == pytest.approx(64, abs=1)
-    assert cells.count((20, 11)) == pytest.approx(64, abs=1)
-    inside = np.array([
-        np.array(member.place) % 20.0 for member in members if member.place
-    ])
+    for cell, count in (((3, 4), 128), ((20, 10), 64), ((20, 11), 64)):
+        assert cells.count(cell) == pytest.approx(count, abs=1)
+    inside = np.array(places) % 20.0
     assert inside.mean() == pytest.approx(10.0, abs=0.5)
     assert inside.std() == pytest.approx(20.0 / np.sqrt(12.0), abs=0.5)
 
