@@ -22,6 +22,7 @@ agreement with an outline holds in the next.
 from collections.abc import Callable
 from functools import partial
 from itertools import takewhile
+import math
 import time as wall_clock
 from typing import Any
 
@@ -73,8 +74,8 @@ class LiveEnsemble:
         self.start = checkpoint.time
         drawn = draw_members(checkpoint.scene, members)
         self.asked = len(drawn)
-        self._deadline = deadline
         self._begun = wall_clock.monotonic() if begun is None else begun
+        self._end = math.inf if deadline is None else self._begun + deadline
         self._shares: dict[int, float] = {}
         self._running = running(
             self.plan,
@@ -87,9 +88,8 @@ class LiveEnsemble:
         self._ahead: dict[int, Footprint] = {}
         self._footprints: list[Footprint] = []
         self._starts: dict[int, float] = {}
-        self._longest = 0.0
+        self.duration = self._longest = 0.0
         self.is_done = False
-        self.duration = 0.0
 
     @property
     def count(self) -> int:
@@ -114,7 +114,12 @@ class LiveEnsemble:
         until, before = wall_clock.monotonic() + wall_limit, self.count
         for fields in self._running:
             if fields is not None:
-                self._take(footprint_of(fields, self.plan))
+                self._ahead[fields.index] = footprint_of(fields, self.plan)
+                now = wall_clock.monotonic()
+                self.duration = now - self._begun
+                self._longest = max(self._longest, now - self._starts.pop(fields.index))
+            while self.count in self._ahead:
+                self._footprints.append(self._ahead.pop(self.count))
             if self.count > before or wall_clock.monotonic() > until:
                 break
         else:
@@ -122,24 +127,13 @@ class LiveEnsemble:
         self.is_done |= self.count == self.asked
         return self.is_done or self.count > before
 
-    def _take(self, footprint: Footprint) -> None:
-        now = wall_clock.monotonic()
-        self.duration = now - self._begun
-        self._longest = max(self._longest, now - self._starts.pop(footprint.index))
-        self._ahead[footprint.index] = footprint
-        while self.count in self._ahead:
-            self._footprints.append(self._ahead.pop(self.count))
-
     def agreement(self, outline: Outline) -> np.ndarray:
         """Jaccard index of each member with an outline, float64, shape [asked].
 
         Members that have not run get the mean of the others.
         """
         time = outline.time - self.start
-        found = [
-            jaccard(reached_by(footprint, self.plan, time), outline)
-            for footprint in self._footprints
-        ]
+        found = [jaccard(reached_by(one, self.plan, time), outline) for one in self._footprints]
         return np.array(found + [float(np.mean(found))] * (self.asked - self.count))
 
     def maps(self, agreement: np.ndarray | None) -> HazardMaps:
@@ -153,11 +147,8 @@ class LiveEnsemble:
 
     def _is_in_time(self, member: Member) -> bool:
         """Whether a member may begin: the first ones may, others if they will end in time."""
-        now = wall_clock.monotonic()
-        self._starts[member.index] = now
-        if self._deadline is None or not self._longest:
-            return True
-        return now + self._longest <= self._begun + self._deadline
+        now = self._starts[member.index] = wall_clock.monotonic()
+        return not self._longest or now + self._longest <= self._end
 
 
 class LiveEnsembles:

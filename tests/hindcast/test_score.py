@@ -14,7 +14,7 @@
 
 """Scores of hindcasts and of ensembles of them, and the page that lists them."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 import importlib.util
 from pathlib import Path
@@ -27,7 +27,7 @@ from eruption import footprint, SHAPE, write_case
 from lava_ros.errors import LavaError
 from lava_ros.forecast.members import member_scene
 from lava_ros.forecast.sampling import draw_members
-from lava_ros.hindcast.case import load_case
+from lava_ros.hindcast.case import Case, Event, load_case
 from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings
 from lava_ros.hindcast.score import distances, Score, score
@@ -57,7 +57,7 @@ def _scored(thickness: np.ndarray, footprint: np.ndarray, vent: Any = VENT,
 
 
 def test_numbers_are_those_of_counted_cells() -> None:
-    """Hits, misses and false alarms, and what follows from them."""
+    """Hits, misses and false alarms, and what follows; a flow that never came has none."""
     found = _scored(_flow(), FOOTPRINT, emitted=30_000.0)
     assert (found.hits, found.misses, found.false_alarms) == (80, 70, 40)
     assert found.jaccard == pytest.approx(80 / 190)
@@ -68,13 +68,16 @@ def test_numbers_are_those_of_counted_cells() -> None:
     assert (found.mean_thickness, found.median_thickness, found.thickest) == (2.0, 2.0, 2.0)
     assert found.mapped_thickness == pytest.approx(2.0)
     assert found.volume == pytest.approx(24_000.0 + 20 * 0.1 * 100.0)
+    none = _scored(np.full(FOOTPRINT.shape, np.nan), FOOTPRINT, emitted=0.0)
+    assert (none.jaccard, none.recall, none.precision) == (0.0, 0.0, 0.0)
+    assert (none.length, none.volume, none.mean_thickness) == (0.0, 0.0, 0.0)
 
 
 def test_length_is_that_of_the_way_along_the_flow() -> None:
     """A bent flow is as long as its way, not as far as its end."""
     mask = np.zeros((60, 60), bool)
     mask[10:50, 10] = mask[10, 10:50] = True
-    thickness = np.where(mask, 1.0, 0.0)
+    thickness = mask.astype(float)
     found = _scored(thickness, mask, (49, 10))
     assert found.length == found.mapped_length == pytest.approx(780.0, abs=20.0)
     assert found.length_error == 0.0
@@ -87,8 +90,7 @@ def test_length_is_that_of_the_way_along_the_flow() -> None:
 def test_ways_in_any_direction_are_nearly_straight() -> None:
     """On open ground the way to a cell is at most 2.8 % longer than the straight line."""
     ways = distances(np.ones((81, 81), bool), [(40, 40)])
-    rows, columns = np.indices(ways.shape) - 40
-    straight = np.hypot(rows, columns)
+    straight = np.hypot(*(np.indices(ways.shape) - 40))
     far = straight > 20.0
     assert (ways[far] >= straight[far] - 1e-9).all()
     assert (ways[far] / straight[far]).max() < 1.028
@@ -119,19 +121,18 @@ def test_turned_and_mirrored_maps_have_the_same_score(turns: int) -> None:
         assert asdict(changed) == pytest.approx(straight, rel=1e-6)
 
 
-def test_no_lava_scores_nothing() -> None:
-    """A flow that never came has no hits, and numbers all the same."""
-    found = _scored(np.full(FOOTPRINT.shape, np.nan), FOOTPRINT, emitted=0.0)
-    assert (found.jaccard, found.recall, found.precision) == (0.0, 0.0, 0.0)
-    assert (found.length, found.volume, found.mean_thickness) == (0.0, 0.0, 0.0)
-
-
 SETTINGS = Settings('draft', 20.0, 'cpu', maps=4)
 
 
-def test_members_fill_the_published_ranges(tmp_path: Path) -> None:
+@pytest.fixture
+def valley(tmp_path: Path) -> Case:
+    """A case of Etna's lava."""
+    return load_case(write_case(tmp_path / 'valley'))
+
+
+def test_members_fill_the_published_ranges(valley: Case) -> None:
     """Absolute values of members lie in the ranges of the material, and spread over them."""
-    plan = plan_of(load_case(write_case(tmp_path / 'valley')), SETTINGS)
+    plan = plan_of(valley, SETTINGS)
     scenes = [member_scene(plan.scene, item) for item in draw_members(plan.scene, 32)]
     etna = material_named('etna_basalt')
     known = {name: item.range for name, item in etna.constants.items() if item.range}
@@ -162,28 +163,21 @@ def test_a_case_says_what_is_uncertain(tmp_path: Path) -> None:
         load_case(folder)
 
 
-def test_ground_and_map_are_no_finer_than_particles(tmp_path: Path) -> None:
+def test_ground_and_map_are_no_finer_than_particles(valley: Case) -> None:
     """Members run on the cells of the hindcast, and the map is that of these cells."""
-    case = load_case(write_case(tmp_path / 'valley'))
     fine, coarse = (
-        plan_of(case, Settings('draft', spacing, 'cpu')) for spacing in (20.0, 60.0)
+        plan_of(valley, Settings('draft', spacing, 'cpu')) for spacing in (20.0, 60.0)
     )
     assert fine.scene.terrain.shape == SHAPE
-    np.testing.assert_array_equal(mapped_on(case, fine), case.footprint)
+    np.testing.assert_array_equal(mapped_on(valley, fine), valley.footprint)
     assert coarse.scene.terrain.resolution == 60.0
-    area = mapped_on(case, coarse).sum() * 60.0**2
-    assert area == pytest.approx(case.area, rel=0.3)
-    assert fine.horizon == case.duration
-    assert not fine.effects.inertia
-
-
-def test_events_are_refused(tmp_path: Path) -> None:
-    """Members run on one ground; a case whose ground changes is not run as if it did not."""
-    x, y = 500_350.0, 4_180_700.0
-    text = f'events: [{{time: 60, barrier: {{line: [[{x}, {y}], [{x + 90}, {y}]], '
-    text += 'height: 9, width: 20}}]\n'
+    area = mapped_on(valley, coarse).sum() * 60.0**2
+    assert area == pytest.approx(valley.area, rel=0.3)
+    assert fine.horizon == valley.duration and not fine.effects.inertia
+    # members run on one ground: a case whose ground changes is not run as if it did not
+    changing = replace(valley, events=(Event(60.0, valley.scene.terrain, 'a wall'),))
     with pytest.raises(LavaError, match=r'case.events'):
-        plan_of(load_case(write_case(tmp_path / 'valley', yaml=text)), SETTINGS)
+        plan_of(changing, SETTINGS)
 
 
 def test_chances_are_scored_where_lava_could_be() -> None:
