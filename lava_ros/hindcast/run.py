@@ -18,6 +18,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 import hashlib
 import json
 from pathlib import Path
@@ -128,9 +129,6 @@ class Run:
         self.is_resumed = folder is not None and (folder / 'run.json').is_file()
         if folder is not None and self.is_resumed:
             self._simulation = self._resumed(folder)
-        else:
-            with self._timed():
-                self._simulation = self._begun()
 
     def snapshots(self) -> Iterator[tuple[float, Snapshot | None]]:
         """Simulate.
@@ -204,25 +202,28 @@ class Run:
         snapshot = self._simulation.snapshot()
         return refined(snapshot, self.case.scene.terrain, self._coarseness)
 
-    def _begun(self) -> Simulation:
+    @cached_property
+    def _simulation(self) -> Simulation:
+        # only when it is needed: it may have to be compiled first
         scene = self.case.scene
-        return Simulation(
-            replace(scene, terrain=coarsened(scene.terrain, self._coarseness)),
-            effects={**FORCED, **self.settings.forced},
-            accuracy=self.settings.accuracy(self.case),
-            device=self.settings.device,
-            horizon=self.case.duration,
-            notes_arrival=True,
-        )
+        with self._timed():
+            return Simulation(
+                replace(scene, terrain=coarsened(scene.terrain, self._coarseness)),
+                effects={**FORCED, **self.settings.forced},
+                accuracy=self.settings.accuracy(self.case),
+                device=self.settings.device,
+                horizon=self.case.duration,
+                notes_arrival=True,
+            )
 
     def _advancing(self, until: float) -> Iterator[None]:
-        started = wall_clock.monotonic()
-        for _ in self._simulation.advancing(until):
+        simulation, started = self._simulation, wall_clock.monotonic()
+        for _ in simulation.advancing(until):
             self._wall_time += wall_clock.monotonic() - started
             yield
             started = wall_clock.monotonic()
         self._wall_time += wall_clock.monotonic() - started
-        self._most_particles = max(self._most_particles, self._simulation.most_particles)
+        self._most_particles = max(self._most_particles, simulation.most_particles)
 
     def _identity(self) -> str:
         """What tells this run from any other."""
