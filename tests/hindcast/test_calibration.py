@@ -16,6 +16,7 @@
 """The search for constants, on scores that are known in advance."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import Mock
 
@@ -147,14 +148,23 @@ def test_unknowns_have_the_published_ranges(valley: Case) -> None:
     assert given.source == 'given by the user'
 
 
-def test_unknowns_are_put_into_the_case(valley: Case) -> None:
-    """Each value ends where it belongs, the VFT law shifted as a whole."""
+def test_unknowns_are_put_into_the_case(valley: Case, tmp_path: Path) -> None:
+    """Each value ends where it belongs, the VFT law shifted as a whole; nothing else changes."""
     values = {'viscosity': 3e3, 'emissivity': 0.5, 'vent_temperature': 1340.0, 'discharge': 1.1}
     case = changed(valley, values)
     assert case.scene.lava.viscosity_at(1360.0) == pytest.approx(3e3)
     assert case.scene.lava.emissivity == 0.5
     assert case.scene.vents[0].temperature == 1340.0
     assert case.volume == pytest.approx(1.1 * valley.volume)
+    assert case.scene.vents[0].series[0] == (0.0, pytest.approx(22.0))
+    assert case.scene.lava == replace(valley.scene.lava, emissivity=0.5, viscosity=3e3)
+    assert case.scene.terrain is valley.scene.terrain
+    reunion = load_case(tmp_path / 'valley', material='reunion_basalt')
+    before, after = reunion.scene.lava, changed(reunion, {'viscosity': 3e3}).scene.lava
+    hot = reunion.scene.vents[0].temperature
+    assert before.is_vft and after.viscosity_at(hot) == pytest.approx(3e3)
+    ratio = 3e3 / before.viscosity_at(hot)
+    assert after.viscosity_at(1300.0) == pytest.approx(ratio * before.viscosity_at(1300.0))
 
 
 def test_wrong_unknowns_are_refused(valley: Case, tmp_path: Path) -> None:

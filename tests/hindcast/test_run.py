@@ -145,16 +145,6 @@ def test_flows_are_as_thick_as_lava_on_its_way(valley: Case) -> None:
     assert Settings('standard').accuracy(valley).thickness == mature_thickness(scene)
 
 
-def test_with_lava_changes_what_it_says(valley: Case) -> None:
-    """Constants, temperature and discharge are replaced, and nothing else."""
-    other = valley.with_lava({'emissivity': 0.9}, temperature=1340.0, discharge=2.0)
-    assert other.scene.lava == replace(valley.scene.lava, emissivity=0.9)
-    assert other.scene.vents[0].temperature == 1340.0
-    assert other.volume == pytest.approx(2.0 * valley.volume)
-    assert other.scene.vents[0].series[0] == (0.0, 40.0)
-    assert other.scene.terrain is valley.scene.terrain
-
-
 def test_comparison_says_what_each_cell_is(valley: Case) -> None:
     """Hit, miss, false alarm, neither, and nothing where nobody can know."""
     never, ground = np.nan, np.array([[0.0, 0.0, 0.0], [0.0, np.nan, np.nan]])
