@@ -174,9 +174,9 @@ def spacing_at(scene: Scene, refinement: float, horizon: float) -> float:
 
 def preset_below(refinement: float) -> str:
     """The finest preset that is no finer, ``draft`` below all."""
-    names = ['draft', 'standard', 'fine']
-    below = [name for name in names if PRESETS[name].accuracy.refinement <= refinement * 1.001]
-    return below[-1] if below else names[0]
+    most = 1.001 * refinement
+    below = [name for name in ('standard', 'fine') if PRESETS[name].accuracy.refinement <= most]
+    return below[-1] if below else 'draft'
 
 
 def completed(pilot: Pilot, model: Pilot) -> Pilot:

@@ -252,18 +252,23 @@ class _Search:
         """Refinement, members and effects that fit into the time with the smallest error."""
         for _ in range(MOST_BEGUN):
             best = self._best(self._guess)
-            is_dear = self.spent + BEGINNING * self.within > MOST_BEGINNING * self.within
-            if is_dear or self._is_known(best):
+            cost = self.cost(best.refinement, best.effects)
+            is_known = any(
+                1.0 / ALIKE <= cost / run.wall_time <= ALIKE
+                for run in self._near(best.refinement, NEAR, best.effects)
+            )
+            if is_known or self.spent + BEGINNING * self.within > MOST_BEGINNING * self.within:
                 break
             self._run(best.refinement, BEGINNING * self.within, best.effects)
         for _ in range(MOST_WHOLE):
             best = self._best(self.cost)
-            if self._is_whole(best.refinement, NEAR_WHOLE, best.effects):
+            if any(run.is_done for run in self._near(best.refinement, NEAR_WHOLE, best.effects)):
                 break
             self._run(best.refinement, PATIENCE * self.within / best.members, best.effects)
         best = self._best(self.cost)
-        if not self._is_whole(best.refinement / COARSER, ABOUT):
-            self._run(best.refinement / COARSER, self.within, best.effects)
+        coarser = best.refinement / COARSER
+        if not any(run.is_done for run in self._near(coarser, ABOUT)):
+            self._run(coarser, self.within, best.effects)
         return best
 
     def law(self) -> Callable[[float], float]:
@@ -276,9 +281,13 @@ class _Search:
 
     def cost(self, refinement: float, effects: Effects) -> float:
         """Wall time of a run [s], infinite where no pilot had its physics."""
-        alike = [pilot for pilot in self.runs if pilot.effects == effects]
-        known = [pilot for pilot in alike if not _is_superseded(pilot, alike)]
-        known.sort(key=lambda pilot: pilot.refinement)
+        known = []
+        for pilot in sorted(self.runs, key=lambda pilot: pilot.refinement):
+            near = self._near(pilot.refinement, NEAR_WHOLE, effects)
+            # one that was stopped says nothing beside one that was not, or much later
+            is_best = not any(run.is_done or run.spent > 2.0 * pilot.spent for run in near)
+            if pilot.effects == effects and (pilot.is_done or is_best):
+                known.append(pilot)
         return cost_at(known, refinement) if known else math.inf
 
     def _guess(self, refinement: float, effects: Effects) -> float:
@@ -286,22 +295,13 @@ class _Search:
         cost = self.cost(refinement, effects)
         return cost if math.isfinite(cost) else self.cost(refinement, self.pilots[-1].effects)
 
-    def _is_whole(self, refinement: float, near: float, effects: Effects | None = None) -> bool:
-        """Whether a run near to a refinement, with some effects, came to the horizon."""
-        return any(
-            effects in (None, pilot.effects) and _is_near(pilot.refinement, refinement, near)
-            for pilot in self.pilots
-        )
-
-    def _is_known(self, best: _Choice) -> bool:
-        """Whether a run near to a choice took the time that is predicted for it."""
-        cost = self.cost(best.refinement, best.effects)
-        return any(
-            pilot.effects == best.effects
-            and _is_near(best.refinement, pilot.refinement, NEAR)
-            and _is_near(cost, pilot.wall_time, ALIKE)
-            for pilot in self.runs
-        )
+    def _near(self, refinement: float, by: float, effects: Effects | None = None) -> list[Pilot]:
+        """Runs that are near to a refinement, by a factor, with some effects or with any."""
+        return [
+            run
+            for run in self.runs
+            if 1.0 / by <= run.refinement / refinement <= by and effects in (None, run.effects)
+        ]
 
     def _run(self, refinement: float, patience: float, effects: Effects | None) -> bool:
         """Run a pilot for some time [s]; whether it came to the horizon."""
@@ -377,19 +377,6 @@ class _Search:
                 low, high = (low, middle) if at(middle) == above else (middle, high)
             bands.append((high, above))
         return bands
-
-
-def _is_near(one: float, other: float, factor: float) -> bool:
-    return 1.0 / factor <= one / other <= factor
-
-
-def _is_superseded(pilot: Pilot, others: list[Pilot]) -> bool:
-    """Whether a run that was stopped has one near to it that was not, or much later."""
-    return not pilot.is_done and any(
-        (other.is_done or other.spent > 2.0 * pilot.spent)
-        and _is_near(other.refinement, pilot.refinement, NEAR_WHOLE)
-        for other in others
-    )
 
 
 def sampling_error(members: int) -> float:

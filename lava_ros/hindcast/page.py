@@ -168,11 +168,8 @@ NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, NODATA_BYTE
 
 def comparison(snapshot: Snapshot, footprint: np.ndarray) -> np.ndarray:
     """Hits, misses and false alarms, uint8, shape [rows, columns]."""
-    covered = covered_by(snapshot)
-    codes = np.full(footprint.shape, NEITHER, np.uint8)
-    codes[covered & footprint] = HIT
-    codes[~covered & footprint] = MISS
-    codes[covered & ~footprint] = FALSE_ALARM
+    table = np.array([[NEITHER, MISS], [FALSE_ALARM, HIT]], np.uint8)
+    codes = table[covered_by(snapshot).astype(int), footprint.astype(int)]
     codes[~snapshot.terrain.has_data & ~footprint] = UNKNOWN
     return codes
 
