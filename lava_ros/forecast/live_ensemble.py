@@ -191,13 +191,9 @@ class LiveEnsembles:
     ) -> None:
         """Start an ensemble at the next ``advance``, in place of the one in progress.
 
-        Args:
-            checkpoint: The state from which the members start.
-            changes: Number that identifies the scene; it changes with the scene.
-            agreement: For the first ensemble of a scene, agreement of the members with earlier
-                outlines, None without one.
-            outlines: Number of outlines behind ``agreement``.
-            how: Further arguments of ``LiveEnsemble``.
+        ``changes`` is a number that changes with the scene. The first ensemble of a scene takes
+        over ``agreement``, that of the members with a number of earlier ``outlines``, None without
+        any. ``how`` are further arguments of ``LiveEnsemble``.
         """
         self.drop()
         if changes != self._changes:

@@ -152,7 +152,7 @@ def afford(
         within: Wall time there is [s].
         horizon: How far each run goes [s].
         members: Runs, one after the other; None for the number with the smallest error.
-        device: Warp device; the first CUDA device when there is one, else the CPU.
+        device: Warp device; None for the first GPU, or the CPU without one.
         may_force: Whether a plan may do without effects that do not fit (``Affordable.forced``)
             where most of the time would be left otherwise.
         on_pilot: Called after each pilot.

@@ -105,7 +105,7 @@ def test_values_are_distributed_as_asked() -> None:
 
 
 def test_what_cannot_be_drawn_is_refused() -> None:
-    """No members, no whole number of them, a scene in which everything is certain."""
+    """No members, no whole number of them, a scene that is certain, maps without a place."""
     for count in (0, 1.5, 10**9):
         with pytest.raises(LavaError, match='members'):
             draw_members(SCENE, count)  # type: ignore[arg-type]
@@ -113,6 +113,13 @@ def test_what_cannot_be_drawn_is_refused() -> None:
         draw_members(SCENE, 4, seed=-1)
     with pytest.raises(LavaError, match=r'scene\.uncertainty'):
         draw_members(Scene(TERRAIN, (VENT,), lava=Lava()), 4)
+    # another shape, negative or infinite likelihoods, and such only off the terrain
+    nowhere = np.zeros((4, 5))
+    nowhere[0, 0] = 1.0
+    terrain = Terrain(np.where(nowhere, np.nan, 0.0), 1.0)
+    for values in (np.ones((5, 4)), -np.ones((4, 5)), np.full((4, 5), np.inf), nowhere):
+        with pytest.raises(LavaError, match='susceptibility'):
+            Susceptibility(terrain, values)
 
 
 def test_vents_are_where_the_map_says() -> None:
@@ -129,18 +136,6 @@ def test_vents_are_where_the_map_says() -> None:
     inside = np.array(places) % 20.0
     assert inside.mean() == pytest.approx(10.0, abs=0.5)
     assert inside.std() == pytest.approx(20.0 / np.sqrt(12.0), abs=0.5)
-
-
-def test_maps_without_a_place_are_refused() -> None:
-    """Another shape, negative or infinite values, and likelihoods only off the terrain."""
-    ground = np.zeros((4, 5))
-    ground[0, 0] = np.nan
-    terrain = Terrain(ground, 1.0)
-    nowhere = np.zeros((4, 5))
-    nowhere[0, 0] = 1.0
-    for values in (np.ones((5, 4)), -np.ones((4, 5)), np.full((4, 5), np.inf), nowhere):
-        with pytest.raises(LavaError, match='susceptibility'):
-            Susceptibility(terrain, values)
 
 
 def test_fields_have_their_deviation_and_correlation() -> None:

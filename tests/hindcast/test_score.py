@@ -87,17 +87,16 @@ def test_length_is_that_of_the_way_along_the_flow() -> None:
     assert found.length_error == pytest.approx(-200.0 / 780.0, abs=0.01)
 
 
-def test_ways_in_any_direction_are_nearly_straight() -> None:
-    """On open ground the way to a cell is at most 2.8 % longer than the straight line."""
+def test_ways_are_nearly_straight() -> None:
+    """On open ground the way to a cell is at most 2.8 % longer than the straight line.
+
+    Lava that has drained between two parts does not end the flow.
+    """
     ways = distances(np.ones((81, 81), bool), [(40, 40)])
     straight = np.hypot(*(np.indices(ways.shape) - 40))
     far = straight > 20.0
     assert (ways[far] >= straight[far] - 1e-9).all()
     assert (ways[far] / straight[far]).max() < 1.028
-
-
-def test_parts_apart_are_reached_in_a_straight_line() -> None:
-    """Lava that has drained between two parts does not end the flow."""
     mask = np.zeros((50, 20), bool)
     mask[40:45, 10] = mask[5:10, 10] = True
     ways = distances(mask, [(45, 10)])
