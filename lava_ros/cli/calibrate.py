@@ -35,7 +35,7 @@ from lava_ros.files import file_to_write
 from lava_ros.hindcast.calibration import (
     BATCH,
     can_tell,
-    Evaluator,
+    evaluating,
     Finding,
     findings,
     leave_one_out,
@@ -97,8 +97,10 @@ def run(args: argparse.Namespace) -> int:
     workers = validation.whole('--workers', args.workers, at_least=1, at_most=64)
     directions = validation.whole('--directions', args.directions, at_least=1, at_most=MOST)
     seed = validation.whole('--seed', args.seed, at_least=0, at_most=2**32 - 1)
-    options = {'material': args.material, 'low_pass_width': args.low_pass}
-    cases = [load_case(folder, **options) for folder in args.case]
+    cases = [
+        load_case(folder, material=args.material, low_pass_width=args.low_pass)
+        for folder in args.case
+    ]
     names = _names(cases)
     unknowns = unknowns_of(cases[0], *_chosen(args.unknown))
     settings = Settings(args.preset, args.spacing, args.device)
@@ -112,13 +114,6 @@ def run(args: argparse.Namespace) -> int:
     if others:
         right = f'{min(others):g} as in {table}, or --fresh'
         raise LavaError('--directions', directions, right)
-    evaluator = Evaluator(
-        [Path(folder) for folder in args.case],
-        settings,
-        workers=workers,
-        runs=directions,
-        **options,
-    )
     so_far: list[Trial] = []
     with Progress() as progress:
 
@@ -127,18 +122,16 @@ def run(args: argparse.Namespace) -> int:
             write_trials(table, unknowns, [*so_far, *known[len(so_far) :]])
             progress.show(f'set {count}: Jaccard {trial.jaccard:.3f}', count / runs)
 
-        try:
+        with evaluating(cases, settings, workers=workers, runs=directions) as evaluate:
             trials = search(
                 unknowns,
-                evaluator,
+                evaluate,
                 runs=runs,
                 seed=seed,
                 batch=max(BATCH, workers) if device_of(args.device).is_cuda else workers,
                 known=known,
                 progress=told,
             )
-        finally:
-            evaluator.close()
     found, near = findings(unknowns, trials), near_best(trials)
     left_out = leave_one_out(trials)
     data = _as_dict(settings.preset, found, near, trials, left_out)

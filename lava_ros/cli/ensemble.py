@@ -42,13 +42,13 @@ from lava_ros.cli.scenes import add_scene_arguments, scene_as_given
 from lava_ros.errors import LavaError
 from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import Outline
-from lava_ros.forecast.cluster import run_on_cluster
 from lava_ros.forecast.ensemble import (
     default_workers,
     Ensemble,
     run_ensemble,
     run_here,
     run_in_processes,
+    run_on_cluster,
     Store,
 )
 from lava_ros.forecast.members import check_members, make_plan, Plan

@@ -140,7 +140,7 @@ def as_dict(case: Case, settings: Settings, result: Result, judged: Score) -> di
         'preset': settings.preset,
         'device': result.device,
         'simulated_s': snapshot.time,
-        'score': judged.as_dict(),
+        'score': asdict(judged),
         'volume': {**asdict(budget), 'error': budget.error},
         'wall_time_s': round(result.wall_time, 3),
         'steps': snapshot.steps.count,

@@ -12,10 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Forecasts: a single look ahead, or an ensemble of many runs. Never imports rclpy.
-
-``lookahead`` runs a copy of the live simulation ahead, and ``process`` does so in a separate
-process. ``sampling`` draws the members of an ensemble and ``members`` runs them. ``probability``
-makes maps of the members, which ``assimilation`` weighs. ``ensemble`` does all of this, with
-``pool`` and ``cluster``; ``scores`` rates the result.
-"""
+"""Forecasts: a single look ahead, or an ensemble of many runs. Never imports rclpy."""

@@ -89,7 +89,7 @@ def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
     Raises:
         LavaError: None of the mask's lava is on the terrain.
     """
-    inside, cells = [], []
+    cells = []
     for start, count, corner, size in zip(
         terrain.origin[::-1], terrain.shape, mask.origin[::-1], mask.lava.shape, strict=True
     ):
@@ -97,12 +97,8 @@ def outline_on(terrain: Terrain, mask: Mask, time: float) -> Outline:
         # a mask of any size may be anywhere
         with np.errstate(over='ignore'):
             index = np.clip(np.floor((middle - corner) / mask.resolution), -1, size)
-        index = index.astype(np.int64)
-        inside.append((index >= 0) & (index < size))
-        cells.append(index[inside[-1]])
-    here, there = np.ix_(*inside), np.ix_(*cells)
-    lava, known = np.zeros((2, *terrain.shape), dtype=bool)
-    lava[here], known[here] = mask.lava[there], mask.known[there]
+        cells.append(index.astype(np.int64) + 1)
+    lava, known = (np.pad(values, 1)[np.ix_(*cells)] for values in (mask.lava, mask.known))
     known &= terrain.has_data
     return Outline(time, lava & known, known)
 
@@ -135,8 +131,7 @@ def jaccard(reached: np.ndarray, outline: Outline) -> float:
         LavaError: The shapes differ.
     """
     if reached.shape != outline.lava.shape:
-        right = f'a mask of {outline.lava.shape} cells'
-        raise LavaError('reached', reached.shape, right)
+        raise LavaError('reached', reached.shape, f'a mask of {outline.lava.shape} cells')
     both = (reached & outline.lava & outline.known).sum()
     one = ((reached | outline.lava) & outline.known).sum()
     return float(both / one)
@@ -165,16 +160,21 @@ def weigh(
         right = 'an outline that some members reach; correct the scene or its uncertainty'
         raise LavaError('observed', 'an outline that no member touches', right)
     least = least_effective * np.count_nonzero(index)
-    if effective_members(_powers(index, sharpness)) < least:
-        low, high = 0.0, sharpness
+
+    def powers(sharpness: float) -> np.ndarray:
+        # a member that has nothing in common with the outline does not count at any power
+        shares = np.where(index > 0.0, (index / index.max()) ** sharpness, 0.0)
+        return np.rint(UNIT * shares).astype(np.int64)
+
+    if effective_members(powers(sharpness)) < least:
+        high, sharpness = sharpness, 0.0
         for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            if effective_members(_powers(index, middle)) < least:
+            middle = 0.5 * (sharpness + high)
+            if effective_members(powers(middle)) < least:
                 high = middle
             else:
-                low = middle
-        sharpness = low
-    values = _powers(index, sharpness)
+                sharpness = middle
+    values = powers(sharpness)
     return Weights(values, index, effective_members(values), sharpness)
 
 
@@ -182,9 +182,3 @@ def effective_members(weights: np.ndarray) -> float:
     """Members of equal weight that would say as much: (sum w)^2 / sum w^2."""
     weights = np.asarray(weights, dtype=np.float64)
     return float(weights.sum() ** 2 / (weights**2).sum())
-
-
-def _powers(index: np.ndarray, sharpness: float) -> np.ndarray:
-    # a member that has nothing in common with the outline does not count at any power
-    powers = np.where(index > 0.0, (index / index.max()) ** sharpness, 0.0)
-    return np.rint(UNIT * powers).astype(np.int64)

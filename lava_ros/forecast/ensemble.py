@@ -15,13 +15,15 @@
 """An ensemble from its first member to its maps, kept in a folder, resumable at any moment."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import closing
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from functools import partial
 import hashlib
 import json
 from pathlib import Path
+import pickle
 from typing import Any
+import warnings
 
 import numpy as np
 
@@ -30,9 +32,10 @@ from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files import write_output, writing
 from lava_ros.files.npz import read_arrays
+from lava_ros.files.optional import require
 from lava_ros.forecast.assimilation import jaccard, Outline, weigh, Weights
 from lava_ros.forecast.members import batch_of, Plan, running
-from lava_ros.forecast.pool import Pool, process_number
+from lava_ros.forecast.pool import DEATHS, Pool, process_number
 from lava_ros.forecast.probability import Footprint, footprint_of, reached_by, Tally
 from lava_ros.forecast.sampling import Member, Susceptibility
 from lava_ros.maps.forecast import HazardMaps
@@ -41,6 +44,9 @@ from lava_ros.simulation.backend.threads import usable_cores
 
 #: Fewest members of which maps are shown while others still run.
 FIRST_MAPS = 16
+
+#: Time for a scheduler to answer [s].
+PATIENCE = 30.0
 
 #: Version of the format of a folder.
 VERSION = 2
@@ -70,8 +76,7 @@ class Store:
         """
         folder = Path(folder)
         self._members = folder / 'members'
-        manifest = _manifest(plan, seed, susceptibility)
-        path = folder / MANIFEST
+        manifest, path = _manifest(plan, seed, susceptibility), folder / MANIFEST
         try:
             if path.exists():
                 _check_same(json.loads(path.read_text(encoding='utf-8')), manifest, folder)
@@ -109,17 +114,14 @@ class Store:
     def _read(self, index: int) -> Footprint | None:
         try:
             stored = read_arrays('member', self._path(index))
-            look, millimetres, corner, left = (
-                stored[key] for key in ('look', 'millimetres', 'corner', 'left')
-            )
-        except (LavaError, KeyError):
+            look, millimetres = stored['look'], stored['millimetres']
+            (row, column), (left,) = map(int, stored['corner']), map(float, stored['left'])
+        except (LavaError, KeyError, TypeError, ValueError):
             return None
         is_whole = look.dtype == np.uint16 and millimetres.dtype == np.uint32
-        is_whole &= look.shape == millimetres.shape and corner.shape == (2,) and left.shape == (1,)
-        if not is_whole:
+        if not is_whole or look.shape != millimetres.shape:
             return None
-        place = int(corner[0]), int(corner[1])
-        return Footprint(index, place, look, millimetres, float(left[0]))
+        return Footprint(index, (row, column), look, millimetres, left)
 
     def _path(self, index: int) -> Path:
         return self._members / f'{index:07d}.npz'
@@ -205,53 +207,43 @@ def run_ensemble(
     """
     if outline is not None:
         validation.number('observed.time', outline.time, at_most=plan.horizon, unit='s')
-    # weights are relative to the best member, so that all have to be there first
-    tally = None if outline is not None else Tally(plan)
+    tally, weights = Tally(plan), None
     agreement = np.full(len(members), np.nan)
     done: set[int] = set()
     ahead: dict[int, Footprint] = {}
 
     def take(footprint: Footprint) -> None:
         done.add(footprint.index)
-        if tally is not None:
-            ahead[footprint.index] = footprint
-            while tally.count in ahead:
-                tally.add(ahead.pop(tally.count))
         if outline is not None:
+            # weights are relative to the best member, so that all have to be there first
             reached = reached_by(footprint, plan, outline.time)
             agreement[footprint.index] = jaccard(reached, outline)
+            return
+        ahead[footprint.index] = footprint
+        while tally.count in ahead:
+            tally.add(ahead.pop(tally.count))
 
     for footprint in store.finished(len(members)):
         take(footprint)
-    resumed = len(done)
+    resumed, next_maps = len(done), max(FIRST_MAPS, 2 * tally.count)
     missing = [member for member in members if member.index not in done]
-    next_maps = FIRST_MAPS if tally is None else max(FIRST_MAPS, 2 * tally.count)
     for footprint in runner(plan, missing) if missing else ():
         store.write(footprint)
         take(footprint)
         if on_finished is not None:
             on_finished(len(done), resumed)
-        if tally is not None and next_maps <= tally.count < len(members):
+        if on_maps is not None and next_maps <= tally.count < len(members):
             next_maps = 2 * tally.count
-            if on_maps is not None:
-                on_maps(tally.maps())
+            on_maps(tally.maps())
     _check_complete(done, members)
-    if tally is not None:
-        return Ensemble(tally.maps(), None, resumed)
-    weights = weigh(agreement)
-    return Ensemble(_weighed(plan, members, store, weights), weights, resumed)
-
-
-def _weighed(
-    plan: Plan, members: Sequence[Member], store: Store, weights: Weights
-) -> HazardMaps:
-    tally = Tally(plan)
-    done = set()
-    for footprint in store.finished(len(members)):
-        tally.add(footprint, int(weights.values[footprint.index]))
-        done.add(footprint.index)
-    _check_complete(done, members)
-    return tally.maps()
+    if outline is not None:
+        weights = weigh(agreement)
+        done.clear()
+        for footprint in store.finished(len(members)):
+            done.add(footprint.index)
+            tally.add(footprint, int(weights.values[footprint.index]))
+        _check_complete(done, members)
+    return Ensemble(tally.maps(), weights, resumed)
 
 
 def _check_complete(done: set[int], members: Sequence[Member]) -> None:
@@ -273,25 +265,18 @@ def run_here(
 
 
 def run_in_processes(
-    plan: Plan,
-    members: Sequence[Member],
-    *,
-    workers: int,
-    device: str | None = None,
-    batch: int | None = None,
+    plan: Plan, members: Sequence[Member], *, workers: int, device: str | None = None
 ) -> Iterable[Footprint]:
     """Run members in up to ``workers`` processes of this machine, in any order.
 
     ``device`` is the Warp device of all; with None they share the GPUs out, if there are any.
-    ``batch`` is the number of members that a process gets at once; with None the device decides.
 
     Raises:
         LavaError: A member fails, or takes processes with it again and again.
     """
-    if batch is None:
-        # each process has some
-        batch = min(batch_of(plan, device), max(-(-len(members) // workers), 1))
-    parts = batches(plan, members, device, batch)
+    # each process has some
+    batch = min(batch_of(plan, device), max(-(-len(members) // workers), 1))
+    parts = _parts(members, batch)
     devices = (device,) if device else _gpus() or (None,)
     work = partial(_run_in_process, plan, devices)
     with closing(Pool(work, min(workers, len(parts)))) as pool:
@@ -310,11 +295,7 @@ def _run_in_process(
     return list(run_here(plan, members, device=devices[process_number() % len(devices)]))
 
 
-def batches(
-    plan: Plan, members: Sequence[Member], device: str | None, batch: int | None = None
-) -> list[Sequence[Member]]:
-    """Members in parts that run side by side; with None the device decides on their size."""
-    batch = batch_of(plan, device) if batch is None else batch
+def _parts(members: Sequence[Member], batch: int) -> list[Sequence[Member]]:
     return [members[start : start + batch] for start in range(0, len(members), batch)]
 
 
@@ -325,3 +306,82 @@ def _gpus() -> tuple[str, ...]:
     import lava_ros.simulation  # noqa: F401
 
     return tuple(map(str, wp.get_cuda_devices()))
+
+
+def run_on_cluster(
+    plan: Plan, members: Sequence[Member], *, scheduler: str, device: str | None = None
+) -> Iterable[Footprint]:
+    """Run members on the workers of a Dask scheduler that somebody else has started, in any order.
+
+    Workers keep nothing: a member goes to one as a few numbers and comes back as its footprint.
+    Another worker runs the members of one that dies again.
+
+    ``scheduler`` is an address such as ``tcp://host:8786``, and ``device`` the Warp device of
+    every worker; with None a worker uses its first GPU, or the CPU without one.
+
+    Raises:
+        LavaError: Dask is not installed, the scheduler is out of reach, or a member fails.
+    """
+    require('distributed', '--scheduler', scheduler)
+    from distributed import as_completed, KilledWorker
+
+    with _client(scheduler) as client:
+        # a task and no data: where the worker that holds it dies, it is made again
+        shared = client.submit(pickle.loads, pickle.dumps(plan), pure=False)
+        running = {
+            client.submit(_run_on_worker, shared, device, part, pure=False): part[0].index
+            for part in _parts(members, batch_of(plan, device))
+        }
+        for future in as_completed(list(running)):
+            index = running.pop(future)
+            try:
+                yield from future.result()
+            except KilledWorker as error:
+                right = f'one that does not end its worker; {DEATHS + 1} died (too little memory?)'
+                raise LavaError(f'member {index}', str(error), right) from error
+            except (ImportError, OSError) as error:
+                right = f'workers that can run lava_ros ({error})'
+                raise LavaError('--scheduler', scheduler, right) from error
+            future.release()
+
+
+@contextmanager
+def _client(scheduler: str) -> Iterator[Any]:
+    """A client of a scheduler that has workers with this version of the package."""
+    from dask import config
+    from distributed import Client
+
+    settings = {'distributed.scheduler.allowed-failures': DEATHS}
+    with config.set(settings), warnings.catch_warnings():
+        # a terrain is large for a task
+        warnings.filterwarnings('ignore', message='Sending large graph')
+        try:
+            client = Client(scheduler, timeout=PATIENCE)
+        except (OSError, ValueError, TypeError) as error:
+            right = f'the address of a Dask scheduler, such as tcp://host:8786 ({error})'
+            raise LavaError('--scheduler', scheduler, right) from error
+        with client:
+            try:
+                client.wait_for_workers(1, timeout=PATIENCE)
+                versions = client.run(_version)
+            except (TimeoutError, OSError) as error:
+                raise LavaError('--scheduler', scheduler, 'a scheduler with workers') from error
+            except ImportError as error:
+                right = 'workers with lava_ros installed'
+                raise LavaError('--scheduler', scheduler, right) from error
+            for worker, version in versions.items():
+                if version != lava_ros.__version__:
+                    right = f'lava_ros {lava_ros.__version__}, as here'
+                    raise LavaError(f'lava_ros of worker {worker}', version, right)
+            yield client
+
+
+def _version() -> str:
+    return lava_ros.__version__
+
+
+def _run_on_worker(plan: Plan, device: str | None, members: Sequence[Member]) -> list[Footprint]:
+    from lava_ros.simulation.backend.threads import use_threads
+
+    use_threads(1)
+    return list(run_here(plan, members, device=device))

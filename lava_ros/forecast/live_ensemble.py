@@ -20,9 +20,9 @@ agreement with an outline holds in the next.
 """
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from itertools import takewhile
+import math
 import time as wall_clock
 from typing import Any
 
@@ -74,8 +74,8 @@ class LiveEnsemble:
         self.start = checkpoint.time
         drawn = draw_members(checkpoint.scene, members)
         self.asked = len(drawn)
-        self._deadline = deadline
         self._begun = wall_clock.monotonic() if begun is None else begun
+        self._end = math.inf if deadline is None else self._begun + deadline
         self._shares: dict[int, float] = {}
         self._running = running(
             self.plan,
@@ -88,9 +88,8 @@ class LiveEnsemble:
         self._ahead: dict[int, Footprint] = {}
         self._footprints: list[Footprint] = []
         self._starts: dict[int, float] = {}
-        self._longest = 0.0
+        self.duration = self._longest = 0.0
         self.is_done = False
-        self.duration = 0.0
 
     @property
     def count(self) -> int:
@@ -115,7 +114,12 @@ class LiveEnsemble:
         until, before = wall_clock.monotonic() + wall_limit, self.count
         for fields in self._running:
             if fields is not None:
-                self._take(footprint_of(fields, self.plan))
+                self._ahead[fields.index] = footprint_of(fields, self.plan)
+                now = wall_clock.monotonic()
+                self.duration = now - self._begun
+                self._longest = max(self._longest, now - self._starts.pop(fields.index))
+            while self.count in self._ahead:
+                self._footprints.append(self._ahead.pop(self.count))
             if self.count > before or wall_clock.monotonic() > until:
                 break
         else:
@@ -123,42 +127,28 @@ class LiveEnsemble:
         self.is_done |= self.count == self.asked
         return self.is_done or self.count > before
 
-    def _take(self, footprint: Footprint) -> None:
-        now = wall_clock.monotonic()
-        self.duration = now - self._begun
-        self._longest = max(self._longest, now - self._starts.pop(footprint.index))
-        self._ahead[footprint.index] = footprint
-        while self.count in self._ahead:
-            self._footprints.append(self._ahead.pop(self.count))
-
     def agreement(self, outline: Outline) -> np.ndarray:
         """Jaccard index of each member with an outline, float64, shape [asked].
 
         Members that have not run get the mean of the others.
         """
-        seen = replace(outline, time=outline.time - self.start)
-        found = [
-            jaccard(reached_by(footprint, self.plan, seen.time), seen)
-            for footprint in self._footprints
-        ]
-        rest = self.asked - len(found)
-        return np.array(found + [float(np.mean(found))] * rest)
+        time = outline.time - self.start
+        found = [jaccard(reached_by(one, self.plan, time), outline) for one in self._footprints]
+        return np.array(found + [float(np.mean(found))] * (self.asked - self.count))
 
     def maps(self, agreement: np.ndarray | None) -> HazardMaps:
         """The maps of the members so far, weighed by their agreement with what was seen."""
-        tally = Tally(self.plan)
-        weights = None if agreement is None else weigh(agreement[: self.count])
-        for number, footprint in enumerate(self._footprints):
-            tally.add(footprint, 1 if weights is None else int(weights.values[number]))
+        tally, weights = Tally(self.plan), [1] * self.count
+        if agreement is not None:
+            weights = weigh(agreement[: self.count]).values.tolist()
+        for footprint, weight in zip(self._footprints, weights, strict=True):
+            tally.add(footprint, weight)
         return tally.maps()
 
     def _is_in_time(self, member: Member) -> bool:
         """Whether a member may begin: the first ones may, others if they will end in time."""
-        now = wall_clock.monotonic()
-        self._starts[member.index] = now
-        if self._deadline is None or not self._longest:
-            return True
-        return now + self._longest <= self._begun + self._deadline
+        now = self._starts[member.index] = wall_clock.monotonic()
+        return not self._longest or now + self._longest <= self._end
 
 
 class LiveEnsembles:
@@ -167,6 +157,9 @@ class LiveEnsembles:
     It answers (``process``) with ``ensemble``: number, stamp_ns, changes and the fields of
     ``EnsembleForecast``; with ``weighed`` when an outline has been used; and with
     ``outline_refused``: number and error.
+
+    Attributes:
+        at_hand: The ensemble of which members run, None if there is none.
     """
 
     def __init__(self, answer: Answer) -> None:
@@ -174,7 +167,7 @@ class LiveEnsembles:
         self._answer = answer
         self._changes: int | None = None
         self._ordered: Callable[[], LiveEnsemble] | None = None
-        self._at_hand: LiveEnsemble | None = None
+        self.at_hand: LiveEnsemble | None = None
         self._shown: LiveEnsemble | None = None
         self._oldest: LiveEnsemble | None = None
         self._agreement: np.ndarray | None = None
@@ -185,17 +178,7 @@ class LiveEnsembles:
     @property
     def is_busy(self) -> bool:
         """Whether an ensemble runs or is ordered."""
-        return self.has_begun or self._ordered is not None
-
-    @property
-    def has_begun(self) -> bool:
-        """Whether members of an ensemble run."""
-        return self._at_hand is not None
-
-    @property
-    def progress(self) -> float:
-        """Share of the running ensemble's members that have run."""
-        return self._at_hand.progress if self._at_hand is not None else 0.0
+        return self.at_hand is not None or self._ordered is not None
 
     def order(
         self,
@@ -208,13 +191,9 @@ class LiveEnsembles:
     ) -> None:
         """Start an ensemble at the next ``advance``, in place of the one in progress.
 
-        Args:
-            checkpoint: The state from which the members start.
-            changes: Number that identifies the scene; it changes with the scene.
-            agreement: For the first ensemble of a scene, agreement of the members with earlier
-                outlines, None without one.
-            outlines: Number of outlines behind ``agreement``.
-            how: Further arguments of ``LiveEnsemble``.
+        ``changes`` is a number that changes with the scene. The first ensemble of a scene takes
+        over ``agreement``, that of the members with a number of earlier ``outlines``, None without
+        any. ``how`` are further arguments of ``LiveEnsemble``.
         """
         self.drop()
         if changes != self._changes:
@@ -227,12 +206,11 @@ class LiveEnsembles:
 
     def drop(self) -> None:
         """Give up the ensemble in progress; finished ones stay."""
-        self._ordered = self._at_hand = None
+        self._ordered = self.at_hand = None
         waiting, self._waiting = self._waiting, []
         right = 'a scene that does not change until the members have run'
-        error = LavaError('observed_outline', 'not used', right)
         for number, _ in waiting:
-            self._refuse(number, error)
+            self._refuse(number, LavaError('observed_outline', 'not used', right))
 
     def advance(self, wall_limit: float) -> None:
         """Run members for about a wall time [s].
@@ -242,23 +220,25 @@ class LiveEnsembles:
         """
         if self._ordered is not None:
             begin, self._ordered = self._ordered, None
-            self._at_hand, self._next_maps = begin(), FIRST_MAPS
-        ensemble = self._at_hand
+            self.at_hand, self._next_maps = begin(), FIRST_MAPS
+        ensemble, known = self.at_hand, self._agreement
         if ensemble is None or not ensemble.advance(wall_limit):
             return
-        is_better = self._shown is None or self._shown is ensemble
-        is_twice = ensemble.count >= self._next_maps
         if ensemble.is_done:
-            self._at_hand, self._shown = None, ensemble
+            self.at_hand, self._shown = None, ensemble
             if self._oldest is None or not self._oldest.covers(ensemble.start):
                 self._oldest = ensemble
-            self._tell()
+            self._tell(ensemble)
             waiting, self._waiting = self._waiting, []
             for number, outline in waiting:
                 self.observe(number, outline)
-        elif is_better and is_twice and self._counts_any(ensemble):
+        elif (
+            self._shown in (None, ensemble)
+            and ensemble.count >= self._next_maps
+            and (known is None or known[: ensemble.count].any())
+        ):
             self._shown, self._next_maps = ensemble, 2 * ensemble.count
-            self._tell()
+            self._tell(ensemble)
 
     def observe(self, number: int, outline: Outline) -> None:
         """Weigh the members by an outline, in the oldest complete ensemble that covers its time.
@@ -266,22 +246,21 @@ class LiveEnsembles:
         The outline waits if only the ensemble in progress covers its time. It is refused if none
         does.
         """
-        done = [self._oldest, self._shown if self._shown is not self._at_hand else None]
-        for ensemble in filter(None, done):
-            if ensemble.covers(outline.time):
-                self._weigh(number, outline, ensemble)
-                return
-        if self._at_hand is not None and self._at_hand.covers(outline.time):
+        known = [item for item in (self._oldest, self._shown, self.at_hand) if item is not None]
+        covering = [item for item in known if item.covers(outline.time)]
+        done = [item for item in covering if item is not self.at_hand]
+        if done:
+            self._weigh(number, outline, done[0])
+        elif covering:
             self._waiting.append((number, outline))
-            return
-        starts = [item.start for item in (*done, self._at_hand) if item is not None]
-        since = f'after {min(starts):.0f} s, the start of the first' if starts else 'there is none'
-        right = f'a time within the horizon of an ensemble ({since})'
-        told = f'{outline.time:.0f} s of simulated time'
-        self._refuse(number, LavaError('observed_outline.header.stamp', told, right))
-
-    def _counts_any(self, ensemble: LiveEnsemble) -> bool:
-        return self._agreement is None or bool(self._agreement[: ensemble.count].any())
+        else:
+            since = 'there is none'
+            if known:
+                first = min(item.start for item in known)
+                since = f'after {first:.0f} s, the start of the first'
+            right = f'a time within the horizon of an ensemble ({since})'
+            told = f'{outline.time:.0f} s of simulated time'
+            self._refuse(number, LavaError('observed_outline.header.stamp', told, right))
 
     def _weigh(self, number: int, outline: Outline, ensemble: LiveEnsemble) -> None:
         found = ensemble.agreement(outline)
@@ -302,14 +281,12 @@ class LiveEnsembles:
             jaccard_mean=float(found.mean()),
         )
         if self._shown is not None:
-            self._tell()
+            self._tell(self._shown)
 
     def _refuse(self, number: int, error: LavaError) -> None:
         self._answer('outline_refused', number=number, error=error)
 
-    def _tell(self) -> None:
-        ensemble = self._shown
-        assert ensemble is not None
+    def _tell(self, ensemble: LiveEnsemble) -> None:
         self._answer(
             'ensemble',
             number=ensemble.number,

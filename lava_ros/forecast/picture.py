@@ -45,19 +45,13 @@ def draw_narrowing(
     Raises:
         LavaError: matplotlib is not installed, or the picture cannot be written.
     """
-    frame = frame_of(scene)
-    outlines = {'observed outline': seen, 'final outline': came}
-    draw_sheet(
-        [
-            Panel(
-                frame, 'probability', np.where(values > 0.0, values, np.nan), title,
-                outlines=outlines,
-            )
-            for title, values in maps
-        ],
-        output,
-        title='An observed outline narrows a forecast',
-    )
+    frame, outlines = frame_of(scene), {'observed outline': seen, 'final outline': came}
+    panels = [
+        Panel(frame, 'probability', np.where(values > 0.0, values, np.nan), title,
+              outlines=outlines)
+        for title, values in maps
+    ]
+    draw_sheet(panels, output, title='An observed outline narrows a forecast')
 
 
 def frame_of(scene: Scene) -> Frame:
@@ -84,18 +78,14 @@ def draw_reliability(axes: Any, probability: np.ndarray, came: np.ndarray) -> No
     said = [100.0 * item.forecast for item in bins]
     seen = [100.0 * item.observed for item in bins]
     axes.plot(said, seen, 'o-', color='#a81d1d', markersize=4, label='this ensemble')
-    for item, x, y in zip(bins, said, seen, strict=True):
+    for item, *place in zip(bins, said, seen, strict=True):
         axes.annotate(
-            f'{item.count}', (x, y), (4, -8), textcoords='offset points', fontsize=6, color=INK
+            f'{item.count}', place, (4, -8), textcoords='offset points', fontsize=6, color=INK
         )
-    axes.set_xlim(-4, 108)
-    axes.set_ylim(-4, 108)
+    axes.set(xlim=(-4, 108), ylim=(-4, 108))
     axes.set_xlabel('forecast probability [%]', fontsize=8, labelpad=2)
     axes.set_ylabel('cells that lava reached [%]', fontsize=8, labelpad=2)
     axes.tick_params(labelsize=7.5)
     axes.legend(fontsize=7, frameon=False, loc='upper left')
-    score = brier_score(probability, came)
-    axes.set_title(
-        f'Reliability (numbers: cells), Brier score {score:.3g}', loc='left', fontsize=10,
-        color=INK, pad=5,
-    )
+    title = f'Reliability (numbers: cells), Brier score {brier_score(probability, came):.3g}'
+    axes.set_title(title, loc='left', fontsize=10, color=INK, pad=5)

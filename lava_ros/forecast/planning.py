@@ -15,7 +15,7 @@
 """The accuracy one can afford: spacing, preset and members for a scene, a horizon and a time.
 
 Coarse pilots run first, each finer than the one before, until one takes a good part of the time.
-extrapolation.py tells from them the cost and the error of a finer run; the error is of the method
+pilots.py tells from them the cost and the error of a finer run; the error is of the method
 alone, not of terrain, discharge and material.
 
 The planned run is then begun with the effects (selection.py) that it calls for, and stopped after
@@ -30,6 +30,7 @@ up to 1 / (2 sqrt(n)). Where n is left open, it is the one with the smallest sum
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 import math
 import time as wall_clock
@@ -39,8 +40,16 @@ import numpy as np
 from lava_ros import validation
 from lava_ros.effects import Effects
 from lava_ros.errors import LavaError
-from lava_ros.forecast.extrapolation import completed, cost_at, error_law, ErrorLaw
-from lava_ros.forecast.pilots import accuracy_at, Pilot, preset_below, run_at, spacing_at
+from lava_ros.forecast.pilots import (
+    accuracy_at,
+    completed,
+    cost_at,
+    error_law,
+    Pilot,
+    preset_below,
+    run_at,
+    spacing_at,
+)
 from lava_ros.scene import Scene
 from lava_ros.simulation.selection import effects_for
 
@@ -143,7 +152,7 @@ def afford(
         within: Wall time there is [s].
         horizon: How far each run goes [s].
         members: Runs, one after the other; None for the number with the smallest error.
-        device: Warp device; the first CUDA device when there is one, else the CPU.
+        device: Warp device; None for the first GPU, or the CPU without one.
         may_force: Whether a plan may do without effects that do not fit (``Affordable.forced``)
             where most of the time would be left otherwise.
         on_pilot: Called after each pilot.
@@ -164,16 +173,17 @@ def afford(
     if wall_time > within:
         right = f'about {wall_time:.2g} s or more, the time of the coarsest {count} runs'
         raise LavaError('within', within, right)
+    called_for, given = asdict(search.effects_at(refinement)), asdict(best.effects)
     return Affordable(
         preset=preset_below(refinement),
         spacing=spacing_at(scene, refinement, horizon),
         refinement=refinement,
         members=count,
         wall_time=wall_time,
-        error=search.law.at(refinement),
+        error=search.law()(refinement),
         sampling_error=sampling_error(count),
         is_finest=refinement >= 0.999 * FINEST,
-        forced=search.forced(best),
+        forced={name: is_on for name, is_on in given.items() if called_for[name] != is_on},
         pilots=len(search.runs),
         spent=search.spent,
     )
@@ -189,9 +199,6 @@ class _Choice:
     used: float
 
 
-_Cost = Callable[[float, Effects], float]
-
-
 @dataclass
 class _Search:
     """The pilots that are run for a plan, and what they tell."""
@@ -205,7 +212,6 @@ class _Search:
     on_pilot: Callable[[Pilot], None]
     clock: Callable[[], float]
     runs: list[Pilot] = field(default_factory=list)
-    bands: list[tuple[float, Effects]] = field(default_factory=list)
 
     @property
     def pilots(self) -> list[Pilot]:
@@ -218,93 +224,84 @@ class _Search:
         """Time of all pilots [s]."""
         return sum(pilot.spent for pilot in self.runs)
 
-    @property
-    def law(self) -> ErrorLaw:
-        """The law of errors; begun runs with the effects of other refinements do not enter."""
-        return error_law([
-            run
-            for run in self.runs
-            if run.is_done or run.effects == self._effects(run.refinement)
-        ])
-
     def climb(self) -> None:
         """Run pilots to the horizon, each finer than the one before."""
-        refinement = FIRST
+        refinement, within = FIRST, self.within
         # where the number of members is open, as for a single run
-        share = self.within / (self.members or 1)
+        share = within / (self.members or 1)
         while refinement <= FINEST:
-            left = MOST_CLIMBING * self.within - self.spent
-            if not self._run(refinement, left if len(self.pilots) >= 2 else self.within, None):
+            left = MOST_CLIMBING * within - self.spent
+            if not self._run(refinement, left if len(self.pilots) >= 2 else within, None):
                 # finer physics, or a busy machine: what has been seen will do
                 break
-            if self.pilots[-1].wall_time >= ENOUGH * share and len(self.pilots) >= AT_LEAST:
+            done = self.pilots
+            if done[-1].wall_time >= ENOUGH * share and len(done) >= AT_LEAST:
                 break
-            step = MUCH_FINER
-            if self._with(step * refinement) > MUCH_CLIMBING * self.within:
-                step = FINER
-            is_dear = self._with(step * refinement) > MOST_CLIMBING * self.within
-            if is_dear and len(self.pilots) >= 2:
+            then = {
+                step: self.spent + self.cost(step * refinement, done[-1].effects)
+                for step in (FINER, MUCH_FINER)
+            }
+            step = FINER if then[MUCH_FINER] > MUCH_CLIMBING * within else MUCH_FINER
+            if then[step] > MOST_CLIMBING * within and len(done) >= 2:
                 break
             refinement *= step
         if len(self.pilots) < 2:
-            raise LavaError('within', self.within, 'more time: the coarsest runs take longer')
-        self.bands = _bands(self.scene, self.horizon)
+            raise LavaError('within', within, 'more time: the coarsest runs take longer')
 
     def choose(self) -> _Choice:
         """Refinement, members and effects that fit into the time with the smallest error."""
         for _ in range(MOST_BEGUN):
             best = self._best(self._guess)
-            is_dear = self.spent + BEGINNING * self.within > MOST_BEGINNING * self.within
-            if is_dear or self._is_known(best):
+            cost = self.cost(best.refinement, best.effects)
+            is_known = any(
+                1.0 / ALIKE <= cost / run.wall_time <= ALIKE
+                for run in self._near(best.refinement, NEAR, best.effects)
+            )
+            if is_known or self.spent + BEGINNING * self.within > MOST_BEGINNING * self.within:
                 break
             self._run(best.refinement, BEGINNING * self.within, best.effects)
         for _ in range(MOST_WHOLE):
             best = self._best(self.cost)
-            if self._is_whole(best.refinement, best.effects, NEAR_WHOLE):
+            if any(run.is_done for run in self._near(best.refinement, NEAR_WHOLE, best.effects)):
                 break
             self._run(best.refinement, PATIENCE * self.within / best.members, best.effects)
         best = self._best(self.cost)
-        if not self._is_whole(best.refinement / COARSER, None, ABOUT):
-            self._run(best.refinement / COARSER, self.within, best.effects)
+        coarser = best.refinement / COARSER
+        if not any(run.is_done for run in self._near(coarser, ABOUT)):
+            self._run(coarser, self.within, best.effects)
         return best
+
+    def law(self) -> Callable[[float], float]:
+        """The law of errors; begun runs with the effects of other refinements do not enter."""
+        return error_law([
+            run
+            for run in self.runs
+            if run.is_done or run.effects == self.effects_at(run.refinement)
+        ])
 
     def cost(self, refinement: float, effects: Effects) -> float:
         """Wall time of a run [s], infinite where no pilot had its physics."""
-        alike = [pilot for pilot in self.runs if pilot.effects == effects]
-        known = [pilot for pilot in alike if not _is_superseded(pilot, alike)]
-        known.sort(key=lambda pilot: pilot.refinement)
+        known = []
+        for pilot in sorted(self.runs, key=lambda pilot: pilot.refinement):
+            near = self._near(pilot.refinement, NEAR_WHOLE, effects)
+            # one that was stopped says nothing beside one that was not, or much later
+            is_best = not any(run.is_done or run.spent > 2.0 * pilot.spent for run in near)
+            if pilot.effects == effects and (pilot.is_done or is_best):
+                known.append(pilot)
         return cost_at(known, refinement) if known else math.inf
-
-    def _is_whole(self, refinement: float, effects: Effects | None, near: float) -> bool:
-        return any(
-            pilot.is_done
-            and effects in (None, pilot.effects)
-            and 1.0 / near <= pilot.refinement / refinement <= near
-            for pilot in self.runs
-        )
-
-    def _is_known(self, best: _Choice) -> bool:
-        """Whether a run near to a choice took the time that is predicted for it."""
-        cost = self.cost(best.refinement, best.effects)
-        return any(
-            pilot.effects == best.effects
-            and 1.0 / NEAR <= best.refinement / pilot.refinement <= NEAR
-            and 1.0 / ALIKE <= cost / pilot.wall_time <= ALIKE
-            for pilot in self.runs
-        )
-
-    def _with(self, refinement: float) -> float:
-        return self.spent + self.cost(refinement, self.pilots[-1].effects)
 
     def _guess(self, refinement: float, effects: Effects) -> float:
         """Wall time of a run [s]; physics that no pilot had may cost no more."""
         cost = self.cost(refinement, effects)
         return cost if math.isfinite(cost) else self.cost(refinement, self.pilots[-1].effects)
 
-    def forced(self, best: _Choice) -> dict[str, bool]:
-        """Effects that differ from those that the scene calls for."""
-        own, given = asdict(self._effects(best.refinement)), asdict(best.effects)
-        return {name: is_on for name, is_on in given.items() if own[name] != is_on}
+    def _near(self, refinement: float, by: float, effects: Effects | None = None) -> list[Pilot]:
+        """Runs that are near to a refinement, by a factor, with some effects or with any."""
+        return [
+            run
+            for run in self.runs
+            if 1.0 / by <= run.refinement / refinement <= by and effects in (None, run.effects)
+        ]
 
     def _run(self, refinement: float, patience: float, effects: Effects | None) -> bool:
         """Run a pilot for some time [s]; whether it came to the horizon."""
@@ -321,26 +318,17 @@ class _Search:
         self.on_pilot(pilot)
         return pilot.is_done
 
-    def _effects(self, refinement: float) -> Effects:
-        return [effects for start, effects in self.bands if start <= refinement][-1]
-
-    def _candidates(self, cost: _Cost) -> list[float]:
-        """Refinements of finite cost, from the coarsest."""
+    def _best(self, cost: Callable[[float, Effects], float]) -> _Choice:
+        law, best, least = self.law(), None, math.inf
         finest = min(FINEST, REACH * max(pilot.refinement for pilot in self.runs))
-        known = [float(item) for item in np.geomspace(COARSEST, finest, 400)]
-        # not so near to other effects that rounding decides
-        clear = [item for item in known if self._effects(item) == self._effects(1.001 * item)]
-        return [item for item in clear if math.isfinite(cost(item, self._effects(item)))]
-
-    def _best(self, cost: _Cost) -> _Choice:
-        law = self.law
-        candidates = self._candidates(cost)
-        coarsest = candidates[0]
-        best = _Choice(coarsest, self.members or 1, self._effects(coarsest), 0.0)
-        least = math.inf
-        for refinement in candidates:
-            effects = self._effects(refinement)
+        for refinement in np.geomspace(COARSEST, finest, 400).tolist():
+            effects = self.effects_at(refinement)
             each = max(cost(refinement, effects), 1e-9)
+            # not so near to other effects that rounding decides
+            if effects != self.effects_at(1.001 * refinement) or not math.isfinite(each):
+                continue
+            if best is None:
+                best = _Choice(refinement, self.members or 1, effects, 0.0)
             # where other effects make a leap in cost, rather nearly all of the time than half
             is_leap = 0.0 < best.used < LEAST_USED and not self.may_force
             most = MOST_USED if is_leap else USED
@@ -348,53 +336,47 @@ class _Search:
             count = fitting if self.members is None else self.members
             if not 1 <= count <= fitting:
                 continue
-            error = math.hypot(law.at(refinement), sampling_error(count))
+            error = math.hypot(law(refinement), sampling_error(count))
             # errors below the least one are alike: finer is better
             if error <= least:
                 best = _Choice(refinement, count, effects, count * each / self.within)
                 least = error
+        assert best is not None
         return self._without(best) if self.may_force and best.used < LEAST_USED else best
 
     def _without(self, best: _Choice) -> _Choice:
         """The finest that fits with the effects of a choice, also where others are called for."""
         finest = min(FINEST, WITHOUT * best.refinement)
-        for refinement in np.geomspace(best.refinement, finest, 50):
-            used = best.members * self.cost(float(refinement), best.effects) / self.within
+        for refinement in np.geomspace(best.refinement, finest, 50).tolist():
+            used = best.members * self.cost(refinement, best.effects) / self.within
             if used <= USED:
-                best = replace(best, refinement=float(refinement), used=used)
+                best = replace(best, refinement=refinement, used=used)
         return best
 
+    def effects_at(self, refinement: float) -> Effects:
+        """The effects that the scene calls for."""
+        return [effects for start, effects in self._bands if start <= refinement][-1]
 
-def _is_superseded(pilot: Pilot, others: list[Pilot]) -> bool:
-    """Whether a run that was stopped has one near to it that was not, or much later."""
-    return not pilot.is_done and any(
-        (other.is_done or other.spent > 2.0 * pilot.spent)
-        and 1.0 / NEAR_WHOLE <= other.refinement / pilot.refinement <= NEAR_WHOLE
-        for other in others
-    )
+    @cached_property
+    def _bands(self) -> list[tuple[float, Effects]]:
+        """The effects that the scene calls for, each from a refinement on."""
 
+        def at(refinement: float) -> Effects:
+            accuracy = accuracy_at(self.scene, refinement, self.horizon)
+            return effects_for(self.scene, {}, accuracy=accuracy)
 
-def _bands(scene: Scene, horizon: float) -> list[tuple[float, Effects]]:
-    """The effects that the scene calls for, each from a refinement on."""
-
-    def at(refinement: float) -> Effects:
-        return effects_for(scene, {}, accuracy=accuracy_at(scene, refinement, horizon))
-
-    # few of them: each looks at the slopes of the whole terrain
-    grid = [float(item) for item in np.geomspace(COARSEST, FINEST, 25)]
-    bands = [(grid[0], at(grid[0]))]
-    for low, high in pairwise(grid):
-        above = at(high)
-        if above == bands[-1][1]:
-            continue
-        while high > 1.0005 * low:
-            middle = math.sqrt(low * high)
-            if at(middle) == above:
-                high = middle
-            else:
-                low = middle
-        bands.append((high, above))
-    return bands
+        # few of them: each looks at the slopes of the whole terrain
+        grid = np.geomspace(COARSEST, FINEST, 25).tolist()
+        bands = [(grid[0], at(grid[0]))]
+        for low, high in pairwise(grid):
+            above = at(high)
+            if above == bands[-1][1]:
+                continue
+            while high > 1.0005 * low:
+                middle = math.sqrt(low * high)
+                low, high = (low, middle) if at(middle) == above else (middle, high)
+            bands.append((high, above))
+        return bands
 
 
 def sampling_error(members: int) -> float:

@@ -87,16 +87,13 @@ class Tally:
         """Begin without members."""
         self._plan = plan
         shape = plan.scene.terrain.shape
-        cells = shape[0] * shape[1]
-        self._depth = np.zeros(cells, dtype=np.int64)
+        self._depth = np.zeros(shape, dtype=np.int64)
         # cells that no member has reached have no row in the table of arrivals
-        self._row = np.full(cells, -1, dtype=np.int64)
+        self._row = np.full(shape, -1, dtype=np.int64)
         self._arrivals = np.zeros((1024, plan.looks), dtype=np.int64)
         self._rows = 0
         self._added: set[int] = set()
-        self._total = 0
-        self._squares = 0
-        self._beyond = 0
+        self._total = self._squares = self._beyond = 0
 
     @property
     def count(self) -> int:
@@ -121,14 +118,17 @@ class Tally:
         self._beyond += footprint.left > GONE
         self._total += weight
         self._squares += weight * weight
-        cells = (np.arange(row, row + rows)[:, None] * shape[1]
-                 + np.arange(column, column + columns)).ravel()
-        self._depth[cells] += weight * footprint.millimetres.ravel().astype(np.int64)
-        look = footprint.look.ravel()
-        arrived = look != NEVER
-        cells = cells[arrived]
+        part = np.s_[row : row + rows, column : column + columns]
+        self._depth[part] += weight * footprint.millimetres.astype(np.int64)
+        arrived, row_of = footprint.look != NEVER, self._row[part]
+        new = arrived & (row_of < 0)
+        row_of[new] = self._rows + np.arange(np.count_nonzero(new))
+        self._rows += np.count_nonzero(new)
+        if self._rows > len(self._arrivals):
+            more = max(self._rows - len(self._arrivals), len(self._arrivals))
+            self._arrivals = np.pad(self._arrivals, ((0, more), (0, 0)))
         # a cell is in a footprint once, so that no sum gets lost
-        self._arrivals_of(cells)[self._row[cells], look[arrived]] += weight
+        self._arrivals[row_of[arrived], footprint.look[arrived]] += weight
 
     def maps(self) -> HazardMaps:
         """The maps of all members.
@@ -139,21 +139,20 @@ class Tally:
         if not self._total:
             raise LavaError('members', self.count, 'at least one with a weight above 0')
         plan, terrain = self._plan, self._plan.scene.terrain
-        known = terrain.has_data.ravel()
 
         def on_terrain(values: np.ndarray) -> np.ndarray:
-            return np.where(known, values, np.nan).astype(np.float32).reshape(terrain.shape)
+            return np.where(terrain.has_data, values, np.nan).astype(np.float32)
 
         reached = self._row >= 0
         sums = np.cumsum(self._arrivals[: self._rows], axis=1)[self._row[reached]]
-        probability = np.zeros(known.size)
+        probability = np.zeros(terrain.shape)
         probability[reached] = 100.0 * sums[:, -1] / self._total
         arrival = {}
         for share in QUANTILES:
             # exact: 0.1 is no binary fraction
             needed = -(-self._total * Fraction(str(share)) // 1)
             enough = sums >= int(needed)
-            times = np.full(known.size, np.nan)
+            times = np.full(terrain.shape, np.nan)
             times[reached] = np.where(
                 enough[:, -1], (enough.argmax(axis=1) + 0.5) * plan.interval, np.nan
             )
@@ -167,15 +166,3 @@ class Tally:
             arrival_error=0.5 * plan.interval,
             members_beyond=self._beyond,
         )
-
-    def _arrivals_of(self, cells: np.ndarray) -> np.ndarray:
-        """The table of arrivals, with a row for each of some cells."""
-        new = cells[self._row[cells] < 0]
-        last = self._rows + new.size
-        if last > len(self._arrivals):
-            larger = np.zeros((max(last, 2 * len(self._arrivals)), self._plan.looks), np.int64)
-            larger[: self._rows] = self._arrivals[: self._rows]
-            self._arrivals = larger
-        self._row[new] = np.arange(self._rows, last)
-        self._rows = last
-        return self._arrivals

@@ -29,7 +29,8 @@ and those of ``live_ensemble``. A look ahead starts before the ensemble from the
 then they take turns. The process ends when the other end of its connection is closed.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from multiprocessing.connection import Connection
 import os
 import queue
@@ -57,7 +58,7 @@ Order = tuple[str, dict[str, Any]]
 class Forecasting:
     """Takes orders, and computes forecasts in slices."""
 
-    def __init__(self, orders: 'queue.Queue[Order]', answer: Answer) -> None:
+    def __init__(self, orders: queue.Queue[Order], answer: Answer) -> None:
         """Start without a forecast; ``answer`` is called with every result of ``orders``."""
         self._orders = orders
         self._answer = answer
@@ -66,26 +67,18 @@ class Forecasting:
         self._is_turn_of_ensemble = False
         self._number = 0
         self._share = 1.0
-        self._next_slice = 0.0
-        self._reported = 0.0
+        self._next_slice = self._reported = 0.0
 
     def turn(self) -> None:
         """Wait for an order, no longer than until the next slice is due; then take one."""
         wait = max(0.0, self._next_slice - time.monotonic())
+        is_idle = self._ahead is None and not self._ensembles.is_busy
         try:
-            is_idle = self._ahead is None and not self._ensembles.is_busy
             name, values = self._orders.get(timeout=None if is_idle else wait)
-            getattr(self, name)(**values)
-            return
         except queue.Empty:
-            pass
-        begun = time.monotonic()
-        self._advance()
-        now = time.monotonic()
-        if now - self._reported >= REPORT_TIME:
-            self._report(now)
-        rest = (now - begun) * (1.0 / self._share - 1.0)
-        self._next_slice = now + min(rest, _LONGEST_REST)
+            self._take_slice()
+        else:
+            getattr(self, name)(**values)
 
     def share(self, share: float) -> None:
         """Set the largest share of the time that forecasts may compute, from now on."""
@@ -93,7 +86,8 @@ class Forecasting:
 
     def prepare(self) -> None:
         """Load the libraries that ensembles need, which takes a while."""
-        self._guarded(prepare_sampling, self._refuse_ensemble)
+        with self._guarded(is_ensemble=True):
+            prepare_sampling()
 
     def fork(
         self,
@@ -106,23 +100,17 @@ class Forecasting:
     ) -> None:
         """Start a look ahead from a checkpoint, in place of the one in progress.
 
-        Args:
-            number: Number of the forecast.
-            checkpoint: The state from which to look ahead.
-            is_first: Whether this is the first forecast of the scene; it takes fewer looks.
-            ensemble: Further arguments of ``LiveEnsembles.order``, None for no ensemble.
-            how: Horizon, threshold, device and max_particles, as ``LookAhead`` takes them.
+        ``number`` is that of the forecast, and ``how`` are further arguments of ``LookAhead``. The
+        first forecast of a scene (``is_first``) takes fewer looks. ``ensemble`` has further
+        arguments of ``LiveEnsembles.order``, None for no ensemble.
         """
         self._ahead, self._number = None, number
         if ensemble is not None:
             self._ensembles.order(checkpoint, number=number, **ensemble, **how)
-
-        def begin() -> None:
+        with self._guarded():
             # the first forecast is rather soon than precise
             looks = FIRST_LOOKS if is_first else LOOKS
             self._ahead = LookAhead(checkpoint, looks=looks, **how)
-
-        self._guarded(begin, self._refuse)
 
     def outline(self, number: int, outline: Outline) -> None:
         """Weigh the members of the ensembles by an observed outline."""
@@ -133,52 +121,50 @@ class Forecasting:
         self._ahead = None
         self._ensembles.drop()
 
-    def _advance(self) -> None:
-        ahead, ensembles = self._ahead, self._ensembles
+    def _take_slice(self) -> None:
+        begun, ahead, ensembles = time.monotonic(), self._ahead, self._ensembles
         # a look ahead goes before an ensemble that has not begun; then they take turns
-        if ahead is None or (ensembles.has_begun and self._is_turn_of_ensemble):
-            self._is_turn_of_ensemble = False
-            self._guarded(lambda: ensembles.advance(SLICE_WALL_TIME), self._refuse_ensemble)
-        else:
-            self._is_turn_of_ensemble = True
-            self._guarded(lambda: self._look_ahead(ahead), self._refuse)
+        is_ensemble = ahead is None or bool(ensembles.at_hand and self._is_turn_of_ensemble)
+        self._is_turn_of_ensemble = not is_ensemble
+        with self._guarded(is_ensemble=is_ensemble):
+            if ahead is None or is_ensemble:
+                ensembles.advance(SLICE_WALL_TIME)
+            else:
+                ahead.advance(SLICE_WALL_TIME)
+                if ahead.is_done:
+                    self._ahead = None
+                    known = dict(vars(ahead.forecast()))
+                    # the node has the terrain already
+                    del known['terrain']
+                    self._answer('forecast', number=self._number, **known)
+        now = time.monotonic()
+        if now - self._reported >= REPORT_TIME:
+            self._reported = now
+            self._answer(
+                'progress',
+                number=self._number,
+                progress=self._ahead.progress if self._ahead else 1.0,
+                ensemble=ensembles.at_hand.progress if ensembles.at_hand else 0.0,
+            )
+        rest = (now - begun) * (1.0 / self._share - 1.0)
+        self._next_slice = now + min(rest, _LONGEST_REST)
 
-    def _look_ahead(self, ahead: LookAhead) -> None:
-        ahead.advance(SLICE_WALL_TIME)
-        if ahead.is_done:
-            self._ahead = None
-            known = dict(vars(ahead.forecast()))
-            # the node has the terrain already
-            del known['terrain']
-            self._answer('forecast', number=self._number, **known)
-
-    def _report(self, now: float) -> None:
-        self._reported = now
-        self._answer(
-            'progress',
-            number=self._number,
-            progress=self._ahead.progress if self._ahead is not None else 1.0,
-            ensemble=self._ensembles.progress,
-        )
-
-    def _refuse(self, reason: str) -> None:
-        self._ahead = None
-        self._answer('refused', number=self._number, reason=reason)
-
-    def _refuse_ensemble(self, reason: str) -> None:
-        self._ensembles.drop()
-        self._answer('ensemble_refused', reason=reason)
-
-    @staticmethod
-    def _guarded(action: Callable[[], None], refuse: Callable[[str], None]) -> None:
+    @contextmanager
+    def _guarded(self, *, is_ensemble: bool = False) -> Iterator[None]:
+        """Give up the look ahead, or the ensemble, where something is wrong with it; tell why."""
         try:
-            action()
+            yield
         except OSError:
             # the node has closed the connection
             raise
         except Exception as error:
             name = '' if isinstance(error, ValueError) else f'{type(error).__name__}: '
-            refuse(f'{name}{error}')
+            if is_ensemble:
+                self._ensembles.drop()
+                self._answer('ensemble_refused', reason=f'{name}{error}')
+            else:
+                self._ahead = None
+                self._answer('refused', number=self._number, reason=f'{name}{error}')
 
 
 def main() -> None:
@@ -197,7 +183,7 @@ def main() -> None:
         sys.exit(0)
 
 
-def _read(node: 'Connection', orders: 'queue.Queue[Order]') -> None:
+def _read(node: Connection, orders: queue.Queue[Order]) -> None:
     try:
         while True:
             orders.put(node.recv())

@@ -32,35 +32,22 @@ from lava_ros.scene.features import ENDINGS, read_features
 
 
 def seen_in_file(path: str | Path, terrain: Terrain) -> tuple[np.ndarray, np.ndarray]:
-    """Read from a file where lava was observed.
+    """Read from a file where lava was observed, and which cells were: bool, the terrain's shape.
 
-    The file has areas (``features.read_features``), or is a raster (``raster_on``) with values
-    above 0 where lava was, 0 where it was not, and no data where nobody looked.
-
-    Returns:
-        Where lava was, and which cells were observed: bool, the terrain's shape.
-
-    Raises:
-        LavaError: The file cannot be read, is not on the terrain, or has no known coordinate
-            system.
+    The file has areas (``areas_on``), or is a raster (``raster_on``) with values above 0 where
+    lava was, 0 where it was not, and no data where nobody looked.
     """
-    if Path(path).suffix.lower() in ENDINGS:
-        values = areas_on(terrain, path, field='--observed').astype(np.float64)
-    else:
-        values = raster_on(terrain, path, field='--observed')
+    read = areas_on if Path(path).suffix.lower() in ENDINGS else raster_on
+    values = read(terrain, path, field='--observed').astype(np.float64)
     known = np.isfinite(values) & terrain.has_data
-    with np.errstate(invalid='ignore'):
-        return (values > 0.0) & known, known
+    return (values > 0.0) & known, known
 
 
 def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
-    """Read a raster, and sample it at the centres of a terrain's cells.
+    """Read a raster at the centres of a terrain's cells: float64, NaN where it has no data.
 
     A GeoTIFF or an ESRI ASCII grid without a coordinate system is taken to be in the terrain's.
     Errors name ``field``.
-
-    Returns:
-        float64, the terrain's shape; NaN where the raster has no data.
 
     Raises:
         LavaError: The file cannot be read, has more than one band, has no data on the terrain, or
@@ -95,13 +82,10 @@ def raster_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
 
 
 def areas_on(terrain: Terrain, path: str | Path, *, field: str) -> np.ndarray:
-    """Read areas, and mark the cells of a terrain whose centre is in one.
+    """Mark the cells of a terrain whose centre is in one of the areas of a file: bool.
 
     The file is one for ``features.read_features``; its points and lines are ignored. Errors name
     ``field``.
-
-    Returns:
-        bool, the terrain's shape.
 
     Raises:
         LavaError: The file cannot be read, has no area or no known coordinate system, or rasterio
@@ -163,7 +147,7 @@ def write_atlas(
     Raises:
         LavaError: A file cannot be written, or a library for a format is missing.
     """
-    place = gis.place_of(plan.scene.terrain)
+    place, hours = gis.place_of(plan.scene.terrain), plan.horizon / 3600.0
     tags = {
         'members': str(maps.members),
         'effective_members': repr(maps.effective_members),
@@ -171,25 +155,6 @@ def write_atlas(
         'threshold_m': repr(plan.threshold),
         **tags,
     }
-    written = []
-    layers = _layers(maps, plan)
-    for name, (values, unit, meaning) in layers.items():
-        path = folder / f'{name}.tif'
-        gis.write_map(path, values, place, name=name, unit=unit, meaning=meaning, tags=tags)
-        written.append(path)
-        gis.write_style(path, name, values)
-    if formats is None:
-        formats = () if place.crs is None else ('geojson',)
-    shapes = {'inundation_probability': gis.probabilities(maps.probability, place)}
-    for name in layers:
-        if name.startswith('arrival'):
-            shapes[name] = gis.isochrones(layers[name][0], place)
-    title = f'lava flow, {maps.members} members'
-    return [*written, *gis.write_formats(folder, formats, shapes, layers, place, title)]
-
-
-def _layers(maps: HazardMaps, plan: Plan) -> dict[str, tuple[np.ndarray, str, str]]:
-    hours = plan.horizon / 3600.0
     layers = {
         'inundation_probability': (
             maps.probability, '%',
@@ -200,11 +165,20 @@ def _layers(maps: HazardMaps, plan: Plan) -> dict[str, tuple[np.ndarray, str, st
         ),
         'elevation': (plan.scene.terrain.elevation, 'm', 'elevation of the ground without lava'),
     }
+    shapes = {'inundation_probability': gis.probabilities(maps.probability, place)}
+    error = maps.arrival_error
     for share, values in maps.arrival.items():
         percent = round(100 * share)
-        layers[f'arrival_time_p{percent}'] = (
-            values, 's',
-            f'time by which {percent} % of the members had lava, to {maps.arrival_error:g} s; '
-            f'no data: fewer had any within {hours:g} h',
-        )
-    return layers
+        meaning = f'time by which {percent} % of the members had lava, to {error:g} s; '
+        meaning += f'no data: fewer had any within {hours:g} h'
+        layers[f'arrival_time_p{percent}'] = (values, 's', meaning)
+        shapes[f'arrival_time_p{percent}'] = gis.isochrones(values, place)
+    written = []
+    for name, (values, unit, meaning) in layers.items():
+        written.append(folder / f'{name}.tif')
+        gis.write_map(written[-1], values, place, name=name, unit=unit, meaning=meaning, tags=tags)
+        gis.write_style(written[-1], name, values)
+    if formats is None:
+        formats = () if place.crs is None else ('geojson',)
+    title = f'lava flow, {maps.members} members'
+    return [*written, *gis.write_formats(folder, formats, shapes, layers, place, title)]

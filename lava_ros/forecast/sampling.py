@@ -103,9 +103,8 @@ class Susceptibility:
             raise LavaError('susceptibility', worst, 'finite likelihoods of at least 0')
         if not values.any():
             raise LavaError('susceptibility', 0.0, 'a cell of the terrain with a likelihood')
-        self._terrain = terrain
+        self._terrain, self._values = terrain, values
         self._rows = np.cumsum(values.sum(axis=1))
-        self._values = values
 
     @property
     def digest(self) -> str:
@@ -119,8 +118,7 @@ class Susceptibility:
         """
         row, up = _cell(self._rows, second)
         column, along = _cell(np.cumsum(self._values[row]), first)
-        x, y = self._terrain.origin
-        cell = self._terrain.resolution
+        (x, y), cell = self._terrain.origin, self._terrain.resolution
         return (x + (column + along) * cell, y + (row + up) * cell)
 
 
@@ -157,16 +155,34 @@ def draw_members(
             'scene.uncertainty', {}, 'a quantity that is uncertain: all members would be the same'
         )
     # in the order of Lava, whatever that of a file is
-    names = (
-        *COORDINATES,
-        *(name for name in CONSTANTS if name in uncertainty.constants),
-        *(ERUPTION if uncertainty.eruption else ()),
-    )
-    points = _points(count, seed, len(names))
+    constants = [name for name in CONSTANTS if name in uncertainty.constants]
+    names = (*COORDINATES, *constants, *(ERUPTION if uncertainty.eruption else ()))
+    sums = np.cumsum([item.probability for item in uncertainty.eruption])
+
+    def member(index: int, point: dict[str, float]) -> Member:
+        def drawn(name: str, distribution: Distribution) -> float:
+            return _rounded(distribution.quantile(point[name]))
+
+        values: dict[str, Any] = {
+            name: drawn(name, distribution)
+            for name in COORDINATES[:4]
+            if (distribution := getattr(uncertainty, name)) is not None
+        }
+        if uncertainty.position is not None:
+            shift = uncertainty.position.quantile(point['x'], point['y'])
+            values['displacement'] = tuple(map(_rounded, shift))
+        if susceptibility is not None:
+            place = susceptibility.place(point['place_x'], point['place_y'])
+            values['place'] = tuple(map(_rounded, place))
+        if uncertainty.eruption:
+            kind = uncertainty.eruption[_cell(sums, point['eruption'])[0]]
+            values['eruption'] = tuple(drawn(key, getattr(kind, key)) for key in ERUPTION[1:])
+        known = tuple((name, drawn(name, uncertainty.constants[name])) for name in constants)
+        return Member(index, seed=(seed, index), constants=known, **values)
+
+    points = _points(count, seed, len(names)).tolist()
     return tuple(
-        _member(index, dict(zip(names, point, strict=True)), uncertainty, seed,
-                susceptibility)
-        for index, point in enumerate(points.tolist())
+        member(index, dict(zip(names, point, strict=True))) for index, point in enumerate(points)
     )
 
 
@@ -177,48 +193,6 @@ def prepare_sampling() -> None:
         LavaError: scipy is not installed.
     """
     _qmc(1)
-
-
-def _member(
-    index: int,
-    point: dict[str, float],
-    uncertainty: Uncertainty,
-    seed: int,
-    susceptibility: Susceptibility | None,
-) -> Member:
-    def drawn(name: str, distribution: Distribution) -> float:
-        return _rounded(distribution.quantile(point[name]))
-
-    def value(name: str, certain: float) -> float:
-        distribution: Distribution | None = getattr(uncertainty, name)
-        return certain if distribution is None else drawn(name, distribution)
-
-    shift = (0.0, 0.0)
-    if uncertainty.position is not None:
-        x, y = uncertainty.position.quantile(point['x'], point['y'])
-        shift = (_rounded(x), _rounded(y))
-    place = None
-    if susceptibility is not None:
-        x, y = susceptibility.place(point['place_x'], point['place_y'])
-        place = (_rounded(x), _rounded(y))
-    eruption = None
-    if uncertainty.eruption:
-        sums = np.cumsum([item.probability for item in uncertainty.eruption])
-        kind = uncertainty.eruption[_cell(sums, point['eruption'])[0]]
-        eruption = (drawn('duration', kind.duration), drawn('volume', kind.volume))
-    return Member(
-        index,
-        eruption=eruption,
-        discharge=value('discharge', 1.0),
-        temperature=value('temperature', 0.0),
-        viscosity=value('viscosity', 1.0),
-        yield_strength=value('yield_strength', 1.0),
-        displacement=shift,
-        place=place,
-        seed=(seed, index),
-        constants=tuple((name, drawn(name, uncertainty.constants[name]))
-                        for name in CONSTANTS if name in uncertainty.constants),
-    )
 
 
 def _points(count: int, seed: int, coordinates: int) -> np.ndarray:

@@ -107,10 +107,8 @@ def reliability(
     with np.errstate(invalid='ignore'):
         forecast = np.bincount(place, probability, minlength=bins) / count
         observed = np.bincount(place, outcome, minlength=bins) / count
-    return [
-        ReliabilityBin(index / bins, (index + 1) / bins, float(said), float(came), int(number))
-        for index, (said, came, number) in enumerate(zip(forecast, observed, count, strict=True))
-    ]
+    rows = zip(forecast.tolist(), observed.tolist(), count.tolist(), strict=True)
+    return [ReliabilityBin(k / bins, (k + 1) / bins, *row) for k, row in enumerate(rows)]
 
 
 def entropy(probability: np.ndarray) -> np.ndarray:

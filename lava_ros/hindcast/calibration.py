@@ -23,14 +23,15 @@ score jump. So what is reported is the set of all runs that are nearly as good a
 far each unknown spreads in it, and which unknowns the score does not depend on.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager
 import csv
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from io import StringIO, TextIOWrapper
+import math
 from pathlib import Path
 import time
-from typing import Any
 
 import numpy as np
 
@@ -38,7 +39,7 @@ from lava_ros.errors import LavaError
 from lava_ros.files import open_input, write_output
 from lava_ros.files.optional import require
 from lava_ros.forecast.pool import Pool
-from lava_ros.hindcast.case import Case, load_case
+from lava_ros.hindcast.case import Case
 from lava_ros.hindcast.replicates import agreement, Direction, directions, run_together
 from lava_ros.hindcast.run import Result, Settings
 from lava_ros.hindcast.unknowns import changed, Unknown
@@ -120,13 +121,8 @@ def search(
 
     ``evaluate`` gives the numbers of many sets of values, ``batch`` of them at once. Runs of an
     earlier search of the same unknowns, ``known``, are not run again. ``progress`` is told the
-    number of each run and what it gave.
-
-    Returns:
-        All runs, the usual values first.
-
-    Raises:
-        LavaError: scipy is not installed.
+    number of each run and what it gave. Returns all runs, the usual values first. LavaError if
+    scipy is not installed.
     """
     require('scipy.stats', 'calibrate')
     from scipy.stats import qmc
@@ -165,9 +161,8 @@ def _offspring(
 ) -> np.ndarray:
     """New points by differential evolution, current-to-best, from the better half of all runs."""
     ranked = sorted(trials, key=lambda trial: -trial.jaccard)
-    parents = np.array(
-        [[u.share_of(trial.values[u.name]) for u in unknowns] for trial in ranked]
-    )[: max(4, len(ranked) // 2)]
+    better = ranked[: max(4, len(ranked) // 2)]
+    parents = np.array([[u.share_of(trial.values[u.name]) for u in unknowns] for trial in better])
     points = np.empty((count, len(unknowns)))
     for point in points:
         one, two, three = parents[rng.integers(len(parents), size=3)]
@@ -185,22 +180,18 @@ def findings(unknowns: Sequence[Unknown], trials: Sequence[Trial]) -> list[Findi
     from scipy.stats import spearmanr
 
     scores = np.array([trial.jaccard for trial in trials])
-    best = int(scores.argmax())
-    near = scores >= scores[best] - NEARLY
+    near = scores >= scores.max() - NEARLY
     result = []
     for unknown in unknowns:
         values = np.array([trial.values[unknown.name] for trial in trials])
+        best = float(values[scores.argmax()])
         low, high = float(values[near].min()), float(values[near].max())
         spread = unknown.share_of(high) - unknown.share_of(low)
         varies = np.ptp(values) > 0.0 and np.ptp(scores) > 0.0
         rank = float(spearmanr(values, scores).statistic) if varies else 0.0
-        significant = abs(rank) * np.sqrt(max(len(values) - 1, 0)) > WEAK
-        fixed = bool(spread < WIDE and near.sum() > 1)
-        result.append(
-            Finding(
-                unknown, float(values[best]), low, high, spread, rank, bool(significant or fixed)
-            )
-        )
+        is_followed = abs(rank) * math.sqrt(len(values) - 1) > WEAK
+        is_sensitive = is_followed or (spread < WIDE and near.sum() > 1)
+        result.append(Finding(unknown, best, low, high, spread, rank, bool(is_sensitive)))
     return result
 
 
@@ -212,7 +203,7 @@ def near_best(trials: Sequence[Trial]) -> list[Trial]:
 
 def can_tell(trials: Sequence[Trial]) -> bool:
     """Whether so many runs would show a rank correlation of ``CLEAR``; fewer show nothing."""
-    return bool(CLEAR * np.sqrt(max(len(trials) - 1, 0)) > WEAK)
+    return CLEAR * math.sqrt(len(trials) - 1) > WEAK
 
 
 @dataclass(frozen=True)
@@ -231,8 +222,7 @@ class LeftOut:
 
 def leave_one_out(trials: Sequence[Trial]) -> list[LeftOut]:
     """Judge each case by the set that is best for the others; empty for one case."""
-    cases = list(trials[0].numbers)
-    result = []
+    cases, result = list(trials[0].numbers), []
     for case in cases if len(cases) > 1 else []:
         others = [other for other in cases if other != case]
         chosen = max(trials, key=lambda trial: trial.mean(others))
@@ -241,39 +231,26 @@ def leave_one_out(trials: Sequence[Trial]) -> list[LeftOut]:
     return result
 
 
-class Evaluator:
-    """Runs sets of values: on a GPU in turns, on the CPU in processes of their own."""
+@contextmanager
+def evaluating(
+    cases: Sequence[Case], settings: Settings, *, workers: int = 1, runs: int = 1
+) -> Iterator[Evaluate]:
+    """What runs sets of values: on a GPU in turns, on the CPU in processes of their own.
 
-    def __init__(
-        self,
-        directories: Sequence[Path],
-        settings: Settings,
-        *,
-        workers: int = 1,
-        runs: int = 1,
-        **options: Any,
-    ) -> None:
-        """Read the cases, without starting a process yet.
+    Several ``workers``, processes, share one GPU. With more than one of ``runs`` for each set of
+    constants, turned and mirrored, the cells that at least half of them cover are compared.
+    """
+    evaluate = partial(_evaluate, cases, replace(settings, maps=1), directions(runs))
+    if workers == 1:
+        yield evaluate
+        return
+    with closing(Pool(evaluate, workers)) as pool:
 
-        Several ``workers``, processes, share one GPU. With more than one of ``runs`` for each set
-        of constants, turned and mirrored, the cells that at least half of them cover are compared.
-        ``options`` are those of ``load_case``.
-        """
-        cases = [load_case(folder, **options) for folder in directories]
-        self._evaluate = partial(_evaluate, cases, replace(settings, maps=1), directions(runs))
-        self._pool = Pool(self._evaluate, workers) if workers > 1 else None
+        def in_processes(sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
+            parts = dict(pool([[values] for values in sets]))
+            return [numbers for index in range(len(sets)) for numbers in parts[index]]
 
-    def __call__(self, sets: Sequence[Mapping[str, float]]) -> list[Numbers]:
-        """Run sets of values."""
-        if self._pool is None:
-            return self._evaluate(sets)
-        parts = dict(self._pool([[values] for values in sets]))
-        return [numbers for index in range(len(sets)) for numbers in parts[index]]
-
-    def close(self) -> None:
-        """End the processes."""
-        if self._pool is not None:
-            self._pool.close()
+        yield in_processes
 
 
 def _evaluate(
@@ -293,19 +270,18 @@ def _evaluate(
     except LavaError as error:
         said = '; '.join(map(str, sets))
         raise LavaError('the unknowns', said, f'values that can be simulated ({error})') from error
-    size = len(ways)
-    parts = iter([results[first : first + size] for first in range(0, len(results), size)])
     # they run at the same time on a GPU: each has the same share of it
-    count = len(sets) * len(cases)
+    parts, count = iter(results), len(sets) * len(cases)
     return [
-        {case.name: _numbers(case, next(parts), taken / count) for case in cases} for _ in sets
+        {case.name: _numbers(case, [next(parts) for _ in ways], taken / count) for case in cases}
+        for _ in sets
     ]
 
 
 def _numbers(case: Case, results: Sequence[Result], wall_time: float) -> Mapping[str, float]:
     """Results of the runs of a set, which took a wall time [s], by the names of ``COLUMNS``."""
     found = agreement(case, [result.snapshot for result in results])
-    judged = found.majority.as_dict()
+    judged = asdict(found.majority)
     return {
         **{name: float(judged[name]) for name in COLUMNS if name in judged},
         'single': float(np.mean([score.jaccard for score in found.scores])),
@@ -315,13 +291,8 @@ def _numbers(case: Case, results: Sequence[Result], wall_time: float) -> Mapping
 
 
 def write_trials(path: Path, unknowns: Sequence[Unknown], trials: Sequence[Trial]) -> None:
-    """Write the table of runs.
-
-    Raises:
-        LavaError: It cannot be written.
-    """
-    names = [item.name for item in unknowns]
-    text = StringIO()
+    """Write the table of runs; LavaError where it cannot be written."""
+    names, text = [item.name for item in unknowns], StringIO()
     writer = csv.writer(text, lineterminator='\n')
     writer.writerow([*names, 'case', *COLUMNS])
     for trial in trials:
@@ -332,11 +303,7 @@ def write_trials(path: Path, unknowns: Sequence[Unknown], trials: Sequence[Trial
 
 
 def read_trials(path: Path, unknowns: Sequence[Unknown], cases: Sequence[str]) -> list[Trial]:
-    """Read a table of runs; none where there is none.
-
-    Raises:
-        LavaError: It is not one of these unknowns and cases.
-    """
+    """Read a table of runs, none where there is none; LavaError for other unknowns or cases."""
     if not path.is_file():
         return []
     names = [item.name for item in unknowns]
@@ -346,9 +313,7 @@ def read_trials(path: Path, unknowns: Sequence[Unknown], cases: Sequence[str]) -
         trials = []
         for first in range(0, len(rows), len(cases)):
             part = rows[first : first + len(cases)]
-            numbers = {
-                row['case']: {name: float(row[name]) for name in COLUMNS} for row in part
-            }
+            numbers = {row['case']: {key: float(row[key]) for key in COLUMNS} for row in part}
             if list(numbers) != list(cases):
                 raise ValueError(f'cases {", ".join(numbers)}')
             trials.append(Trial({name: float(part[0][name]) for name in names}, numbers))

@@ -21,6 +21,7 @@ seconds, 0 is that of ``effusion_rate.csv``.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,47 +29,42 @@ import numpy as np
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
+from lava_ros.files.yaml import read_yaml
 from lava_ros.forecast.rasters import areas_on, raster_on
-from lava_ros.hindcast.checks import check_discharge, check_elevation, check_rows, check_vent_rows
 from lava_ros.hindcast.tables import (
-    Interval,
+    check_discharge,
+    check_elevation,
+    check_places,
+    is_degrees,
     read_rates,
     read_vents,
+    Series,
     series_of,
     VentRow,
-    volume_of,
 )
 from lava_ros.scene import ENVIRONMENT, Scene, Terrain, Vent, warn_of_celsius
 from lava_ros.scene.lava import Lava
 from lava_ros.scene.materials import DEFAULT, lava_from_dict, Material
 from lava_ros.scene.projection import projected
-from lava_ros.scene.reshaping import low_pass
+from lava_ros.scene.reshaping import Barrier, low_pass, with_barrier
 from lava_ros.scene.terrain_files import load_terrain
 from lava_ros.scene.uncertainty import uncertainty_from_dict
 
-#: Names that the grids may have, the first that is there is taken.
-ELEVATION = ('elevation.asc', 'elevation.tif')
-FOOTPRINT = ('footprint.asc', 'footprint.tif', 'footprint.geojson')
+#: Names that the files may have, the first that is there is taken.
+FILES = (
+    ('elevation.asc', 'elevation.tif'),
+    ('footprint.asc', 'footprint.tif', 'footprint.geojson'),
+    ('vent.csv',),
+    ('effusion_rate.csv',),
+)
 
 #: Radius of a vent without its own, in cells.
 VENT_RADIUS = 1.5
 
 #: Keys of ``case.yaml``.
 KEYS = (
-    'title',
-    'source',
-    'material',
-    'lava',
-    'vent_temperature',
-    'vent_radius',
-    *ENVIRONMENT,
-    'start',
-    'end',
-    'epsg',
-    'fill_holes',
-    'low_pass',
-    'events',
-    'uncertainty',
+    *('title', 'source', 'material', 'lava', 'vent_temperature', 'vent_radius', *ENVIRONMENT),
+    *('start', 'end', 'epsg', 'fill_holes', 'low_pass', 'events', 'uncertainty'),
 )
 
 
@@ -124,21 +120,17 @@ class Case:
         """The same eruption with other constants of the lava, by name.
 
         ``temperature`` is the eruption temperature [K], None for the present one; ``discharge`` is
-        a factor on all discharges.
-
-        Raises:
-            LavaError: A name or a value is not usable.
+        a factor on all discharges. LavaError for a value that is not usable.
         """
-        scene = self.scene
         vents = tuple(
             replace(
                 vent,
                 temperature=vent.temperature if temperature is None else temperature,
                 discharge=tuple((time, flux * discharge) for time, flux in vent.series),
             )
-            for vent in scene.vents
+            for vent in self.scene.vents
         )
-        scene = replace(scene, lava=replace(scene.lava, **lava), vents=vents)
+        scene = replace(self.scene, lava=replace(self.scene.lava, **lava), vents=vents)
         return replace(self, scene=scene, volume=self.volume * discharge)
 
 
@@ -149,13 +141,11 @@ def load_case(
     low_pass_width: float | None = None,
     vents: Callable[[tuple[VentRow, ...], Terrain], tuple[VentRow, ...]] | None = None,
 ) -> Case:
-    """Read a case.
+    """Read a case from its folder.
 
-    Args:
-        directory: Its folder.
-        material: Name of a lava in place of the case's.
-        low_pass_width: Width of a filter of the ground in place of the case's [m].
-        vents: Is given the case's vents and its ground, and returns those to take.
+    ``material``, the name of a lava, and ``low_pass_width``, that of a filter of the ground [m],
+    take the place of the case's. ``vents`` is given the case's vents and its ground, and returns
+    the vents to take.
 
     Raises:
         LavaError: A file is missing or cannot be used, or the files do not go together; the
@@ -164,44 +154,57 @@ def load_case(
     folder = Path(directory)
     if not folder.is_dir():
         raise LavaError('case', str(folder), 'a folder that exists')
-    missing = [
-        ' or '.join(names)
-        for names in (ELEVATION, FOOTPRINT, ('vent.csv',), ('effusion_rate.csv',))
-        if not any((folder / name).is_file() for name in names)
-    ]
+    found = [next(filter(Path.is_file, map(folder.joinpath, names)), None) for names in FILES]
+    missing = [' or '.join(names) for names, path in zip(FILES, found, strict=True) if not path]
     if missing:
         raise LavaError('case', str(folder), f'a folder that also holds {", ".join(missing)}')
+    elevation, outline, vent_table, rate_table = filter(None, found)
     options = _options(folder)
     if material is not None:
         options['material'] = material
     if low_pass_width is not None:
         options['low_pass'] = low_pass_width
-    read = {'epsg': options.get('epsg'), 'fill_holes': options.get('fill_holes', False)}
-    path = next(folder / name for name in ELEVATION if (folder / name).is_file())
-    ground = load_terrain(path, **read)
+    read = partial(
+        load_terrain, epsg=options.get('epsg'), fill_holes=options.get('fill_holes', False)
+    )
+    ground = read(elevation)
     check_elevation(ground)
-    footprint = _footprint(folder, ground)
-    rates = read_rates(folder / 'effusion_rate.csv')
-    rows = _placed(read_vents(folder / 'vent.csv'), ground)
+    footprint = _footprint(outline, ground)
+    rates = read_rates(rate_table)
+    rows = _placed(read_vents(vent_table), ground)
     if vents is not None:
         rows = vents(rows, ground)
-    check_vent_rows(rows, ground)
-    check_rows(rows, ground, footprint)
-    check_discharge(volume_of(series_of(rows, rates)), footprint, ground.resolution)
+    check_places(rows, ground, footprint)
+    series = series_of(rows, rates)
+    check_discharge(series, float(footprint.sum()) * ground.resolution**2)
     lava, used = _lava(options)
     width = validation.number('case.low_pass', options.get('low_pass', 0.0), at_least=0.0)
-    start, end = _span(options, rates)
+    first, last = rates[0].start, rates[-1].end
+    start = validation.number('case.start', options.get('start', first), at_most=last, unit='s')
+    end = validation.number('case.end', options.get('end', last), above=start, unit='s')
+    hot = lava.reference_temperature if used is None else float(used.vent_temperature.value)
     scene = Scene(
         low_pass(ground, width),
-        _vents(options, rows, rates, ground, lava, used, start),
+        tuple(
+            Vent(
+                position=ground.to_map(*row.place),
+                discharge=_from(start, fluxes),
+                temperature=options.get('vent_temperature', hot),
+                radius=options.get('vent_radius', VENT_RADIUS * ground.resolution),
+                end=None if row.other_end is None else ground.to_map(*row.other_end),
+                name=row.name,
+            )
+            for row, fluxes in zip(rows, series, strict=True)
+        ),
         lava,
         uncertainty=uncertainty_from_dict(options.get('uncertainty', {})),
         **{key: options[key] for key in ENVIRONMENT if key in options},
     )
     warn_of_celsius(scene)
+    name = folder.resolve().name
     return Case(
-        name=folder.resolve().name,
-        title=str(options.get('title', folder.resolve().name)),
+        name=name,
+        title=str(options.get('title', name)),
         source=str(options.get('source', '')),
         scene=scene,
         material=used,
@@ -209,25 +212,20 @@ def load_case(
         start=start,
         end=end,
         volume=sum(vent.volume_between(0.0, end - start) for vent in scene.vents),
-        events=_events(folder, options, ground, width, read),
+        events=_events(folder, options.get('events', []), ground, width, read),
         low_pass=width,
     )
 
 
 def _options(folder: Path) -> dict[str, Any]:
     """What ``case.yaml`` says, nothing where there is none."""
-    from lava_ros.files.yaml import read_yaml
-
     path = folder / 'case.yaml'
-    if not path.exists():
-        return {}
-    data = read_yaml('case', path)
+    data = read_yaml('case', path) if path.exists() else None
     return validation.keys('case', {} if data is None else data, allowed=KEYS)
 
 
-def _footprint(folder: Path, ground: Terrain) -> np.ndarray:
+def _footprint(path: Path, ground: Terrain) -> np.ndarray:
     """Where the ground was covered: a grid of 0 and 1, or areas, of any system, cells and part."""
-    path = next(folder / name for name in FOOTPRINT if (folder / name).is_file())
     if path.suffix == '.geojson':
         values = areas_on(ground, path, field='the footprint').astype(float)
     else:
@@ -247,8 +245,8 @@ def _placed(rows: tuple[VentRow, ...], ground: Terrain) -> tuple[VentRow, ...]:
     """Vents in the elevation's metres, those given as longitude and latitude too."""
 
     def place(point: tuple[float, float]) -> tuple[float, float]:
-        is_degrees = abs(point[0]) <= 180.0 and abs(point[1]) <= 90.0
-        if ground.epsg is None or not is_degrees or ground.covers(*ground.to_map(*point)):
+        is_off = ground.epsg is not None and not ground.covers(*ground.to_map(*point))
+        if not is_off or not is_degrees(point):
             return point
         there = projected(ground, *point)
         return point if ground.cell_at(*ground.to_map(*there)) is None else there
@@ -270,50 +268,17 @@ def _lava(options: Mapping[str, Any]) -> tuple[Lava, Material | None]:
     return lava_from_dict('case.lava', {**overrides, 'material': name})
 
 
-def _span(options: Mapping[str, Any], rates: tuple[Interval, ...]) -> tuple[float, float]:
-    """When the simulation begins and ends [s]."""
-    first, last = rates[0].start, rates[-1].end
-    start = validation.number('case.start', options.get('start', first), at_most=last, unit='s')
-    end = validation.number('case.end', options.get('end', last), above=start, unit='s')
-    return start, end
-
-
-def _vents(
-    options: Mapping[str, Any],
-    rows: Any,
-    rates: tuple[Interval, ...],
-    ground: Terrain,
-    lava: Lava,
-    material: Material | None,
-    start: float,
-) -> tuple[Vent, ...]:
-    usual = lava.reference_temperature
-    if material is not None:
-        usual = float(material.vent_temperature.value)
-    vents = []
-    for row, series in zip(rows, series_of(rows, rates), strict=True):
-        before = [flux for time, flux in series if time <= start]
-        later = [(time - start, flux) for time, flux in series if time > start]
-        vents.append(
-            Vent(
-                position=ground.to_map(*row.place),
-                discharge=[(0.0, before[-1] if before else 0.0), *later],
-                temperature=options.get('vent_temperature', usual),
-                radius=options.get('vent_radius', VENT_RADIUS * ground.resolution),
-                end=None if row.other_end is None else ground.to_map(*row.other_end),
-                name=row.name,
-            )
-        )
-    return tuple(vents)
+def _from(start: float, series: Series) -> list[tuple[float, float]]:
+    """A discharge from a time [s] on, which becomes 0."""
+    before = [flux for time, flux in series if time <= start]
+    later = [(time - start, flux) for time, flux in series if time > start]
+    return [(0.0, before[-1] if before else 0.0), *later]
 
 
 def _events(
-    folder: Path, options: Mapping[str, Any], ground: Terrain, width: float, read: Any
+    folder: Path, items: Any, ground: Terrain, width: float, read: Callable[[Path], Terrain]
 ) -> tuple[Event, ...]:
     """Read the changes of the ground; each builds on the one before."""
-    from lava_ros.scene.reshaping import Barrier, with_barrier
-
-    items = options.get('events', [])
     if not isinstance(items, list):
         raise LavaError('case.events', items, 'a list of changes of the ground')
     events: list[Event] = []
@@ -328,11 +293,11 @@ def _events(
         if ('terrain' in data) == ('barrier' in data):
             raise LavaError(where, sorted(data), 'either terrain, a file, or barrier')
         if 'terrain' in data:
-            changed = load_terrain(folder / str(data['terrain']), **read)
+            changed = read(folder / str(data['terrain']))
             if changed.shape != ground.shape or changed.offset != ground.offset:
-                right = f'the grid of the elevation, {ground.shape[0]} x {ground.shape[1]} cells'
-                shape = f'{changed.shape[0]} x {changed.shape[1]} cells'
-                raise LavaError(f'{where}.terrain', f'another grid of {shape}', right)
+                here, there = ('{} x {} cells'.format(*one.shape) for one in (ground, changed))
+                right = f'the grid of the elevation, {here}'
+                raise LavaError(f'{where}.terrain', f'another grid of {there}', right)
             text = f'new ground from {data["terrain"]}'
         else:
             barrier = Barrier.from_dict(f'{where}.barrier', data['barrier'])

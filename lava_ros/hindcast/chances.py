@@ -38,10 +38,8 @@ def plan_of(case: Case, settings: Settings, *, threshold: float = COVERED) -> Pl
     """Plan an ensemble of a case whose members run as its hindcast does, to the same end.
 
     If the case does not say what is uncertain, everything with a published range is. Each map is a
-    look; ``threshold`` is the thickness at which lava counts as arrived [m].
-
-    Raises:
-        LavaError: The case has events, or an argument is not usable.
+    look; ``threshold`` is the thickness at which lava counts as arrived [m]. LavaError if the case
+    has events, or an argument is not usable.
     """
     if case.events:
         right = 'none in an ensemble: all members run on the ground before the first event'
@@ -68,21 +66,14 @@ def mapped_on(case: Case, plan: Plan) -> np.ndarray:
 
 
 def chances_of(probability: np.ndarray, came: np.ndarray) -> dict[str, Any]:
-    """Score a map of probability against what came.
+    """Score a map of probability (0 to 100 %, NaN where there is no ground) against what came.
 
     The ground that the forecast gave no chance and that stayed dry is easy to be right about: the
     skill is that of the rest, and beside it that of the whole terrain.
 
-    Args:
-        probability: From 0 to 100 %, NaN where there is no ground, shape [rows, columns].
-        came: Where lava came, bool, same shape.
-
     Returns:
         Brier score, its skill against the base rate, this rate, the bins of the reliability
         diagram and the largest gap in one of at least ``CELLS`` cells (None: there is none).
-
-    Raises:
-        LavaError: The shapes differ, or there is no cell with a probability.
     """
     said = np.asarray(probability, dtype=np.float64) / 100.0
     near = np.where((said > 0.0) | came, said, np.nan)

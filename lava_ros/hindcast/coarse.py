@@ -21,7 +21,6 @@ than a cell: cells of half that distance cost four times as much and change noth
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -41,16 +40,14 @@ def coarsened(terrain: Terrain, factor: int) -> Terrain:
     """
     if factor == 1:
         return terrain
-    shares = [_shares(side, factor) for side in terrain.shape]
-    known = np.isfinite(terrain.elevation)
-    weight = shares[0] @ known @ shares[1].T
-    total = shares[0] @ np.where(known, terrain.elevation, 0.0) @ shares[1].T
-    mean = np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), np.nan)
-    sides = np.array(terrain.shape)[::-1]
-    beyond = (-sides % factor) * terrain.resolution / 2.0
-    origin = (terrain.origin[0] - float(beyond[0]), terrain.origin[1] - float(beyond[1]))
+    rows, columns = (_shares(side, factor) for side in terrain.shape)
+    mean = _mean(terrain.elevation, lambda values: rows @ values @ columns.T)
+    x, y = (
+        start - (-side % factor) * terrain.resolution / 2.0
+        for start, side in zip(terrain.origin, terrain.shape[::-1], strict=True)
+    )
     return replace(
-        terrain, elevation=mean, resolution=terrain.resolution * factor, origin=origin
+        terrain, elevation=mean, resolution=terrain.resolution * factor, origin=(x, y)
     )
 
 
@@ -65,10 +62,7 @@ def refined(snapshot: Snapshot, terrain: Terrain, factor: int) -> Snapshot:
         return total[:, columns[0]] + total[:, columns[1]]
 
     def spread(values: np.ndarray) -> np.ndarray:
-        known = np.isfinite(values)
-        weight = quarters(known.astype(float))
-        total = quarters(np.where(known, values, 0.0))
-        mean = np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), np.nan)
+        mean = _mean(values, quarters)
         return np.where(terrain.has_data, mean, np.nan).astype(np.float32)
 
     fine = regridded(snapshot, terrain, spread)
@@ -84,11 +78,21 @@ def regridded(
     snapshot: Snapshot, terrain: Terrain, change: Callable[[np.ndarray], np.ndarray]
 ) -> Snapshot:
     """Change every map of a snapshot into one on the cells of another terrain."""
+    changed = {name: change(grid) for name, grid in grids_of(snapshot).items()}
+    return replace(snapshot, terrain=terrain, **changed)  # type: ignore[arg-type]
+
+
+def grids_of(snapshot: Snapshot) -> dict[str, np.ndarray]:
+    """The maps of a snapshot that there are, by name."""
     grids = {name: getattr(snapshot, name) for name in GRIDS}
-    changed: dict[str, Any] = {
-        name: change(grid) for name, grid in grids.items() if grid is not None
-    }
-    return replace(snapshot, terrain=terrain, **changed)
+    return {name: grid for name, grid in grids.items() if grid is not None}
+
+
+def _mean(values: np.ndarray, total: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Mean of what is known of values, by a function that adds them up; NaN without any."""
+    known = np.isfinite(values)
+    weight, found = total(known.astype(float)), total(np.where(known, values, 0.0))
+    return np.where(weight > 0.0, found / np.where(weight > 0.0, weight, 1.0), np.nan)
 
 
 def _halves(side: int, factor: int) -> tuple[np.ndarray, np.ndarray]:

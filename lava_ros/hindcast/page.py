@@ -34,9 +34,11 @@ from lava_ros.maps.sheet import draw_sheet, Panel
 from lava_ros.pages.report.still import write_still
 from lava_ros.pages.runs import system_words
 from lava_ros.scene.lava import Lava
+from lava_ros.scene.materials import Material
 from lava_ros.simulation.snapshot import Snapshot
 
 _DAY = 86400.0
+
 
 def write_page(
     case: Case,
@@ -49,18 +51,17 @@ def write_page(
 ) -> None:
     """Write the page of a hindcast as one HTML file that includes the picture, a PNG.
 
-    Raises:
-        LavaError: The page cannot be written, or the picture cannot be read.
+    LavaError if the page cannot be written, or the picture cannot be read.
     """
+    material = case.material
+    assert material is not None
+    note = f'{material.name}: {material.title}. Constants that are not listed are off.'
+    run = ''.join(_row(name, value) for name, value in _run(case, settings, result).items())
     sections = (
-        f'<h2>Lava</h2>\n<p class="note">{escape(_material(case))}</p>\n<table>\n'
+        f'<h2>Lava</h2>\n<p class="note">{escape(note)}</p>\n<table>\n'
         '<thead><tr><th>constant</th><th>value</th><th>published</th><th>source</th></tr></thead>\n'
-        f'<tbody>{_constants(case)}</tbody></table>\n<h2>Run</h2>\n<table><tbody>'
-        + ''.join(
-            f'<tr><th scope="row">{escape(name)}</th><td>{escape(value)}</td></tr>'
-            for name, value in _run(case, settings, result).items()
-        )
-        + '</tbody></table>'
+        f'<tbody>{_constants(case, material)}</tbody></table>\n<h2>Run</h2>\n<table><tbody>'
+        f'{run}</tbody></table>'
     )
     write_still(
         output,
@@ -112,43 +113,35 @@ def warnings(case: Case, result: Result) -> list[str]:
     return said
 
 
-def _material(case: Case) -> str:
-    material = case.material
-    assert material is not None
-    return f'{material.name}: {material.title}. Constants that are not listed are off.'
-
-
-def _constants(case: Case) -> str:
+def _constants(case: Case, material: Material) -> str:
     """Rows of the constants that are in use: value, range and source of each."""
-    lava, usual = asdict(case.scene.lava), asdict(Lava())
-    material = case.material
-    assert material is not None
-    temperatures = sorted({vent.temperature for vent in case.scene.vents})
-    shown = ', '.join(f'{value:g}' for value in temperatures)
-    rows = [_row('vent_temperature', shown, material.vent_temperature, temperatures)]
-    for name, value in lava.items():
-        known = material.constants.get(name)
-        if known is not None or value != usual[name]:
-            text = f'{value:g}' if isinstance(value, float) else str(value)
-            rows.append(_row(name, text, known, [value]))
+    usual, rows = asdict(Lava()), []
+    used: dict[str, list[Any]] = {
+        'vent_temperature': sorted({vent.temperature for vent in case.scene.vents}),
+        **{name: [value] for name, value in asdict(case.scene.lava).items()},
+    }
+    published = {'vent_temperature': material.vent_temperature, **material.constants}
+    for name, values in used.items():
+        known, source, span = published.get(name), 'case.yaml', ''
+        if known is None and values == [usual[name]]:
+            continue
+        if known is not None:
+            is_own = any(value != known.value for value in values)
+            source = f'{source}, in place of {known.value}' if is_own else known.source
+            if known.range:
+                span = f'{known.range[0]:g} to {known.range[1]:g} ({known.range_source})'
+        shown = [f'{item:g}' if isinstance(item, float) else str(item) for item in values]
+        rows.append(_row(name, ', '.join(shown), span, source))
     return ''.join(rows)
 
 
-def _row(name: str, shown: str, known: Any, values: list[Any]) -> str:
-    if known is None or any(value != known.value for value in values):
-        source = 'case.yaml' + ('' if known is None else f', in place of {known.value}')
-    else:
-        source = known.source
-    span = ''
-    if known is not None and known.range:
-        span = f'{known.range[0]:g} to {known.range[1]:g} ({known.range_source})'
-    cells = ''.join(f'<td>{escape(item)}</td>' for item in (shown, span, source))
+def _row(name: str, *texts: str) -> str:
+    cells = ''.join(f'<td>{escape(text)}</td>' for text in texts)
     return f'<tr><th scope="row">{escape(name)}</th>{cells}</tr>'
 
 
 def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
-    snapshot, terrain = result.snapshot, case.scene.terrain
-    accuracy = result.accuracy
+    steps, terrain, accuracy = result.snapshot.steps, case.scene.terrain, result.accuracy
     cell = terrain.resolution * settings.coarseness(case)
     events = '; '.join(f'{item.time / _DAY:.2f} d: {item.text}' for item in case.events)
     return {
@@ -162,9 +155,9 @@ def _run(case: Case, settings: Settings, result: Result) -> Mapping[str, str]:
         f'{accuracy.thickness:.2g} m thick, kernel radius {accuracy.ratio:g} times that',
         'resolution': result.resolution.text(),
         'effects': ', '.join(result.effects),
-        'steps': f'{snapshot.steps.count} steps, {snapshot.steps.evaluations} evaluations, at '
-        f'most {result.most_particles} particles at once',
-        'volume': snapshot.budget.text(),
+        'steps': f'{steps.count} steps, {steps.evaluations} evaluations, at most '
+        f'{result.most_particles} particles at once',
+        'volume': result.snapshot.budget.text(),
         'wall time': f'{result.wall_time:.1f} s on {result.device}',
     }
 
@@ -175,11 +168,8 @@ NEITHER, HIT, MISS, FALSE_ALARM, UNKNOWN = 0, 1, 2, 3, NODATA_BYTE
 
 def comparison(snapshot: Snapshot, footprint: np.ndarray) -> np.ndarray:
     """Hits, misses and false alarms, uint8, shape [rows, columns]."""
-    covered = covered_by(snapshot)
-    codes = np.full(footprint.shape, NEITHER, np.uint8)
-    codes[covered & footprint] = HIT
-    codes[~covered & footprint] = MISS
-    codes[covered & ~footprint] = FALSE_ALARM
+    table = np.array([[NEITHER, MISS], [FALSE_ALARM, HIT]], np.uint8)
+    codes = table[covered_by(snapshot).astype(int), footprint.astype(int)]
     codes[~snapshot.terrain.has_data & ~footprint] = UNKNOWN
     return codes
 
@@ -187,16 +177,10 @@ def comparison(snapshot: Snapshot, footprint: np.ndarray) -> np.ndarray:
 def write_maps(
     case: Case, result: Result, folder: Path, several: Agreement | None = None
 ) -> list[Path]:
-    """Write the maps of a hindcast, north up, on the grid of its elevation.
+    """Write the maps of a hindcast, north up, on the grid of its elevation; return their paths.
 
-    ``several`` is the agreement of several runs; it adds a map of the share of them that covers
-    each cell.
-
-    Returns:
-        The paths of the files.
-
-    Raises:
-        LavaError: rasterio is not installed, or a file cannot be written.
+    ``several``, the agreement of several runs, adds a map of the share of them that covers each
+    cell. LavaError if rasterio is not installed, or a file cannot be written.
     """
     snapshot, terrain = result.snapshot, case.scene.terrain
     assert snapshot.arrived is not None
@@ -211,28 +195,25 @@ def write_maps(
     if several is not None:
         meaning = f'share of {len(several.scores)} runs whose lava came there'
         maps['runs'] = (several.share + dry, '1', meaning)
-    files = [
+    codes = comparison(snapshot, case.footprint)
+    maps['comparison'] = (codes, '1', '0: neither, 1: hit, 2: miss, 3: false alarm')
+    return [
         write_grid(folder / f'{name}.tif', values, terrain, unit=unit, meaning=meaning)
         for name, (values, unit, meaning) in maps.items()
     ]
-    meaning = '0: neither, 1: hit, 2: miss, 3: false alarm'
-    codes = comparison(snapshot, case.footprint)
-    path = folder / 'comparison.tif'
-    return [*files, write_grid(path, codes, terrain, unit='1', meaning=meaning)]
 
 
 def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path) -> None:
     """Draw hits, misses and false alarms of a flow at its end; the suffix chooses the format.
 
-    Raises:
-        LavaError: matplotlib is not installed, or the picture cannot be written.
+    LavaError if matplotlib is not installed, or the picture cannot be written.
     """
     codes = comparison(snapshot, case.footprint).astype(np.float64)
     codes[(codes < HIT) | (codes > FALSE_ALARM)] = np.nan
     cell = case.scene.terrain.resolution**2
     areas = {'hit': judged.hits, 'miss': judged.misses, 'false alarm': judged.false_alarms}
-    vents = case.scene.vents
-    fissures = [(vent.position, vent.end) for vent in vents if vent.end is not None]
+    fissures = [(item.position, item.end) for item in case.scene.vents if item.end is not None]
+    shares = [f'{name} {area_words(count * cell)}' for name, count in areas.items()]
     facts = {
         'mapped': f'{area_words(case.area)}, {case.volume / 1e6:.3g} million m³ in '
         f'{duration(case.duration)}',
@@ -245,11 +226,6 @@ def draw_comparison(case: Case, snapshot: Snapshot, judged: Score, output: Path)
         [Panel(frame_of(case.scene), 'comparison', codes, fissures=fissures)],
         output,
         title=case.title,
-        subtitle='  ·  '.join(
-            [
-                f'Jaccard {judged.jaccard:.3f}',
-                *(f'{name} {area_words(count * cell)}' for name, count in areas.items()),
-            ]
-        ),
+        subtitle='  ·  '.join([f'Jaccard {judged.jaccard:.3f}', *shares]),
         notes=facts,
     )

@@ -24,7 +24,7 @@ other.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -68,11 +68,14 @@ class Direction:
     def turn(self, case: Case) -> Case:
         """Turn ground, vents and footprint of a case; the map frame's origin stays a corner."""
         if self.mirror:
-            case = _changed(case, lambda x, y, width, _: (width - x, y), _mirror)
+            case = _changed(case, lambda x, y, width, _: (width - x, y), np.fliplr)
         else:
-            case = _changed(case, lambda x, y, *_: (x, y), np.ascontiguousarray)
+            case = _changed(case, lambda x, y, *_: (x, y), np.asarray)
         for _ in range(self.quarters % 4):
-            case = _changed(case, lambda x, y, _, height: (height - y, x), _quarter)
+            # row 0 is in the south: to numpy the picture is upside down, and turns the other way
+            case = _changed(
+                case, lambda x, y, _, height: (height - y, x), lambda grid: np.rot90(grid, -1)
+            )
         if self.moved:
             vents = _vents_at(case, lambda place: (place[0] + self.moved, place[1]))
             case = replace(case, scene=replace(case.scene, vents=vents))
@@ -81,7 +84,7 @@ class Direction:
     def restore(self, values: np.ndarray) -> np.ndarray:
         """Put a map of the turned case back, shape [rows, columns] of the case."""
         values = np.rot90(values, self.quarters)
-        return np.ascontiguousarray(_mirror(values) if self.mirror else values)
+        return np.ascontiguousarray(np.fliplr(values) if self.mirror else values)
 
 
 def directions(runs: int) -> list[Direction]:
@@ -107,13 +110,13 @@ class Agreement:
         found = np.array([item.jaccard for item in self.scores])
         return {
             'count': len(found),
-            'jaccard': [float(value) for value in found],
+            'jaccard': found.tolist(),
             'mean': float(found.mean()),
             'standard_deviation': float(found.std(ddof=1)) if len(found) > 1 else 0.0,
             'lowest': float(found.min()),
             'highest': float(found.max()),
             'length_error': [item.length_error for item in self.scores],
-            'majority': self.majority.as_dict(),
+            'majority': asdict(self.majority),
         }
 
 
@@ -125,17 +128,7 @@ def run_replicates(
     folder: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[Result]:
-    """Run a case in several directions, or resume an interrupted set of runs.
-
-    ``folder`` keeps the state that is needed to resume, None keeps nothing. ``progress`` is called
-    at each map with the share of the time that has been simulated.
-
-    Returns:
-        The result of each run, turned back onto the cells of the case.
-
-    Raises:
-        LavaError: A setting is not usable, or the folder is of another case or other settings.
-    """
+    """Run a case in several directions, as ``run_together`` does."""
     runs = validation.whole('--runs', runs, at_least=2, at_most=MOST)
     jobs = [(case, direction) for direction in directions(runs)]
     return run_together(jobs, settings, folder=folder, progress=progress)
@@ -148,7 +141,12 @@ def run_together(
     folder: Path | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> list[Result]:
-    """Run cases, each in a direction; arguments and result as those of ``run_replicates``."""
+    """Run cases, each in a direction, or resume an interrupted set of runs.
+
+    ``folder`` keeps the state that is needed to resume, None keeps nothing; LavaError if it is of
+    another case or other settings. ``progress`` is called at each map with the share of the time
+    that has been simulated. Results are turned back onto the cells of the case.
+    """
     shares = np.zeros(len(jobs))
     results: dict[int, Result] = {}
 
@@ -158,10 +156,9 @@ def run_together(
         same = replace(settings, spacing=settings.accuracy(case).spacing)
         run = Run(direction.turn(case), same, folder=kept)
         for snapshot in run.parts():
-            if snapshot is not None:
+            if snapshot is not None and progress is not None:
                 shares[number] = snapshot.time / case.duration
-                if progress is not None:
-                    progress(float(shares.mean()))
+                progress(float(shares.mean()))
             yield
         result = run.result()
         snapshot = regridded(result.snapshot, case.scene.terrain, direction.restore)
@@ -189,15 +186,10 @@ def _changed(
     def terrain(ground: Terrain) -> Terrain:
         return replace(ground, elevation=grid(ground.elevation))
 
-    scene = replace(
-        case.scene, terrain=terrain(case.scene.terrain), vents=_vents_at(case, place)
-    )
-    return replace(
-        case,
-        scene=scene,
-        footprint=grid(case.footprint),
-        events=tuple(replace(event, terrain=terrain(event.terrain)) for event in case.events),
-    )
+    events = tuple(replace(event, terrain=terrain(event.terrain)) for event in case.events)
+    ground = terrain(case.scene.terrain)
+    scene = replace(case.scene, terrain=ground, vents=_vents_at(case, place))
+    return replace(case, scene=scene, footprint=grid(case.footprint), events=events)
 
 
 def _vents_at(case: Case, place: Callable[[Place], Place]) -> tuple[Vent, ...]:
@@ -211,26 +203,12 @@ def _rounded(length: float) -> float:
     return round(length / _STEP) * _STEP
 
 
-def _quarter(values: np.ndarray) -> np.ndarray:
-    """Row 0 is in the south: to numpy the picture is upside down, and turns the other way."""
-    return np.ascontiguousarray(np.rot90(values, -1))
-
-
-def _mirror(values: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(values[:, ::-1])
-
-
 def agreement(case: Case, snapshots: Sequence[Snapshot]) -> Agreement:
-    """Compare runs with the mapped footprint of their case, each alone and combined.
-
-    ``snapshots`` are the final states of the runs, on the cells of the case.
-    """
-    share = np.mean([covered_by(snapshot) for snapshot in snapshots], axis=0)
+    """Compare the ends of runs, on the cells of their case, with its map, alone and combined."""
+    covered = [covered_by(snapshot) for snapshot in snapshots]
+    share = np.mean(covered, axis=0)
     mean = np.mean([np.nan_to_num(snapshot.thickness) for snapshot in snapshots], axis=0)
     thickness = np.where(share >= 0.5, mean, 0.0)
-    return Agreement(
-        scores=tuple(judge(case, item.thickness, covered_by(item)) for item in snapshots),
-        share=share,
-        thickness=thickness,
-        majority=judge(case, thickness, share >= 0.5),
-    )
+    pairs = zip(snapshots, covered, strict=True)
+    scores = tuple(judge(case, snapshot.thickness, cells) for snapshot, cells in pairs)
+    return Agreement(scores, share, thickness, judge(case, thickness, share >= 0.5))

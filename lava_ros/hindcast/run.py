@@ -16,12 +16,13 @@
 """Runs a case, map by map, and goes on where an earlier run was cut off."""
 
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 import hashlib
 import json
 from pathlib import Path
 import time as wall_clock
-from typing import Any
 
 import numpy as np
 
@@ -30,8 +31,8 @@ from lava_ros.errors import LavaError
 from lava_ros.files import replacing, write_output
 from lava_ros.files.npz import read_arrays
 from lava_ros.hindcast.case import Case
-from lava_ros.hindcast.coarse import coarsened, GRIDS, refined
-from lava_ros.scene import scene_to_dict
+from lava_ros.hindcast.coarse import coarsened, GRIDS, grids_of, refined
+from lava_ros.scene import scene_to_dict, Terrain
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
 from lava_ros.simulation.budget import VolumeBudget
@@ -78,12 +79,10 @@ class Settings:
 
     def accuracy(self, case: Case) -> Accuracy:
         """The accuracy of a case: the preset's, with longer steps, and deterministic."""
-        accuracy = replace(preset_accuracy(self.preset), spacing=self.spacing)
-        courant = accuracy.courant_number
-        if courant == Accuracy().courant_number:
-            courant = self.courant
         # a flow that forks goes the same way again, on a GPU too
-        accuracy = replace(accuracy, courant_number=courant, deterministic=True)
+        accuracy = replace(preset_accuracy(self.preset), spacing=self.spacing, deterministic=True)
+        if accuracy.courant_number == Accuracy().courant_number:
+            accuracy = replace(accuracy, courant_number=self.courant)
         return resolved_accuracy(accuracy, case.scene, horizon=case.duration)
 
     def coarseness(self, case: Case) -> int:
@@ -122,16 +121,14 @@ class Run:
             LavaError: A setting is not usable, or the folder is of another case or other settings.
         """
         validation.number('--maps', settings.maps, at_least=1, at_most=10_000)
-        self.case, self.settings = case, settings
+        self.case, self.settings, self._folder = case, settings, folder
         self._coarseness = settings.coarseness(case)
-        self._folder = folder
-        self._simulation: Simulation | None = None
         self._peak = np.zeros(case.scene.terrain.shape, np.float32)
         self._wall_time = 0.0
         self._most_particles = self._maps = self._done_events = 0
         self.is_resumed = folder is not None and (folder / 'run.json').is_file()
         if folder is not None and self.is_resumed:
-            self._go_on(folder)
+            self._simulation = self._resumed(folder)
 
     def snapshots(self) -> Iterator[tuple[float, Snapshot | None]]:
         """Simulate.
@@ -143,7 +140,7 @@ class Run:
         for snapshot in self.parts():
             if snapshot is None and wall_clock.monotonic() < looked + LOOK:
                 continue
-            yield self._prepared().time / self.case.duration, snapshot
+            yield self._simulation.time / self.case.duration, snapshot
             looked = wall_clock.monotonic()
 
     def parts(self) -> Iterator[Snapshot | None]:
@@ -152,35 +149,30 @@ class Run:
         Yields:
             A snapshot at each map, None after the other parts.
         """
-        case, duration = self.case, self.case.duration
-        simulation = self._prepared()
-        maps = self.settings.maps
-        times = [duration * (index + 1) / maps for index in range(maps)]
+        case, maps = self.case, self.settings.maps
+        times = [case.duration * (index + 1) / maps for index in range(maps)]
         for time in times[self._maps :]:
-            changes = [
-                (event.time - case.start, event) for event in case.events[self._done_events :]
-            ]
-            for when, event in [item for item in changes if item[0] < time]:
-                yield from self._advancing(simulation, max(when, 0.0))
-                simulation.set_terrain(coarsened(event.terrain, self._coarseness))
-                self._done_events += 1
-            yield from self._advancing(simulation, time)
-            started = wall_clock.monotonic()
-            snapshot = self._snapshot(simulation)
-            flaw = snapshot.flaw()
-            if flaw:
-                raise LavaError('the simulated flow', flaw, 'finite numbers')
-            self._add(snapshot)
-            self._wall_time += wall_clock.monotonic() - started
+            for event in case.events[self._done_events :]:
+                if event.time - case.start < time:
+                    yield from self._advancing(max(event.time - case.start, 0.0))
+                    self._simulation.set_terrain(coarsened(event.terrain, self._coarseness))
+                    self._done_events += 1
+            yield from self._advancing(time)
+            with self._timed():
+                snapshot = self._snapshot()
+                flaw = snapshot.flaw()
+                if flaw:
+                    raise LavaError('the simulated flow', flaw, 'finite numbers')
+                self._add(snapshot)
             if self._folder is not None:
-                self._keep(self._folder, simulation, snapshot)
+                self._keep(self._folder, snapshot)
             yield snapshot
 
     def result(self) -> Result:
         """The result so far."""
-        simulation = self._prepared()
+        simulation = self._simulation
         return Result(
-            snapshot=self._snapshot(simulation),
+            snapshot=self._snapshot(),
             peak=self._peak,
             wall_time=self._wall_time,
             most_particles=self._most_particles,
@@ -192,25 +184,30 @@ class Run:
 
     def kept(self) -> list[Snapshot]:
         """The snapshots that were kept in the folder, by time."""
-        assert self._folder is not None
-        return list(self._read_maps(self._folder, self._maps))
+        folder, terrain = self._folder, self.case.scene.terrain
+        assert folder is not None
+        return [_read(folder / f'map_{index:04d}.npz', terrain) for index in range(self._maps)]
 
-    def _read_maps(self, folder: Path, count: int) -> Iterator[Snapshot]:
-        for index in range(count):
-            yield _read(folder / f'map_{index:04d}.npz', self.case.scene.terrain)
+    @contextmanager
+    def _timed(self) -> Iterator[None]:
+        started = wall_clock.monotonic()
+        yield
+        self._wall_time += wall_clock.monotonic() - started
 
     def _add(self, snapshot: Snapshot) -> None:
         np.maximum(self._peak, np.nan_to_num(snapshot.thickness), out=self._peak)
         self._maps += 1
 
-    def _snapshot(self, simulation: Simulation) -> Snapshot:
-        return refined(simulation.snapshot(), self.case.scene.terrain, self._coarseness)
+    def _snapshot(self) -> Snapshot:
+        snapshot = self._simulation.snapshot()
+        return refined(snapshot, self.case.scene.terrain, self._coarseness)
 
-    def _prepared(self) -> Simulation:
-        if self._simulation is None:
-            started = wall_clock.monotonic()
-            scene = self.case.scene
-            self._simulation = Simulation(
+    @cached_property
+    def _simulation(self) -> Simulation:
+        # only when it is needed: it may have to be compiled first
+        scene = self.case.scene
+        with self._timed():
+            return Simulation(
                 replace(scene, terrain=coarsened(scene.terrain, self._coarseness)),
                 effects={**FORCED, **self.settings.forced},
                 accuracy=self.settings.accuracy(self.case),
@@ -218,11 +215,9 @@ class Run:
                 horizon=self.case.duration,
                 notes_arrival=True,
             )
-            self._wall_time += wall_clock.monotonic() - started
-        return self._simulation
 
-    def _advancing(self, simulation: Simulation, until: float) -> Iterator[None]:
-        started = wall_clock.monotonic()
+    def _advancing(self, until: float) -> Iterator[None]:
+        simulation, started = self._simulation, wall_clock.monotonic()
         for _ in simulation.advancing(until):
             self._wall_time += wall_clock.monotonic() - started
             yield
@@ -247,86 +242,79 @@ class Run:
         digest.update(json.dumps(plain, sort_keys=True).encode())
         return digest.hexdigest()
 
-    def _keep(self, folder: Path, simulation: Simulation, snapshot: Snapshot) -> None:
+    def _keep(self, folder: Path, snapshot: Snapshot) -> None:
         """Write what is needed to go on; the last file to be replaced makes it count."""
+        plain = {
+            'identity': self._identity(),
+            'maps': self._maps,
+            'events': self._done_events,
+            'wall_time': self._wall_time,
+            'most_particles': self._most_particles,
+        }
         try:
             folder.mkdir(parents=True, exist_ok=True)
             _write(folder / f'map_{self._maps - 1:04d}.npz', snapshot)
-            name = f'checkpoint_{self._maps:04d}'
-            write_output('output', folder / name, simulation.checkpoint().to_bytes())
-            plain = {
-                'identity': self._identity(),
-                'maps': self._maps,
-                'events': self._done_events,
-                'wall_time': self._wall_time,
-                'most_particles': self._most_particles,
-            }
+            checkpoint = self._simulation.checkpoint().to_bytes()
+            write_output('output', folder / f'checkpoint_{self._maps:04d}', checkpoint)
             write_output('output', folder / 'run.json', json.dumps(plain))
             (folder / f'checkpoint_{self._maps - 1:04d}').unlink(missing_ok=True)
         except OSError as error:
             raise LavaError('output', str(folder), f'a folder to write to ({error})') from error
 
-    def _go_on(self, folder: Path) -> None:
+    def _resumed(self, folder: Path) -> Simulation:
         try:
             plain = json.loads((folder / 'run.json').read_text(encoding='utf-8'))
             if plain['identity'] != self._identity():
                 right = 'a folder without an unfinished run of another case or of other settings; '
                 right += '--fresh starts anew'
                 raise LavaError('output', str(folder.parent), right)
-            maps = int(plain['maps'])
-            checkpoint = from_bytes((folder / f'checkpoint_{maps:04d}').read_bytes())
+            self._maps = int(plain['maps'])
+            checkpoint = from_bytes((folder / f'checkpoint_{self._maps:04d}').read_bytes())
+        except LavaError:
+            raise
         except (OSError, KeyError, ValueError) as error:
-            if isinstance(error, LavaError):
-                raise
             right = f'a complete unfinished run; --fresh starts anew ({error})'
             raise LavaError('output', str(folder), right) from error
+        for snapshot in self.kept():
+            np.maximum(self._peak, np.nan_to_num(snapshot.thickness), out=self._peak)
         self._wall_time = float(plain['wall_time'])
         self._most_particles = int(plain['most_particles'])
-        for snapshot in self._read_maps(folder, maps):
-            self._add(snapshot)
         self._done_events = int(plain['events'])
-        self._simulation = Simulation.resume(checkpoint, device=self.settings.device)
+        return Simulation.resume(checkpoint, device=self.settings.device)
 
 
 def simulate(case: Case, settings: Settings) -> Result:
     """Run a case to its end, and keep nothing."""
     run = Run(case, replace(settings, maps=1))
-    for _ in run.snapshots():
+    for _ in run.parts():
         pass
     return run.result()
 
 
 def _write(path: Path, snapshot: Snapshot) -> None:
-    grids = {name: getattr(snapshot, name) for name in GRIDS}
-    plain: dict[str, Any] = {
+    plain = {
         'time': snapshot.time,
         'budget': asdict(snapshot.budget),
         'steps': asdict(snapshot.steps),
         'particle_count': snapshot.particle_count,
     }
     with replacing(path) as partial:
-        np.savez_compressed(
-            partial,
-            plain=np.frombuffer(json.dumps(plain).encode(), np.uint8),
-            **{name: grid for name, grid in grids.items() if grid is not None},
-        )
+        data = np.frombuffer(json.dumps(plain).encode(), np.uint8)
+        np.savez_compressed(partial, plain=data, **grids_of(snapshot))  # type: ignore[arg-type]
 
 
-def _read(path: Path, terrain: Any) -> Snapshot:
+def _read(path: Path, terrain: Terrain) -> Snapshot:
     try:
         arrays = read_arrays('output', path)
         plain = json.loads(arrays['plain'].tobytes())
         return Snapshot(
             time=plain['time'],
             terrain=terrain,
-            thickness=arrays['thickness'],
-            temperature=arrays['temperature'],
             budget=VolumeBudget(**plain['budget']),
             particle_count=plain['particle_count'],
             steps=StepReport(**plain['steps']),
-            frozen=arrays.get('frozen'),
-            arrived=arrays.get('arrived'),
+            **{name: arrays[name] for name in GRIDS if name in arrays},
         )
-    except (OSError, KeyError, ValueError) as error:
+    except (OSError, KeyError, TypeError, ValueError) as error:
         right = f'a map of an earlier run; --fresh starts anew ({error})'
         raise LavaError('output', str(path), right) from error

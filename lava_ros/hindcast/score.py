@@ -19,9 +19,8 @@ Every number is the same when map and flow are turned by 90 degrees or mirrored.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 import math
-from typing import Any
 
 import numpy as np
 
@@ -30,10 +29,7 @@ from lava_ros.hindcast.case import Case
 from lava_ros.simulation.snapshot import Snapshot
 
 #: Steps to the 16 neighbours that a path may take: its length is then right to 2.7 %.
-_STEPS = tuple(
-    (row, column)
-    for row, column in ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
-)
+_STEPS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (2, -1), (1, -2))
 
 
 @dataclass(frozen=True)
@@ -44,7 +40,8 @@ class Score:
     literature; ``recall`` is the share of the mapped cells that the simulation covers,
     ``precision`` that of the simulated cells that are mapped. Lengths are those of the longest way
     from a vent along a flow [m]. Thicknesses are of what the simulation covers [m];
-    ``mapped_thickness`` is the volume that came out over the mapped area.
+    ``mapped_thickness`` is the volume that came out over the mapped area. Errors are relative,
+    positive where the simulated flow is too long or too large.
     """
 
     jaccard: float
@@ -63,21 +60,8 @@ class Score:
     median_thickness: float
     thickest: float
     mapped_thickness: float
-
-    @property
-    def length_error(self) -> float:
-        """Relative error of the length; positive: too long."""
-        return self.length / self.mapped_length - 1.0 if self.mapped_length else math.nan
-
-    @property
-    def area_error(self) -> float:
-        """Relative error of the area; positive: too large."""
-        return self.area / self.mapped_area - 1.0
-
-    def as_dict(self) -> dict[str, Any]:
-        """All numbers by name."""
-        errors = {'length_error': self.length_error, 'area_error': self.area_error}
-        return {**asdict(self), **errors}
+    length_error: float
+    area_error: float
 
 
 def covered_by(snapshot: Snapshot) -> np.ndarray:
@@ -102,12 +86,12 @@ def score(
     ``vents`` are rows and columns; the emitted volume is in m3.
     """
     thickness = np.nan_to_num(thickness)
+    layer, cell = thickness[covered], resolution**2
     hits = int((covered & footprint).sum())
     mapped, simulated = int(footprint.sum()), int(covered.sum())
-    cell = resolution**2
-    layer = thickness[covered]
     jaccard = hits / (mapped + simulated - hits) if mapped + simulated else 0.0
     ways = distances(covered | footprint, vents) * resolution
+    length, mapped_length = _longest(ways, covered), _longest(ways, footprint)
     return Score(
         jaccard=jaccard,
         recall=hits / mapped if mapped else 0.0,
@@ -118,25 +102,22 @@ def score(
         false_alarms=simulated - hits,
         area=simulated * cell,
         mapped_area=mapped * cell,
-        length=_longest(ways, covered),
-        mapped_length=_longest(ways, footprint),
+        length=length,
+        mapped_length=mapped_length,
         volume=float(thickness.sum()) * cell,
         mean_thickness=float(layer.mean()) if simulated else 0.0,
         median_thickness=float(np.median(layer)) if simulated else 0.0,
         thickest=float(layer.max()) if simulated else 0.0,
         mapped_thickness=emitted / (mapped * cell) if mapped else math.nan,
+        length_error=length / mapped_length - 1.0 if mapped_length else math.nan,
+        area_error=simulated * cell / (mapped * cell) - 1.0 if mapped else math.nan,
     )
 
 
 def judge(case: Case, thickness: np.ndarray, covered: np.ndarray) -> Score:
-    """Compare a flow with the map of its case.
-
-    ``thickness`` [m] and ``covered`` (bool) are as in ``score``, shape [rows, columns] of the
-    case.
-    """
+    """Compare a flow, as in ``score`` but on the cells of a case, with its map."""
     terrain = case.scene.terrain
-    places = [vent.position for vent in case.scene.vents]
-    places += [vent.end for vent in case.scene.vents if vent.end is not None]
+    places = [place for vent in case.scene.vents for place in (vent.position, vent.end) if place]
     cells = [terrain.cell_at(*place) for place in places]
     return score(
         thickness,
@@ -149,18 +130,14 @@ def judge(case: Case, thickness: np.ndarray, covered: np.ndarray) -> Score:
 
 
 def _longest(ways: np.ndarray, mask: np.ndarray) -> float:
-    lengths = ways[mask & np.isfinite(ways)]
-    return float(lengths.max()) if lengths.size else 0.0
+    return float(np.max(ways, where=mask & np.isfinite(ways), initial=0.0))
 
 
 def distances(mask: np.ndarray, sources: Sequence[tuple[int, int]]) -> np.ndarray:
-    """Length of the shortest way over the cells of a mask, in cells.
+    """Length of the shortest way over the cells of a mask, in cells; infinite off the mask.
 
-    A source off the mask starts from the nearest of its cells; parts of the mask that no source
-    is connected to are reached in a straight line. ``sources`` are rows and columns.
-
-    Returns:
-        Distances, float64, shape of the mask [rows, columns]; infinite off it.
+    A source, row and column, off the mask starts from the nearest of its cells; parts of the mask
+    that no source is connected to are reached in a straight line.
     """
     require('scipy.sparse', 'the length of the flow')
     from scipy.sparse import coo_matrix
@@ -170,12 +147,14 @@ def distances(mask: np.ndarray, sources: Sequence[tuple[int, int]]) -> np.ndarra
     cells = np.argwhere(mask)
     if not len(cells) or not len(sources):
         return result
-    numbers = np.full(mask.shape, -1)
-    numbers[mask] = np.arange(len(cells))
+    # with a border, so that steps over the edge of the mask lead to no cell
+    numbers = np.full(np.add(mask.shape, 4), -1)
+    numbers[tuple(cells.T + 2)] = np.arange(len(cells))
     pairs = []
     for step in _STEPS:
-        here, there = _pairs(numbers, step)
-        pairs.append((here, there, np.full(len(here), math.hypot(*step))))
+        there = numbers[tuple((cells + step).T + 2)]
+        here = np.flatnonzero(there >= 0)
+        pairs.append((here, there[here], np.full(here.size, math.hypot(*step))))
     here, there, lengths = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
     graph = coo_matrix((lengths, (here, there)), shape=(len(cells), len(cells))).tocsr()
     straight = np.stack([np.hypot(*(cells - source).T) for source in sources])
@@ -185,13 +164,3 @@ def distances(mask: np.ndarray, sources: Sequence[tuple[int, int]]) -> np.ndarra
     nearest = ways.min(axis=0)
     result[mask] = np.where(np.isfinite(nearest), nearest, straight.min(axis=0))
     return result
-
-
-def _pairs(numbers: np.ndarray, step: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the cells of a mask that are a step apart."""
-    rows, columns = numbers.shape
-    down, right = step
-    first = numbers[: rows - down, max(0, -right) : columns - max(0, right)]
-    second = numbers[down:, max(0, right) : columns - max(0, -right)]
-    both = (first >= 0) & (second >= 0)
-    return first[both], second[both]

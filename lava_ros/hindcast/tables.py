@@ -12,8 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""The tables of a case, and whether its files go together.
 
-"""The tables of a case: where the vents are, and what came out of them when."""
+The tables say where the vents are, and what came out of them when. What nature does not do is a
+mistake in a file.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,10 +24,12 @@ from itertools import pairwise
 import math
 from pathlib import Path
 
+import numpy as np
+
 from lava_ros import validation
 from lava_ros.errors import LavaError
 from lava_ros.files.csv import read_table
-from lava_ros.scene import MAX_DISCHARGE
+from lava_ros.scene import MAX_DISCHARGE, Terrain
 
 #: Columns of ``effusion_rate.csv``.
 RATE_COLUMNS = ('start_s', 'end_s', 'discharge_m3_per_s')
@@ -33,8 +38,33 @@ RATE_COLUMNS = ('start_s', 'end_s', 'discharge_m3_per_s')
 VENT_COLUMNS = ('x', 'y')
 MORE_VENT_COLUMNS = ('name', 'x_end', 'y_end', 'start_s', 'end_s', 'share')
 
+#: A discharge as (time [s], flux [m3/s]) pairs of increasing time; each holds until the next.
+Series = tuple[tuple[float, float], ...]
+
+#: Lowest and highest ground on Earth [m], with room to spare.
+LOWEST, HIGHEST = -450.0, 9000.0
+
+#: Median slope of a terrain (rise over run) above which its heights are not in metres.
+STEEPEST = 3.0
+
+#: Mean thickness of the lava on what it covered that any eruption has had [m], with room to
+#: spare: thin sheets of Kilauea and Nyiragongo have 0.3 m, domes have tens.
+THINNEST, THICKEST = 0.1, 100.0
+
+#: Cells that a vent may be from the footprint without anybody being asked about it.
+NEAR = 10.0
+
+#: Distance of the vents over the footprint's size from which on they do not belong together.
+FAR = 0.5
+
 #: Share of an interval that two of them may overlap by, for rounding.
 _OVERLAP = 1e-6
+
+#: Times nearer that the footprint has to be when it is turned over.
+_NEARER = 3.0
+
+#: Height above all vents that lava may reach by its own thickness, out of a pit [m].
+_CLIMB = 10.0
 
 
 @dataclass(frozen=True)
@@ -72,16 +102,11 @@ class VentRow:
 
 
 def read_rates(path: Path) -> tuple[Interval, ...]:
-    """Read ``effusion_rate.csv``.
-
-    Raises:
-        LavaError: It is missing or empty, a number is not usable, or times are not in order.
-    """
+    """Read ``effusion_rate.csv``; LavaError for values or an order that are not usable."""
     intervals: list[Interval] = []
     for where, row in read_table('case', path, RATE_COLUMNS, ()):
         start, end, discharge = (_number(where, row, name) for name in RATE_COLUMNS)
-        if end <= start:
-            raise LavaError(f'{where}, end_s', end, f'a time after its start, {start:g} s')
+        _check_end(where, start, end)
         if intervals and start < intervals[-1].end - _OVERLAP * (end - start):
             right = f'at least {intervals[-1].end:g} s, where the row before ends'
             raise LavaError(f'{where}, start_s', start, right)
@@ -95,22 +120,18 @@ def read_rates(path: Path) -> tuple[Interval, ...]:
 
 
 def read_vents(path: Path) -> tuple[VentRow, ...]:
-    """Read ``vent.csv``.
-
-    Raises:
-        LavaError: It is missing or empty, or a value is not usable.
-    """
+    """Read ``vent.csv``; LavaError for values that are not usable."""
     vents = []
     rows = read_table('case', path, VENT_COLUMNS, MORE_VENT_COLUMNS)
     for index, (where, row) in enumerate(rows):
         end_x, end_y = row.get('x_end', ''), row.get('y_end', '')
         if bool(end_x) != bool(end_y):
             raise LavaError(f'{where}, x_end and y_end', (end_x, end_y), 'both or neither')
-        opens = _number(where, row, 'start_s') if row.get('start_s') else -math.inf
-        closes = _number(where, row, 'end_s') if row.get('end_s') else math.inf
-        if closes <= opens:
-            raise LavaError(f'{where}, end_s', closes, f'a time after its start, {opens:g} s')
-        share = _number(where, row, 'share') if row.get('share') else 1.0
+        opens, closes, share = (
+            _number(where, row, name) if row.get(name) else usual
+            for name, usual in (('start_s', -math.inf), ('end_s', math.inf), ('share', 1.0))
+        )
+        _check_end(where, opens, closes)
         vents.append(
             VentRow(
                 row.get('name') or f'vent {index}',
@@ -124,33 +145,21 @@ def read_vents(path: Path) -> tuple[VentRow, ...]:
     return tuple(vents)
 
 
-def series_of(
-    vents: tuple[VentRow, ...], rates: tuple[Interval, ...]
-) -> list[tuple[tuple[float, float], ...]]:
-    """Divide the discharge among the vents that are open.
-
-    Returns:
-        For each vent (time [s], flux [m3/s]) pairs of increasing time; each flux holds until the
-        next.
-
-    Raises:
-        LavaError: No vent is open while lava comes out.
-    """
-    times = {time for item in rates for time in (item.start, item.end)}
-    times |= {time for vent in vents for time in (vent.start, vent.end) if math.isfinite(time)}
+def series_of(vents: tuple[VentRow, ...], rates: tuple[Interval, ...]) -> list[Series]:
+    """Divide the discharge among the vents that are open; LavaError where none is."""
+    spans = [(item.start, item.end) for item in rates]
+    spans += [(vent.start, vent.end) for vent in vents]
     result: list[list[tuple[float, float]]] = [[] for _ in vents]
     row = 0
     has_shares = any(vent.discharge is None for vent in vents)
-    for time in sorted(times):
+    for time in sorted({time for span in spans for time in span if math.isfinite(time)}):
         # rows end one after the other
         while row < len(rates) and rates[row].end <= time:
             row += 1
         is_on = row < len(rates) and rates[row].start <= time
         discharge = rates[row].discharge if is_on else 0.0
-        is_open = [
-            vent.start <= time < vent.end and rates[0].start <= time < rates[-1].end
-            for vent in vents
-        ]
+        is_erupting = rates[0].start <= time < rates[-1].end
+        is_open = [is_erupting and vent.start <= time < vent.end for vent in vents]
         shares = [
             vent.share if vent.discharge is None and now else 0.0
             for vent, now in zip(vents, is_open, strict=True)
@@ -167,12 +176,106 @@ def series_of(
     return [tuple(series) for series in result]
 
 
-def volume_of(vents: Sequence[Sequence[tuple[float, float]]]) -> float:
-    """Volume [m3] of all that ``series_of`` gives; each series ends with 0."""
-    return sum(
+def check_elevation(ground: Terrain) -> None:
+    """Refuse heights that are out of what there is on Earth, or not in metres."""
+    low, high = float(np.nanmin(ground.elevation)), float(np.nanmax(ground.elevation))
+    if low < LOWEST or high > HIGHEST:
+        wrong = low if low < LOWEST else high
+        right = f'{LOWEST:g} to {HIGHEST:g} m; a cell without data has the value that the header '
+        raise LavaError('a height of the elevation', wrong, right + 'calls NODATA_value')
+    rise = np.abs(np.diff(ground.elevation, axis=1)) / ground.resolution
+    rise = rise[np.isfinite(rise)]
+    slope = float(np.median(rise)) if rise.size else 0.0
+    if slope > STEEPEST:
+        right = f'at most {STEEPEST:g}: heights and cells both in metres'
+        raise LavaError("the elevation's median slope", round(slope, 2), right)
+
+
+def check_places(vents: Sequence[VentRow], ground: Terrain, footprint: np.ndarray) -> None:
+    """Refuse vents off the ground, grids whose rows are in the wrong order, other eruptions.
+
+    Lava begins at its vents and goes down. A footprint that does so only when it is turned over
+    is upside down; so is an elevation on which it all lies above its vents.
+    """
+    found = []
+    for name, place in ((vent.name, place) for vent in vents for place in vent.places):
+        cell = ground.cell_at(*ground.to_map(*place))
+        if cell is None:
+            right = f'a place {ground.bounds(projected=True)}'
+            raise LavaError(f'{name!r} of vent.csv', place, right + _other_system(place, ground))
+        if not ground.has_data[cell]:
+            right = 'a place where the elevation has data: this cell has none'
+            raise LavaError(f'{name!r} of vent.csv', place, right)
+        found.append(cell)
+    distance, turned = _distance(found, footprint), _distance(found, footprint[::-1])
+    shown = f'{distance * ground.resolution:.0f} m from the nearest vent'
+    if distance > NEAR and turned < distance / _NEARER:
+        right = f'near it; with its rows in the opposite order it is {turned:.0f} cells away: '
+        raise LavaError('the footprint', shown, right + 'its rows seem to be upside down')
+    size = math.hypot(*(np.ptp(np.argwhere(footprint), axis=0) + 1))
+    if distance > max(NEAR, FAR * size):
+        right = 'near it: vents and footprint are not of the same eruption'
+        raise LavaError('the footprint', shown, right)
+    top = max(ground.elevation[cell] for cell in found)
+    heights = ground.elevation[footprint & ground.has_data]
+    if not heights.size:
+        raise LavaError('the elevation', 'no data under the footprint', 'data there')
+    above = float((heights > top + _CLIMB).mean())
+    if above > 0.5:
+        right = 'below them: lava does not flow up; the elevation, on which the highest vent is '
+        right += f'at {top:.0f} m and the lava at {np.median(heights):.0f} m, seems to be '
+        shown = f'{100 * above:.0f} % above all vents'
+        raise LavaError('the footprint', shown, right + 'upside down')
+
+
+def check_discharge(vents: Sequence[Series], area: float) -> None:
+    """Refuse a discharge in the wrong unit: lava on an area [m2] too thin or too thick.
+
+    ``vents`` is what ``series_of`` gives; each series ends with 0.
+    """
+    volume = sum(
         flux * (end - start) for series in vents for (start, flux), (end, _) in pairwise(series)
     )
+    thickness = volume / area
+    if not THINNEST <= thickness <= THICKEST:
+        too = 'little' if thickness < THINNEST else 'much'
+        raise LavaError(
+            'the mean thickness of the lava',
+            f'{thickness:.3g} m',
+            f'{THINNEST:g} to {THICKEST:g} m: effusion_rate.csv gives {volume:.3g} m3, too {too} '
+            f'for the {area:.3g} m2 of the footprint; is discharge_m3_per_s in m3/s, and are '
+            'start_s and end_s in s?',
+        )
 
 
 def _number(where: str, row: dict[str, str], name: str) -> float:
     return validation.number(f'{where}, {name}', row[name])
+
+
+def _check_end(where: str, start: float, end: float) -> None:
+    if end <= start:
+        raise LavaError(f'{where}, end_s', end, f'a time after its start, {start:g} s')
+
+
+def _distance(cells: Sequence[tuple[int, int]], footprint: np.ndarray) -> float:
+    """Distance of the nearest vent from the footprint, in cells."""
+    covered = np.argwhere(footprint)
+    return min(float(np.hypot(*(covered - cell).T).min()) for cell in cells)
+
+
+def _other_system(place: tuple[float, float], ground: Terrain) -> str:
+    """What may be wrong with a place that is far away."""
+    x, y = ground.to_map(*place)
+    x0, y0, x1, y1 = ground.extent
+    if is_degrees(place) and sum(map(abs, ground.offset)) > 1e3:
+        right = ': these are degrees of another place (longitude comes first), or the elevation '
+        return right + 'has no coordinate system (epsg in case.yaml)'
+    away = math.hypot(x - 0.5 * (x0 + x1), y - 0.5 * (y0 + y1))
+    if away > 10.0 * max(x1 - x0, y1 - y0):
+        return ': these are coordinates of another system, or another place'
+    return ''
+
+
+def is_degrees(place: tuple[float, float]) -> bool:
+    """Whether a place can be longitude and latitude."""
+    return abs(place[0]) <= 180.0 and abs(place[1]) <= 90.0

@@ -18,6 +18,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 import math
+from typing import Any
 
 from lava_ros import validation
 from lava_ros.errors import LavaError
@@ -81,111 +82,82 @@ def unknowns_of(
 ) -> tuple[Unknown, ...]:
     """The unknowns of a case: those in ``names``, or all with a published range.
 
-    ``ranges`` adds unknowns by name, and replaces published ranges.
-
-    Raises:
-        LavaError: A name is unknown, an unknown has no range, or there is no unknown at all.
+    ``ranges`` adds unknowns by name, and replaces published ranges. LavaError if a name is
+    unknown, an unknown has no range, or there is no unknown at all.
     """
-    ranges = dict(ranges or {})
-    chosen = tuple(dict.fromkeys((*names, *ranges)))
+    ranges, published, result = ranges or {}, _published(case), []
+    chosen = [*names, *ranges]
     for name in chosen:
         validation.choice('--unknown', name, UNITS)
     if not names:
-        chosen = tuple(dict.fromkeys((*_known(case), *chosen)))
+        # how well the discharge is known is said of no material
+        chosen = [*(name for name in published if name != 'discharge'), *chosen]
     if not chosen:
         raise LavaError('--unknown', [], 'at least one: the material has no published ranges')
-    return tuple(_unknown(case, name, ranges) for name in chosen)
+    for name in dict.fromkeys(chosen):
+        span, source = ranges.get(name), 'given by the user'
+        if span is None and name in published:
+            span, source = published[name].range, published[name].range_source
+        if span is None:
+            right = f'a range ({name}=LOW:HIGH): none has been published for this material'
+            raise LavaError('--unknown', name, right)
+        is_log = name in _LOGARITHMIC
+        low = validation.number(f'{name}, lowest', span[0], at_least=0.0)
+        high = validation.number(f'{name}, highest', span[1], above=low)
+        if is_log:
+            validation.number(f'{name}, lowest', low, above=0.0)
+        result.append(Unknown(name, UNITS[name], low, high, _usual(case, name), source, is_log))
+    return tuple(result)
 
 
 def changed(case: Case, values: Mapping[str, float]) -> Case:
     """A case with values for unknowns."""
-    for name in UNITS:
-        if name in values:
-            case = _with(case, name, values[name])
+    for name in filter(values.__contains__, UNITS):
+        value, lava = values[name], case.scene.lava
+        if name == 'discharge':
+            case = case.with_lava({}, discharge=value)
+        elif name == 'vent_temperature':
+            case = case.with_lava({}, temperature=value)
+        elif name == 'viscosity' and lava.is_vft:
+            # the law is shifted so that lava has this viscosity at the vent
+            case = case.with_lava({'vft_a': lava.vft_a + math.log10(value / _usual(case, name))})
+        else:
+            case = case.with_lava({name: value})
     return case
-
-
-def _with(case: Case, name: str, value: float) -> Case:
-    lava = case.scene.lava
-    if name == 'discharge':
-        return case.with_lava({}, discharge=value)
-    if name == 'vent_temperature':
-        return case.with_lava({}, temperature=value)
-    if name == 'viscosity' and lava.is_vft:
-        # the law is shifted so that lava has this viscosity at the vent
-        return case.with_lava({'vft_a': lava.vft_a + math.log10(value / _usual(case, name))})
-    return case.with_lava({name: value})
 
 
 def published_uncertainty(case: Case) -> Uncertainty:
     """What is uncertain about a case that does not say so itself: all that has published ranges.
 
-    Each value in a range is as likely, or its logarithm where it is searched by that.
-
-    Raises:
-        LavaError: A constant of the case is beyond what can be a factor.
+    Each value in a range is as likely, or its logarithm where it is searched by that. LavaError if
+    a constant of the case is beyond what can be a factor.
     """
-    found: dict[str, Distribution] = {}
-    constants: dict[str, Distribution] = {}
-    for item in unknowns_of(case, ('discharge', *_known(case))):
-        low, high = item.low, item.high
-        if item.name in FACTORS and not item.usual:
-            continue  # what the case has none of stays none
-        if item.name == 'vent_temperature':
-            low, high = low - item.usual, high - item.usual
-        elif item.name in FACTORS:
-            low, high = low / item.usual, high / item.usual
-        spread = Distribution('loguniform' if item.is_log else 'uniform', (low, high))
-        if item.name in (*FACTORS, 'vent_temperature'):
-            found[item.name.removeprefix('vent_')] = spread
+    found: dict[str, Any] = {'constants': {}}
+    for item in unknowns_of(case, tuple(_published(case))):
+        name, usual, span, place = item.name, item.usual, (item.low, item.high), found
+        if name == 'vent_temperature':
+            name, span = 'temperature', (item.low - usual, item.high - usual)
+        elif name not in FACTORS:
+            place = found['constants']
+        elif usual:
+            span = (item.low / usual, item.high / usual)
         else:
-            constants[item.name] = spread
-    return Uncertainty(**found, constants=constants)  # type: ignore[arg-type]
+            continue  # what the case has none of stays none
+        place[name] = Distribution('loguniform' if item.is_log else 'uniform', span)
+    return Uncertainty(**found)
 
 
-def _known(case: Case) -> tuple[str, ...]:
-    """The constants of the case's material with a published range."""
-    return tuple(name for name in UNITS if name != 'discharge' and _published(case, name))
-
-
-def _published(case: Case, name: str) -> Constant | None:
-    """What has been published about an unknown, None where it has no range."""
-    material = case.material
-    assert material is not None
-    others = {'discharge': DISCHARGE, 'vent_temperature': material.vent_temperature}
-    known = {**material.constants, **others}.get(name)
-    return known if known is not None and known.range is not None else None
-
-
-def _unknown(
-    case: Case, name: str, ranges: Mapping[str, tuple[float, float]]
-) -> Unknown:
-    known = _published(case, name)
-    source = 'given by the user'
-    span = ranges.get(name)
-    if span is None and known is not None:
-        span, source = known.range, known.range_source
-    if span is None:
-        right = f'a range ({name}=LOW:HIGH): none has been published for this material'
-        raise LavaError('--unknown', name, right)
-    is_log = name in _LOGARITHMIC
-    low = validation.number(f'{name}, lowest', span[0], at_least=0.0)
-    high = validation.number(f'{name}, highest', span[1], above=low)
-    if is_log:
-        validation.number(f'{name}, lowest', low, above=0.0)
-    return Unknown(name, UNITS[name], low, high, _usual(case, name), source, is_log)
+def _published(case: Case) -> dict[str, Constant]:
+    """What has been published about those unknowns of a case that have a range."""
+    assert case.material is not None
+    known = {**case.material.constants, 'vent_temperature': case.material.vent_temperature}
+    known['discharge'] = DISCHARGE
+    return {name: known[name] for name in UNITS if name in known and known[name].range}
 
 
 def _usual(case: Case, name: str) -> float:
-    if name == 'discharge':
-        return 1.0
-    if name == 'vent_temperature':
-        return _hottest(case)
-    lava = case.scene.lava
-    if name == 'viscosity':
-        return lava.viscosity_at(_hottest(case)) if lava.is_vft else lava.viscosity
-    return float(getattr(lava, name))
-
-
-def _hottest(case: Case) -> float:
-    return max(vent.temperature for vent in case.scene.vents)
+    lava, hottest = case.scene.lava, max(vent.temperature for vent in case.scene.vents)
+    known = {'discharge': 1.0, 'vent_temperature': hottest}
+    if lava.is_vft:
+        known['viscosity'] = lava.viscosity_at(hottest)
+    return known[name] if name in known else float(getattr(lava, name))

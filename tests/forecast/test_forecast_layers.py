@@ -29,105 +29,23 @@ CONFIGS = Path(__file__).parents[2] / 'msg_configs'
 
 NAN = np.nan
 
+
+def _array(*rows):
+    return np.array(rows, dtype=np.float32)
+
+
 #: there already, in 25 s, in 99 s, at the horizon, never, outside
 FORECAST = Forecast(
     time=500.0,
     horizon=100.0,
     threshold=0.01,
     terrain=Terrain(np.array([[1.0, 1.0, 1.0], [1.0, 1.0, NAN]]), 10.0),
-    arrival=np.array([[0.0, 25.0, 99.0], [100.0, NAN, NAN]], dtype=np.float32),
-    thickness=np.array([[5.0, 2.0, 0.05], [0.3, 0.0, NAN]], dtype=np.float32),
-    temperature=np.array([[1400.0, 1300.0, 900.0], [800.0, NAN, NAN]], dtype=np.float32),
+    arrival=_array([0.0, 25.0, 99.0], [100.0, NAN, NAN]),
+    thickness=_array([5.0, 2.0, 0.05], [0.3, 0.0, NAN]),
+    temperature=_array([1400.0, 1300.0, 900.0], [800.0, NAN, NAN]),
     duration=1.0,
     particle_count=3,
 )
-
-
-def _layer(**changes):
-    data = {'source': 'arrival', 'message': 'nav_msgs/OccupancyGrid', **changes}
-    return layers_from_dict({'layers': {'one': data}})[0]
-
-
-def test_arrival_grid():
-    """100 is now, 1 just within the horizon, 0 not within it, -1 unknown."""
-    assert _layer().values(FORECAST).tolist() == [[100, 75, 1], [1, 0, -1]]
-    assert _layer(outside=100).values(FORECAST).tolist() == [[100, 75, 1], [1, 0, 100]]
-
-
-def test_arrival_grid_with_a_range_of_its_own():
-    """Beyond it a cell that is reached is still no less than 1."""
-    assert _layer(range=[0.0, 50.0]).values(FORECAST).tolist() == [[100, 50, 1], [1, 0, -1]]
-
-
-def test_arrival_classes():
-    """The sooner the worse: up to a bound is within it."""
-    values = _layer(classes=[25.0, 50.0, 99.0]).values(FORECAST).tolist()
-    assert values == [[100, 100, 50], [25, 0, -1]]
-
-
-def test_arrival_mask():
-    """With a step a cell is 100 where lava comes up to then; a margin goes around it."""
-    assert _layer(step=99.0).values(FORECAST).tolist() == [[100, 100, 100], [0, 0, -1]]
-    assert _layer(step=20.0).values(FORECAST).tolist() == [[100, 0, 0], [0, 0, -1]]
-    values = _layer(step=20.0, margin=10.0).values(FORECAST).tolist()
-    assert values == [[100, 100, 0], [100, 0, -1]]
-    with pytest.raises(LavaError, match='margin'):
-        _layer(margin=10.0)
-
-
-def test_arrival_image():
-    """Seconds, NaN for never, -1 for unknown: nobody takes what is not known for safe."""
-    values = _layer(message='sensor_msgs/Image').values(FORECAST)
-    assert values.dtype == np.float32
-    np.testing.assert_array_equal(values, [[0.0, 25.0, 99.0], [100.0, NAN, -1.0]])
-
-
-def test_withdrawn():
-    """Nothing is known of any cell, on any layer."""
-    gone = FORECAST.withdrawn()
-    assert (_layer().values(gone) == -1).all()
-    assert (_layer(message='sensor_msgs/Image').values(gone) == -1.0).all()
-    peak = {'source': 'peak_thickness', 'range': [0.0, 10.0]}
-    assert (_layer(**peak).values(gone) == -1).all()
-    peak = _layer(source='peak_thickness', message='sensor_msgs/Image')
-    assert np.isnan(peak.values(gone)).all()
-
-
-def test_peaks():
-    """They are scaled as what they are the peak of, with thresholds of their own."""
-    height = _layer(source='peak_thickness', range=[0.0, 10.0])
-    assert height.values(FORECAST).tolist() == [[50, 20, 0], [3, 0, -1]]
-    temperature = _layer(source='peak_temperature', range=[0.0, 1200.0])
-    assert temperature.values(FORECAST).tolist() == [[94, 86, 0], [44, 0, -1]]
-    hazard = _layer(source='peak_hazard', threshold=0.0)
-    assert hazard.values(FORECAST).tolist() == [[100, 100, 100], [100, 0, -1]]
-    raw = _layer(source='peak_temperature', message='sensor_msgs/Image').values(FORECAST)
-    np.testing.assert_allclose(raw[0, :2], [1126.85, 1026.85], rtol=1e-6)
-    with pytest.raises(LavaError, match='range'):
-        _layer(source='peak_thickness')
-
-
-def test_the_file():
-    """Five layers beside those of ensembles, of a forecast and latched; none of now among them."""
-    layers = [item for item in load_layers(CONFIGS / 'forecast.yaml') if not item.is_ensemble]
-    shown = {layer.topic: (layer.source, layer.message) for layer in layers}
-    assert shown == {
-        'arrival_time': ('arrival', IMAGE),
-        'arrival': ('arrival', OCCUPANCY_GRID),
-        'arrival_class': ('arrival', OCCUPANCY_GRID),
-        'peak_height': ('peak_thickness', OCCUPANCY_GRID),
-        'peak_temperature': ('peak_temperature', OCCUPANCY_GRID),
-    }
-    for layer in layers:
-        assert layer.is_forecast and layer.enabled and layer.record
-        assert layer.qos.durability == 'transient_local'
-        assert layer.values(FORECAST).shape == (2, 3)
-    assert not any(layer.is_forecast for layer in load_layers(CONFIGS / 'default.yaml'))
-
-
-def _array(*rows):
-    return np.array(rows, dtype=np.float32)
-
 
 #: surely, likely, hardly; never, never, outside
 ENSEMBLE = EnsembleForecast(
@@ -154,74 +72,119 @@ ENSEMBLE = EnsembleForecast(
 )
 
 
-def _ensemble_layer(source, message='nav_msgs/OccupancyGrid', **changes):
-    return _layer(source=source, message=message, **{'threshold': 0.01, **changes})
+def _layer(source, message=OCCUPANCY_GRID, **changes):
+    data = {'source': source, 'message': message, **changes}
+    return layers_from_dict({'layers': {'one': data}})[0]
 
 
-def test_probability_layers():
-    """0 only where it comes in none, 100 only where in all, -1 where nothing is known."""
-    layer = _ensemble_layer('inundation_probability')
-    assert layer.values(ENSEMBLE).tolist() == [[100, 60, 1], [0, 0, -1]]
-    assert set(layer.values(ENSEMBLE.withdrawn()).ravel()) == {-1}
-    step = _ensemble_layer('inundation_probability', step=50.0, outside=100)
-    assert step.values(ENSEMBLE).tolist() == [[100, 100, 0], [0, 0, 100]]
-    classes = _ensemble_layer('inundation_probability', classes=[10.0, 60.0])
-    assert classes.values(ENSEMBLE).tolist() == [[100, 100, 33], [0, 0, -1]]
-    assert set(classes.values(ENSEMBLE.withdrawn()).ravel()) == {-1}
-    wide = _ensemble_layer('inundation_probability', step=50.0, margin=10.0)
-    assert wide.values(ENSEMBLE).tolist() == [[100, 100, 100], [100, 100, -1]]
-    image = _ensemble_layer('inundation_probability', 'sensor_msgs/Image').values(ENSEMBLE)
-    np.testing.assert_array_equal(image, ENSEMBLE.maps.probability)
+def _shown(source, message=OCCUPANCY_GRID, *, withdrawn=False, **changes):
+    """What a layer shows of the ensemble or of the forecast, whichever has its source."""
+    layer = _layer(source, message, **changes)
+    ahead = ENSEMBLE if source in ENSEMBLE_SOURCES else FORECAST
+    return layer.values(ahead.withdrawn() if withdrawn else ahead)
 
 
 @pytest.mark.parametrize(
-    ('source', 'grid', 'image'),
+    ('source', 'changes', 'grid'),
     [
-        ('arrival_p10', [[100, 75, 0], [0, 0, -1]], [[0, 25, NAN], [NAN, NAN, -1]]),
-        ('arrival_p50', [[100, 50, 0], [0, 0, -1]], [[0, 50, NAN], [NAN, NAN, -1]]),
-        ('arrival_p90', [[90, 0, 0], [0, 0, -1]], [[10, NAN, NAN], [NAN, NAN, -1]]),
+        # 100 is now, 1 just within the horizon, 0 not within it, -1 unknown
+        ('arrival', {}, [[100, 75, 1], [1, 0, -1]]),
+        ('arrival', {'outside': 100}, [[100, 75, 1], [1, 0, 100]]),
+        # beyond a range of its own a cell that is reached is still no less than 1
+        ('arrival', {'range': [0.0, 50.0]}, [[100, 50, 1], [1, 0, -1]]),
+        # the sooner the worse: up to a bound is within it
+        ('arrival', {'classes': [25.0, 50.0, 99.0]}, [[100, 100, 50], [25, 0, -1]]),
+        # with a step a cell is 100 where lava comes up to then; a margin goes around it
+        ('arrival', {'step': 99.0}, [[100, 100, 100], [0, 0, -1]]),
+        ('arrival', {'step': 20.0}, [[100, 0, 0], [0, 0, -1]]),
+        ('arrival', {'step': 20.0, 'margin': 10.0}, [[100, 100, 0], [100, 0, -1]]),
+        # peaks are scaled as what they are the peak of, with thresholds of their own
+        ('peak_thickness', {'range': [0.0, 10.0]}, [[50, 20, 0], [3, 0, -1]]),
+        ('peak_temperature', {'range': [0.0, 1200.0]}, [[94, 86, 0], [44, 0, -1]]),
+        ('peak_hazard', {'threshold': 0.0}, [[100, 100, 100], [100, 0, -1]]),
+        # 0 only where it comes in none, 100 only where in all, -1 where nothing is known
+        ('inundation_probability', {}, [[100, 60, 1], [0, 0, -1]]),
+        ('inundation_probability', {'step': 50.0, 'outside': 100}, [[100, 100, 0], [0, 0, 100]]),
+        ('inundation_probability', {'classes': [10.0, 60.0]}, [[100, 100, 33], [0, 0, -1]]),
+        ('inundation_probability', {'step': 50.0, 'margin': 10.0}, [[100] * 3, [100, 100, -1]]),
+        # as the arrival of a forecast, by a share of the members
+        ('arrival_p10', {}, [[100, 75, 0], [0, 0, -1]]),
+        ('arrival_p50', {}, [[100, 50, 0], [0, 0, -1]]),
+        ('arrival_p90', {}, [[90, 0, 0], [0, 0, -1]]),
+        ('arrival_p10', {'step': 30.0}, [[100, 100, 0], [0, 0, -1]]),
+        ('arrival_p50', {'step': 30.0}, [[100, 0, 0], [0, 0, -1]]),
+        ('arrival_p90', {'step': 30.0}, [[100, 0, 0], [0, 0, -1]]),
+        ('expected_thickness', {'range': [0.0, 10.0], 'threshold': 0.1},
+         [[50, 20, 0], [0, 0, -1]]),
     ],
 )
-def test_arrivals_of_ensembles(source, grid, image):
-    """As the arrival of a forecast, by a share of the members; masks of it too."""
-    assert _ensemble_layer(source).values(ENSEMBLE).tolist() == grid
-    values = _ensemble_layer(source, 'sensor_msgs/Image').values(ENSEMBLE)
-    np.testing.assert_array_equal(values, _array(*image))
-    soon = _ensemble_layer(source, step=30.0).values(ENSEMBLE)
-    # unknown is -1 in the one and in the other, and not soon
-    np.testing.assert_array_equal(soon == 100, (values >= 0.0) & (values <= 30.0))
-    gone = _ensemble_layer(source, 'sensor_msgs/Image').values(ENSEMBLE.withdrawn())
-    assert set(gone.ravel()) == {-1.0}
+def test_grids(source, changes, grid):
+    """Cells from 0 to 100; when it has been withdrawn nothing is known of any cell."""
+    if source in ENSEMBLE_SOURCES:
+        changes = {'threshold': 0.01, **changes}
+    assert _shown(source, **changes).tolist() == grid
+    unknown = {100} if 'outside' in changes else {-1}
+    assert set(_shown(source, withdrawn=True, **changes).ravel()) == unknown
 
 
-def test_expected_thickness():
-    """Metres, unknown outside."""
-    image = _ensemble_layer('expected_thickness', 'sensor_msgs/Image', threshold=0.0)
-    np.testing.assert_array_equal(image.values(ENSEMBLE), ENSEMBLE.maps.thickness)
-    grid = _ensemble_layer('expected_thickness', range=[0.0, 10.0], threshold=0.1)
-    assert grid.values(ENSEMBLE).tolist() == [[50, 20, 0], [0, 0, -1]]
+@pytest.mark.parametrize(
+    ('source', 'image', 'gone'),
+    [
+        # seconds, NaN for never, -1 for unknown: nobody takes what is not known for safe
+        ('arrival', _array([0.0, 25.0, 99.0], [100.0, NAN, -1.0]), -1.0),
+        ('arrival_p10', _array([0, 25, NAN], [NAN, NAN, -1]), -1.0),
+        ('arrival_p50', _array([0, 50, NAN], [NAN, NAN, -1]), -1.0),
+        ('arrival_p90', _array([10, NAN, NAN], [NAN, NAN, -1]), -1.0),
+        ('peak_thickness', FORECAST.thickness, NAN),
+        ('peak_temperature', FORECAST.temperature - np.float32(273.15), NAN),
+        ('inundation_probability', ENSEMBLE.maps.probability, NAN),
+        ('expected_thickness', ENSEMBLE.maps.thickness, NAN),
+    ],
+)
+def test_images(source, image, gone):
+    """Values as they are, in degrees Celsius; when it has been withdrawn none is left."""
+    values = _shown(source, IMAGE, threshold=0.0)
+    assert values.dtype == np.float32
+    np.testing.assert_allclose(values, image, rtol=1e-6)
+    gone_values = _shown(source, IMAGE, threshold=0.0, withdrawn=True)
+    np.testing.assert_array_equal(gone_values, np.full((2, 3), gone))
 
 
-def test_the_file_has_every_source_of_ensembles():
-    """Each is there, recorded, and of an ensemble; the others are not."""
+def test_the_file():
+    """Layers of a forecast and of ensembles, recorded and latched; none of now among them."""
     layers = load_layers(CONFIGS / 'forecast.yaml')
-    found = [layer for layer in layers if layer.is_ensemble]
-    assert {layer.source for layer in found} == set(ENSEMBLE_SOURCES)
-    assert all(layer.is_forecast and layer.enabled and layer.record for layer in found)
-    assert not any(item.is_ensemble for item in load_layers(CONFIGS / 'default.yaml'))
+    shown = {layer.topic: (layer.source, layer.message) for layer in layers
+             if not layer.is_ensemble}
+    assert shown == {
+        'arrival_time': ('arrival', IMAGE),
+        'arrival': ('arrival', OCCUPANCY_GRID),
+        'arrival_class': ('arrival', OCCUPANCY_GRID),
+        'peak_height': ('peak_thickness', OCCUPANCY_GRID),
+        'peak_temperature': ('peak_temperature', OCCUPANCY_GRID),
+    }
+    assert {layer.source for layer in layers if layer.is_ensemble} == set(ENSEMBLE_SOURCES)
+    for layer in layers:
+        assert layer.is_forecast and layer.enabled and layer.record
+        assert layer.qos.durability == 'transient_local'
+        assert layer.values(ENSEMBLE if layer.is_ensemble else FORECAST).shape == (2, 3)
+    of_now = load_layers(CONFIGS / 'default.yaml')
+    assert not any(layer.is_forecast or layer.is_ensemble for layer in of_now)
 
 
 @pytest.mark.parametrize(
-    ('changes', 'field'),
+    ('source', 'changes', 'field'),
     [
-        ({'range': [0, 50]}, 'range'),
-        ({'scale': [0, 50]}, 'scale'),
-        ({'margin': 5.0}, 'margin'),
-        ({'message': 'sensor_msgs/Image', 'step': 5.0}, 'step'),
+        ('arrival', {'margin': 10.0}, 'margin'),
+        ('peak_thickness', {}, 'range'),
+        # a probability has a scale of its own
+        ('inundation_probability', {'range': [0, 50]}, 'range'),
+        ('inundation_probability', {'scale': [0, 50]}, 'scale'),
+        ('inundation_probability', {'margin': 5.0}, 'margin'),
+        ('inundation_probability', {'message': IMAGE, 'step': 5.0}, 'step'),
     ],
 )
-def test_wrong_layers_of_ensembles_are_refused(changes, field):
-    """A probability has a scale of its own."""
+def test_wrong_layers_are_refused(source, changes, field):
+    """By the option that does not go with the source."""
     with pytest.raises(LavaError) as caught:
-        _ensemble_layer('inundation_probability', **changes)
+        _layer(source, **{'threshold': 0.01, **changes})
     assert caught.value.field == f'layers.one.{field}'

@@ -45,7 +45,6 @@ def _machine(
     runs take four times as long; those from 1 on take ``late`` times as long from 0.4 on.
     """
     asked = []
-
     usual = pilots.spacing_at(SCENE, 1.0, 3600.0)
 
     def effects_for(scene, forced, *, accuracy):
@@ -83,11 +82,15 @@ def _wall_time(refinement, base=2e-4, each=1e-7):
     return 800.0 * refinement * (base + each * 1000.0 * refinement**2)
 
 
+def _plan(within, **options):
+    return afford(SCENE, **{'within': within, 'horizon': 3600.0, 'device': 'cpu', **options})
+
+
 @pytest.mark.parametrize('within', [0.15, 0.4, 1.0, 2.0])
 def test_a_plan_uses_its_time_and_knows_its_error(monkeypatch, within):
     """It takes the share that it is to take, and errs by half to twice as much as it says."""
     _machine(monkeypatch)
-    plan = afford(SCENE, within=within, horizon=3600.0, device='cpu')
+    plan = _plan(within)
     assert not plan.is_finest
     assert _wall_time(plan.refinement) == pytest.approx(USED * within, rel=0.05)
     assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.03)
@@ -99,7 +102,7 @@ def test_a_plan_uses_its_time_and_knows_its_error(monkeypatch, within):
 def test_more_time_than_is_needed(monkeypatch):
     """The finest there is, and it is said that more time would not help."""
     _machine(monkeypatch)
-    plan = afford(SCENE, within=1000.0, horizon=3600.0, device='cpu')
+    plan = _plan(1000.0)
     assert plan.is_finest and plan.refinement == pytest.approx(FINEST)
     assert plan.preset == 'fine'
 
@@ -107,7 +110,7 @@ def test_more_time_than_is_needed(monkeypatch):
 def test_a_plan_goes_on_with_the_effects_of_finer_runs(monkeypatch):
     """Where the time reaches them two pilots are run again with them, and the time is kept."""
     asked = _machine(monkeypatch, dearer=0.9)
-    plan = afford(SCENE, within=2.0, horizon=3600.0, device='cpu')
+    plan = _plan(2.0)
     assert plan.refinement > 0.9
     assert 4.0 * _wall_time(plan.refinement) == pytest.approx(USED * 2.0, rel=0.05)
     assert plan.wall_time == pytest.approx(USED * 2.0, rel=0.05)
@@ -118,7 +121,7 @@ def test_a_plan_goes_on_with_the_effects_of_finer_runs(monkeypatch):
 def test_a_plan_stays_below_effects_that_are_too_dear(monkeypatch):
     """As fine as it can be without them, and it does not say that this is the finest."""
     _machine(monkeypatch, dearer=0.9, slower=40.0)
-    plan = afford(SCENE, within=0.5, horizon=3600.0, device='cpu')
+    plan = _plan(0.5)
     assert 0.88 < plan.refinement < 0.9 and not plan.is_finest
     assert plan.wall_time == pytest.approx(_wall_time(plan.refinement), rel=0.05)
 
@@ -128,7 +131,7 @@ def test_rather_near_to_the_time_than_half_of_it(monkeypatch, slower, is_finer):
     """A leap in cost that ends below nine tenths is taken where less than half would be used."""
     _machine(monkeypatch, dearer=0.9, slower=slower)
     within = _wall_time(0.9) / 0.25
-    plan = afford(SCENE, within=within, horizon=3600.0, device='cpu')
+    plan = _plan(within)
     assert (plan.refinement > 0.9) == is_finer
     assert plan.wall_time <= 0.92 * within
 
@@ -138,7 +141,7 @@ def test_rather_near_to_the_time_than_half_of_it(monkeypatch, slower, is_finer):
 def test_a_pilot_near_to_the_plan_corrects_it(monkeypatch, within, worse):
     """A flow whose cost leaves the law of the coarse pilots keeps its time as well."""
     asked = _machine(monkeypatch, worse=worse)
-    plan = afford(SCENE, within=within, horizon=3600.0, device='cpu')
+    plan = _plan(within)
     time = np.exp(worse * plan.refinement) * _wall_time(plan.refinement)
     assert 0.6 * within < time < 0.95 * within
     assert plan.wall_time == pytest.approx(time, rel=0.2)
@@ -149,13 +152,12 @@ def test_a_pilot_near_to_the_plan_corrects_it(monkeypatch, within, worse):
 
 def test_a_plan_may_do_without_what_does_not_fit(monkeypatch):
     """Where most of the time would be left it is finer, and says what it leaves out."""
-    within = 1.0
     for share, gain in ((0.3, 1.2), (0.1, 1.5)):
         _machine(monkeypatch, dearer=0.9, slower=40.0)
         within = _wall_time(0.9) / share
-        kept = afford(SCENE, within=within, horizon=3600.0, device='cpu')
+        kept = _plan(within)
         assert kept.refinement < 0.9 and kept.forced == {}
-        plan = afford(SCENE, within=within, horizon=3600.0, device='cpu', may_force=True)
+        plan = _plan(within, may_force=True)
         assert plan.forced == {'green': False}
         assert plan.refinement >= gain * kept.refinement
         assert plan.refinement <= affordable.WITHOUT * 0.9
@@ -167,22 +169,19 @@ def test_a_leap_in_cost_is_seen_by_a_run_that_is_stopped(monkeypatch):
     """Where runs take four times as long from some refinement on, the plan stays below."""
     _machine(monkeypatch, leap=0.7)
     within = 4.0 * _wall_time(0.7) / 2.0
-    plan = afford(SCENE, within=within, horizon=3600.0, device='cpu')
-    assert 0.5 < plan.refinement < 0.7
-    assert plan.spent < 3.0 * within
+    plan = _plan(within)
+    assert 0.5 < plan.refinement < 0.7 and plan.spent < 3.0 * within
 
 
 @pytest.mark.parametrize('late', [0.3, 3.0])
 def test_what_comes_late_in_fine_runs_alone_is_seen_by_a_whole_one(monkeypatch, late):
     """Neither coarse runs nor the beginning of fine ones show it; the plan keeps its time."""
     _machine(monkeypatch, late=late)
-    plan = afford(SCENE, within=1.0, horizon=3600.0, device='cpu')
+    plan = _plan(1.0)
     whole = affordable.run_at(SCENE, plan.refinement, 3600.0, device='cpu', wall_limit=np.inf)
-    taken = whole.wall_time
-    assert plan.refinement > 1.0
-    assert plan.wall_time == pytest.approx(taken, rel=0.15)
-    assert 0.6 < taken < 0.9
-    assert plan.spent < 3.0
+    assert plan.refinement > 1.0 and plan.spent < 3.0
+    assert plan.wall_time == pytest.approx(whole.wall_time, rel=0.15)
+    assert 0.6 < whole.wall_time < 0.9
 
 
 def test_the_error_is_of_runs_as_fine_as_the_plan(monkeypatch):
@@ -190,7 +189,7 @@ def test_the_error_is_of_runs_as_fine_as_the_plan(monkeypatch):
     asked = _machine(
         monkeypatch, error=lambda refinement: 0.04 / refinement + 0.5 * (refinement < 0.45)
     )
-    plan = afford(SCENE, within=2.0, horizon=3600.0, device='cpu')
+    plan = _plan(2.0)
     error = 0.04 / plan.refinement
     assert error / 2.0 < plan.error < 2.0 * error
     near = [refinement for refinement, _ in asked if 0.5 < refinement / plan.refinement < 1.3]
@@ -201,7 +200,7 @@ def test_pilots_take_no_longer_than_there_is(monkeypatch):
     """Also where finer runs cost hardly more, as on a GPU."""
     for within in (1.0, 5.0):
         _machine(monkeypatch, base=1e-3, each=1e-9)
-        plan = afford(SCENE, within=within, horizon=3600.0, device='cpu')
+        plan = _plan(within)
         assert plan.spent <= 2.2 * within
         time = _wall_time(plan.refinement, 1e-3, 1e-9)
         assert plan.is_finest or 0.5 * within <= time <= 1.1 * within
@@ -210,14 +209,14 @@ def test_pilots_take_no_longer_than_there_is(monkeypatch):
 def test_members_share_the_time(monkeypatch):
     """Given members get what is left for each; as many as err least are neither one nor all."""
     _machine(monkeypatch)
-    plan = afford(SCENE, within=10.0, horizon=3600.0, members=20, device='cpu')
+    plan = _plan(10.0, members=20)
     assert 20 * _wall_time(plan.refinement) == pytest.approx(USED * 10.0, rel=0.05)
     assert plan.sampling_error == pytest.approx(0.5 / np.sqrt(20))
-    best = afford(SCENE, within=10.0, horizon=3600.0, members=None, device='cpu')
+    best = _plan(10.0, members=None)
     assert best.wall_time <= USED * 10.0 * 1.001
     total = np.hypot(best.error, best.sampling_error)
     for members in (2, 10, 30, 200):
-        other = afford(SCENE, within=10.0, horizon=3600.0, members=members, device='cpu')
+        other = _plan(10.0, members=members)
         assert total <= np.hypot(other.error, other.sampling_error) * 1.02
 
 
@@ -226,11 +225,11 @@ def test_too_little_time_is_refused(monkeypatch):
     _machine(monkeypatch)
     for within, members in ((0.01, 1), (0.5, 50)):
         with pytest.raises(LavaError) as caught:
-            afford(SCENE, within=within, horizon=3600.0, members=members, device='cpu')
+            _plan(within, members=members)
         assert caught.value.field == 'within'
     for arguments in ({'within': 0.0}, {'horizon': -1.0}, {'members': 0}):
         with pytest.raises(LavaError):
-            afford(SCENE, **{'within': 1.0, 'horizon': 1.0, 'device': 'cpu', **arguments})
+            _plan(**{'within': 1.0, **arguments})
 
 
 def test_the_command_says_what_to_run(tmp_path, capsys):

@@ -14,6 +14,7 @@
 
 """A pool loses nothing and leaves nothing behind."""
 
+from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 import os
@@ -64,25 +65,20 @@ def waits(pids: Path, job: int) -> None:
     time.sleep(3600.0)
 
 
-def gone(pid: int) -> bool:
-    """Whether a process has ended, reaped or not, before the patience ends."""
+def becomes(state: Callable[[], bool]) -> bool:
+    """Whether something comes to be before the patience ends."""
     end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
-        try:
-            if Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()[0] == 'Z':
-                return True
-        except OSError:
-            return True
+    while not state() and time.monotonic() < end:
         time.sleep(0.01)
-    return False
+    return state()
 
 
-def started(pids: Path) -> list[int]:
-    """The processes that have begun to wait, two of them."""
-    end = time.monotonic() + PATIENCE
-    while len(list(pids.iterdir())) < 2 and time.monotonic() < end:
-        time.sleep(0.01)
-    return [int(path.name) for path in pids.iterdir()]
+def is_gone(pid: int) -> bool:
+    """Whether a process has ended, reaped or not."""
+    try:
+        return Path(f'/proc/{pid}/stat').read_text().rsplit(')', 1)[1].split()[0] == 'Z'
+    except OSError:
+        return True
 
 
 def test_jobs_are_shared_out() -> None:
@@ -138,9 +134,9 @@ with closing(Pool(partial(waits, Path({str(tmp_path)!r})), 2)) as pool:
         stderr=subprocess.DEVNULL,
     ) as owner:
         try:
-            pids = started(tmp_path)
+            assert becomes(lambda: len(list(tmp_path.iterdir())) == 2)
             owner.send_signal(signal_number)
             assert owner.wait(PATIENCE) == -signal_number
         finally:
             owner.kill()
-    assert len(pids) == 2 and all(map(gone, pids))
+    assert all(becomes(partial(is_gone, int(path.name))) for path in tmp_path.iterdir())

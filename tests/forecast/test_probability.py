@@ -12,9 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Maps of members: exact, whatever their order, and nearer to the truth the more there are."""
+"""Maps of members: exact, whatever their order, nearer to the truth the more there are; scores."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,22 +28,30 @@ from disc_flow import (
     exact_probability,
     HORIZON,
     same,
+    TERRAIN,
 )
 from lava_ros.errors import LavaError
-from lava_ros.forecast.members import MemberFields
+from lava_ros.forecast.assimilation import effective_members, jaccard, Outline, UNIT, weigh
+from lava_ros.forecast.members import MemberFields, Plan
 from lava_ros.forecast.probability import Footprint, footprint_of, NEVER, reached_by, Tally
 from lava_ros.forecast.sampling import draw_members
+from lava_ros.forecast.scores import brier_parts, brier_score, entropy, reliability
 from lava_ros.maps.forecast import HazardMaps, occupancy, QUANTILES
 from lava_ros.scene import Terrain
 
 PLAN = disc_plan()
 
 
-def gathered(count: int, seed: int) -> HazardMaps:
-    """Maps of an ensemble of discs."""
-    tally = Tally(PLAN)
-    for fields in disc_members(PLAN, draw_members(PLAN.scene, count, seed=seed)):
-        tally.add(footprint_of(fields, PLAN))
+def discs(count: int, seed: int) -> list[MemberFields]:
+    """Members, or truths that are drawn as these are."""
+    return disc_members(PLAN, draw_members(PLAN.scene, count, seed=seed))
+
+
+def maps_of(members: Sequence[MemberFields], weights: Any = None, plan: Plan = PLAN) -> HazardMaps:
+    """Maps of some members, all of the same weight if nothing else is said."""
+    tally = Tally(plan)
+    for fields, weight in zip(members, weights or [1] * len(members), strict=True):
+        tally.add(footprint_of(fields, plan), weight)
     return tally.maps()
 
 
@@ -55,10 +65,7 @@ def test_maps_are_what_a_count_says(count: int, places: tuple[int, ...]) -> None
         arrival[random.random(arrival.shape) < random.random()] = np.nan
         peak = np.where(np.isfinite(arrival), np.rint(5e3 * random.random((24, 30))) * 1e-3, 0.0)
         members.append(MemberFields(index, arrival.astype(np.float32), peak.astype(np.float32)))
-    tally = Tally(PLAN)
-    for fields in members:
-        tally.add(footprint_of(fields, PLAN))
-    maps = tally.maps()
+    maps = maps_of(members)
     arrivals = np.sort(np.stack([item.arrival for item in members]), axis=0)
     np.testing.assert_allclose(
         maps.probability, 100.0 * np.isfinite(arrivals).mean(axis=0), rtol=1e-6
@@ -74,34 +81,23 @@ def test_maps_are_what_a_count_says(count: int, places: tuple[int, ...]) -> None
 
 def test_the_order_does_not_matter() -> None:
     """Any order, any weights: the same bits; a weight is as good as so many members."""
-    members = [
-        footprint_of(fields, PLAN)
-        for fields in disc_members(PLAN, draw_members(PLAN.scene, 16, seed=2))
-    ]
+    members = discs(16, seed=2)
     weights = [1, 5, 0, 65536, 3, 1, 1, 2, 9, 4, 4, 7, 1, 0, 2, 8]
-    maps = []
-    for order in (range(16), reversed(range(16)), np.random.default_rng(3).permutation(16)):
-        tally = Tally(PLAN)
-        for index in order:
-            tally.add(members[index], weights[index])
-        maps.append(tally.maps())
-    assert same(maps[0], maps[1]) and same(maps[0], maps[2])
-    copies, single = Tally(PLAN), Tally(PLAN)
-    for index, number in enumerate((1, 3, 2)):
-        single.add(members[index], number)
-        for copy in range(number):
-            copies.add(replace(members[index], index=10 * index + copy))
-    assert same(copies.maps(), single.maps())
-    assert single.maps().effective_members == pytest.approx(36.0 / 14.0)
+    one, *others = (
+        maps_of([members[index] for index in order], [weights[index] for index in order])
+        for order in (range(16), range(15, -1, -1), np.random.default_rng(3).permutation(16))
+    )
+    assert same(one, others[0]) and same(one, others[1])
+    single = maps_of(members[:3], [1, 3, 2])
+    copies = [members[number] for number in (0, 1, 1, 1, 2, 2)]
+    assert same(maps_of([replace(item, index=k) for k, item in enumerate(copies)]), single)
+    assert single.effective_members == pytest.approx(36.0 / 14.0)
 
 
 def test_arrival_is_known_to_half_a_look() -> None:
     """A footprint's arrival differs from the member's by no more than it says."""
     fields = disc_fields(0, 1.3)
-    footprint = footprint_of(fields, PLAN)
-    tally = Tally(PLAN)
-    tally.add(footprint)
-    maps = tally.maps()
+    footprint, maps = footprint_of(fields, PLAN), maps_of([fields])
     arrived = np.isfinite(fields.arrival)
     assert np.array_equal(np.isfinite(maps.arrival[0.5]), arrived)
     error = np.abs(maps.arrival[0.5] - fields.arrival)[arrived]
@@ -114,12 +110,8 @@ def test_arrival_is_known_to_half_a_look() -> None:
 def test_the_footprint_of_nothing_is_small() -> None:
     """A member without lava counts as one, and takes no room."""
     nothing = MemberFields(0, np.full((24, 30), np.nan, np.float32), np.zeros((24, 30)))
-    footprint = footprint_of(nothing, PLAN)
-    assert footprint.look.size == 0
-    tally = Tally(PLAN)
-    tally.add(footprint)
-    tally.add(footprint_of(disc_fields(1, 1.0), PLAN))
-    assert tally.maps().probability.max() == 50.0
+    assert footprint_of(nothing, PLAN).look.size == 0
+    assert maps_of([nothing, disc_fields(1, 1.0)]).probability.max() == 50.0
 
 
 def test_cells_without_data_stay_unknown() -> None:
@@ -127,9 +119,7 @@ def test_cells_without_data_stay_unknown() -> None:
     ground = np.zeros((24, 30))
     ground[:3] = np.nan
     plan = replace(PLAN, scene=replace(PLAN.scene, terrain=Terrain(ground, 20.0)))
-    tally = Tally(plan)
-    tally.add(footprint_of(disc_fields(0, 1.0), plan))
-    maps = tally.maps()
+    maps = maps_of([disc_fields(0, 1.0)], plan=plan)
     for values in (maps.probability, maps.thickness, *maps.arrival.values()):
         assert np.isnan(values[:3]).all()
     assert (occupancy(maps.probability)[:3] == -1).all()
@@ -163,10 +153,167 @@ def test_probability_converges_to_the_truth() -> None:
     spread = np.sqrt((truth * (1.0 - truth)).mean())
     counts, errors = (16, 64, 256, 1024), []
     for count in counts:
-        squares = [
-            ((gathered(count, seed).probability / 100.0 - truth) ** 2).mean() for seed in range(4)
-        ]
-        errors.append(np.sqrt(np.mean(squares)))
+        found = [maps_of(discs(count, seed)).probability for seed in range(4)]
+        errors.append(np.sqrt(((np.stack(found) / 100.0 - truth) ** 2).mean()))
         # binomial sampling would give this
         assert errors[-1] < spread / np.sqrt(count)
     assert np.polyfit(np.log(counts), np.log(errors), 1)[0] < -0.5
+
+
+def test_entropy() -> None:
+    """No bit where it is sure, one at even odds, the same for what comes and what does not."""
+    bits = entropy(np.array([0.0, 1.0, 0.5, 0.25, 0.75, np.nan]))
+    expected = [0.0, 0.0, 1.0, 0.811278, 0.811278, np.nan]
+    np.testing.assert_allclose(bits, expected, atol=1e-6)
+
+
+def test_the_score_of_small_cases() -> None:
+    """Right, wrong, and undecided; cells without a probability do not count."""
+    assert brier_score(np.array([1.0, 0.0]), np.array([True, False])) == 0.0
+    assert brier_score(np.array([1.0, 0.0]), np.array([False, True])) == 1.0
+    assert brier_score(np.full(4, 0.5), np.array([True, False, True, True])) == 0.25
+    score = brier_score(np.array([[0.25, np.nan], [0.5, 1.0]]), np.array([[1, 1], [0, 1]]))
+    assert score == pytest.approx((0.75**2 + 0.5**2 + 0.0) / 3.0)
+
+
+def test_the_parts_of_a_small_case() -> None:
+    """Five cells at 0.2, one of which came, and five at 0.8, three of which came."""
+    probability = np.repeat([0.2, 0.8], 5)
+    outcome = np.array([1, 0, 0, 0, 0, 1, 1, 1, 0, 0], dtype=bool)
+    parts = brier_parts(probability, outcome)
+    assert parts.score == pytest.approx((0.64 + 4 * 0.04 + 3 * 0.04 + 2 * 0.64) / 10)
+    assert parts.reliability == pytest.approx(0.5 * 0.2**2)
+    assert parts.resolution == pytest.approx(0.2**2)
+    assert parts.uncertainty == pytest.approx(0.24)
+    assert parts.skill == pytest.approx(1.0 - parts.score / 0.24)
+
+
+def test_the_parts_add_up() -> None:
+    """Reliability - resolution + uncertainty is the score, of any forecast."""
+    random = np.random.default_rng(2)
+    for _ in range(5):
+        probability = random.integers(0, 33, (40, 50)) / 32.0
+        outcome = random.random((40, 50)) < probability**2
+        parts = brier_parts(probability, outcome)
+        total = parts.reliability - parts.resolution + parts.uncertainty
+        assert parts.score == pytest.approx(total, abs=1e-12)
+        assert parts.score == pytest.approx(brier_score(probability, outcome), abs=1e-15)
+
+
+def test_bins_of_a_small_case() -> None:
+    """Values at the borders of bins go up, 1 into the last; empty bins say so."""
+    probability = np.array([0.0, 0.1, 0.25, 0.5, 0.5, 0.75, 1.0])
+    outcome = np.array([0, 1, 0, 1, 0, 1, 1], dtype=bool)
+    bins = reliability(probability, outcome, bins=4)
+    assert [item.count for item in bins] == [2, 1, 2, 2]
+    assert [(item.low, item.high) for item in bins][1] == (0.25, 0.5)
+    assert bins[0].forecast == pytest.approx(0.05) and bins[0].observed == 0.5
+    assert bins[2].forecast == 0.5 and bins[2].observed == 0.5
+    assert bins[3].forecast == pytest.approx(0.875) and bins[3].observed == 1.0
+    empty = reliability(np.array([0.9]), np.array([True]), bins=2)[0]
+    assert empty.count == 0 and np.isnan(empty.forecast) and np.isnan(empty.observed)
+    # 0.3 is 3 of 10 members, however it is rounded
+    assert reliability(np.array([0.3 - 1e-12]), np.array([True]))[3].count == 1
+
+
+def test_what_cannot_be_scored_is_refused() -> None:
+    """Other shapes, per cent, and nothing at all."""
+    for probability, outcome in (
+        (np.zeros(3), np.zeros(4)),
+        (np.array([50.0]), np.ones(1)),
+        (np.array([np.nan]), np.ones(1)),
+    ):
+        with pytest.raises(LavaError):
+            brier_score(probability, outcome)
+
+
+def test_ensembles_are_reliable_on_a_synthetic_truth() -> None:
+    """Truths drawn as the members are: what is said to be 30 % comes in 30 %, and it has skill."""
+    came = np.stack([np.isfinite(truth.arrival) for truth in discs(512, seed=77)])
+    said = np.broadcast_to(maps_of(discs(256, seed=1)).probability / 100.0, came.shape)
+    for item in reliability(said, came):
+        assert item.observed == pytest.approx(item.forecast, abs=0.02)
+    parts = brier_parts(said, came)
+    assert parts.reliability < 1e-3
+    assert parts.score < 0.5 * parts.uncertainty
+    # no forecast that knows the distribution alone does better than the exact probabilities
+    exact = np.broadcast_to(exact_probability(), came.shape)
+    assert parts.score == pytest.approx(brier_score(exact, came), abs=1e-3)
+
+
+def mask(*cells: tuple[int, int]) -> np.ndarray:
+    """A mask of 3 x 3 cells that is true in some."""
+    result = np.zeros((3, 3), dtype=bool)
+    for cell in cells:
+        result[cell] = True
+    return result
+
+
+def test_the_index_of_small_cases() -> None:
+    """What both have over what one has, of the cells where somebody looked."""
+    seen = Outline(60.0, mask((0, 0), (0, 1), (1, 1)), ~mask())
+    assert jaccard(mask((0, 0), (0, 1), (1, 1)), seen) == 1.0
+    assert jaccard(mask((0, 1), (1, 1), (2, 2)), seen) == 0.5
+    assert jaccard(mask((2, 2)), seen) == 0.0
+    part = Outline(60.0, mask((0, 0), (0, 1), (1, 1)), ~mask((2, 2), (0, 0)))
+    assert jaccard(mask((0, 1), (1, 1), (2, 2)), part) == 1.0
+
+
+def test_weights_are_powers() -> None:
+    """Relative to the best; 0 without anything in common; a power of 0 makes all equal."""
+    weights = weigh([0.8, 0.4, 0.0, 0.8], sharpness=2.0, least_effective=0.0)
+    assert weights.values.tolist() == [UNIT, UNIT // 4, 0, UNIT]
+    assert weights.effective_members == pytest.approx(2.25**2 / 2.0625)
+    assert weights.sharpness == 2.0
+    assert weigh([0.8, 0.4, 0.0], sharpness=0.0).values.tolist() == [UNIT, UNIT, 0]
+    assert effective_members(np.ones(7)) == 7.0
+
+
+def test_a_forecast_never_hangs_on_a_few_members() -> None:
+    """The power is taken down until enough members count."""
+    index = np.linspace(0.01, 1.0, 100)
+    sharp = weigh(index, sharpness=200.0, least_effective=0.0)
+    assert sharp.effective_members < 2.0
+    weights = weigh(index, sharpness=200.0, least_effective=0.3)
+    assert weights.effective_members == pytest.approx(30.0, rel=0.01)
+    assert weights.sharpness < 10.0
+    assert weigh(index).effective_members > 10.0
+
+
+def test_what_cannot_weigh_is_refused() -> None:
+    """No member near the outline, no index, no outline."""
+    for index in ([0.0, 0.0], [], [0.5, 1.5], [np.nan]):
+        with pytest.raises(LavaError):
+            weigh(index)
+    for time, lava, known in (
+        (60.0, mask(), ~mask()),
+        (60.0, mask((0, 0)), mask((1, 1))),
+        (0.0, mask((0, 0)), ~mask()),
+        (60.0, mask((0, 0)).astype(float), ~mask()),
+        (60.0, mask((0, 0)), ~mask()[:2]),
+    ):
+        with pytest.raises(LavaError, match='observed'):
+            Outline(time, lava, known)
+    with pytest.raises(LavaError, match='reached'):
+        jaccard(~mask()[:2], Outline(60.0, mask((0, 0)), ~mask()))
+
+
+def test_an_outline_makes_the_forecast_better() -> None:
+    """Seen at a third of the time, a truth is forecast better than without, in almost every case.
+
+    The Brier score over 40 truths falls to less than half, and no more than three get worse.
+    """
+    members, seen_at = discs(128, seed=1), HORIZON / 3.0
+    prior = maps_of(members).probability / 100.0
+    reached = [reached_by(footprint_of(item, PLAN), PLAN, seen_at) for item in members]
+    scores = []
+    for truth in discs(40, seed=50):
+        arrival = np.nan_to_num(truth.arrival, nan=np.inf)
+        outline = Outline(seen_at, arrival <= seen_at, np.isfinite(TERRAIN.elevation))
+        weights = weigh([jaccard(item, outline) for item in reached])
+        posterior = maps_of(members, weights.values.tolist()).probability / 100.0
+        came = arrival <= HORIZON
+        scores.append((brier_score(prior, came), brier_score(posterior, came)))
+    before, after = np.array(scores).T
+    assert after.mean() < 0.5 * before.mean()
+    assert (after > before).sum() <= 3

@@ -12,16 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Members are drawn the same everywhere, and as their distributions say."""
+"""Members are drawn the same everywhere, as their distributions and the rasters of others say."""
 
 from dataclasses import replace
 import hashlib
+import math
+from pathlib import Path
 
 import numpy as np
 import pytest
+import rasterio
+from rasterio.transform import Affine, from_origin
 
 from disc_flow import disc_plan, TERRAIN, VENT
 from lava_ros.errors import LavaError
+from lava_ros.forecast.rasters import raster_on, seen_in_file
 from lava_ros.forecast.sampling import (
     draw_members,
     Member,
@@ -61,10 +66,7 @@ def test_a_member_is_the_same_however_many_there_are() -> None:
     assert draw_members(SCENE, 1, seed=3) == many[:1]
     others = draw_members(SCENE, 100, seed=4)
     assert all(one.discharge != other.discharge for one, other in zip(many, others, strict=True))
-
-
-def test_members_are_known_to_the_last_digit() -> None:
-    """Frozen values: on another machine, and after an upgrade of numpy or scipy, the same."""
+    # frozen: on another machine, and after an upgrade of numpy or scipy, the same
     assert draw_members(SCENE, 3, seed=1)[2] == MEMBER_2
 
 
@@ -103,7 +105,7 @@ def test_values_are_distributed_as_asked() -> None:
 
 
 def test_what_cannot_be_drawn_is_refused() -> None:
-    """No members, no whole number of them, a scene in which everything is certain."""
+    """No members, no whole number of them, a scene that is certain, maps without a place."""
     for count in (0, 1.5, 10**9):
         with pytest.raises(LavaError, match='members'):
             draw_members(SCENE, count)  # type: ignore[arg-type]
@@ -111,6 +113,13 @@ def test_what_cannot_be_drawn_is_refused() -> None:
         draw_members(SCENE, 4, seed=-1)
     with pytest.raises(LavaError, match=r'scene\.uncertainty'):
         draw_members(Scene(TERRAIN, (VENT,), lava=Lava()), 4)
+    # another shape, negative or infinite likelihoods, and such only off the terrain
+    nowhere = np.zeros((4, 5))
+    nowhere[0, 0] = 1.0
+    terrain = Terrain(np.where(nowhere, np.nan, 0.0), 1.0)
+    for values in (np.ones((5, 4)), -np.ones((4, 5)), np.full((4, 5), np.inf), nowhere):
+        with pytest.raises(LavaError, match='susceptibility'):
+            Susceptibility(terrain, values)
 
 
 def test_vents_are_where_the_map_says() -> None:
@@ -119,28 +128,14 @@ def test_vents_are_where_the_map_says() -> None:
     likelihood[3, 4], likelihood[20, 10:12] = 2.0, 1.0
     likelihood[5, 5] = np.nan
     members = draw_members(SCENE, 256, susceptibility=Susceptibility(TERRAIN, likelihood))
-    cells = [TERRAIN.cell_at(*member.place) for member in members if member.place]
+    places = [member.place for member in members if member.place]
+    cells = [TERRAIN.cell_at(*place) for place in places]
     assert len(cells) == 256
-    assert cells.count((3, 4)) == pytest.approx(128, abs=1)
-    assert cells.count((20, 10)) == pytest.approx(64, abs=1)
-    assert cells.count((20, 11)) == pytest.approx(64, abs=1)
-    inside = np.array([
-        np.array(member.place) % 20.0 for member in members if member.place
-    ])
+    for cell, count in (((3, 4), 128), ((20, 10), 64), ((20, 11), 64)):
+        assert cells.count(cell) == pytest.approx(count, abs=1)
+    inside = np.array(places) % 20.0
     assert inside.mean() == pytest.approx(10.0, abs=0.5)
     assert inside.std() == pytest.approx(20.0 / np.sqrt(12.0), abs=0.5)
-
-
-def test_maps_without_a_place_are_refused() -> None:
-    """Another shape, negative or infinite values, and likelihoods only off the terrain."""
-    ground = np.zeros((4, 5))
-    ground[0, 0] = np.nan
-    terrain = Terrain(ground, 1.0)
-    nowhere = np.zeros((4, 5))
-    nowhere[0, 0] = 1.0
-    for values in (np.ones((5, 4)), -np.ones((4, 5)), np.full((4, 5), np.inf), nowhere):
-        with pytest.raises(LavaError, match='susceptibility'):
-            Susceptibility(terrain, values)
 
 
 def test_fields_have_their_deviation_and_correlation() -> None:
@@ -164,3 +159,86 @@ def test_fields_are_known_to_the_last_digit() -> None:
     rough = rough_terrain(Terrain(ground, 5.0), Roughness(1.0, 25.0), (1, 2))
     assert np.array_equal(np.isnan(rough.elevation), np.isnan(ground))
     assert np.array_equal(rough.elevation[1:], field[1:])
+
+
+#: 6 x 8 cells of 20 m, in UTM zone 33.
+GROUND = Terrain(np.zeros((6, 8)), 20.0, epsg=32633, offset=(500_000.0, 4_180_000.0))
+
+
+def write(path: Path, values: np.ndarray, **options: object) -> Path:
+    """A raster of the terrain's extent, row 0 in the north."""
+    settings: dict[str, object] = {
+        'crs': 'EPSG:32633', 'transform': from_origin(500_000.0, 4_180_120.0, 20.0, 20.0),
+        'nodata': -1.0, 'count': 1, **options,
+    }
+    with rasterio.open(
+        path, 'w', driver='GTiff', width=values.shape[1], height=values.shape[0],
+        dtype='float32', **settings,
+    ) as file:
+        file.write(values.astype('float32'), 1)
+    return path
+
+
+def test_cells_are_where_they_were(tmp_path: Path) -> None:
+    """South first; what has no data is NaN; a coarser raster fills all of its cells."""
+    values = np.arange(48.0).reshape(6, 8)
+    values[0, 0] = -1.0
+    cells = raster_on(GROUND, write(tmp_path / 'a.tif', values), field='a')
+    expected = np.flipud(np.where(values < 0.0, np.nan, values))
+    np.testing.assert_array_equal(cells, expected)
+    coarse = write(
+        tmp_path / 'b.tif', np.array([[1.0, 2.0], [3.0, 4.0]]),
+        transform=from_origin(500_000.0, 4_180_120.0, 80.0, 60.0),
+    )
+    cells = raster_on(GROUND, coarse, field='b')
+    np.testing.assert_array_equal(cells, np.kron([[3.0, 4.0], [1.0, 2.0]], np.ones((3, 4))))
+
+
+def test_other_coordinates_are_turned(tmp_path: Path) -> None:
+    """A raster in degrees around the terrain's western half is there, and nowhere else."""
+    degrees = write(
+        tmp_path / 'a.tif', np.ones((1, 1)), crs='EPSG:4326',
+        transform=from_origin(14.9, 38.0, 0.1 + 80.0 / 87_900.0, 1.0),
+    )
+    cells = raster_on(GROUND, degrees, field='a')
+    assert (cells[:, :4] == 1.0).all() and np.isnan(cells[:, 4:]).all()
+
+
+def test_an_outline_knows_where_nobody_looked(tmp_path: Path) -> None:
+    """Above 0 is lava, 0 is none, no data is neither."""
+    values = np.zeros((6, 8))
+    values[0, :3], values[5] = 1.0, -1.0
+    lava, known = seen_in_file(write(tmp_path / 'a.tif', values), GROUND)
+    assert lava[5, :3].all() and lava.sum() == 3
+    assert not known[0].any() and known[1:].all()
+
+
+def test_a_susceptibility_is_read(tmp_path: Path) -> None:
+    """The one cell with a likelihood gets every vent."""
+    values = np.zeros((6, 8))
+    values[1, 2] = 0.3
+    path = write(tmp_path / 'a.tif', values)
+    places = Susceptibility(GROUND, raster_on(GROUND, path, field='--susceptibility'))
+    for share in (1e-9, 0.5, 1.0 - 1e-9):
+        assert GROUND.cell_at(*places.place(share, share)) == (4, 2)
+
+
+def test_rasters_of_nowhere_are_refused(tmp_path: Path) -> None:
+    """Missing, no raster, two bands, elsewhere, or in coordinates that the terrain lacks."""
+    (tmp_path / 'text.tif').write_text('no raster')
+    ones = np.ones((6, 8))
+    far = write(tmp_path / 'far.tif', ones, transform=from_origin(0.0, 1000.0, 20.0, 20.0))
+    for path in (tmp_path / 'none.tif', tmp_path / 'text.tif', far):
+        with pytest.raises(LavaError, match='--observed'):
+            seen_in_file(path, GROUND)
+    (tmp_path / 'other.tif').write_text('<VRTDataset rasterXSize="8" rasterYSize="6"/>')
+    with pytest.raises(LavaError, match='a GeoTIFF or an ESRI ASCII grid'):
+        seen_in_file(tmp_path / 'other.tif', GROUND)
+    flat = write(tmp_path / 'flat.tif', ones, transform=Affine(0.0, 0.0, 5e5, 0.0, -20.0, 4.18e6))
+    endless = write(tmp_path / 'nan.tif', ones, transform=Affine(20, 0, math.nan, 0, -20, 4.18e6))
+    for path in (flat, endless):
+        with pytest.raises(LavaError, match='a georeferenced raster'):
+            seen_in_file(path, GROUND)
+    here = write(tmp_path / 'here.tif', ones)
+    with pytest.raises(LavaError, match='coordinate system'):
+        raster_on(Terrain(np.zeros((6, 8)), 20.0), here, field='a')

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs of a case: maps, resumption, changes of the ground."""
+"""Runs of a case: maps, resumption, changes of the ground; and several of them at once."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +25,7 @@ from lava_ros.errors import LavaError
 from lava_ros.hindcast.case import Case, load_case
 from lava_ros.hindcast.coarse import coarsened, refined
 from lava_ros.hindcast.page import comparison, FALSE_ALARM, HIT, MISS, NEITHER, UNKNOWN
+from lava_ros.hindcast.replicates import agreement, Direction, directions, run_replicates
 from lava_ros.hindcast.run import Run, Settings, simulate
 from lava_ros.hindcast.score import covered_by, judge
 from lava_ros.scene import Terrain
@@ -36,12 +37,13 @@ from lava_ros.simulation.snapshot import Snapshot, StepReport
 
 SETTINGS = Settings('draft', spacing=16.0, device='cpu', maps=4)
 
+LAVA = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
+
 
 @pytest.fixture(scope='module')
 def valley(tmp_path_factory: pytest.TempPathFactory) -> Case:
     """A valley down which lava flows for an hour."""
-    text = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
-    return load_case(write_case(tmp_path_factory.mktemp('run') / 'valley', hours=1, yaml=text))
+    return load_case(write_case(tmp_path_factory.mktemp('run') / 'valley', hours=1, yaml=LAVA))
 
 
 def _finished(run: Run) -> Run:
@@ -53,10 +55,8 @@ def _finished(run: Run) -> Run:
 def test_lava_comes_down_the_valley(valley: Case) -> None:
     """It covers a part of what was mapped, its volume is what came out, and time is told."""
     run = Run(valley, SETTINGS)
-    shares, maps = [], []
-    for share, snapshot in run.snapshots():
-        shares.append(share)
-        maps += [snapshot] if snapshot is not None else []
+    told = list(run.snapshots())
+    shares, maps = [share for share, _ in told], [item for _, item in told if item is not None]
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1.0)
     assert [round(item.time) for item in maps] == [900, 1800, 2700, 3600]
@@ -83,16 +83,12 @@ def test_run_that_is_cut_off_goes_on(valley: Case, tmp_path: Path) -> None:
     """Maps, peak and arrival are those of a run that was not cut off, to the bit."""
     whole = _finished(Run(valley, SETTINGS, folder=tmp_path / 'whole'))
     first = Run(valley, SETTINGS, folder=tmp_path / 'parts')
-    seen = 0
-    for _, snapshot in first.snapshots():
-        seen += snapshot is not None
-        if seen == 2:
-            break
+    maps = (snapshot for _, snapshot in first.snapshots() if snapshot is not None)
+    for _ in range(2):
+        next(maps)
     second = Run(valley, SETTINGS, folder=tmp_path / 'parts')
-    assert second.is_resumed
-    assert not first.is_resumed
-    _finished(second)
-    one, other = whole.result(), second.result()
+    assert second.is_resumed and not first.is_resumed
+    one, other = whole.result(), _finished(second).result()
     np.testing.assert_array_equal(one.snapshot.thickness, other.snapshot.thickness)
     np.testing.assert_array_equal(one.peak, other.peak)
     np.testing.assert_array_equal(one.snapshot.arrived, other.snapshot.arrived)
@@ -104,64 +100,31 @@ def test_run_that_is_cut_off_goes_on(valley: Case, tmp_path: Path) -> None:
 
 
 def test_finished_run_is_not_run_again(valley: Case, tmp_path: Path) -> None:
-    """A run whose last map is there gives its result at once."""
-    whole = _finished(Run(valley, SETTINGS, folder=tmp_path / 'kept'))
-    again = Run(valley, SETTINGS, folder=tmp_path / 'kept')
+    """It gives its result at once; another case, other settings and a damaged run are refused."""
+    settings, folder = replace(SETTINGS, maps=1), tmp_path / 'kept'
+    whole = _finished(Run(valley, settings, folder=folder))
+    again = Run(valley, settings, folder=folder)
     assert list(again.snapshots()) == []
     np.testing.assert_array_equal(
         again.result().snapshot.thickness, whole.result().snapshot.thickness
     )
-
-
-@pytest.mark.parametrize('other', ['case', 'settings'])
-def test_run_of_something_else_is_not_gone_on_with(
-    other: str, valley: Case, tmp_path: Path
-) -> None:
-    """An unfinished run of another case or with other settings is refused, with what helps."""
-    _finished(Run(valley, replace(SETTINGS, maps=1), folder=tmp_path / 'kept'))
-    case, settings = valley, replace(SETTINGS, maps=1)
-    if other == 'case':
-        case = valley.with_lava({'emissivity': 0.8})
-    else:
-        settings = replace(settings, spacing=15.0)
-    with pytest.raises(LavaError, match='--fresh'):
-        Run(case, settings, folder=tmp_path / 'kept')
-
-
-def test_damaged_run_is_refused(valley: Case, tmp_path: Path) -> None:
-    """What a power cut left behind is told from a run."""
-    folder = tmp_path / 'kept'
-    _finished(Run(valley, replace(SETTINGS, maps=1), folder=folder))
+    for case, other in (
+        (valley.with_lava({'emissivity': 0.8}), settings),
+        (valley, replace(settings, spacing=15.0)),
+    ):
+        with pytest.raises(LavaError, match='--fresh'):
+            Run(case, other, folder=folder)
+    # what a power cut left behind is told from a run
     path = folder / 'checkpoint_0001'
     path.write_bytes(path.read_bytes()[:-20])
     with pytest.raises(LavaError, match='checkpoint'):
-        Run(valley, replace(SETTINGS, maps=1), folder=folder)
-
-
-def test_barrier_in_mid_eruption_holds_lava_back(tmp_path: Path) -> None:
-    """Lava that comes after a barrier was built does not get as far as without it."""
-    x, y = VENT
-    lava = 'lava: {viscosity: 2.0e+4, yield_strength: 200}\n'
-    barrier = (
-        f'events:\n- time: 300\n  barrier: {{line: [[{x - 250}, {y - 250}], '
-        f'[{x + 250}, {y - 250}]], height: 30, width: 20}}\n'
-    )
-    free = load_case(write_case(tmp_path / 'free', hours=1, yaml=lava))
-    dammed = load_case(write_case(tmp_path / 'dammed', hours=1, yaml=lava + barrier))
-    below = np.arange(free.scene.terrain.shape[0]) * 20.0 < 740.0
-    got = [
-        np.nansum(simulate(case, SETTINGS).snapshot.thickness[below]) for case in (free, dammed)
-    ]
-    assert got[0] > 30.0
-    assert got[1] < 0.1 * got[0]
+        Run(valley, settings, folder=folder)
 
 
 def test_a_case_has_the_spacing_of_its_flow(valley: Case) -> None:
     """It is that of any scene for the duration of the case; cells are no finer than particles."""
     for preset in ('draft', 'standard', 'fine'):
-        found = resolution_of(
-            valley.scene, PRESETS[preset].accuracy, horizon=valley.duration
-        )
+        found = resolution_of(valley.scene, PRESETS[preset].accuracy, horizon=valley.duration)
         accuracy = Settings(preset).accuracy(valley)
         assert (accuracy.spacing, accuracy.thickness) == (found.spacing, found.thickness)
     assert Settings('draft').accuracy(valley).courant_number == 1.0
@@ -182,16 +145,6 @@ def test_flows_are_as_thick_as_lava_on_its_way(valley: Case) -> None:
     assert Settings('standard').accuracy(valley).thickness == mature_thickness(scene)
 
 
-def test_with_lava_changes_what_it_says(valley: Case) -> None:
-    """Constants, temperature and discharge are replaced, and nothing else."""
-    other = valley.with_lava({'emissivity': 0.9}, temperature=1340.0, discharge=2.0)
-    assert other.scene.lava == replace(valley.scene.lava, emissivity=0.9)
-    assert other.scene.vents[0].temperature == 1340.0
-    assert other.volume == pytest.approx(2.0 * valley.volume)
-    assert other.scene.vents[0].series[0] == (0.0, 40.0)
-    assert other.scene.terrain is valley.scene.terrain
-
-
 def test_comparison_says_what_each_cell_is(valley: Case) -> None:
     """Hit, miss, false alarm, neither, and nothing where nobody can know."""
     never, ground = np.nan, np.array([[0.0, 0.0, 0.0], [0.0, np.nan, np.nan]])
@@ -209,8 +162,7 @@ def test_larger_cells_are_means_of_what_is_known() -> None:
     """They reach over all borders alike, share cells by area, and leave out those without data."""
     elevation = np.arange(35.0).reshape(5, 7)
     elevation[0, 0] = np.nan
-    elevation[4, 5:] = np.nan
-    elevation[3, 5:] = np.nan
+    elevation[3:, 5:] = np.nan
     ground = Terrain(elevation, 10.0, origin=(3.0, 4.0), epsg=32633, offset=(5e5, 4e6))
     coarse = coarsened(ground, 2)
     assert coarse.shape == (3, 4)
@@ -256,3 +208,160 @@ def test_maps_come_back_on_the_finer_cells() -> None:
         assert np.isnan(values[5, 3])
     assert np.nansum(fine.thickness) * 100.0 == thickness.sum() * 400.0 - 500.0
     assert refined(snapshot, coarse, 1) is snapshot
+
+
+#: Of several runs.
+TWO_MAPS = replace(SETTINGS, maps=2)
+
+
+def test_directions_are_all_different(valley: Case) -> None:
+    """Eight of them are all turns and mirror images; more move the vents by a little, up to 64."""
+    for runs in (1, 65):
+        with pytest.raises(LavaError, match='--runs'):
+            run_replicates(valley, TWO_MAPS, runs)
+    first = directions(8)
+    assert {(item.quarters, item.mirror) for item in first} == {
+        (quarters, mirror) for quarters in range(4) for mirror in (False, True)
+    }
+    assert {item.moved for item in first} == {0.0}
+    assert len(set(directions(24))) == 24
+    assert directions(24)[:8] == first
+
+
+def test_each_run_is_what_it_would_be_alone(valley: Case) -> None:
+    """Each run has the bits that it has alone, put back on the cells of the case."""
+    settings = replace(SETTINGS, maps=1)
+    told: list[float] = []
+    results = run_replicates(valley, settings, 5, progress=told.append)
+    assert told == pytest.approx([0.2, 0.4, 0.6, 0.8, 1.0])
+    for direction, result in zip(directions(5), results, strict=True):
+        alone = simulate(direction.turn(valley), settings)
+        thickness = result.snapshot.thickness
+        np.testing.assert_array_equal(thickness, direction.restore(alone.snapshot.thickness))
+        np.testing.assert_array_equal(np.isnan(thickness), ~valley.scene.terrain.has_data)
+        assert result.snapshot.terrain is valley.scene.terrain
+        assert result.peak.shape == valley.footprint.shape
+        arrived = alone.snapshot.arrived
+        assert arrived is not None
+        np.testing.assert_array_equal(result.snapshot.arrived, direction.restore(arrived))
+        assert result.snapshot.budget.emitted == pytest.approx(valley.volume)
+        assert result.snapshot.budget.error < 1e-5
+        assert result.effects == alone.effects
+        assert result.accuracy == alone.accuracy
+
+
+@pytest.mark.parametrize(('quarters', 'mirror'), [(1, False), (2, False), (3, True)])
+def test_a_turned_case_has_the_same_runs(
+    valley: Case, device: str, quarters: int, mirror: bool
+) -> None:
+    """In another order, to the bit: what half of them cover does not depend on the direction."""
+    settings = replace(SETTINGS, device=device, maps=1)
+    (vent,) = valley.scene.vents
+    x, y = vent.position
+    # no multiple of anything
+    vent = replace(vent, position=(x + 1e-3 / 3.0, y - 1e-3 / 7.0))
+    case = replace(valley, scene=replace(valley.scene, vents=(vent,)))
+    direction = Direction(quarters, mirror)
+    found, other = (
+        agreement(one, [item.snapshot for item in run_replicates(one, settings, 16)])
+        for one in (case, direction.turn(case))
+    )
+    one, another = (sorted(item.jaccard for item in of.scores) for of in (found, other))
+    assert one == another
+    assert found.majority.jaccard == other.majority.jaccard
+    np.testing.assert_array_equal(direction.restore(other.share), found.share)
+
+
+def test_barrier_in_mid_eruption_holds_lava_back(valley: Case, tmp_path: Path) -> None:
+    """Lava that comes after it was built gets no further, in each run, where it should."""
+    x, y = VENT
+    barrier = (
+        f'events:\n- time: 300\n  barrier: {{line: [[{x - 250}, {y - 250}], '
+        f'[{x + 250}, {y - 250}]], height: 30, width: 20}}\n'
+    )
+    dammed = load_case(write_case(tmp_path / 'dammed', hours=1, yaml=LAVA + barrier))
+    free, stopped = (
+        np.array([
+            np.nansum(run.snapshot.thickness[:37]) for run in run_replicates(case, TWO_MAPS, 2)
+        ])
+        for case in (valley, dammed)
+    )
+    assert free.min() > 30.0 and (stopped < 0.1 * free).all()
+
+
+def test_agreement_is_what_half_of_the_runs_cover(valley: Case) -> None:
+    """Shares and the majority are of the runs' own maps; holes count for nothing."""
+    maps = np.zeros((3, *valley.footprint.shape))
+    maps[0, 10:20, 10:20] = 3.0
+    maps[1, 10:20, 10:16] = 1.0
+    maps[2, 10:14, 10:16] = 0.1
+    end = simulate(valley, TWO_MAPS).snapshot
+    snapshots = [
+        replace(end, thickness=item, arrived=np.where(item > 0.0, 60.0, np.nan)) for item in maps
+    ]
+    found = agreement(valley, snapshots)
+    assert found.share[10, 10] == 1.0
+    assert found.share[15, 10] == pytest.approx(2.0 / 3.0)
+    np.testing.assert_array_equal(found.thickness > 0.0, maps[1] > 0.0)
+    numbers = found.as_dict()
+    assert numbers['count'] == 3
+    assert numbers['lowest'] <= numbers['mean'] <= numbers['highest']
+    assert numbers['standard_deviation'] == pytest.approx(np.std(numbers['jaccard'], ddof=1))
+    assert found.majority.area == 60 * valley.scene.terrain.resolution**2
+
+
+class CutOffError(Exception):
+    """What ends runs before their time."""
+
+
+def test_runs_that_are_cut_off_go_on(valley: Case, tmp_path: Path) -> None:
+    """They end with the same bits, with more of them as well; other settings are refused."""
+
+    def cut_off(share: float) -> None:
+        if share > 0.6:
+            raise CutOffError
+
+    whole = run_replicates(valley, TWO_MAPS, 3)
+    with pytest.raises(CutOffError):
+        run_replicates(valley, TWO_MAPS, 2, folder=tmp_path, progress=cut_off)
+    kept = tmp_path / 'run_01'
+    assert Run(directions(2)[1].turn(valley), TWO_MAPS, folder=kept).is_resumed
+    told: list[float] = []
+    again = run_replicates(valley, TWO_MAPS, 3, folder=tmp_path, progress=told.append)
+    assert len(told) == TWO_MAPS.maps * 3 - 3
+    for one, other in zip(whole, again, strict=True):
+        np.testing.assert_array_equal(one.snapshot.thickness, other.snapshot.thickness)
+        np.testing.assert_array_equal(one.snapshot.arrived, other.snapshot.arrived)
+    with pytest.raises(LavaError, match='--fresh'):
+        run_replicates(valley, replace(TWO_MAPS, spacing=20.0), 3, folder=tmp_path)
+
+
+@pytest.mark.parametrize('mirror', [False, True])
+def test_turned_and_mirrored_places_are_on_the_same_ground(valley: Case, mirror: bool) -> None:
+    """A vent keeps its ground in all eight directions, and maps come back as they were."""
+    (vent,) = valley.scene.vents
+    before = valley.scene.terrain
+    here = before.cell_at(*vent.position)
+    for quarters in range(4):
+        direction = Direction(quarters, mirror)
+        case = direction.turn(valley)
+        ground, (moved,) = case.scene.terrain, case.scene.vents
+        cell = ground.cell_at(*moved.position)
+        assert cell is not None
+        assert ground.elevation[cell] == before.elevation[here]
+        assert case.footprint[cell] == valley.footprint[here]
+        np.testing.assert_array_equal(direction.restore(ground.elevation), before.elevation)
+        np.testing.assert_array_equal(direction.restore(case.footprint), valley.footprint)
+
+
+def test_turns_are_counterclockwise_after_the_mirror(valley: Case) -> None:
+    """A valley that falls to the south falls to the east; four turns are none."""
+    (vent,) = valley.scene.vents
+    once = Direction(1).turn(valley)
+    assert np.median(np.diff(once.scene.terrain.elevation, axis=1)) < 0.0
+    again = Direction(3).turn(once)
+    np.testing.assert_array_equal(again.scene.terrain.elevation, valley.scene.terrain.elevation)
+    assert again.scene.vents[0].position == pytest.approx(vent.position)
+    mirrored = Direction(0, mirror=True).turn(valley)
+    x0, _, x1, _ = valley.scene.terrain.extent
+    assert mirrored.scene.vents[0].position[0] - x0 == pytest.approx(x1 - vent.position[0])

@@ -14,6 +14,8 @@
 
 """Scores of hindcasts and of ensembles of them, and the page that lists them."""
 
+from dataclasses import asdict, replace
+from functools import partial
 import importlib.util
 from pathlib import Path
 from typing import Any
@@ -25,7 +27,7 @@ from eruption import footprint, SHAPE, write_case
 from lava_ros.errors import LavaError
 from lava_ros.forecast.members import member_scene
 from lava_ros.forecast.sampling import draw_members
-from lava_ros.hindcast.case import load_case
+from lava_ros.hindcast.case import Case, Event, load_case
 from lava_ros.hindcast.chances import chances_of, mapped_on, plan_of
 from lava_ros.hindcast.run import Settings
 from lava_ros.hindcast.score import distances, Score, score
@@ -45,14 +47,18 @@ def _flow() -> np.ndarray:
     return thickness
 
 
-def _scored(thickness: np.ndarray, footprint: np.ndarray, **options: Any) -> Score:
+def _scored(thickness: np.ndarray, footprint: np.ndarray, vent: Any = VENT,
+            emitted: float = 1.0) -> Score:
     """The score of lava that covers where it is thicker than a decimetre."""
-    return score(thickness, thickness > 0.1, footprint, **options)
+    covered = thickness > 0.1
+    return score(
+        thickness, covered, footprint, resolution=10.0, vents=[vent], emitted=emitted
+    )
 
 
 def test_numbers_are_those_of_counted_cells() -> None:
-    """Hits, misses and false alarms, and what follows from them."""
-    found = _scored(_flow(), FOOTPRINT, resolution=10.0, vents=[VENT], emitted=30_000.0)
+    """Hits, misses and false alarms, and what follows; a flow that never came has none."""
+    found = _scored(_flow(), FOOTPRINT, emitted=30_000.0)
     assert (found.hits, found.misses, found.false_alarms) == (80, 70, 40)
     assert found.jaccard == pytest.approx(80 / 190)
     assert found.fit == pytest.approx((80 / 190) ** 0.5)
@@ -62,34 +68,35 @@ def test_numbers_are_those_of_counted_cells() -> None:
     assert (found.mean_thickness, found.median_thickness, found.thickest) == (2.0, 2.0, 2.0)
     assert found.mapped_thickness == pytest.approx(2.0)
     assert found.volume == pytest.approx(24_000.0 + 20 * 0.1 * 100.0)
+    none = _scored(np.full(FOOTPRINT.shape, np.nan), FOOTPRINT, emitted=0.0)
+    assert (none.jaccard, none.recall, none.precision) == (0.0, 0.0, 0.0)
+    assert (none.length, none.volume, none.mean_thickness) == (0.0, 0.0, 0.0)
 
 
 def test_length_is_that_of_the_way_along_the_flow() -> None:
     """A bent flow is as long as its way, not as far as its end."""
     mask = np.zeros((60, 60), bool)
     mask[10:50, 10] = mask[10, 10:50] = True
-    thickness = np.where(mask, 1.0, 0.0)
-    found = _scored(thickness, mask, resolution=10.0, vents=[(49, 10)], emitted=1.0)
+    thickness = mask.astype(float)
+    found = _scored(thickness, mask, (49, 10))
     assert found.length == found.mapped_length == pytest.approx(780.0, abs=20.0)
     assert found.length_error == 0.0
     short = np.where(np.indices(mask.shape)[1] < 30, thickness, 0.0)
-    found = _scored(short, mask, resolution=10.0, vents=[(49, 10)], emitted=1.0)
+    found = _scored(short, mask, (49, 10))
     assert found.length == pytest.approx(580.0, abs=20.0)
     assert found.length_error == pytest.approx(-200.0 / 780.0, abs=0.01)
 
 
-def test_ways_in_any_direction_are_nearly_straight() -> None:
-    """On open ground the way to a cell is at most 2.8 % longer than the straight line."""
+def test_ways_are_nearly_straight() -> None:
+    """On open ground the way to a cell is at most 2.8 % longer than the straight line.
+
+    Lava that has drained between two parts does not end the flow.
+    """
     ways = distances(np.ones((81, 81), bool), [(40, 40)])
-    rows, columns = np.indices(ways.shape) - 40
-    straight = np.hypot(rows, columns)
+    straight = np.hypot(*(np.indices(ways.shape) - 40))
     far = straight > 20.0
     assert (ways[far] >= straight[far] - 1e-9).all()
     assert (ways[far] / straight[far]).max() < 1.028
-
-
-def test_parts_apart_are_reached_in_a_straight_line() -> None:
-    """Lava that has drained between two parts does not end the flow."""
     mask = np.zeros((50, 20), bool)
     mask[40:45, 10] = mask[5:10, 10] = True
     ways = distances(mask, [(45, 10)])
@@ -104,41 +111,27 @@ def test_turned_and_mirrored_maps_have_the_same_score(turns: int) -> None:
     """Turning or mirroring flow, map and vents changes no number."""
     rng = np.random.default_rng(3)
     thickness = np.where(rng.random(FOOTPRINT.shape) < 0.8, _flow(), 0.0)
-    columns = FOOTPRINT.shape[1]
-
-    def cell(row: int, column: int) -> tuple[int, int]:
-        marked = np.zeros(FOOTPRINT.shape)
-        marked[row, column] = 1.0
-        return tuple(int(i) for i in np.argwhere(np.rot90(marked, turns))[0])  # type: ignore[return-value]
-
-    straight = _scored(thickness, FOOTPRINT, resolution=10.0, vents=[VENT], emitted=1.0).as_dict()
-    turned = _scored(
-        np.rot90(thickness, turns), np.rot90(FOOTPRINT, turns),
-        resolution=10.0, vents=[cell(*VENT)], emitted=1.0,
-    ).as_dict()
-    assert turned == pytest.approx(straight, rel=1e-6)
-    mirrored = _scored(
-        thickness[:, ::-1], FOOTPRINT[:, ::-1],
-        resolution=10.0, vents=[(VENT[0], columns - 1 - VENT[1])], emitted=1.0,
-    ).as_dict()
-    assert mirrored == pytest.approx(straight, rel=1e-6)
-
-
-def test_no_lava_scores_nothing() -> None:
-    """A flow that never came has no hits, and numbers all the same."""
-    found = _scored(
-        np.full(FOOTPRINT.shape, np.nan), FOOTPRINT, resolution=10.0, vents=[VENT], emitted=0.0
-    )
-    assert (found.jaccard, found.recall, found.precision) == (0.0, 0.0, 0.0)
-    assert (found.length, found.volume, found.mean_thickness) == (0.0, 0.0, 0.0)
+    vent = np.zeros(FOOTPRINT.shape)
+    vent[VENT] = 1.0
+    straight = asdict(_scored(thickness, FOOTPRINT))
+    for change in (partial(np.rot90, k=turns), np.fliplr):
+        (cell,) = np.argwhere(change(vent))
+        changed = _scored(change(thickness), change(FOOTPRINT), cell)
+        assert asdict(changed) == pytest.approx(straight, rel=1e-6)
 
 
 SETTINGS = Settings('draft', 20.0, 'cpu', maps=4)
 
 
-def test_members_fill_the_published_ranges(tmp_path: Path) -> None:
+@pytest.fixture
+def valley(tmp_path: Path) -> Case:
+    """A case of Etna's lava."""
+    return load_case(write_case(tmp_path / 'valley'))
+
+
+def test_members_fill_the_published_ranges(valley: Case) -> None:
     """Absolute values of members lie in the ranges of the material, and spread over them."""
-    plan = plan_of(load_case(write_case(tmp_path / 'valley')), SETTINGS)
+    plan = plan_of(valley, SETTINGS)
     scenes = [member_scene(plan.scene, item) for item in draw_members(plan.scene, 32)]
     etna = material_named('etna_basalt')
     known = {name: item.range for name, item in etna.constants.items() if item.range}
@@ -169,28 +162,21 @@ def test_a_case_says_what_is_uncertain(tmp_path: Path) -> None:
         load_case(folder)
 
 
-def test_ground_and_map_are_no_finer_than_particles(tmp_path: Path) -> None:
+def test_ground_and_map_are_no_finer_than_particles(valley: Case) -> None:
     """Members run on the cells of the hindcast, and the map is that of these cells."""
-    case = load_case(write_case(tmp_path / 'valley'))
     fine, coarse = (
-        plan_of(case, Settings('draft', spacing, 'cpu')) for spacing in (20.0, 60.0)
+        plan_of(valley, Settings('draft', spacing, 'cpu')) for spacing in (20.0, 60.0)
     )
     assert fine.scene.terrain.shape == SHAPE
-    np.testing.assert_array_equal(mapped_on(case, fine), case.footprint)
+    np.testing.assert_array_equal(mapped_on(valley, fine), valley.footprint)
     assert coarse.scene.terrain.resolution == 60.0
-    area = mapped_on(case, coarse).sum() * 60.0**2
-    assert area == pytest.approx(case.area, rel=0.3)
-    assert fine.horizon == case.duration
-    assert not fine.effects.inertia
-
-
-def test_events_are_refused(tmp_path: Path) -> None:
-    """Members run on one ground; a case whose ground changes is not run as if it did not."""
-    x, y = 500_350.0, 4_180_700.0
-    text = f'events: [{{time: 60, barrier: {{line: [[{x}, {y}], [{x + 90}, {y}]], '
-    text += 'height: 9, width: 20}}]\n'
+    area = mapped_on(valley, coarse).sum() * 60.0**2
+    assert area == pytest.approx(valley.area, rel=0.3)
+    assert fine.horizon == valley.duration and not fine.effects.inertia
+    # members run on one ground: a case whose ground changes is not run as if it did not
+    changing = replace(valley, events=(Event(60.0, valley.scene.terrain, 'a wall'),))
     with pytest.raises(LavaError, match=r'case.events'):
-        plan_of(load_case(write_case(tmp_path / 'valley', yaml=text)), SETTINGS)
+        plan_of(changing, SETTINGS)
 
 
 def test_chances_are_scored_where_lava_could_be() -> None:

@@ -15,14 +15,14 @@
 """Pilots, which are timed and looked at on their way, and what they say about finer runs."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from lava_ros.effects import Effects
 from lava_ros.forecast import pilots
-from lava_ros.forecast.extrapolation import completed, cost_at, error_law, FLOOR
-from lava_ros.forecast.pilots import MARKS, Pilot
+from lava_ros.forecast.pilots import completed, cost_at, error_law, FLOOR, MARKS, Pilot
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation.resolution import ACROSS, flow_width
 
@@ -63,13 +63,11 @@ def test_a_run_is_timed_by_the_clock_it_is_given():
 def test_a_run_has_the_effects_it_is_given(device):
     """Those of a finer run, whatever the scene calls for at this spacing."""
     scene = replace(SCENE, lava=Lava(viscosity=1e6))
-    own = pilots.run_at(scene, 0.5, 60.0, device=device, wall_limit=600.0)
-    other = replace(own.effects, green=not own.effects.green, helmholtz=False)
-    given = pilots.run_at(scene, 0.5, 60.0, device=device, wall_limit=600.0, effects=other)
-    assert given.effects == other != own.effects
-    forced = {'green': other.green, 'helmholtz': False}
-    given = pilots.run_at(scene, 0.5, 60.0, device=device, wall_limit=600.0, effects=forced)
-    assert given.effects == other
+    run = partial(pilots.run_at, scene, 0.5, 60.0, device=device, wall_limit=600.0)
+    own = run().effects
+    other = replace(own, green=not own.green, helmholtz=False)
+    assert run(effects=other).effects == other != own
+    assert run(effects={'green': other.green, 'helmholtz': False}).effects == other
     stopped = pilots.run_at(scene, 0.5, 1e9, device=device, wall_limit=1e-3)
     assert not stopped.is_done and stopped.progress[-1, 0] < 1.0
 
@@ -105,17 +103,12 @@ def test_cost_of_runs_that_follow_the_law(growth, each, particles):
     assert cost_at(pilots, 0.3) == pytest.approx(time(0.3), rel=0.03)
 
 
-def test_the_solve_takes_more_iterations_in_finer_runs():
-    """With it an evaluation goes as the third power."""
-    effects = Effects(helmholtz=True)
-    pilots = [_run(r, 1.0 + 8.0 * r**3, effects=effects) for r in REFINEMENTS]
-    assert cost_at(pilots, 1.0) == pytest.approx(9.0)
-
-
-def test_times_that_fall_do_not_make_finer_runs_cheaper():
-    """A machine that was busy during the first pilots."""
-    pilots = [_run(r, 1.0 / r) for r in REFINEMENTS]
-    assert cost_at(pilots, 1.5) >= pilots[-1].wall_time
+def test_cost_of_runs_that_follow_another():
+    """With the solve an evaluation goes as the third power; a busy machine makes none cheaper."""
+    solving = [_run(r, 1.0 + 8.0 * r**3, effects=Effects(helmholtz=True)) for r in REFINEMENTS]
+    assert cost_at(solving, 1.0) == pytest.approx(9.0)
+    busy = [_run(r, 1.0 / r) for r in REFINEMENTS]
+    assert cost_at(busy, 1.5) >= busy[-1].wall_time
 
 
 def _grown(refinement, constant, effects=EFFECTS, until=1.0):
@@ -135,8 +128,13 @@ def _grown(refinement, constant, effects=EFFECTS, until=1.0):
 @pytest.mark.parametrize('constant', [0.0, 1e-3])
 @pytest.mark.parametrize('effects', [EFFECTS, Effects(helmholtz=True)])
 def test_a_run_that_was_stopped_goes_on_as_a_coarser_one(constant, effects):
-    """Though that one has other physics, or spent its time on other things than particles."""
+    """Though that one has other physics, or spent its time on other things than particles.
+
+    A single run tells as well: how evaluations become dearer as particles come.
+    """
     whole = _grown(1.0, constant, effects)
+    alone = cost_at([_grown(0.5, constant, effects)], 1.0)
+    assert alone == pytest.approx(whole.wall_time, rel=0.05)
     stopped = _grown(1.0, constant, effects, until=0.3)
     assert stopped.wall_time < 0.25 * whole.wall_time
     for model in (_grown(0.5, constant, effects), _grown(0.5, 1e-2, Effects(green=True))):
@@ -144,14 +142,6 @@ def test_a_run_that_was_stopped_goes_on_as_a_coarser_one(constant, effects):
         assert found.wall_time == pytest.approx(whole.wall_time, rel=0.03)
         assert found.evaluations == pytest.approx(whole.evaluations, rel=0.01)
         assert found.spent == stopped.spent and not found.is_done
-
-
-@pytest.mark.parametrize('constant', [0.0, 1e-3])
-@pytest.mark.parametrize('effects', [EFFECTS, Effects(helmholtz=True)])
-def test_a_single_run_tells_its_parts(constant, effects):
-    """How evaluations become dearer as particles come says what more of these would cost."""
-    found = cost_at([_grown(0.5, constant, effects)], 1.0)
-    assert found == pytest.approx(_grown(1.0, constant, effects).wall_time, rel=0.05)
 
 
 def test_a_run_that_was_stopped_at_once_says_little_but_something():
@@ -200,7 +190,7 @@ def test_error_of_edges_that_are_off_by_bias_and_by_chance(order, scatter):
     truth = np.broadcast_to(place < 2000.0, (400, 4000))
     found = run(1.0).covered[-1]
     error = np.count_nonzero(found ^ truth) / np.count_nonzero(found | truth)
-    assert error / 2.0 < law.at(1.0) < 2.0 * error
+    assert error / 2.0 < law(1.0) < 2.0 * error
 
 
 def test_a_run_that_was_stopped_tells_of_errors_at_the_horizon():
@@ -218,15 +208,15 @@ def test_a_run_that_was_stopped_tells_of_errors_at_the_horizon():
     coarse = error_law([run(0.2), run(0.28)])
     for refinement in (0.6, 0.9):
         error = 0.04 * refinement**-1.5
-        assert stopped.at(refinement) == pytest.approx(full.at(refinement), rel=0.15)
-        assert 0.5 < stopped.at(refinement) / error < 2.0
-        assert coarse.at(refinement) != pytest.approx(full.at(refinement), rel=0.15)
+        assert stopped(refinement) == pytest.approx(full(refinement), rel=0.15)
+        assert 0.5 < stopped(refinement) / error < 2.0
+        assert coarse(refinement) != pytest.approx(full(refinement), rel=0.15)
 
 
 def test_runs_that_agree_are_not_without_error():
     """What no refinement has taken away so far is left; nothing is wrong by more than all."""
     covered = np.arange(1_000_000)[None] < 500_000
     law = error_law([_run(refinement, 1.0, covered=covered) for refinement in REFINEMENTS])
-    assert law.at(2.0) == FLOOR
+    assert law(2.0) == FLOOR
     apart = [_run(0.2, 1.0, covered=~covered), _run(0.28, 1.0, covered=covered)]
-    assert error_law(apart).at(0.2) == 1.0
+    assert error_law(apart)(0.2) == 1.0
