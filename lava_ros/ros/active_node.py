@@ -16,7 +16,6 @@
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from pathlib import Path
 import time
 from typing import Any
 
@@ -28,19 +27,15 @@ from rclpy.node import Node
 from lava_ros.errors import LavaError
 from lava_ros.files.resources import find_file
 from lava_ros.ros import codec, diagnostics, qos
-from lava_ros.ros.deadline import DeadlineChooser
-from lava_ros.ros.diagnostics import ClockWatch
-from lava_ros.ros.entities import Entities
 from lava_ros.ros.forecast_topics import ForecastTopics
 from lava_ros.ros.input_topics import InputTopics
-from lava_ros.ros.layer_publishers import LayerPublishers, published_layers
-from lava_ros.ros.node_log import NodeLog
 from lava_ros.ros.parameters import CHECKPOINT_PERIOD, constant_values, Settings
+from lava_ros.ros.publishers import LayerPublishers, published_layers, ScenePublisher
 from lava_ros.ros.recorder import BagFolder, Recorder, SaveAllowance
 from lava_ros.ros.recording import CheckpointRecording, SceneRecording
-from lava_ros.ros.scene_publisher import ScenePublisher
-from lava_ros.ros.services import Services
-from lava_ros.ros.sources import new_simulation, resumed_simulation, Sources
+from lava_ros.ros.services import create_services
+from lava_ros.ros.sources import resumed_simulation, SimulationMaker, Sources
+from lava_ros.ros.spinning import Entities
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
 from lava_ros.simulation.snapshot import Snapshot
@@ -89,11 +84,10 @@ class ActiveNode:
         if settings.forecast_horizon:
             configs['forecast_config'] = find_file(settings.forecast_config, 'msg_configs')
         layers = published_layers(*configs.values(), settings=settings)
-        self.is_active = False
-        self._is_paused = False
+        self.is_active = self._is_paused = False
         self._is_recording_wanted = settings.record
-        self._clock_watch = ClockWatch()
-        self._log = NodeLog(node.get_logger())
+        self._clock_watch = diagnostics.ClockWatch()
+        self._log = diagnostics.NodeLog(node.get_logger())
         self._recorder = Recorder()
         self._recording = SceneRecording(
             node,
@@ -104,9 +98,9 @@ class ActiveNode:
         )
         self._entities = entities
         snapshot_ready = entities.create('guard_condition', self._publish)
-        chooser = DeadlineChooser()
+        maker = SimulationMaker()
         self._worker = SimulationWorker(
-            lambda scene: new_simulation(scene, self._settings, chooser),
+            lambda scene: maker.make(scene, self._settings),
             clock=lambda: node.get_clock().now().nanoseconds * 1e-9,
             constants=settings.constants,
             time_scale=settings.time_scale,
@@ -129,10 +123,10 @@ class ActiveNode:
             self._recorder,
             worker=self._worker,
             settings=lambda: self._settings,
-            choice=lambda: chooser.choice,
+            choice=lambda: maker.choice,
         )
-        publishers: list[LayerPublishers[Any]] = [self._layers, *self._forecasts.publishers]
-        for rate in sorted({rate for item in publishers for rate in item.rates}):
+        rates = self._layers.rates.union(*(item.rates for item in self._forecasts.publishers))
+        for rate in sorted(rates):
             entities.create('timer', 1.0 / rate, lambda rate=rate: self._make_due(rate))
         self._scene = ScenePublisher(entities, frame_id=settings.frame_id)
         self._diagnostics = entities.create(
@@ -150,7 +144,7 @@ class ActiveNode:
             recorder=self._recorder,
             is_own=self._scene.is_own,
         )
-        Services(self, entities, worker=self._worker, inputs=self._inputs, layers=publishers)
+        create_services(self, entities, worker=self._worker, inputs=self._inputs)
         self._begin(sources)
         # The last thing: what fails before leaves no thread behind.
         self._worker.start()
@@ -182,8 +176,8 @@ class ActiveNode:
         self._forecasts.activate(False)
         self._worker.pause(True)
 
-    def close(self) -> bool:
-        """Finish the bag, end the worker and leave the graph; whether the worker has ended."""
+    def close(self) -> None:
+        """Finish the bag, end the worker and leave the graph."""
         self.is_active = False
         try:
             self._close_bag()
@@ -191,9 +185,8 @@ class ActiveNode:
                 self._log.volumes(self._worker.latest)
         finally:
             self._forecasts.stop()
-            ended = self._worker.stop(STOP_TIMEOUT)
+            self._worker.stop(STOP_TIMEOUT)
             self._entities.destroy()
-        return ended
 
     def has_ended(self) -> bool:
         """Whether the thread that ``close`` has told to end is no longer in a step."""
@@ -238,10 +231,10 @@ class ActiveNode:
 
     def start_recording(self) -> str:
         """Begin a bag, and give its name and when; LavaError where it cannot be."""
-        directory = str(self._arm_recorder())
+        self._arm_recorder()
         self._publish(repeat=True)
         self._check_recorder()
-        return directory + ' from the first map on' * self._recorder.is_armed
+        return self._recorder.status.directory + ' from the first map on' * self._recorder.is_armed
 
     def stop_recording(self) -> str:
         """Finish the bag and give its name, empty for none; LavaError where it could not be."""
@@ -259,11 +252,8 @@ class ActiveNode:
     def save(self) -> str:
         """Put the maps and a checkpoint of this moment into a bag and give its name.
 
-        That is the bag that is being recorded, or else one of its own.
-
-        Raises:
-            LavaError: There is nothing to save, too much has been, or the bag or its checkpoint
-                cannot be.
+        That is the bag that is being recorded, or else one of its own; LavaError where that or its
+        checkpoint cannot be, there is nothing to save, or too much has been.
         """
         if self._worker.latest is None:
             raise LavaError('save', 'no simulation yet', 'a terrain')
@@ -332,9 +322,7 @@ class ActiveNode:
             self._recording.write(self._worker.eruption, snapshot, stamp_ns)
             is_heard = self._inputs.has_heard(scene.terrain)
             self._scene.publish(scene, snapshot.time, stamp_ns, is_heard=is_heard)
-        self._layers.publish(
-            snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat
-        )
+        self._layers.publish(snapshot, stamp_ns, also_not_due=self._is_at_rest(), repeat=repeat)
         self._forecasts.publish(repeat=repeat)
         self._recorder.flush()
         self._log.recorder(self._recorder)
@@ -385,15 +373,12 @@ class ActiveNode:
 
     # recording
 
-    def _arm_recorder(self) -> Path:
-        settings = self._settings
-        directory = self._bag_folder.path(settings.bag_directory)
+    def _arm_recorder(self) -> None:
+        new = self._settings
+        directory = self._bag_folder.path(new.bag_directory)
         self._recorder.arm(
-            directory,
-            max_size=settings.bag_max_size,
-            max_duration=settings.bag_max_duration,
+            directory, max_size=new.bag_max_size, max_duration=new.bag_max_duration
         )
-        return directory
 
     def _close_bag(self) -> None:
         period, stamp_ns = self._settings.checkpoint_period, self._stamp_ns()

@@ -26,13 +26,12 @@ import numpy as np
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask, outline_on
 from lava_ros.maps.forecast import EnsembleForecast, Forecast
-from lava_ros.ros.commands import finish
 from lava_ros.ros.session import Fork
+from lava_ros.ros.worker_status import finish
 from lava_ros.scene import Terrain
 
 #: Moments that are remembered to find the simulated time of a stamp.
 _MOMENTS = 512
-
 
 #: What is published of the time to come.
 Ahead = TypeVar('Ahead', Forecast, EnsembleForecast)
@@ -119,7 +118,7 @@ class EnsembleForecasts:
         self.latest: Live[EnsembleForecast] | None = None
         self.status = AheadStatus()
         self._seen: queue.SimpleQueue[_Seen] = queue.SimpleQueue()
-        self._sent: dict[int, _Seen] = {}
+        self._sent: dict[int, Future[None]] = {}
         self._number = 0
         self._at_hand: int | None = None
         self._ordered: tuple[int, float] | None = None
@@ -145,10 +144,9 @@ class EnsembleForecasts:
 
     def is_wanted(self, changes: int, time: float) -> bool:
         """Whether there is neither an ensemble at hand nor one of this state."""
-        if self._is_refused and changes == self._changes:
-            # it would fail again, until something changes
-            return False
-        return self._at_hand is None and (changes, time) != self._ordered
+        # one that was refused would fail again, until something changes
+        may_be = not self._is_refused or changes != self._changes
+        return may_be and self._at_hand is None and (changes, time) != self._ordered
 
     def order(self, fork: Fork, number: int, rules: ForecastRules) -> dict[str, Any] | None:
         """The part of the order for forecast ``number`` that asks for an ensemble, or None."""
@@ -179,10 +177,10 @@ class EnsembleForecasts:
                 time = self._time_at(seen.clock, time_scale)
                 outline = outline_on(self._terrain, seen.mask, time)
             except LavaError as error:
-                _end(seen, error)
+                finish(seen.done, error)
                 continue
             self._number += 1
-            self._sent[self._number] = seen
+            self._sent[self._number] = seen.done
             order('outline', number=self._number, outline=outline)
 
     def hear(self, name: str, **values: Any) -> bool:
@@ -193,11 +191,11 @@ class EnsembleForecasts:
             self._at_hand, self._is_refused = None, True
             self._put(progress=None, error=values['reason'])
         elif name == 'outline_refused':
-            _end(self._sent.pop(values['number'], None), values['error'])
+            self._end(values['number'], values['error'])
         elif name == 'weighed':
             self._agreement = values['agreement']
             self._put(outlines=values['outlines'], jaccard_mean=values['jaccard_mean'])
-            _end(self._sent.pop(values['number'], None))
+            self._end(values['number'])
         elif name == 'ensemble':
             return self._take(**values)
         return False
@@ -209,9 +207,9 @@ class EnsembleForecasts:
         waiting = list(self._sent.values())
         self._sent = {}
         while not self._seen.empty():
-            waiting.append(self._seen.get())
-        for seen in waiting:
-            _end(seen, LavaError('observed_outline', reason, 'an ensemble to be weighed'))
+            waiting.append(self._seen.get().done)
+        for done in waiting:
+            finish(done, LavaError('observed_outline', reason, 'an ensemble to be weighed'))
 
     def _note(self, fork: Fork) -> None:
         if fork.changes != self._changes:
@@ -239,8 +237,8 @@ class EnsembleForecasts:
     def _take(
         self, number: int, stamp_ns: int, changes: int, *, is_done: bool, **values: Any
     ) -> bool:
+        # of another scene
         if changes != self._changes:
-            # of another scene
             return False
         assert self._terrain is not None
         ensemble = EnsembleForecast(terrain=self._terrain, is_done=is_done, **values)
@@ -251,11 +249,11 @@ class EnsembleForecasts:
             self._put(progress=None, count=self.status.count + 1)
         return True
 
+    def _end(self, number: int, error: LavaError | None = None) -> None:
+        """Complete the future of an outline, with the error if it was not used."""
+        done = self._sent.pop(number, None)
+        if done is not None:
+            finish(done, error)
+
     def _put(self, **changes: Any) -> None:
         self.status = replace(self.status, **changes)
-
-
-def _end(seen: _Seen | None, error: LavaError | None = None) -> None:
-    """Complete the future of an outline, with the error if it was not used."""
-    if seen is not None:
-        finish(seen.done, error)

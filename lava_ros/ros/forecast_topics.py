@@ -24,13 +24,13 @@ from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
 from lava_ros.maps.layers import ARRIVAL, Layer, plain_source, PROBABILITY
 from lava_ros.ros import diagnostics
-from lava_ros.ros.deadline import DeadlineChoice
 from lava_ros.ros.ensemble_forecasts import Ahead, ForecastRules, Live
-from lava_ros.ros.entities import Entities
 from lava_ros.ros.forecaster import Forecaster
-from lava_ros.ros.layer_publishers import LayerPublishers
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.publishers import LayerPublishers
 from lava_ros.ros.recorder import Recorder
+from lava_ros.ros.sources import DeadlineChoice
+from lava_ros.ros.spinning import Entities
 from lava_ros.ros.worker import SimulationWorker
 
 #: How long forecasts may take to end [s]: a copy of the state that is being taken is waited for.
@@ -60,51 +60,44 @@ class ForecastTopics:
         settings: Callable[[], Settings],
         choice: Callable[[], DeadlineChoice | None] = lambda: None,
     ) -> None:
-        """Create a publisher for every layer, and the forecaster if a horizon is set.
+        """Create a publisher for every layer, and the forecaster.
 
         ``choice`` returns what was chosen to meet the deadline, None without a deadline.
 
         Raises:
             LavaError: Two layers of arrival times have different thresholds.
         """
-        self._node = entities.node
         self._settings = settings
         self._choice = choice
         self._threshold = _threshold(layers)
-        self._is_active = False
-        frame_id = settings().frame_id
         self.publishers: list[LayerPublishers[Any]] = [
             LayerPublishers(
                 entities,
                 [layer for layer in layers if layer.is_ensemble is is_ensemble],
                 recorder,
-                frame_id=frame_id,
+                frame_id=settings().frame_id,
             )
             for is_ensemble in (False, True)
         ]
-        forecasts, ensembles = self.publishers
-        self._forecasts = _Withdrawable(forecasts, 'forecast', self._node)
-        self._ensembles = _Withdrawable(ensembles, 'ensemble', self._node)
-        self._forecaster: Forecaster | None = None
-        if settings().forecast_horizon:
-            ready = entities.create('guard_condition', self.publish)
-            self._forecaster = Forecaster(worker, self._rules, on_change=ready.trigger)
+        self._forecasts, self._ensembles = (
+            _Withdrawable(publishers, name, entities.node)
+            for publishers, name in zip(self.publishers, ('forecast', 'ensemble'), strict=True)
+        )
+        ready = entities.create('guard_condition', self.publish)
+        self._forecaster = Forecaster(worker, self._rules, on_change=ready.trigger)
 
     def start(self) -> None:
         """Start the thread, where forecasts are wanted at all."""
-        if self._forecaster is not None:
+        if self._settings().forecast_horizon:
             self._forecaster.start()
 
     def stop(self) -> None:
         """End the thread and its process."""
-        if self._forecaster is not None:
-            self._forecaster.stop(STOP_TIMEOUT)
+        self._forecaster.stop(STOP_TIMEOUT)
 
     def activate(self, is_active: bool) -> None:
         """Make and publish forecasts from now on, or no more."""
-        self._is_active = is_active
-        if self._forecaster is not None:
-            self._forecaster.want(is_active)
+        self._forecaster.want(is_active)
 
     def make_due(self, rate: float) -> None:
         """Let the layers of a rate be published with the next forecast."""
@@ -115,26 +108,21 @@ class ForecastTopics:
     def publish(self, *, repeat: bool = False) -> None:
         """Publish new forecasts or withdraw stale ones; ``repeat`` includes those already sent."""
         forecaster = self._forecaster
-        if forecaster is None or not self._is_active:
-            return
-        latest, ensemble = forecaster.latest, forecaster.ensembles.latest
-        self._forecasts.publish(latest, forecaster.staleness(latest), repeat=repeat)
-        self._ensembles.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
+        if forecaster.is_wanted:
+            latest, ensemble = forecaster.latest, forecaster.ensembles.latest
+            self._forecasts.publish(latest, forecaster.staleness(latest), repeat=repeat)
+            self._ensembles.publish(ensemble, forecaster.staleness(ensemble), repeat=repeat)
 
     def observe(self, mask: Mask, clock: float) -> 'Future[None]':
-        """Weigh members by where lava was observed at ``clock`` [s].
-
-        Raises:
-            LavaError: The node is not active, or makes no ensembles.
-        """
-        if self._forecaster is None or not self._is_active:
+        """Weigh members by where lava was observed at ``clock`` [s]; LavaError while inactive."""
+        if not self._forecaster.is_wanted:
             raise LavaError('observed_outline', 'no ensemble', 'an active node that makes them')
         return self._forecaster.ensembles.observe(mask, clock)
 
     def statuses(self) -> list[DiagnosticStatus]:
         """What diagnostics say, nothing without a horizon."""
         forecaster, settings = self._forecaster, self._settings()
-        if forecaster is None:
+        if not settings.forecast_horizon:
             return []
         ensembles = forecaster.ensembles
         tasks: list[Any] = [('forecast', forecaster.status, forecaster.latest)]
@@ -142,17 +130,13 @@ class ForecastTopics:
             tasks.append(('ensemble', ensembles.status, ensembles.latest))
         found = [
             diagnostics.ahead_status(
-                task,
-                status,
-                live,
-                age=forecaster.age(live),
-                staleness=forecaster.staleness(live),
+                *task, age=forecaster.age(task[-1]), staleness=forecaster.staleness(task[-1])
             )
-            for task, status, live in tasks
+            for task in tasks
         ]
         if settings.deadline:
             # an ensemble includes the forecast that comes before it
-            known = [live.shown.duration for _, _, live in tasks if live is not None]
+            known = [live.shown.duration for *_, live in tasks if live is not None]
             took = max(known, default=0.0)
             found.append(diagnostics.deadline_status(settings.deadline, self._choice(), took=took))
         return found

@@ -39,7 +39,7 @@ from lava_ros.ros.ensemble_forecasts import (
 )
 from lava_ros.ros.session import Fork
 from lava_ros.ros.worker import SimulationWorker
-from lava_ros.ros.worker_status import Pace, WorkerState
+from lava_ros.ros.worker_status import WorkerState
 
 #: Least wall time from one forecast to the next [s].
 LEAST_PERIOD = 1.0
@@ -55,15 +55,44 @@ LONGEST_LAG = 0.5
 #: Wall time between two looks at how the live simulation is doing [s].
 _WATCH_TIME = 0.1
 
+#: Least share of a device that forecasts have, by its kind. On a GPU two that are busy get half of
+#: it each, so the live simulation loses half of this; on a CPU forecasts are nice, and take away
+#: what cores share: caches, memory.
+LEAST_SHARES = {'cpu': 0.25, 'cuda': 0.1}
+
+#: Share by which forecasts get more in a second in which the live simulation keeps up.
+SHARE_RATE = 0.1
+
 #: Wall time after a failure before the next try [s], doubled with each up to the last.
 _RETRY_TIMES = (2.0, 60.0)
-
 
 #: Longest time that the process may take to end by itself [s].
 _END_TIMEOUT = 2.0
 
-#: Name and values of an answer of the process (``lava_ros.forecast.process``).
-Answer = tuple[str, dict[str, Any]]
+
+class Pace:
+    """The share of the time for what may wait: least while the simulation falls behind its clock.
+
+    It grows by ``SHARE_RATE`` a second again when the simulation keeps up.
+    """
+
+    def __init__(self) -> None:
+        """Start with all of the time."""
+        self._share = 1.0
+        self._noted: float | None = None
+
+    def note(self, is_behind: bool, now: float) -> None:
+        """Note whether the simulation is behind its clock, at a wall time [s]."""
+        if is_behind:
+            self._share = 0.0
+        elif self._noted is not None:
+            self._share = min(1.0, self._share + SHARE_RATE * (now - self._noted))
+        self._noted = now
+
+    def share(self, most: float, device: str) -> float:
+        """The share now, on a device, given the largest one."""
+        least = LEAST_SHARES[device.partition(':')[0]]
+        return min(max(round(self._share, 1), least), most)
 
 
 class ForecastProcess:
@@ -96,13 +125,13 @@ class ForecastProcess:
         """Send an order; OSError where it has ended."""
         self._connection.send((name, values))
 
-    def answer(self, timeout: float) -> Answer | None:
-        """The next answer, None for none within a time [s]; OSError where it has ended."""
+    def answer(self, timeout: float) -> tuple[str, dict[str, Any]] | None:
+        """Name and values of the next answer, None without one in time [s]; OSError at its end."""
         try:
             if not self._connection.poll(timeout):
                 return None
-            answer: Answer = self._connection.recv()
-            return answer
+            name, values = self._connection.recv()
+            return name, values
         except (EOFError, OSError) as error:
             text = f'the process of the forecasts has ended ({self._ending()})'
             raise ChildProcessError(text) from error
@@ -136,6 +165,7 @@ class Forecaster:
         status: The status of the forecasts.
         latest: The newest forecast, None before the first.
         ensembles: The ensembles.
+        is_wanted: Whether forecasts are to be made.
     """
 
     def __init__(
@@ -160,10 +190,8 @@ class Forecaster:
         self.latest: Live[Forecast] | None = None
         self.status = AheadStatus()
         self._pace = Pace()
-        self._is_wanted = False
-        self._failures = 0
-        self._number = 0
-        self._told = 0
+        self.is_wanted = False
+        self._failures = self._number = self._told = 0
         self._forked: tuple[int, float] | None = None
         self._changes: int | None = None
         # the fork from which the forecast in progress started
@@ -196,7 +224,7 @@ class Forecaster:
 
     def want(self, is_wanted: bool) -> None:
         """Make forecasts from now on, or no more."""
-        self._is_wanted = is_wanted
+        self.is_wanted = is_wanted
 
     def stop(self, timeout: float | None = None) -> bool:
         """End the thread and the process within ``timeout`` [s], and say whether it has ended."""
@@ -219,7 +247,7 @@ class Forecaster:
         self._drop_outdated()
         is_another = self._worker.eruption.changes != self._changes
         due = self._due_after_change if is_another else self._due
-        is_due = self._is_wanted and time.monotonic() >= due
+        is_due = self.is_wanted and time.monotonic() >= due
         if is_due and self._process is None:
             # it takes its time to start: before there is anything to look ahead from
             self._process = self._make_process()
@@ -251,21 +279,17 @@ class Forecaster:
         if snapshot is None or self._worker.status.state is WorkerState.FAILED:
             return False
         state = (self._worker.eruption.changes, snapshot.time)
-        is_new = state != self._forked
-        return is_new or (self._rules().members > 0 and self.ensembles.is_wanted(*state))
+        has_members = self._rules().members > 0
+        return state != self._forked or (has_members and self.ensembles.is_wanted(*state))
 
     def _drop_outdated(self) -> None:
         changes = self._worker.eruption.changes
-        is_outdated = not self._is_wanted or changes != self._changes
-        if not is_outdated or not self._is_busy():
-            return
-        if self._process is not None:
-            self._process.order('cancel')
-        self._report_changes()
-        self._drop('the scene has changed' if self._is_wanted else 'the node is not active')
-
-    def _is_busy(self) -> bool:
-        return self._at_hand is not None or self.ensembles.is_busy
+        is_outdated = not self.is_wanted or changes != self._changes
+        if is_outdated and (self._at_hand is not None or self.ensembles.is_busy):
+            if self._process is not None:
+                self._process.order('cancel')
+            self._report_changes()
+            self._drop('the scene has changed' if self.is_wanted else 'the node is not active')
 
     def _drop(self, reason: str) -> None:
         # a state that has been dropped may be forked again

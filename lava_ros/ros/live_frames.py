@@ -35,7 +35,7 @@ from lava_ros.maps.layers import ARRIVED, IMAGE, Layer
 from lava_ros.maps.message_arrays import image_array
 from lava_ros.ros import qos
 from lava_ros.ros.codec import message_class, nanoseconds
-from lava_ros.ros.scene_publisher import PLACES
+from lava_ros.ros.outputs import PLACES
 from lava_ros.ros.spinning import Watcher
 from lava_ros.watch.frames import Level, Status, watched_layers
 

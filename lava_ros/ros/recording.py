@@ -77,21 +77,17 @@ class SceneRecording:
 
     def write(self, eruption: Eruption, snapshot: Snapshot, stamp_ns: int) -> None:
         """Record what has changed since the last call; ``stamp_ns`` is the ROS time [ns]."""
-        scene, effects = eruption.scene, eruption.effects
-        if scene is None:
+        scene, recorder, is_new = eruption.scene, self._recorder, self._recorder.is_armed
+        if scene is None or not (is_new or recorder.is_recording):
             return
-        if not (self._recorder.is_armed or self._recorder.is_recording):
-            return
-        if self._recorder.is_armed:
+        if is_new:
             self._effects, self._history, self._origin = {}, [], eruption.origin
-            self._note_effects(effects, snapshot, stamp_ns)
-            self._recorder.begin(self._description(scene, eruption))
+        has_changed = self._note_effects(eruption.effects, snapshot, stamp_ns)
+        if is_new or has_changed or scene is not self._scene:
+            put = recorder.begin if is_new else recorder.describe
+            put(self._description(scene, eruption))
             self._scene = scene
-            self._terrain = self._vents = None
-        if self._note_effects(effects, snapshot, stamp_ns) or scene is not self._scene:
-            self._recorder.describe(self._description(scene, eruption))
-            self._scene = scene
-        if self._is_to_repeat(snapshot.terrain, stamp_ns):
+        if is_new or self._is_to_repeat(snapshot.terrain, stamp_ns):
             self._terrain = self._vents = None
         header: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}
         if snapshot.terrain is not self._terrain:
@@ -132,10 +128,9 @@ class SceneRecording:
 
     def _description(self, scene: Scene, eruption: Eruption) -> dict[str, str]:
         resumed = {'resumed_from': json.dumps(self._origin._asdict())} if self._origin else {}
+        whole = scene_to_dict(replace(scene, vents=eruption.schedule))
         return {
-            'scene': yaml.safe_dump(
-                scene_to_dict(replace(scene, vents=eruption.schedule)), sort_keys=False
-            ),
+            'scene': yaml.safe_dump(whole, sort_keys=False),
             'parameters': yaml.safe_dump(dict(self._parameters()), sort_keys=False),
             'effects': json.dumps(self._history),
             **resumed,
@@ -151,13 +146,7 @@ PATIENCE = 10.0
 
 @dataclass(frozen=True)
 class LastCheckpoint:
-    """What a status says of the newest checkpoint in the bag.
-
-    Attributes:
-        time: Simulated time [s].
-        size: Its size [bytes].
-        count: Checkpoints in the bag.
-    """
+    """The newest checkpoint in a bag: simulated time [s], size [bytes], and how many there are."""
 
     time: float
     size: int
@@ -188,8 +177,7 @@ class CheckpointRecording:
         self._directory = ''
         self._pending: Future[bytes] | None = None
         self._asked: float | None = None
-        self._data = b''
-        self._written = 0
+        self._data, self._written = b'', 0
         self.last: LastCheckpoint | None = None
 
     def poll(self, period: float, stamp_ns: int) -> str:
@@ -220,14 +208,10 @@ class CheckpointRecording:
     def _is_recording(self) -> bool:
         directory = self._recorder.status.directory
         if not self._recorder.is_recording or directory != self._directory:
-            self._forget()
+            self._pending = self._asked = self.last = None
+            self._data, self._written = b'', 0
         self._directory = directory
         return self._recorder.is_recording
-
-    def _forget(self) -> None:
-        self._pending = self._asked = self.last = None
-        self._data = b''
-        self._written = 0
 
     def _is_due(self, period: float) -> bool:
         if self._asked is None:

@@ -92,10 +92,7 @@ class Eruption:
         *,
         constants: Mapping[str, Any] | None = None,
     ) -> None:
-        """Start without a terrain; ``constants`` apply until a scene brings its own.
-
-        ``make_simulation`` makes a simulation of a scene at time 0.
-        """
+        """Start without a terrain; ``constants`` apply until a scene brings its own."""
         self._make_simulation = make_simulation
         self._constants = constants or constants_of(None)
         self._is_changed = False
@@ -123,8 +120,7 @@ class Eruption:
         return simulation.device if simulation is not None else ''
 
     def start(self, scene: Scene) -> None:
-        """Start a scene at time 0 in place of what there was."""
-        # A scene that is refused here leaves the old simulation in place.
+        """Start a scene at time 0 in place of what there was; refused, that stays in place."""
         self.go_on_with(self._make_simulation(scene), scene)
 
     def go_on_with(
@@ -136,8 +132,8 @@ class Eruption:
     ) -> None:
         """Continue with a simulation of a scene, at any time, in place of the present one.
 
-        ``origin`` is the checkpoint that the simulation was resumed from. ``before`` has the vents
-        up to its time if they differ from the scene's; it determines the volume emitted so far.
+        ``before`` has the vents up to its time if they differ from the scene's; it determines the
+        volume emitted so far.
         """
         self.schedule = schedule(before or scene.vents, scene.vents, simulation.time)
         self.simulation, self.scene, self._constants = simulation, scene, constants_of(scene)
@@ -236,8 +232,7 @@ class Eruption:
         """
         if self.simulation is None or not self._is_changed:
             return False
-        number = next(self._numbers)
-        self._take(self.simulation.snapshot(), number)
+        self._take(self.simulation.snapshot(), next(self._numbers))
         self._is_changed = False
         return True
 

@@ -24,9 +24,15 @@ import time
 from typing import Any, TYPE_CHECKING
 
 from lava_ros.errors import LavaError
-from lava_ros.ros.commands import Command, CommandQueue, finish
 from lava_ros.ros.session import Eruption, failure_text, Fork, Origin
-from lava_ros.ros.worker_status import SpeedMeter, WorkerState, WorkerStatus
+from lava_ros.ros.worker_status import (
+    Command,
+    CommandQueue,
+    finish,
+    SpeedMeter,
+    WorkerState,
+    WorkerStatus,
+)
 from lava_ros.scene import check_vents, Scene, Terrain, Vent
 
 if TYPE_CHECKING:
@@ -86,8 +92,6 @@ class SimulationWorker:
         brings its own, ``end_time`` is the simulated time at which to stop [s]. ``on_snapshot`` is
         called when ``latest`` has changed, in the thread or in another.
         """
-        self._make_simulation = make_simulation
-        self.eruption = Eruption(self._make, constants=constants)
         self._clock = clock
         self._time_scale = time_scale
         self._end_time = end_time
@@ -103,6 +107,7 @@ class SimulationWorker:
         self._step_target: float | None = None
         self._speed = SpeedMeter()
         self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, 0.0, False, '')
+        self.eruption = Eruption(self._starting(make_simulation), constants=constants)
         self._error = ''
         self._is_stopping = False
         self._commands = CommandQueue()
@@ -149,17 +154,12 @@ class SimulationWorker:
         origin: Origin | None = None,
         before: tuple[Vent, ...] = (),
     ) -> 'Future[None]':
-        """Continue with another simulation of ``scene`` in place of the present one.
+        """Continue with another simulation of a scene, as ``Eruption.go_on_with`` does.
 
-        ``make_simulation`` is called in the worker's thread. ``origin`` and ``before`` are as in
-        ``Eruption.go_on_with``.
+        ``make_simulation`` is called in the worker's thread.
         """
-
-        def start() -> None:
-            self._status = replace(self._status, state=WorkerState.STARTING)
-            self.eruption.go_on_with(make_simulation(), scene, origin, before)
-
-        return self._put(start)
+        make = self._starting(make_simulation)
+        return self._put(lambda: self.eruption.go_on_with(make(), scene, origin, before))
 
     def checkpoint(self) -> 'Future[bytes]':
         """Serialise all that is needed to go on from here; LavaError without a simulation."""
@@ -174,11 +174,9 @@ class SimulationWorker:
         return self._put(lambda: self._set_terrain(terrain), kind='terrain')
 
     def set_vents(self, vents: Iterable[Vent]) -> 'Future[None]':
-        """Replace all vents.
+        """Replace all vents, as ``Eruption.set_vents`` does.
 
-        Before there is a terrain the newest vents wait for it, and so does their future. The first
-        vents of a simulation without lava start it again at time 0: its resolution follows their
-        discharge.
+        Before there is a terrain the newest vents wait for it, and so does their future.
         """
         vents = tuple(vents)
         future: Future[None] = Future()
@@ -248,9 +246,8 @@ class SimulationWorker:
     def _run_commands(self) -> None:
         """Run what is queued; wait for it as long as there is nothing else to do."""
         time.sleep(max(0.0, self._last_turn + TURN_WALL_TIME - time.monotonic()))
-        wait: float | None = None
-        if self._is_moving():
-            wait = 0.0 if self._target > self.eruption.time else IDLE_WALL_TIME
+        is_behind = self._target > self.eruption.time
+        wait = (0.0 if is_behind else IDLE_WALL_TIME) if self._is_moving() else None
         try:
             command = self._commands.get(wait)
             self._last_turn = time.monotonic()
@@ -270,14 +267,13 @@ class SimulationWorker:
             result = command.action()
             if self.eruption.starts != starts:
                 self._note_start()
-        except LavaError as error:
-            finish(future, error)
         except Exception as error:
-            self._fail(error)
+            if not isinstance(error, LavaError):
+                self._fail(error)
             finish(future, error)
         else:
-            waits = self._waiting_vents is not None and self._waiting_vents[1] is future
-            if not waits:
+            # vents that wait for a terrain are not done yet
+            if self._waiting_vents is None or self._waiting_vents[1] is not future:
                 finish(future, result=result)
         self._turn = '', 0.0
         self._guard(self._update_status)
@@ -350,14 +346,15 @@ class SimulationWorker:
             self._speed.clear()
         # What is at rest is shown as it is by the time its state says so.
         is_new = not self._is_moving() and self._is_snapshot_new()
+        lag = max(0.0, self._target - self.eruption.time)
         self._status = WorkerStatus(
             state=state,
             error=self._error,
             speed=self._speed.value,
             mean_speed=self._speed.mean,
-            is_behind=state is WorkerState.RUNNING and self._target > self.eruption.time,
+            is_behind=state is WorkerState.RUNNING and lag > 0.0,
             device=self.eruption.device,
-            lag=max(0.0, self._target - self.eruption.time) / self._time_scale,
+            lag=lag / self._time_scale,
             turn=self._slice if self._is_moving() else 0.0,
         )
         if is_new:
@@ -394,22 +391,26 @@ class SimulationWorker:
 
     def _finish_snapshot(self, rest: Callable[[], None], simulation: 'Simulation | None') -> None:
         """Do the rest of a snapshot; if that fails, its simulation has failed."""
+
+        def fail(reason: Exception) -> None:
+            if self.eruption.simulation is simulation:
+                self._fail(reason)
+
         try:
             rest()
         except Exception as error:
-            reason = error
-
-            def fail() -> None:
-                if self.eruption.simulation is simulation:
-                    self._fail(reason)
-
-            self._put(fail, kind='failure')
+            self._put(partial(fail, error), kind='failure')
         else:
             self._on_snapshot()
 
-    def _make(self, scene: Scene) -> 'Simulation':
-        self._status = replace(self._status, state=WorkerState.STARTING)
-        return self._make_simulation(scene)
+    def _starting(self, make: Callable[..., 'Simulation']) -> Callable[..., 'Simulation']:
+        """The same, with a status that says so."""
+
+        def start(*scene: Scene) -> 'Simulation':
+            self._status = replace(self._status, state=WorkerState.STARTING)
+            return make(*scene)
+
+        return start
 
     def _note_start(self) -> None:
         self._error = ''
@@ -424,12 +425,10 @@ class SimulationWorker:
         return Fork(checkpoint, self.eruption.changes, self._clock(), time.monotonic() - begun)
 
     def _set_terrain(self, terrain: Terrain) -> None:
-        if self.eruption.scene is None:
-            self._start_with_waiting_vents(terrain)
-        elif self.eruption.set_terrain(terrain):
-            self._show()
-
-    def _start_with_waiting_vents(self, terrain: Terrain) -> None:
+        if self.eruption.scene is not None:
+            if self.eruption.set_terrain(terrain):
+                self._show()
+            return
         vents, future = self._waiting_vents or ((), None)
         error: LavaError | None = None
         try:

@@ -23,6 +23,7 @@ import pytest
 from lava_ros.errors import LavaError
 from lava_ros.ros import diagnostics
 from lava_ros.ros.diagnostics import ClockWatch, PATIENCE
+from lava_ros.ros.input_topics import InputLog
 from lava_ros.ros.recorder import RecorderStatus
 from lava_ros.ros.worker_status import WorkerState, WorkerStatus
 from lava_ros.scene import Terrain
@@ -60,7 +61,7 @@ def _simulation(state, snapshot=None, *, is_active=True, clock='', **changes):
 
 def test_input_log_levels():
     """ERROR while a topic's newest message was refused, WARN afterwards, counts throughout."""
-    log = diagnostics.InputLog()
+    log = InputLog()
     assert log.status().level == OK
     log.accept('terrain')
     assert log.reject('vents', LavaError('vents.size', 9, 'at most 1'))
@@ -78,7 +79,7 @@ def test_input_log_levels():
 
 def test_input_log_says_things_once():
     """The same error again is counted and not logged; another one, or one after a good one, is."""
-    log = diagnostics.InputLog()
+    log = InputLog()
     one, other = LavaError('a', 1, 'b'), LavaError('c', 1, 'd')
     assert [log.reject('t', item) for item in (one, one, other)] == [True, False, True]
     log.accept('t')
@@ -211,7 +212,7 @@ def test_recorder_status():
 
 def test_what_was_replaced_or_forgiven_is_counted():
     """A message that a newer one replaced is neither taken nor refused; forgiven is a warning."""
-    log = diagnostics.InputLog()
+    log = InputLog()
     log.supersede('vents')
     log.supersede('vents')
     assert log.status().level == OK
@@ -225,7 +226,7 @@ def test_what_was_replaced_or_forgiven_is_counted():
 
 def test_an_earlier_message_that_ends_later_changes_nothing():
     """The newest message of a topic decides, in whatever order they are judged."""
-    log = diagnostics.InputLog()
+    log = InputLog()
     first = log.arrive()
     log.reject('vents', LavaError('vents.size', 9, 'at most 1'))
     log.accept('vents', first)

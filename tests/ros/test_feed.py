@@ -29,7 +29,7 @@ from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.maps.message_arrays import cloud_columns
 from lava_ros.ros import inputs, qos
-from lava_ros.ros.feed import SceneFeed
+from lava_ros.ros.monitor import SceneFeed
 from lava_ros.ros.parameters import Settings
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from ros_domain import own_domain

@@ -26,8 +26,8 @@ from lava_ros.bag.decoding import Decoder
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict
 from lava_ros.ros.forecast_topics import _threshold
-from lava_ros.ros.layer_publishers import published_layers
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.publishers import published_layers
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'
 

@@ -33,12 +33,18 @@ from lava_ros.forecast import process as forecast_process
 from lava_ros.forecast.lookahead import FIRST_LOOKS, LookAhead, LOOKS
 from lava_ros.forecast.planning import Affordable
 from lava_ros.ros import diagnostics, forecaster
-from lava_ros.ros.deadline import DeadlineChooser
 from lava_ros.ros.ensemble_forecasts import ForecastRules
-from lava_ros.ros.forecaster import Forecaster, ForecastProcess, LEAST_PERIOD
+from lava_ros.ros.forecaster import (
+    Forecaster,
+    ForecastProcess,
+    LEAST_PERIOD,
+    LEAST_SHARES,
+    Pace,
+    SHARE_RATE,
+)
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.sources import SimulationMaker
 from lava_ros.ros.worker import SimulationWorker
-from lava_ros.ros.worker_status import LEAST_SHARES, Pace, SHARE_RATE
 from lava_ros.scene import Lava, Scene, Terrain, Vent
 from lava_ros.simulation import Simulation
 from lava_ros.simulation.accuracy import Accuracy
@@ -392,7 +398,7 @@ def asked(monkeypatch):
 
 def test_the_finest_that_is_there_in_time(asked):
     """A forecast, and members that take turns with the next ones; the spacing is the plan's."""
-    chooser = DeadlineChooser()
+    chooser = SimulationMaker()
     assert chooser.accuracy(SCENE, SETTINGS).spacing == 25.0
     assert asked == [17]
     choice = chooser.choice
@@ -408,7 +414,7 @@ def test_the_finest_that_is_there_in_time(asked):
 
 def test_fewer_members_where_not_even_the_coarsest_fit(asked):
     """As many as err least."""
-    chooser = DeadlineChooser()
+    chooser = SimulationMaker()
     chooser.accuracy(SCENE, replace(SETTINGS, ensemble_members=100))
     assert asked == [201, None]
     assert chooser.choice.members == 6
@@ -417,7 +423,7 @@ def test_fewer_members_where_not_even_the_coarsest_fit(asked):
 
 def test_a_flow_is_never_refused_for_a_deadline(monkeypatch):
     """Late maps are better than none: the preset is that of the parameters, with a warning."""
-    chooser = DeadlineChooser()
+    chooser = SimulationMaker()
     settings = replace(SETTINGS, ensemble_members=0)
 
     def too_late(*_, **__):
@@ -432,7 +438,7 @@ def test_a_flow_is_never_refused_for_a_deadline(monkeypatch):
 
 def test_nothing_to_choose(asked):
     """Without a deadline, or without lava that comes."""
-    chooser = DeadlineChooser()
+    chooser = SimulationMaker()
     usual = preset_accuracy('draft', spacing=None)
     assert chooser.accuracy(SCENE, replace(SETTINGS, deadline=0.0)) == usual
     assert chooser.accuracy(replace(SCENE, vents=()), SETTINGS) == usual

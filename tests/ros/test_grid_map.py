@@ -31,7 +31,7 @@ from std_msgs.msg import Float32MultiArray, Header, MultiArrayDimension
 from lava_ros.errors import LavaError
 from lava_ros.maps.layer_files import layers_from_dict
 from lava_ros.maps.layers import GRID_MAP
-from lava_ros.ros import codec, grid_map, inputs, outputs
+from lava_ros.ros import codec, inputs, outputs
 from lava_ros.ros.codec import decode, MAX_GRID_LAYERS
 from lava_ros.ros.input_topics import InputTopics
 from lava_ros.ros.parameters import Settings
@@ -117,7 +117,7 @@ def expected(terrain, values):
 def made(terrain=TERRAIN, **maps):
     """The map of a terrain."""
     maps = {'elevation': terrain.elevation, **maps}
-    return grid_map.grid_map_message(maps, terrain, Header(frame_id='map'))
+    return codec.grid_map_message(maps, terrain, Header(frame_id='map'))
 
 
 def moved(outer, inner, *, row_major=False, offset=0):
@@ -251,9 +251,9 @@ def test_the_layer_shows_ground_and_lava():
                 }
             }
         )
-        again = grid_map.layer_values(message, source, 'lava_grid_map')
+        again = codec.layer_values(message, source, 'lava_grid_map')
         np.testing.assert_array_equal(again, alone.raw_values(SNAPSHOT))
-    ground = grid_map.layer_values(message, 'elevation', 'lava_grid_map')
+    ground = codec.layer_values(message, 'elevation', 'lava_grid_map')
     np.testing.assert_array_equal(ground, SNAPSHOT.terrain.elevation.astype(np.float32))
 
 
@@ -264,7 +264,7 @@ def test_the_hazard_of_the_layer_has_its_limits():
         outputs.layer_message(item, SNAPSHOT, frame_id='map', stamp_ns=0)
         for item in (layer(), layer(hazard=milder))
     ]
-    lethal = [(grid_map.layer_values(item, 'hazard', 'map') == 100.0).sum() for item in messages]
+    lethal = [(codec.layer_values(item, 'hazard', 'map') == 100.0).sum() for item in messages]
     # the cell whose temperature is unknown stays
     assert lethal[0] > lethal[1] == 1
 

@@ -349,7 +349,6 @@ def test_pairing_in_either_order(image_first):
     pairing.add(info if image_first else image, 0.0)
     assert pairing.poll(0.0) == (image, info)
     assert pairing.poll(0.0) is None
-    assert not pairing.is_waiting
 
 
 def test_pairing_waits_for_the_partner_of_a_new_half():

@@ -27,10 +27,10 @@ from visualization_msgs.msg import Marker
 from lava_ros.maps.layer_files import layers_from_dict, load_layers
 from lava_ros.maps.message_arrays import cloud_columns, image_array
 from lava_ros.ros import inputs, outputs
-from lava_ros.ros.layer_publishers import LayerPublishers
+from lava_ros.ros.outputs import CLOSED, LABELS, OPEN, PLACES, vent_markers
 from lava_ros.ros.parameters import Settings
+from lava_ros.ros.publishers import LayerPublishers
 from lava_ros.ros.recorder import Recorder
-from lava_ros.ros.scene_publisher import CLOSED, LABELS, OPEN, PLACES, vent_markers
 from lava_ros.scene import Terrain, Vent
 from lava_ros.simulation.budget import VolumeBudget
 from lava_ros.simulation.snapshot import Snapshot, StepReport

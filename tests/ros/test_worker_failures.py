@@ -22,8 +22,7 @@ import time
 import pytest
 
 from lava_ros.errors import LavaError
-from lava_ros.ros.commands import Command, CommandQueue
-from lava_ros.ros.worker_status import WorkerState
+from lava_ros.ros.worker_status import Command, CommandQueue, WorkerState
 from lava_ros.scene import Vent
 from worker_bench import Bench, TERRAIN, VENT
 
