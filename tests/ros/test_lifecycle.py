@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from lava_ros.bag import BagReader
-from ros.conftest import wait_until
+from ros.graph_publisher import wait_until
 
 GRIDS = ('/hazard', '/height', '/temperature')
 SCALE = 20.0

@@ -31,7 +31,7 @@ from lava_ros.ros.outputs import vent_markers
 from lava_ros.ros.spinning import Watcher
 from lava_ros.watch.frames import Level, watched_layers
 from recording import diagnostics_of, growing, SECOND, snapshot_at, START, TERRAIN, VENT
-from ros.conftest import wait_until
+from ros.graph_publisher import wait_until
 from ros_domain import own_domain
 
 LAYERS = {item.source: item for item in watched_layers()}
