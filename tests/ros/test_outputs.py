@@ -72,21 +72,21 @@ def test_image_message():
 
 
 def test_points_message():
-    """A cloud has a point for each wet cell, under the names that viewers show."""
+    """A cloud has a point for each wet cell, under the names that viewers show; without any, none.
+
+    A cloud without points lets viewers take away what they showed.
+    """
     cloud = _message(source='lava', message='sensor_msgs/PointCloud2', threshold=0.05)
-    assert [field.name for field in cloud.fields] == ['x', 'y', 'z', 'thickness', 'temperature']
+    names = ['x', 'y', 'z', 'thickness', 'temperature']
+    assert [field.name for field in cloud.fields] == names
     assert (cloud.header.frame_id, cloud.header.stamp.sec) == ('map', 3)
     assert (cloud.height, cloud.width, cloud.is_dense) == (1, 4, True)
-    columns = cloud_columns(cloud, 'lava_points', [field.name for field in cloud.fields])
+    columns = cloud_columns(cloud, 'lava_points', names)
     assert columns['x'].tolist() == [115.0, 125.0, 105.0, 125.0]
     assert columns['y'].tolist() == [205.0, 205.0, 215.0, 215.0]
     assert columns['z'].tolist() == pytest.approx([2.0, 4.0, 6.0, 5.05])
     assert columns['thickness'].tolist() == pytest.approx([1.0, 2.0, 3.0, 0.05])
     assert columns['temperature'].tolist() == pytest.approx([1000.0] * 4)
-
-
-def test_no_points_message():
-    """Without lava there is a cloud without points: viewers take away what they showed."""
     cloud = _message(source='lava', message='sensor_msgs/PointCloud2', threshold=100.0)
     assert (cloud.width, len(cloud.data), len(cloud.fields)) == (0, 0, 5)
 
@@ -107,10 +107,6 @@ def test_vents_message_reads_back():
     assert [vent.position for vent in again] == [(105.0, 205.0), (125.0, 215.0), (115.0, 205.0)]
     assert again[0].temperature == pytest.approx(1300.0, abs=1e-3)
     assert again[0].radius == 3.0
-
-
-def test_no_vents_message():
-    """No vents are a cloud without points."""
     cloud = outputs.vents_message([], TERRAIN, frame_id='map', stamp_ns=0)
     assert inputs.vents_from_cloud(cloud, Settings()) == ()
 
@@ -137,36 +133,31 @@ VENTS = (
 )
 
 
-def markers(time):
-    """The markers of both vents at a time."""
-    return vent_markers(VENTS, time, HILL, frame_id='map', stamp_ns=3_000_000_004).markers
+def test_markers_of_vents():
+    """Old ones go first. A disc is as wide as its vent; a fissure is a line between its ends.
 
-
-def test_old_markers_go_first():
-    """A vent that is no more leaves no marker behind."""
-    first, *others = markers(10.0)
+    Both lie on the ground, and beside them is their name, or number, and what they give.
+    """
+    first, *others = vent_markers(VENTS, 10.0, HILL, frame_id='map', stamp_ns=0).markers
     assert first.action == Marker.DELETEALL
     assert {item.action for item in others} == {Marker.ADD}
     assert len({(item.ns, item.id) for item in others}) == len(others) == 4
     assert {item.header.frame_id for item in others} == {'map'}
-    (only,) = vent_markers((), 0.0, HILL, frame_id='map', stamp_ns=0).markers
-    assert only.action == Marker.DELETEALL
-
-
-def test_places_lie_on_the_ground():
-    """A disc is as wide as its vent; a fissure is a line between its ends."""
-    disc, fissure = (item for item in markers(10.0) if item.ns == PLACES)
+    disc, fissure = (item for item in others if item.ns == PLACES)
     assert disc.type == Marker.CYLINDER
     at = disc.pose.position
     assert (at.x, at.y, at.z) == (105.0, 205.0, 0.0)
     assert (disc.scale.x, disc.scale.y) == (6.0, 6.0)
     assert fissure.type == Marker.LINE_STRIP
-    assert [(end.x, end.y, end.z) for end in fissure.points] == [
-        (125.0, 215.0, 32.0),
-        (115.0, 205.0, 1.0),
-    ]
+    ends = [(end.x, end.y, end.z) for end in fissure.points]
+    assert ends == [(125.0, 215.0, 32.0), (115.0, 205.0, 1.0)]
     assert fissure.scale.x == 4.0
     assert disc.pose.orientation.w == fissure.pose.orientation.w == 1.0
+    one, two = (item for item in others if item.ns == LABELS)
+    assert one.pose.position.z > 0.0 and one.scale.z > 0.0
+    assert two.text.startswith('2: 6 m3/s')
+    (only,) = vent_markers((), 0.0, HILL, frame_id='map', stamp_ns=0).markers
+    assert only.action == Marker.DELETEALL
 
 
 @pytest.mark.parametrize(
@@ -175,19 +166,9 @@ def test_places_lie_on_the_ground():
 )
 def test_discharge_of_the_moment(time, color, words):
     """What a vent gives now is written beside it and colours it."""
-    shown = markers(time)
-    disc = next(item for item in shown if item.ns == PLACES)
+    _, disc, label, *_ = vent_markers(VENTS, time, HILL, frame_id='map', stamp_ns=0).markers
     assert (disc.color.r, disc.color.g, disc.color.b, disc.color.a) == pytest.approx(color)
-    label = next(item for item in shown if item.ns == LABELS)
     assert label.text == words
-    assert label.pose.position.z > 0.0
-    assert label.scale.z > 0.0
-
-
-def test_a_vent_without_a_name_has_its_number():
-    """The second vent is called 2."""
-    label = [item for item in markers(0.0) if item.ns == LABELS][1]
-    assert label.text.startswith('2: 6 m3/s')
 
 
 CONFIGS = Path(__file__).parents[2] / 'msg_configs'

@@ -30,13 +30,8 @@ def _values(**changes):
 
 
 def test_defaults():
-    """The defaults are those of the parts."""
-    settings = parameters.settings_from(_values())
-    assert settings == parameters.Settings()
-
-
-def test_lava_defaults_follow_the_scene():
-    """The parameters lava.* start from the material they are given."""
+    """The defaults are those of the parts; those of lava.* are the material's."""
+    assert parameters.settings_from(_values()) == parameters.Settings()
     values = parameters.constant_values({**constants_of(None), 'lava': Lava(density=2000.0)})
     assert values['lava.density'] == 2000.0
 
@@ -106,25 +101,14 @@ def test_effects_are_forced_by_name():
         ),
         ({'effects_on': ['vft']}, "effects_on is 'vft', expected an effect that the material has"),
         ({'effects_on': ['arrhenius'], 'lava.vft_b': 5000.0}, "effects_on is 'arrhenius'"),
+        # what the ranges cannot say is checked with the values together
+        ({'frame_id': ''}, 'frame_id is'),
+        ({'lava.density': -1.0}, 'lava.density is'),
+        ({'preset': 'best'}, 'preset is'),
     ],
 )
-def test_wrong_names_are_refused(changes, sentence):
-    """What is no list, unknown, contradictory or not of the material is named."""
+def test_wrong_values_are_refused(changes, sentence):
+    """What is no list, unknown, contradictory, empty or not of the material is named."""
     with pytest.raises(LavaError) as caught:
         parameters.settings_from(_values(**changes))
     assert str(caught.value).startswith(sentence)
-
-
-@pytest.mark.parametrize(
-    ('changes', 'field'),
-    [
-        ({'frame_id': ''}, 'frame_id'),
-        ({'lava.density': -1.0}, 'lava.density'),
-        ({'preset': 'best'}, 'preset'),
-    ],
-)
-def test_wrong_values_are_refused(changes, field):
-    """What the ranges cannot say is checked with the values together."""
-    with pytest.raises(LavaError) as caught:
-        parameters.settings_from(_values(**changes))
-    assert caught.value.field == field
