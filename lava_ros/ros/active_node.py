@@ -51,11 +51,9 @@ HEARTBEAT = 1.0
 
 
 class ActiveNode:
-    """A configured node: it takes inputs and, while active, lets time pass and publishes.
+    """A configured node: it takes inputs and, while ``is_active``, lets time pass and publishes.
 
-    Attributes:
-        is_active: Whether time passes and layers are published.
-        failure: Why the node has to end, empty as long as it has not.
+    ``failure`` says why the node has to end, empty as long as it has not.
     """
 
     def __init__(
@@ -69,10 +67,7 @@ class ActiveNode:
     ) -> None:
         """Create publishers, subscriptions and services, and load ``sources``; time stands still.
 
-        ``values`` returns the parameters of the node by name.
-
-        Raises:
-            LavaError: A file that a parameter names is not usable.
+        ``values`` returns the node's parameters; LavaError where a file that one names is no good.
         """
         self._node = node
         self._settings = settings

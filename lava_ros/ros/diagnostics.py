@@ -212,10 +212,7 @@ def recorder_status(
 
 
 def sign(message: DiagnosticArray, node: str, device: str) -> None:
-    """Put the node's name before the statuses' names, and name the hardware.
-
-    Diagnostic aggregators identify statuses by name.
-    """
+    """Put the node's name before those of statuses, as aggregators ask, and name the hardware."""
     source = node.strip('/')
     for status in message.status:
         status.name = f'{source}: {status.name}'
@@ -248,8 +245,7 @@ class ClockWatch:
     def look(self, stamp_ns: int, now: float) -> str:
         """Say why simulated time stands still and what to do; empty while the clock moves.
 
-        ``stamp_ns`` is the time on the clock [ns], 0 before it is received; ``now`` is wall time
-        [s].
+        Its time is ``stamp_ns`` [ns], 0 before it is received; ``now`` is wall time [s].
         """
         if self._seen is None or self._seen[0] != stamp_ns:
             self._seen = stamp_ns, now

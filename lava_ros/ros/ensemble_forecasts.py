@@ -41,10 +41,7 @@ Ahead = TypeVar('Ahead', Forecast, EnsembleForecast)
 class Live(Generic[Ahead]):
     """A forecast or the maps of an ensemble, and what they are of.
 
-    Attributes:
-        shown: The forecast or the maps.
-        stamp_ns: ROS time at which they start [ns].
-        changes: Changes of scene or effects before that.
+    They start at a ROS time [ns], after so many changes of scene or effects.
     """
 
     shown: Ahead
@@ -83,8 +80,7 @@ class AheadStatus:
 
     Attributes:
         count: Number of forecasts, or of complete ensembles, so far.
-        progress: Share of the horizon or of the members that is done, None if nothing is in
-            progress.
+        progress: Share of the horizon or of the members that is done, None when at rest.
         error: Why the last one failed, empty if it did not.
         share: Share of the time that forecasts may compute now.
         outlines: Number of outlines by which the members of this scene have been weighed.
@@ -166,10 +162,7 @@ class EnsembleForecasts:
         }
 
     def send(self, order: Callable[..., None], *, changes: int, time_scale: float) -> None:
-        """Send waiting outlines to the process, unless the scene has just changed.
-
-        ``time_scale`` is simulated time per time of the clock [s/s].
-        """
+        """Send waiting outlines to the process, unless the scene has just changed."""
         while changes == self._changes and not self._seen.empty():
             seen = self._seen.get()
             assert self._terrain is not None

@@ -45,9 +45,6 @@ class ForecastTopics:
 
     Messages are stamped with the time at which their forecast starts. A forecast is withdrawn, by
     maps on which nothing is known, as soon as scene or effects have changed or it is too old.
-
-    Attributes:
-        publishers: The publishers of the layers.
     """
 
     def __init__(
@@ -60,12 +57,9 @@ class ForecastTopics:
         settings: Callable[[], Settings],
         choice: Callable[[], DeadlineChoice | None] = lambda: None,
     ) -> None:
-        """Create a publisher for every layer, and the forecaster.
+        """Create publishers and the forecaster; LavaError where arrivals differ in threshold.
 
         ``choice`` returns what was chosen to meet the deadline, None without a deadline.
-
-        Raises:
-            LavaError: Two layers of arrival times have different thresholds.
         """
         self._settings = settings
         self._choice = choice

@@ -71,10 +71,7 @@ _END_TIMEOUT = 2.0
 
 
 class Pace:
-    """The share of the time for what may wait: least while the simulation falls behind its clock.
-
-    It grows by ``SHARE_RATE`` a second again when the simulation keeps up.
-    """
+    """The share of the time for what may wait: least while the simulation falls behind."""
 
     def __init__(self) -> None:
         """Start with all of the time."""
@@ -161,11 +158,7 @@ class Forecaster:
     process gets a smaller share of the time. If ensembles are enabled, the next one starts from a
     fork as soon as the one before is complete.
 
-    Attributes:
-        status: The status of the forecasts.
-        latest: The newest forecast, None before the first.
-        ensembles: The ensembles.
-        is_wanted: Whether forecasts are to be made.
+    ``latest`` is the newest forecast, None before the first, ``status`` that of the forecasts.
     """
 
     def __init__(

@@ -140,9 +140,7 @@ class InputLog:
 class InputTopics:
     """Subscribes to the inputs; what is refused is logged and counted, and changes nothing.
 
-    Attributes:
-        log: What has been taken and refused.
-        wanted: What is said while there is no terrain.
+    ``log`` has what has been taken and refused; ``wanted`` is said while there is no terrain.
     """
 
     def __init__(

@@ -64,11 +64,9 @@ def check_image(image: Image, settings: Settings) -> None:
 
 
 def check_info(info: MapMetaData, settings: Settings, *, name: str = 'terrain_info') -> float:
-    """Check the description of a grid by itself.
+    """Check the description of a grid by itself, and return the side of a cell [m].
 
-    Returns:
-        Side of a cell [m], the shortest decimal number the float32 stands for: 0.1, not
-        0.10000000149.
+    It is the shortest decimal number the float32 stands for: 0.1, not 0.10000000149.
     """
     _check_cells(f'{name}.size', info.width, info.height, settings)
     _check_pose(f'{name}.origin', info.origin)
@@ -232,11 +230,7 @@ class TerrainPairing:
         self._changed, self._is_waiting = now, True
 
     def poll(self, now: float) -> tuple[Image, MapMetaData] | None:
-        """Return a pair that has become complete.
-
-        Raises:
-            LavaError: The halves have not found each other in time; said once.
-        """
+        """Return a pair that has become complete; LavaError, once, when it takes too long."""
         if not self._is_waiting:
             return None
         image, info = self._halves.get(Image), self._halves.get(MapMetaData)

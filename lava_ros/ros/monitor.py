@@ -39,8 +39,7 @@ class Observation:
 
     Attributes:
         state: Words for what the simulation does, empty before anything was heard.
-        message: What the diagnostics say about the simulation.
-        values: Their values, by key.
+        message: What the diagnostics say about the simulation; with ``values``, by key.
         refused: The newest input that was refused, empty when all are taken.
         recorder_error: What is wrong with the recording, empty when nothing is.
         frames: Height maps heard.
@@ -126,12 +125,9 @@ class Monitor(DiagnosticsWatch):
 
 @dataclass(frozen=True, eq=False)
 class HeardGrid:
-    """A grid that was heard.
+    """A grid with a stamp [ns] that was heard at a monotonic wall time [s].
 
-    Attributes:
-        stamp_ns: Its stamp [ns].
-        heard: Monotonic wall time at which it came [s].
-        cells: Its cells, int8, shape [rows, columns].
+    ``cells`` are int8, shape [rows, columns].
     """
 
     stamp_ns: int
@@ -142,9 +138,7 @@ class HeardGrid:
 class ForecastWatch(DiagnosticsWatch):
     """Opens vents, publishes an outline, and receives forecasts.
 
-    Attributes:
-        arrivals: Every ``arrival`` map, in order.
-        probabilities: Every ``inundation_probability`` map, in order.
+    ``arrivals`` and ``probabilities`` are all maps of ``arrival`` and ``inundation_probability``.
     """
 
     def __init__(self, domain_id: int) -> None:

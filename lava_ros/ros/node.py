@@ -53,17 +53,13 @@ class LavaNode(LifecycleNode):
     cleanup      finishes the bag, ends the simulation and leaves the graph
 
     A transition that is refused leaves the node where it was and says why in the log. One that
-    ends in an error nobody expected leaves it unconfigured.
-
-    Attributes:
-        refusal: Why a transition went wrong the last time that one did.
+    ends in an error nobody expected leaves it unconfigured. ``refusal`` says why one went wrong.
     """
 
     def __init__(self, *, typed: Collection[str] = (), **options: Any) -> None:
-        """Declare the parameters; ``typed`` are the names that a command line sets for this node.
+        """Declare the parameters; ParameterException where one of the lifecycle has a wrong type.
 
-        Raises:
-            ParameterException: A parameter of the lifecycle has the wrong type.
+        ``typed`` are the names that a command line sets for this node.
         """
         super().__init__('lava', **options)
         self._active: ActiveNode | None = None

@@ -120,11 +120,8 @@ def write_snapshots(
     """Write snapshots, by time, to a new bag; its ROS time is simulated time.
 
     ``custom_data`` describes the recording beside the scene; ``terrains`` are later grounds, each
-    with the simulated time of its beginning [s].
-
-    Raises:
-        LavaError: The bag exists or cannot be created.
-        OSError: The bag cannot be written.
+    with the simulated time of its beginning [s]. LavaError where the bag exists or cannot be
+    created, OSError where it cannot be written.
     """
     config = share_path('msg_configs/default.yaml')
     layers = [layer for layer in load_layers(config) if layer.enabled]

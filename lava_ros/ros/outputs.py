@@ -34,11 +34,7 @@ from lava_ros.simulation.snapshot import Snapshot
 
 
 def message_class(layer: Layer) -> Any:
-    """The class of a layer's message.
-
-    Raises:
-        LavaError: Its package is not installed.
-    """
+    """The class of a layer's message; LavaError where its package is not installed."""
     try:
         return codec.message_class(layer.message)
     except LavaError as error:

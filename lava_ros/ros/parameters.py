@@ -48,11 +48,9 @@ CHECKPOINT_PERIOD = 60.0
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """One parameter.
+    """One parameter, whose default gives it its type; a list is one of texts.
 
     Attributes:
-        name: Its name.
-        default: Its default, which gives it its type; a list is one of texts.
         description: What it means and in which unit.
         limits: Smallest and largest value, for numbers.
         read_only: Whether it is fixed while the node is configured.
@@ -76,8 +74,7 @@ class ParameterSpec:
     def setting(self, value: Any) -> Any:
         """What a value stands for in ``Settings``; a list becomes a tuple without empty texts.
 
-        Raises:
-            LavaError: It is no list where it has to be one, or none of the choices.
+        LavaError where it is no list but has to be one, or none of the choices.
         """
         texts = (value,)
         if self.is_list:
@@ -155,10 +152,7 @@ class Settings:
     """What the parameters say, checked: a field for each, of its name and meaning, in SI units.
 
     What is automatic or absent is None, where the parameter is 0 or empty. A list of texts is a
-    tuple.
-
-    Attributes:
-        constants: Lava and surroundings (``scene.constants_of``).
+    tuple. ``constants`` are lava and surroundings (``scene.constants_of``).
     """
 
     device: str | None = _optional(
@@ -372,10 +366,7 @@ def typed(args: Sequence[str]) -> set[str]:
 def without_effect(node: Node, typed_names: Collection[str]) -> list[str]:
     """What to say of each parameter given at the start that the node does not have.
 
-    Files of parameters may speak to many nodes, so that one more is no error.
-
-    Raises:
-        LavaError: It was typed for this node.
+    Files may speak to many nodes, so that one more is no error; LavaError where it was typed.
     """
     known = list(node._parameters)
     result = []

@@ -91,10 +91,7 @@ class _Output(Generic[Shown]):
 class LayerPublishers(Generic[Shown]):
     """The publishers of layers, and services that give the newest map of those that are grids.
 
-    Attributes:
-        shown: What was published last, None before the first.
-        shown_stamp_ns: Its stamp [ns].
-        rates: The rates the layers ask for [Hz], each once.
+    ``shown`` was published last, with a stamp [ns]; ``rates`` are those of the layers [Hz].
     """
 
     def __init__(
@@ -195,8 +192,7 @@ class ScenePublisher:
         """Publish the vents and the terrain if they have changed.
 
         Once a terrain is received from elsewhere (``is_heard``), the one published here is
-        withdrawn. ``time`` is the simulated time of the discharges [s], ``stamp_ns`` the ROS time
-        [ns].
+        withdrawn. ``time`` is simulated [s], ``stamp_ns`` the ROS time [ns].
         """
         terrain, vents = scene.terrain, scene.vents
         options: dict[str, Any] = {'frame_id': self._frame_id, 'stamp_ns': stamp_ns}

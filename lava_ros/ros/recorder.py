@@ -28,14 +28,10 @@ from lava_ros.errors import LavaError
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """How the recorder is doing.
+    """How the recorder is doing: ``off``, ``armed`` (waiting for a terrain) or ``recording``.
 
-    Attributes:
-        state: ``off``, ``armed`` (waiting for a terrain) or ``recording``.
-        directory: The bag, empty before the first.
-        files: Files it has so far.
-        messages: Messages written to it.
-        error: What stopped the last recording, empty when nothing did.
+    ``directory`` is the bag, empty before the first, with so many files and messages; ``error`` is
+    what stopped the last recording, empty when nothing did.
     """
 
     state: str = 'off'
@@ -50,9 +46,6 @@ class Recorder:
 
     ``arm`` chooses the bag; ``begin`` opens it once there is a scene to describe. A bag that
     cannot be written is closed and reported in ``status``; the node continues without it.
-
-    Attributes:
-        status: The status of the recording.
     """
 
     def __init__(self) -> None:
@@ -220,10 +213,7 @@ class SaveAllowance:
         self._written = 0
 
     def take(self, most: int) -> None:
-        """Count a save before it is written; LavaError where they follow each other too fast.
-
-        All saves together may write ``most`` [bytes].
-        """
+        """Count a save before it is written; all saves together may write ``most`` [bytes]."""
         now = self._clock()
         self._left = min(float(SAVES), self._left + (now - self._counted) / SAVE_PERIOD)
         self._counted = now

@@ -157,10 +157,7 @@ class CheckpointRecording:
     """Writes a checkpoint at the start of a recording, at intervals, and at its end.
 
     If checkpoints would take up more than half of the bag, the next one is postponed, by at most
-    ``PATIENCE`` periods. A checkpoint equal to the last one is not written.
-
-    Attributes:
-        last: The newest checkpoint in the bag, None without one.
+    ``PATIENCE`` periods. A checkpoint equal to the last one, ``last``, is not written.
     """
 
     def __init__(

@@ -42,10 +42,7 @@ class SimulationError(Exception):
 class Origin(NamedTuple):
     """The checkpoint that a simulation has gone on from.
 
-    Attributes:
-        bag: The bag that has it.
-        time: Its simulated time [s].
-        stamp_ns: ROS time at which it was taken [ns].
+    It is in a bag, of a simulated time [s], and was taken at a ROS time, ``stamp_ns`` [ns].
     """
 
     bag: str
@@ -56,11 +53,8 @@ class Origin(NamedTuple):
 class Fork(NamedTuple):
     """A copy of the state, from which another simulation can go on.
 
-    Attributes:
-        checkpoint: The copy.
-        changes: Changes of scene or effects up to then.
-        clock: Time on the clock that simulated time follows [s].
-        wall_time: How long the copy took [s].
+    ``changes`` are those of scene or effects up to then, ``clock`` is the time on the clock that
+    simulated time follows [s], and ``wall_time`` is how long the copy took [s].
     """
 
     checkpoint: Checkpoint
@@ -154,8 +148,7 @@ class Eruption:
     def advance(self, until: float, *, wall_limit: float, max_particles: int) -> float:
         """Simulate up to a time [s], at most a wall time [s], and return the time reached [s].
 
-        Raises:
-            SimulationError: There are more than ``max_particles``; ``latest`` shows them.
+        SimulationError where there are more than ``max_particles``; ``latest`` shows them.
         """
         assert self.simulation is not None
         before = self.simulation.time
@@ -186,8 +179,7 @@ class Eruption:
     def set_vents(self, vents: tuple[Vent, ...]) -> None:
         """Replace all vents.
 
-        The first vents of a simulation without lava start it again at time 0: its resolution
-        follows their discharge.
+        The first ones of a simulation without lava start it again: its resolution follows them.
         """
         assert self.scene is not None
         scene = replace(self.scene, vents=vents)
@@ -225,11 +217,7 @@ class Eruption:
         self.changes += 1
 
     def renew_snapshot(self) -> bool:
-        """Bring ``latest`` up to date and say whether it changed.
-
-        Raises:
-            SimulationError: What the simulation shows is no map; ``latest`` stays.
-        """
+        """Bring ``latest`` up to date, and say whether it changed; SimulationError for a flaw."""
         if self.simulation is None or not self._is_changed:
             return False
         self._take(self.simulation.snapshot(), next(self._numbers))
@@ -303,10 +291,7 @@ _NO_MEMORY = 'Failed to allocate'
 
 
 def failure_text(error: Exception, latest: 'Snapshot | None') -> str:
-    """Describe why the simulation has failed, and the remedy if one is known.
-
-    ``latest`` is the newest snapshot, None without one.
-    """
+    """Describe why the simulation has failed, and the remedy if one is known."""
     if isinstance(error, SimulationError):
         return str(error)
     if isinstance(error, MemoryError) or _NO_MEMORY in str(error):

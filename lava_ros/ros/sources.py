@@ -72,8 +72,7 @@ class Sources:
 def load_sources(node: Node) -> Sources:
     """Declare the parameters that say where the scene comes from, and load what they name.
 
-    Raises:
-        LavaError: A file or a bag is not usable, or there is a scene beside a bag to resume.
+    LavaError where a file or a bag is not usable, or there is a scene beside a bag to resume.
     """
     values = parameters.declare(node, parameters.SOURCES)
     if values['resume']:
@@ -186,8 +185,7 @@ class DeadlineChoice:
 class SimulationMaker:
     """Makes simulations of scenes; the worker's thread calls, others read.
 
-    Attributes:
-        choice: What was chosen for the deadline at the last start, None without one or a vent.
+    ``choice`` is that for the deadline at the last start, None without one or a vent.
     """
 
     def __init__(self) -> None:
