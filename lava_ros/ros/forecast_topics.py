@@ -16,9 +16,11 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass
 from typing import Any, Generic
 
 from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.node import Node
 
 from lava_ros.errors import LavaError
 from lava_ros.forecast.assimilation import Mask
@@ -152,36 +154,36 @@ class ForecastTopics:
         )
 
 
+@dataclass(eq=False)
 class _Withdrawable(Generic[Ahead]):
     """Publishes something of what comes as long as it says anything, and else takes it back."""
 
-    def __init__(self, layers: LayerPublishers[Ahead], name: str, node: Any) -> None:
-        self._layers: LayerPublishers[Ahead] = layers
-        self._name = name
-        self._node = node
-        self._withdrawn: tuple[Ahead, Ahead, int] | None = None
-        self._is_known = False
+    layers: LayerPublishers[Ahead]
+    name: str
+    node: Node
+    withdrawn: tuple[Ahead, Ahead, int] | None = None
+    is_known: bool = False
 
     def publish(self, live: Live[Ahead] | None, staleness: str, *, repeat: bool) -> None:
         """Publish it where it has not been, or that nothing is known any more."""
         if live is None:
             return
         shown, stamp_ns = live.shown, live.stamp_ns
-        now_ns = int(self._node.get_clock().now().nanoseconds)
+        now_ns = int(self.node.get_clock().now().nanoseconds)
         if staleness:
-            if self._withdrawn is None or self._withdrawn[0] is not shown:
-                self._node.get_logger().info(f'{self._name} withdrawn: {staleness}')
-                self._withdrawn = (shown, shown.withdrawn(), now_ns)
-            _, shown, stamp_ns = self._withdrawn
-        self._layers.publish(
+            if self.withdrawn is None or self.withdrawn[0] is not shown:
+                self.node.get_logger().info(f'{self.name} withdrawn: {staleness}')
+                self.withdrawn = (shown, shown.withdrawn(), now_ns)
+            _, shown, stamp_ns = self.withdrawn
+        self.layers.publish(
             shown,
             stamp_ns,
             # neither the end nor the beginning of what is known waits for its turn
-            also_not_due=bool(staleness) or not self._is_known,
+            also_not_due=bool(staleness) or not self.is_known,
             repeat=repeat,
             recorded_ns=now_ns,
         )
-        self._is_known = not staleness
+        self.is_known = not staleness
 
 
 def _threshold(layers: Sequence[Layer]) -> float:

@@ -236,7 +236,7 @@ def test_none_when_they_are_off_or_nothing_is_recorded(tmp_path, recording):
 def test_the_same_is_not_written_twice(tmp_path, recording):
     """A simulation that stands still costs the bag one checkpoint."""
     recorder, _eruption, checkpoints = recording
-    checkpoints._take = lambda: Mock(**{'result.return_value': state(7.0)})
+    checkpoints.take = lambda: Mock(**{'result.return_value': state(7.0)})
     run(*recording, 300, bytes_a_second=1000)
     checkpoints.finish(PERIOD, 1, timeout=1.0)
     recorder.stop()
@@ -283,9 +283,9 @@ def test_what_goes_wrong_is_said_and_tried_again(recording):
     """An eruption that has not begun or has failed: a reason, and the next period."""
     _recorder, eruption, checkpoints = recording
     for failure in (LavaError('checkpoint', 'no simulation', 'one'), RuntimeError('no memory')):
-        checkpoints._take = Mock(**{'return_value.result.side_effect': failure})
+        checkpoints.take = Mock(**{'return_value.result.side_effect': failure})
         assert checkpoints.finish(PERIOD, 1, timeout=1.0) == str(failure)
-    checkpoints._take = eruption.take
+    checkpoints.take = eruption.take
     run(*recording, 1)
     assert checkpoints.last.count == 1
 
