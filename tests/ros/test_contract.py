@@ -332,8 +332,11 @@ def _policy(words: str) -> str:
     return words.upper().replace(' ', '_')
 
 
-def test_rviz_shows_topics_of_the_node(rviz, shown):
-    """Each display's topic is published, of a type it shows, and asked for as it is offered."""
+def test_rviz_shows_what_the_node_publishes(rviz, shown):
+    """Each display's topic is published, of a type it shows, and asked for as it is offered.
+
+    The fixed frame is the node's, and hazard on the ground is what one sees first.
+    """
     displays = [display for display in rviz['Displays'] if 'Topic' in display]
     assert {'hazard', 'height', 'vents_markers'} <= {item['Topic']['Value'] for item in displays}
     for display in displays:
@@ -346,14 +349,10 @@ def test_rviz_shows_topics_of_the_node(rviz, shown):
         }
         # A map that was published before RViz came is there at once.
         assert offered['durability'] == 'TRANSIENT_LOCAL'
-
-
-def test_rviz_stands_in_the_frame_of_the_node(rviz):
-    """The fixed frame is the node's, and hazard on the ground is what one sees first."""
     assert rviz['Global Options']['Fixed Frame'] == 'map'
-    maps = [item for item in rviz['Displays'] if item['Class'] == 'rviz_default_plugins/Map']
-    shown = [item['Topic']['Value'] for item in maps if item['Enabled'] and item['Value']]
-    assert shown == ['relief', 'hazard']
+    maps = [item for item in displays if item['Class'] == 'rviz_default_plugins/Map']
+    seen = [item['Topic']['Value'] for item in maps if item['Enabled'] and item['Value']]
+    assert seen == ['relief', 'hazard']
     assert [item['Draw Behind'] for item in maps] == [True, False, False, False]
 
 
@@ -370,23 +369,28 @@ def _panels(node: Any) -> set[str]:
     return {node} if isinstance(node, str) else _panels(node['first']) | _panels(node['second'])
 
 
-def test_every_foxglove_panel_is_laid_out(foxglove):
-    """The panels of the layout and those that are configured are the same."""
-    assert _panels(foxglove['layout']) == set(foxglove['configById'])
-    kinds = {name.split('!')[0] for name in foxglove['configById']}
-    assert {'3D', 'Plot', 'RawMessages'} <= kinds
-
-
 def test_foxglove_shows_topics_of_the_node(foxglove, shown):
-    """Topics of the 3D panel and of every path are published; clicks go where it listens."""
+    """Topics of the 3D panel and of every path are published; clicks go where it listens.
+
+    The panels of the layout are those that are configured. What a layer publishes is recorded,
+    latched.
+    """
     panels = foxglove['configById']
-    topics = set(panels['3D!lava']['topics'])
+    assert _panels(foxglove['layout']) == set(panels)
+    assert {'3D', 'Plot', 'RawMessages'} <= {name.split('!')[0] for name in panels}
+    drawn = set(panels['3D!lava']['topics'])
+    topics = set(drawn)
     for panel in panels.values():
         paths = [path['value'] for path in panel.get('paths', ())]
         paths += [panel[key] for key in ('topicPath', 'topicToRender') if key in panel]
         topics |= {path.split('.')[0] for path in paths}
     assert {'/hazard', '/height', '/diagnostics'} <= topics <= set(shown['publishers'])
     assert panels['3D!lava']['publish']['pointTopic'] in shown['subscriptions']
+    layers = {f'/{item.topic}': item for item in load_layers(ROOT / 'msg_configs/default.yaml')}
+    assert drawn & set(layers) == {'/hazard', '/height', '/temperature'}
+    for topic in drawn & set(layers):
+        assert layers[topic].record
+        assert layers[topic].qos == QosProfile(depth=1, durability='transient_local')
 
 
 def test_foxglove_plots_what_the_diagnostics_say(foxglove):
@@ -405,13 +409,3 @@ def test_foxglove_plots_what_the_diagnostics_say(foxglove):
         name, key = re.findall(r'"([^"]+)"', path)
         assert name == status.name
         assert float(values[key]) >= 0.0
-
-
-def test_the_bag_has_what_foxglove_shows(foxglove):
-    """Topics of the layout that a layer publishes are recorded, latched."""
-    layers = {f'/{item.topic}': item for item in load_layers(ROOT / 'msg_configs/default.yaml')}
-    shown = set(foxglove['configById']['3D!lava']['topics']) & set(layers)
-    assert shown == {'/hazard', '/height', '/temperature'}
-    for topic in shown:
-        assert layers[topic].record
-        assert layers[topic].qos == QosProfile(depth=1, durability='transient_local')

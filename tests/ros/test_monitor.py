@@ -16,7 +16,6 @@
 
 from collections.abc import Callable, Iterator
 import signal
-import time
 from typing import Any
 from unittest.mock import Mock
 
@@ -35,6 +34,7 @@ from lava_ros.ros.monitor import SceneFeed
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.spinning import Watcher
 from lava_ros.scene import Lava, Scene, Terrain, Vent
+from ros.graph_publisher import wait_until
 from ros_domain import own_domain
 
 
@@ -62,11 +62,9 @@ class Echo(Watcher):
         """Send a message with something in it."""
         self._publisher.publish(DiagnosticArray(status=[DiagnosticStatus(message='here')]))
 
-    def listen_for(self, count: int) -> None:
-        """Listen until so many messages were heard, for at most a minute."""
-        deadline = time.monotonic() + 60.0
-        while len(self.heard) < count and time.monotonic() < deadline:
-            self.listen(0.1)
+    def wait(self) -> None:
+        """Listen until a message was heard."""
+        wait_until(lambda: self.listen(0.1) or self.heard)
 
 
 @pytest.fixture
@@ -93,9 +91,9 @@ def test_ctrl_c_in_the_middle_of_a_message_is_still_ctrl_c(
     echo.say()
     monkeypatch.setattr(DiagnosticStatus, '__init__', make_interrupted)
     with pytest.raises(KeyboardInterrupt):
-        echo.listen_for(1)
+        echo.wait()
     assert interrupted
-    echo.listen_for(1)
+    echo.wait()
     assert [item.status[0].message for item in echo.heard] == ['here']
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
@@ -156,10 +154,7 @@ class Graph:
 
     def spin_until(self, condition: Callable[[], bool]) -> None:
         """Run the graph until something holds, for at most a minute."""
-        deadline = time.monotonic() + 60.0
-        while not condition():
-            assert time.monotonic() < deadline, {k: len(v) for k, v in self.heard.items()}
-            self._executor.spin_once(timeout_sec=0.1)
+        wait_until(lambda: self._executor.spin_once(timeout_sec=0.1) or condition())
 
 
 @pytest.fixture

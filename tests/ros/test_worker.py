@@ -42,17 +42,6 @@ def test_terrain_starts_the_simulation(bench):
     assert bench.worker.status.device == 'paper'
 
 
-@pytest.mark.parametrize('bench', [{'time_scale': 60.0}], indirect=True)
-def test_time_follows_the_clock(bench):
-    """Simulated time is the clock's times the scale, from the start on."""
-    bench.run(bench.worker.set_terrain(TERRAIN))
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(30.0))
-    bench.run(bench.worker.set('time_scale', 2.0))
-    bench.now += 0.5
-    bench.wait(lambda: bench.simulation.time == pytest.approx(31.0))
-
-
 @pytest.mark.parametrize('bench', [{'time_scale': 1.0}, {'time_scale': 1e5}], indirect=True)
 def test_time_scales(bench):
     """At every scale time follows a clock that stutters, jumps and goes back, within the lag."""
@@ -68,6 +57,10 @@ def test_time_scales(bench):
     steps = np.diff([0.0, *bench.simulation.advanced_to])
     assert (steps >= 0.0).all()
     assert steps.max() <= MAX_LAG * scale * (1.0 + 1e-9)
+    # another scale holds from then on
+    bench.run(bench.worker.set('time_scale', 2.0))
+    bench.now += 0.5
+    bench.wait(lambda: bench.simulation.time == pytest.approx(expected + 1.0, abs=1e-6))
 
 
 @pytest.mark.parametrize('bench', [{'speed': 5.0, 'time_scale': 100.0}], indirect=True)
@@ -262,14 +255,13 @@ def test_a_refused_start_keeps_the_old_simulation(bench):
 
 
 def test_new_terrain_is_shown_at_once(bench):
-    """A new terrain changes the snapshot, also in a pause."""
+    """A new terrain changes the snapshot, also in a pause; the same again changes nothing."""
     bench.run(bench.worker.set_terrain(TERRAIN))
     bench.run(bench.worker.pause(True))
-    other = Terrain(np.ones((7, 6)), 10.0)
-    bench.run(bench.worker.set_terrain(other))
-    assert bench.worker.latest.terrain is other
-    bench.run(bench.worker.set_terrain(Terrain(np.ones((7, 6)), 10.0)))
-    assert bench.simulation.scene.terrain is other
+    other, same = (Terrain(np.ones((7, 6)), 10.0) for _ in range(2))
+    for terrain in (other, same):
+        bench.run(bench.worker.set_terrain(terrain))
+        assert bench.worker.latest.terrain is bench.simulation.scene.terrain is other
 
 
 def test_effects_follow_the_scene(bench):
