@@ -38,6 +38,7 @@ from lava_ros.ros import parameters
 from lava_ros.ros.active_node import ActiveNode
 from lava_ros.ros.sources import adopted, load_sources, Sources
 from lava_ros.ros.spinning import Entities, spin
+from lava_ros.scene import constants_of
 
 # The parameters that are there before the node is configured; those of lava follow a scene.
 _DECLARED = parameters.SOURCES + parameters.PARAMETERS
@@ -199,7 +200,7 @@ class LavaNode(LifecycleNode):
     # parameters
 
     def _declare_parameters(self, sources: Sources) -> parameters.Settings:
-        constants = sources.constants
+        constants = constants_of(sources.scene)
         specs = parameters.PARAMETERS + parameters.constant_parameters(constants)
         former, self._constants = self._constants, constants
         self._values = parameters.declare(self, specs)

@@ -63,11 +63,6 @@ class Sources:
     origin: Origin | None = None
     before: tuple[Vent, ...] = ()
 
-    @property
-    def constants(self) -> dict[str, Any]:
-        """Lava and surroundings, and the defaults of their parameters."""
-        return constants_of(self.scene)
-
 
 def load_sources(node: Node) -> Sources:
     """Declare the parameters that say where the scene comes from, and load what they name.

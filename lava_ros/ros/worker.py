@@ -16,7 +16,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 import queue
 import threading
@@ -58,6 +58,7 @@ MAX_LAG = 1.0
 _STOPPED = LavaError('simulation', 'stopped', 'one that runs')
 
 
+@dataclass(eq=False)
 class SimulationWorker:
     """Runs a simulation in a thread of its own, after a clock.
 
@@ -69,35 +70,24 @@ class SimulationWorker:
     (vents, terrain, a parameter) cancels the future of one that still waits. Any other exception
     stops the simulation: the state is FAILED, the last snapshot stays, and ``reset`` starts again.
 
-    Attributes:
-        eruption: The scene and what is known of its simulation; others than the thread only read.
+    ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` is what
+    simulated time follows [s]. ``constants`` are lava and surroundings until a scene brings its
+    own, ``end_time`` is the simulated time at which to stop [s]. ``on_snapshot`` is called when
+    ``latest`` has changed, in the thread or in another. The ``eruption`` has the scene and what is
+    known of its simulation; others than the thread only read it.
     """
 
-    def __init__(
-        self,
-        make_simulation: Callable[[Scene], 'Simulation'],
-        *,
-        clock: Callable[[], float],
-        constants: Mapping[str, Any] | None = None,
-        time_scale: float = 1.0,
-        end_time: float | None = None,
-        paused: bool = False,
-        max_particles: int = MAX_PARTICLES,
-        on_snapshot: Callable[[], None] = lambda: None,
-    ) -> None:
-        """Prepare the thread; ``start`` runs it.
+    make_simulation: Callable[[Scene], 'Simulation']
+    clock: Callable[[], float]
+    constants: Mapping[str, Any] | None = None
+    time_scale: float = 1.0
+    end_time: float | None = None
+    paused: bool = False
+    max_particles: int = MAX_PARTICLES
+    on_snapshot: Callable[[], None] = lambda: None
 
-        ``make_simulation`` makes the simulation of a scene at time 0, in the thread. ``clock`` is
-        what simulated time follows [s]. ``constants`` are lava and surroundings until a scene
-        brings its own, ``end_time`` is the simulated time at which to stop [s]. ``on_snapshot`` is
-        called when ``latest`` has changed, in the thread or in another.
-        """
-        self._clock = clock
-        self._time_scale = time_scale
-        self._end_time = end_time
-        self._paused = paused
-        self._max_particles = max_particles
-        self._on_snapshot = on_snapshot
+    def __post_init__(self) -> None:
+        """Prepare the thread; ``start`` runs it."""
         self._waiting_vents: tuple[tuple[Vent, ...], Future[None]] | None = None
         self._snapshot_asked = False
         self._finisher = ThreadPoolExecutor(1, thread_name_prefix='lava snapshots')
@@ -107,7 +97,7 @@ class SimulationWorker:
         self._step_target: float | None = None
         self._speed = SpeedMeter()
         self._status = WorkerStatus(WorkerState.WAITING, '', 0.0, 0.0, False, '')
-        self.eruption = Eruption(self._starting(make_simulation), constants=constants)
+        self.eruption = Eruption(self._starting(self.make_simulation), constants=self.constants)
         self._error = ''
         self._is_stopping = False
         self._commands = CommandQueue()
@@ -199,7 +189,7 @@ class SimulationWorker:
 
     def set(self, name: str, value: float | None) -> 'Future[None]':
         """Change ``time_scale``, ``end_time`` or ``max_particles``, as at the start."""
-        return self._put(lambda: setattr(self, f'_{name}', value), kind=name)
+        return self._put(lambda: setattr(self, name, value), kind=name)
 
     def pause(self, paused: bool) -> 'Future[None]':
         """Hold simulated time, also in the middle of a step, or let it go on."""
@@ -230,7 +220,7 @@ class SimulationWorker:
         return future
 
     def _run(self) -> None:
-        self._last_clock = self._clock()
+        self._last_clock = self.clock()
         while not self._is_stopping:
             self._run_commands()
             if not self._is_stopping:
@@ -292,7 +282,7 @@ class SimulationWorker:
 
     def _advance(self) -> None:
         """Move simulated time one slice towards the clock."""
-        now = self._clock()
+        now = self.clock()
         # A clock that jumps back, as at the start of a replay, moves nothing.
         elapsed = max(0.0, now - self._last_clock)
         self._last_clock = now
@@ -302,17 +292,17 @@ class SimulationWorker:
         if self._step_target is not None:
             self._target = self._step_target
         else:
-            lag = MAX_LAG * self._time_scale
-            self._target = min(self._target + elapsed * self._time_scale, before + lag)
-        if self._end_time is not None:
-            self._target = min(self._target, self._end_time)
+            lag = MAX_LAG * self.time_scale
+            self._target = min(self._target + elapsed * self.time_scale, before + lag)
+        if self.end_time is not None:
+            self._target = min(self._target, self.end_time)
         self._slice = 0.0
         if self._target > before:
             begun = time.monotonic()
             self._turn = 'a step', begun
             try:
                 reached = self.eruption.advance(
-                    self._target, wall_limit=SLICE_WALL_TIME, max_particles=self._max_particles
+                    self._target, wall_limit=SLICE_WALL_TIME, max_particles=self.max_particles
                 )
             finally:
                 self._turn, self._slice = ('', 0.0), time.monotonic() - begun
@@ -323,10 +313,10 @@ class SimulationWorker:
     def _is_moving(self) -> bool:
         if self.eruption.simulation is None or self._is_finished():
             return False
-        return not self._paused or self._step_target is not None
+        return not self.paused or self._step_target is not None
 
     def _is_finished(self) -> bool:
-        return self._end_time is not None and self.eruption.time >= self._end_time
+        return self.end_time is not None and self.eruption.time >= self.end_time
 
     def _update_status(self) -> None:
         old = self._status.state
@@ -336,7 +326,7 @@ class SimulationWorker:
             state = WorkerState.WAITING
         elif self._is_finished():
             state = WorkerState.FINISHED
-        elif self._paused:
+        elif self.paused:
             state = WorkerState.PAUSED
         else:
             state = WorkerState.RUNNING
@@ -354,21 +344,21 @@ class SimulationWorker:
             mean_speed=self._speed.mean,
             is_behind=state is WorkerState.RUNNING and lag > 0.0,
             device=self.eruption.device,
-            lag=lag / self._time_scale,
+            lag=lag / self.time_scale,
             turn=self._slice if self._is_moving() else 0.0,
         )
         if is_new:
-            self._on_snapshot()
+            self.on_snapshot()
 
     def _follow_from_here(self) -> None:
-        self._last_clock = self._clock()
+        self._last_clock = self.clock()
         self._target = self.eruption.time
         self._speed.clear()
         self._speed.note(self._target)
 
     def _show(self) -> None:
         if self._is_snapshot_new():
-            self._on_snapshot()
+            self.on_snapshot()
 
     def _is_snapshot_new(self) -> bool:
         """Bring ``latest`` up to date now, and say whether it may not have been."""
@@ -401,7 +391,7 @@ class SimulationWorker:
         except Exception as error:
             self._put(partial(fail, error), kind='failure')
         else:
-            self._on_snapshot()
+            self.on_snapshot()
 
     def _starting(self, make: Callable[..., 'Simulation']) -> Callable[..., 'Simulation']:
         """The same, with a status that says so."""
@@ -422,7 +412,7 @@ class SimulationWorker:
     def _fork(self) -> Fork:
         begun = time.monotonic()
         checkpoint = self.eruption.checkpoint()
-        return Fork(checkpoint, self.eruption.changes, self._clock(), time.monotonic() - begun)
+        return Fork(checkpoint, self.eruption.changes, self.clock(), time.monotonic() - begun)
 
     def _set_terrain(self, terrain: Terrain) -> None:
         if self.eruption.scene is not None:
@@ -459,10 +449,10 @@ class SimulationWorker:
         self._show()
 
     def _pause(self, paused: bool) -> None:
-        self._paused = paused
+        self.paused = paused
         self._step_target = None
 
     def _begin_step(self, duration: float) -> None:
-        if self.eruption.simulation is None or not self._paused:
+        if self.eruption.simulation is None or not self.paused:
             raise LavaError('step', self._status.state.value, 'a paused simulation')
         self._step_target = self.eruption.time + duration

@@ -46,7 +46,7 @@ def test_terrain_starts_the_simulation(bench):
 def test_time_scales(bench):
     """At every scale time follows a clock that stutters, jumps and goes back, within the lag."""
     bench.run(bench.worker.set_terrain(TERRAIN))
-    scale, expected, clock = bench.worker._time_scale, 0.0, bench.now
+    scale, expected, clock = bench.worker.time_scale, 0.0, bench.now
     for step in (0.25, 0.0, 0.5, -30.0, 0.125, 1e6, -2e6, 0.5):
         clock += step
         bench.now = clock
