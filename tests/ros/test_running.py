@@ -19,6 +19,7 @@ import pytest
 
 from lava_ros.bag import BagReader
 from lava_ros.bag.checkpoints import newest_checkpoint
+from ros.graph_publisher import elevation
 
 GRIDS = ('height', 'temperature', 'hazard')
 OPTIONAL = ('height_raw', 'temperature_raw', 'lava_points')
@@ -46,9 +47,7 @@ class Running:
     def __init__(self, graph):
         self.graph = graph
         self.bags = graph.directory / 'bags'
-        y, x = np.mgrid[0:30, 0:40]
-        ground = (500.0 - x + 0.05 * (y - 15) ** 2).astype(np.float32)
-        np.savez(graph.directory / 'slope.npz', elevation=ground, resolution=10.0)
+        np.savez(graph.directory / 'slope.npz', elevation=elevation(), resolution=10.0)
         (graph.directory / 'scene.yaml').write_text(SCENE, encoding='utf-8')
         self.node = graph.node(
             autostart=False,
