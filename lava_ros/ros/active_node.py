@@ -35,7 +35,7 @@ from lava_ros.ros.recorder import BagFolder, Recorder, SaveAllowance
 from lava_ros.ros.recording import CheckpointRecording, SceneRecording
 from lava_ros.ros.services import create_services
 from lava_ros.ros.sources import resumed_simulation, SimulationMaker, Sources
-from lava_ros.ros.spinning import Entities
+from lava_ros.ros.spinning import Entities, now_ns
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.ros.worker_status import WorkerState
 from lava_ros.simulation.snapshot import Snapshot
@@ -96,7 +96,7 @@ class ActiveNode:
         maker = SimulationMaker()
         self._worker = SimulationWorker(
             lambda scene: maker.make(scene, self._settings),
-            clock=lambda: node.get_clock().now().nanoseconds * 1e-9,
+            clock=lambda: now_ns(node) * 1e-9,
             constants=settings.constants,
             time_scale=settings.time_scale,
             end_time=settings.end_time,
@@ -260,7 +260,7 @@ class ActiveNode:
             self._publish(repeat=True)
         # asked for by name, so also where checkpoint_period is 0
         reason = self._checkpoints.finish(
-            CHECKPOINT_PERIOD, self._stamp_ns(), timeout=CHECKPOINT_TIMEOUT
+            CHECKPOINT_PERIOD, now_ns(self._node), timeout=CHECKPOINT_TIMEOUT
         )
         self._recorder.flush()
         self._saves.note(max(0, self._recorder.size - before))
@@ -312,7 +312,7 @@ class ActiveNode:
             self._log.scene(scene, snapshot, self._worker.eruption.effects)
         if snapshot is None or not self.is_active:
             return
-        stamp_ns = self._stamp_ns()
+        stamp_ns = now_ns(self._node)
         if scene is not None:
             self._recording.write(self._worker.eruption, snapshot, stamp_ns)
             is_heard = self._inputs.has_heard(scene.terrain)
@@ -331,7 +331,7 @@ class ActiveNode:
             # The end is not told before its frame is out.
             self._publish()
         snapshot = self._layers.shown
-        stamp_ns = self._stamp_ns()
+        stamp_ns = now_ns(self._node)
         is_simulated = self._node.get_clock().ros_time_is_active
         clock = self._clock_watch.look(stamp_ns, time.monotonic()) if is_simulated else ''
         resolution = self._worker.eruption.resolution
@@ -363,9 +363,6 @@ class ActiveNode:
         self._report_checkpoint(self._checkpoints.poll(period, stamp_ns))
         self._log.recorder(self._recorder)
 
-    def _stamp_ns(self) -> int:
-        return int(self._node.get_clock().now().nanoseconds)
-
     # recording
 
     def _arm_recorder(self) -> None:
@@ -376,7 +373,7 @@ class ActiveNode:
         )
 
     def _close_bag(self) -> None:
-        period, stamp_ns = self._settings.checkpoint_period, self._stamp_ns()
+        period, stamp_ns = self._settings.checkpoint_period, now_ns(self._node)
         self._report_checkpoint(
             self._checkpoints.finish(period, stamp_ns, timeout=CHECKPOINT_TIMEOUT)
         )

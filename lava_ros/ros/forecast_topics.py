@@ -32,7 +32,7 @@ from lava_ros.ros.parameters import Settings
 from lava_ros.ros.publishers import LayerPublishers
 from lava_ros.ros.recorder import Recorder
 from lava_ros.ros.sources import DeadlineChoice
-from lava_ros.ros.spinning import Entities
+from lava_ros.ros.spinning import Entities, now_ns
 from lava_ros.ros.worker import SimulationWorker
 
 #: How long forecasts may take to end [s]: a copy of the state that is being taken is waited for.
@@ -169,11 +169,11 @@ class _Withdrawable(Generic[Ahead]):
         if live is None:
             return
         shown, stamp_ns = live.shown, live.stamp_ns
-        now_ns = int(self.node.get_clock().now().nanoseconds)
+        moment_ns = now_ns(self.node)
         if staleness:
             if self.withdrawn is None or self.withdrawn[0] is not shown:
                 self.node.get_logger().info(f'{self.name} withdrawn: {staleness}')
-                self.withdrawn = (shown, shown.withdrawn(), now_ns)
+                self.withdrawn = (shown, shown.withdrawn(), moment_ns)
             _, shown, stamp_ns = self.withdrawn
         self.layers.publish(
             shown,
@@ -181,7 +181,7 @@ class _Withdrawable(Generic[Ahead]):
             # neither the end nor the beginning of what is known waits for its turn
             also_not_due=bool(staleness) or not self.is_known,
             repeat=repeat,
-            recorded_ns=now_ns,
+            recorded_ns=moment_ns,
         )
         self.is_known = not staleness
 

@@ -17,7 +17,7 @@
 from collections.abc import Callable
 from concurrent.futures import CancelledError
 from concurrent.futures import TimeoutError as FutureTimeoutError
-from dataclasses import replace
+from dataclasses import dataclass, replace
 import multiprocessing
 import os
 from pathlib import Path
@@ -150,6 +150,7 @@ class ForecastProcess:
         return f'killed by signal {-status}' if status < 0 else f'exit status {status}'
 
 
+@dataclass(eq=False)
 class Forecaster:
     """Runs the newest state of the simulation ahead in a separate process, again and again.
 
@@ -158,26 +159,17 @@ class Forecaster:
     process gets a smaller share of the time. If ensembles are enabled, the next one starts from a
     fork as soon as the one before is complete.
 
-    ``latest`` is the newest forecast, None before the first, ``status`` that of the forecasts.
+    ``rules`` returns how to make forecasts now. ``on_change`` is called in the thread when
+    ``latest``, the newest forecast, or the scene has changed. ``status`` is that of forecasts.
     """
 
-    def __init__(
-        self,
-        worker: SimulationWorker,
-        rules: Callable[[], ForecastRules],
-        *,
-        on_change: Callable[[], None] = lambda: None,
-        make_process: Callable[[], ForecastProcess] = ForecastProcess,
-    ) -> None:
-        """Prepare the thread; ``start`` runs it.
+    worker: SimulationWorker
+    rules: Callable[[], ForecastRules]
+    on_change: Callable[[], None] = lambda: None
+    make_process: Callable[[], ForecastProcess] = ForecastProcess
 
-        ``rules`` returns how to make forecasts now. ``on_change`` is called in the thread when
-        ``latest`` or the scene has changed.
-        """
-        self._worker = worker
-        self._rules = rules
-        self._on_change = on_change
-        self._make_process = make_process
+    def __post_init__(self) -> None:
+        """Prepare the thread; ``start`` runs it."""
         self.ensembles = EnsembleForecasts()
         self._process: ForecastProcess | None = None
         self.latest: Live[Forecast] | None = None
@@ -195,7 +187,7 @@ class Forecaster:
 
     def age(self, live: Live[Ahead] | None) -> float:
         """How far the simulation is past a forecast's or an ensemble's start [s], 0 for None."""
-        snapshot = self._worker.latest
+        snapshot = self.worker.latest
         if live is None or snapshot is None:
             return 0.0
         return max(0.0, snapshot.time - live.shown.time)
@@ -204,11 +196,11 @@ class Forecaster:
         """Why a forecast or ensemble says nothing about what comes, empty when it does."""
         if live is None:
             return 'there is none yet'
-        if self._worker.eruption.changes != live.changes:
+        if self.worker.eruption.changes != live.changes:
             return 'the scene or the effects have changed'
-        if self._worker.status.state is WorkerState.FAILED:
+        if self.worker.status.state is WorkerState.FAILED:
             return 'the simulation has failed'
-        age, most = self.age(live), self._rules().max_age
+        age, most = self.age(live), self.rules().max_age
         return f'it is {age:.0f} s old, at most {most:.0f} s are good' if age > most else ''
 
     def start(self) -> None:
@@ -238,22 +230,22 @@ class Forecaster:
     def _turn(self) -> None:
         """Begin a forecast that is due, pass on outlines, and take an answer of the process."""
         self._drop_outdated()
-        is_another = self._worker.eruption.changes != self._changes
+        is_another = self.worker.eruption.changes != self._changes
         due = self._due_after_change if is_another else self._due
         is_due = self.is_wanted and time.monotonic() >= due
         if is_due and self._process is None:
             # it takes its time to start: before there is anything to look ahead from
-            self._process = self._make_process()
-            if self._rules().members:
+            self._process = self.make_process()
+            if self.rules().members:
                 self._process.order('prepare')
         if is_due and self._at_hand is None and self._is_something_new():
             self._begin()
         if self._process is None:
             self._stopping.wait(_WATCH_TIME)
             return
-        rules = self._rules()
+        rules = self.rules()
         self.ensembles.send(
-            self._process.order, changes=self._worker.eruption.changes, time_scale=rules.time_scale
+            self._process.order, changes=self.worker.eruption.changes, time_scale=rules.time_scale
         )
         if self._at_hand is not None and self._renew_share(rules):
             self._process.order('share', share=self.status.share)
@@ -263,20 +255,20 @@ class Forecaster:
             self._hear(name, **values)
 
     def _report_changes(self) -> None:
-        if self._worker.eruption.changes != self._told:
-            self._told = self._worker.eruption.changes
-            self._on_change()
+        if self.worker.eruption.changes != self._told:
+            self._told = self.worker.eruption.changes
+            self.on_change()
 
     def _is_something_new(self) -> bool:
-        snapshot = self._worker.latest
-        if snapshot is None or self._worker.status.state is WorkerState.FAILED:
+        snapshot = self.worker.latest
+        if snapshot is None or self.worker.status.state is WorkerState.FAILED:
             return False
-        state = (self._worker.eruption.changes, snapshot.time)
-        has_members = self._rules().members > 0
+        state = (self.worker.eruption.changes, snapshot.time)
+        has_members = self.rules().members > 0
         return state != self._forked or (has_members and self.ensembles.is_wanted(*state))
 
     def _drop_outdated(self) -> None:
-        changes = self._worker.eruption.changes
+        changes = self.worker.eruption.changes
         is_outdated = not self.is_wanted or changes != self._changes
         if is_outdated and (self._at_hand is not None or self.ensembles.is_busy):
             if self._process is not None:
@@ -306,7 +298,7 @@ class Forecaster:
     def _begin(self) -> None:
         """Fork, and have the process look ahead from there."""
         assert self._process is not None
-        rules, begun = self._rules(), time.monotonic()
+        rules, begun = self.rules(), time.monotonic()
         fork = self._fork()
         if fork is None:
             return
@@ -324,14 +316,14 @@ class Forecaster:
             checkpoint=fork.checkpoint,
             horizon=rules.horizon,
             threshold=rules.threshold,
-            device=self._worker.status.device or None,
+            device=self.worker.status.device or None,
             max_particles=rules.max_particles,
             is_first=self.latest is None or self.latest.changes != fork.changes,
             ensemble=self.ensembles.order(fork, self._number, rules),
         )
 
     def _fork(self) -> Fork | None:
-        asked = self._worker.fork()
+        asked = self.worker.fork()
         while not self._stopping.is_set():
             try:
                 fork = asked.result(_WATCH_TIME)
@@ -347,7 +339,7 @@ class Forecaster:
 
     def _hear(self, name: str, **values: Any) -> None:
         if self.ensembles.hear(name, **values):
-            self._on_change()
+            self.on_change()
         fork = self._at_hand
         if fork is None or values.pop('number', None) != self._number:
             return
@@ -359,13 +351,13 @@ class Forecaster:
             self._failures = 0
             self.latest = Live(forecast, round(fork.clock * 1e9), fork.changes)
             self._put_status(progress=None, count=self.status.count + 1, error='')
-            self._on_change()
+            self.on_change()
         elif name == 'progress':
             self._put_status(progress=values['progress'])
 
     def _renew_share(self, rules: ForecastRules) -> bool:
         """Follow the live simulation's lag, and say whether that changed anything."""
-        worker, former = self._worker.status, self.status.share
+        worker, former = self.worker.status, self.status.share
         is_running = worker.state is WorkerState.RUNNING
         self._pace.note(is_running and worker.lag > LONGEST_LAG, time.monotonic())
         self._put_status(share=self._pace.share(rules.share, worker.device))

@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 import threading
 import time
@@ -39,7 +40,7 @@ from lava_ros.ros import codec, diagnostics, inputs, qos
 from lava_ros.ros.codec import decode
 from lava_ros.ros.parameters import Settings
 from lava_ros.ros.recorder import Recorder
-from lava_ros.ros.spinning import Entities
+from lava_ros.ros.spinning import Entities, now_ns
 from lava_ros.ros.worker import SimulationWorker
 from lava_ros.scene import Terrain
 
@@ -137,39 +138,30 @@ class InputLog:
         return diagnostics.status('inputs', level, message, values)
 
 
+@dataclass(eq=False)
 class InputTopics:
     """Subscribes to the inputs; what is refused is logged and counted, and changes nothing.
 
-    ``log`` has what has been taken and refused; ``wanted`` is said while there is no terrain.
+    ``settings`` returns the settings in use; ``steady`` is a clock that advances independently of
+    ``/clock``. ``observe`` takes a mask of where lava was observed and its ROS time [s]; without
+    it there is no subscription to outlines. ``recorder`` records the outlines. ``is_own`` says
+    whether a serialised message on a topic comes from this node. ``log`` has what has been taken
+    and refused; ``wanted`` is said while there is no terrain.
     """
 
-    def __init__(
-        self,
-        entities: Entities,
-        worker: SimulationWorker,
-        *,
-        settings: Callable[[], Settings],
-        steady: Clock,
-        observe: Callable[[Mask, float], 'Future[None]'] | None = None,
-        recorder: Recorder | None = None,
-        is_own: Callable[[str, bytes], bool] = lambda topic, data: False,
-    ) -> None:
-        """Subscribe to the input topics.
+    entities: Entities
+    worker: SimulationWorker
+    settings: Callable[[], Settings]
+    steady: Clock
+    observe: Callable[[Mask, float], 'Future[None]'] | None = None
+    recorder: Recorder | None = None
+    is_own: Callable[[str, bytes], bool] = lambda topic, data: False
 
-        ``settings`` returns the settings in use; ``steady`` is a clock that advances independently
-        of ``/clock``. ``observe`` takes a mask of where lava was observed and its ROS time [s];
-        without it there is no subscription to outlines. ``recorder`` records the outlines.
-        ``is_own`` says whether a serialised message on a topic comes from this node.
-        """
+    def __post_init__(self) -> None:
+        """Subscribe to the input topics."""
         self.log = InputLog()
-        self._node = entities.node
-        self._logger = entities.node.get_logger()
-        self._observe = observe
-        self._recorder = recorder
-        self._is_own = is_own
+        self._logger = self.entities.node.get_logger()
         self._heard: WeakValueDictionary[int, Terrain] = WeakValueDictionary()
-        self._worker = worker
-        self._settings = settings
         self._pairing = inputs.TerrainPairing()
         self._clicks = 0
         terrains: dict[str, tuple[Any, Callable[[Any], None]]] = {
@@ -188,18 +180,18 @@ class InputTopics:
             'vents': (PointCloud2, self._on_vents),
             'clicked_point': (PointStamped, self._on_clicked_point),
         }
-        if observe is not None:
+        if self.observe is not None:
             commands[_OUTLINE] = OccupancyGrid, self._on_outline
         # a subscription that asks for latched messages does not hear a volatile publisher
-        is_latched = settings().terrain_subscribe_transient_local
+        is_latched = self.settings().terrain_subscribe_transient_local
         ground = qos.LATCHED if is_latched else QosProfile(depth=1)
         for topics, profile in ((terrains, ground), (commands, qos.COMMANDS)):
             for topic, (kind, callback) in topics.items():
                 guarded = partial(self._take, topic, kind, callback)
-                entities.create(
+                self.entities.create(
                     'subscription', kind, topic, guarded, qos.ros_profile(profile), raw=True
                 )
-        entities.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=steady)
+        self.entities.create('timer', PAIRING_PERIOD, self._poll_pairing, clock=self.steady)
 
     def command(self, topic: str, future: 'Future[None]') -> None:
         """Report how a command for the worker ends; that is in the worker's thread."""
@@ -232,10 +224,10 @@ class InputTopics:
 
     def _take(self, topic: str, kind: Any, callback: Callable[[Any], None], data: bytes) -> None:
         """Read a message and hand it on; whatever is wrong with it is reported."""
-        if self._is_own(topic, data):
+        if self.is_own(topic, data):
             return
         try:
-            callback(decode(data, kind, topic, max_bytes=self._settings().max_input_bytes))
+            callback(decode(data, kind, topic, max_bytes=self.settings().max_input_bytes))
         except LavaError as error:
             self._reject(topic, error)
         except Exception as error:
@@ -244,12 +236,12 @@ class InputTopics:
             self._reject(topic, LavaError(topic, reason, 'a message that can be read'))
 
     def _on_terrain(self, image: Image) -> None:
-        inputs.check_image(image, self._settings())
+        inputs.check_image(image, self.settings())
         self._pairing.add(image, time.monotonic())
         self._poll_pairing()
 
     def _on_terrain_info(self, info: MapMetaData) -> None:
-        inputs.check_info(info, self._settings())
+        inputs.check_info(info, self.settings())
         self.log.accept('terrain_info')
         self._pairing.add(info, time.monotonic())
         self._poll_pairing()
@@ -258,37 +250,37 @@ class InputTopics:
         try:
             pair = self._pairing.poll(time.monotonic())
             if pair is not None:
-                terrain = inputs.terrain_from_image(*pair, self._settings())
+                terrain = inputs.terrain_from_image(*pair, self.settings())
                 self._heard[id(terrain)] = terrain
-                self.command('terrain', self._worker.set_terrain(terrain))
+                self.command('terrain', self.worker.set_terrain(terrain))
         except LavaError as error:
             self._reject('terrain', error)
 
     def _on_ground(self, topic: str, read: Callable[..., Terrain], message: Any) -> None:
-        self.command(topic, self._worker.set_terrain(read(message, self._settings())))
+        self.command(topic, self.worker.set_terrain(read(message, self.settings())))
 
     def _on_vents(self, cloud: PointCloud2) -> None:
-        vents = inputs.vents_from_cloud(cloud, self._settings())
-        self.command('vents', self._worker.set_vents(vents))
+        vents = inputs.vents_from_cloud(cloud, self.settings())
+        self.command('vents', self.worker.set_vents(vents))
 
     def _on_clicked_point(self, point: PointStamped) -> None:
-        settings, scene = self._settings(), self._worker.eruption.scene
+        settings, scene = self.settings(), self.worker.eruption.scene
         if scene is not None and len(scene.vents) >= settings.max_vents:
             right = f'at most {settings.max_vents} (max_vents)'
             raise LavaError('clicked_point', 'one more vent', right)
         self._clicks += 1
         vent = inputs.vent_from_point(point, settings, name=f'click {self._clicks}')
-        self.command('clicked_point', self._worker.add_vent(vent))
+        self.command('clicked_point', self.worker.add_vent(vent))
 
     def _on_outline(self, grid: OccupancyGrid) -> None:
-        mask = inputs.mask_from_grid(grid, self._settings(), name=_OUTLINE)
+        mask = inputs.mask_from_grid(grid, self.settings(), name=_OUTLINE)
         stamp_ns = codec.nanoseconds(grid.header.stamp)
-        now_ns = int(self._node.get_clock().now().nanoseconds)
-        if not 0 < stamp_ns <= now_ns + CLOCK_TOLERANCE * 1e9:
-            right = f'the time at which it was seen, not after now, {1e-9 * now_ns:.3f} s'
+        moment_ns = now_ns(self.entities.node)
+        if not 0 < stamp_ns <= moment_ns + CLOCK_TOLERANCE * 1e9:
+            right = f'the time at which it was seen, not after now, {1e-9 * moment_ns:.3f} s'
             raise LavaError(f'{_OUTLINE}.header.stamp', f'{1e-9 * stamp_ns:.3f} s', right)
-        assert self._observe is not None
-        self.command(_OUTLINE, self._observe(mask, 1e-9 * stamp_ns))
-        if self._recorder is not None and self._recorder.is_recording:
-            topic, data = self._node.resolve_topic_name(_OUTLINE), codec.serialise(grid)
-            self._recorder.write(topic, OCCUPANCY_GRID, data, now_ns, qos=qos.COMMANDS)
+        assert self.observe is not None
+        self.command(_OUTLINE, self.observe(mask, 1e-9 * stamp_ns))
+        if self.recorder is not None and self.recorder.is_recording:
+            topic, data = self.entities.node.resolve_topic_name(_OUTLINE), codec.serialise(grid)
+            self.recorder.write(topic, OCCUPANCY_GRID, data, moment_ns, qos=qos.COMMANDS)

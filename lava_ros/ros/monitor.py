@@ -26,7 +26,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Image, PointCloud2
 
 from lava_ros.ros import codec, outputs, qos
-from lava_ros.ros.spinning import Watcher
+from lava_ros.ros.spinning import now_ns, Watcher
 from lava_ros.ros.worker_status import WorkerState
 from lava_ros.scene import Scene, Terrain, Vent
 
@@ -162,7 +162,7 @@ class ForecastWatch(DiagnosticsWatch):
 
     def open_vents(self, vents: Sequence[Vent], terrain: Terrain) -> float:
         """Publish vents, and return when that was on the monotonic clock [s]."""
-        rows, stamp_ns = outputs.vent_rows(vents, 0.0), _now_ns(self._node)
+        rows, stamp_ns = outputs.vent_rows(vents, 0.0), now_ns(self._node)
         self._vents.publish(
             outputs.vents_message(rows, terrain, frame_id=_FRAME, stamp_ns=stamp_ns)
         )
@@ -214,7 +214,7 @@ class SceneFeed(Node):
             DiagnosticArray, '/diagnostics', self._on_diagnostics, qos.ros_profile(qos.DIAGNOSTICS)
         )
         messages = outputs.terrain_messages(
-            scene.terrain, frame_id=frame_id, stamp_ns=_now_ns(self)
+            scene.terrain, frame_id=frame_id, stamp_ns=now_ns(self)
         )
         for topic, message in messages.items():
             self._terrain[topic].publish(message)
@@ -241,12 +241,8 @@ class SceneFeed(Node):
         if rows != self._sent or readers > self._readers:
             self._vents.publish(
                 outputs.vents_message(
-                    rows, terrain, frame_id=self._frame_id, stamp_ns=_now_ns(self)
+                    rows, terrain, frame_id=self._frame_id, stamp_ns=now_ns(self)
                 )
             )
             self._sent = rows
         self._readers = readers
-
-
-def _now_ns(node: Node) -> int:
-    return int(node.get_clock().now().nanoseconds)

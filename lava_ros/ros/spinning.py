@@ -30,6 +30,11 @@ from rclpy.signals import SignalHandlerOptions
 PAUSE = 0.01
 
 
+def now_ns(node: Node) -> int:
+    """The time on a node's clock [ns]."""
+    return int(node.get_clock().now().nanoseconds)
+
+
 def spin(
     executor: Executor, *, until: Callable[[], bool], on_error: Callable[[Exception], None]
 ) -> None:
