@@ -42,49 +42,44 @@ STOP_TIMEOUT = 4.0
 _THRESHOLD = 0.1
 
 
+@dataclass(eq=False)
 class ForecastTopics:
     """The layers of forecasts and of ensembles; without a horizon there are none.
 
     Messages are stamped with the time at which their forecast starts. A forecast is withdrawn, by
     maps on which nothing is known, as soon as scene or effects have changed or it is too old.
+    ``choice`` returns what was chosen to meet the deadline, None without a deadline.
     """
 
-    def __init__(
-        self,
-        entities: Entities,
-        layers: Sequence[Layer],
-        recorder: Recorder,
-        *,
-        worker: SimulationWorker,
-        settings: Callable[[], Settings],
-        choice: Callable[[], DeadlineChoice | None] = lambda: None,
-    ) -> None:
-        """Create publishers and the forecaster; LavaError where arrivals differ in threshold.
+    entities: Entities
+    layers: Sequence[Layer]
+    recorder: Recorder
+    worker: SimulationWorker
+    settings: Callable[[], Settings]
+    choice: Callable[[], DeadlineChoice | None] = lambda: None
 
-        ``choice`` returns what was chosen to meet the deadline, None without a deadline.
-        """
-        self._settings = settings
-        self._choice = choice
-        self._threshold = _threshold(layers)
+    def __post_init__(self) -> None:
+        """Create publishers and the forecaster; LavaError where arrivals differ in threshold."""
+        self._threshold = _threshold(self.layers)
         self.publishers: list[LayerPublishers[Any]] = [
             LayerPublishers(
-                entities,
-                [layer for layer in layers if layer.is_ensemble is is_ensemble],
-                recorder,
-                frame_id=settings().frame_id,
+                self.entities,
+                [layer for layer in self.layers if layer.is_ensemble is is_ensemble],
+                self.recorder,
+                frame_id=self.settings().frame_id,
             )
             for is_ensemble in (False, True)
         ]
         self._forecasts, self._ensembles = (
-            _Withdrawable(publishers, name, entities.node)
+            _Withdrawable(publishers, name, self.entities.node)
             for publishers, name in zip(self.publishers, ('forecast', 'ensemble'), strict=True)
         )
-        ready = entities.create('guard_condition', self.publish)
-        self._forecaster = Forecaster(worker, self._rules, on_change=ready.trigger)
+        ready = self.entities.create('guard_condition', self.publish)
+        self._forecaster = Forecaster(self.worker, self._rules, on_change=ready.trigger)
 
     def start(self) -> None:
         """Start the thread, where forecasts are wanted at all."""
-        if self._settings().forecast_horizon:
+        if self.settings().forecast_horizon:
             self._forecaster.start()
 
     def stop(self) -> None:
@@ -117,7 +112,7 @@ class ForecastTopics:
 
     def statuses(self) -> list[DiagnosticStatus]:
         """What diagnostics say, nothing without a horizon."""
-        forecaster, settings = self._forecaster, self._settings()
+        forecaster, settings = self._forecaster, self.settings()
         if not settings.forecast_horizon:
             return []
         ensembles = forecaster.ensembles
@@ -134,11 +129,11 @@ class ForecastTopics:
             # an ensemble includes the forecast that comes before it
             known = [live.shown.duration for *_, live in tasks if live is not None]
             took = max(known, default=0.0)
-            found.append(diagnostics.deadline_status(settings.deadline, self._choice(), took=took))
+            found.append(diagnostics.deadline_status(settings.deadline, self.choice(), took=took))
         return found
 
     def _rules(self) -> ForecastRules:
-        settings, choice = self._settings(), self._choice()
+        settings, choice = self.settings(), self.choice()
         members = settings.ensemble_members
         if choice is not None and choice.members is not None:
             members = min(members, choice.members)
